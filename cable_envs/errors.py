@@ -1,0 +1,28 @@
+"""Errors that name what is wrong and what would be right."""
+
+import difflib
+from collections.abc import Iterable
+
+
+class ConfigurationError(ValueError):
+    """A rig, task, option or command-line value that cannot be used; the message says what would be right."""
+
+
+def nearest(name: str, valid: Iterable[str]) -> str:
+    """A clause for error messages: the closest valid name, or all of them when none is close.
+
+    >>> nearest("fricton", ["friction", "mass"])
+    "did you mean 'friction'? Valid: friction, mass"
+    """
+    options = sorted(map(str, valid))
+    close = difflib.get_close_matches(str(name), options, n=1, cutoff=0.5)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    return f"{hint}Valid: {', '.join(options)}"
+
+
+def require_known(kind: str, names: Iterable[str], valid: Iterable[str]) -> None:
+    """Raise ConfigurationError for the first of ``names`` that is not in ``valid``."""
+    valid = list(valid)
+    for name in names:
+        if name not in valid:
+            raise ConfigurationError(f"unknown {kind} '{name}'; {nearest(name, valid)}")

@@ -1,0 +1,198 @@
+"""The one place that decides how numba compiles, and the scalar maths every kernel shares.
+
+Kernels are written once as scalar functions on one column ``i`` of structure-of-arrays buffers; a batch is a
+plain loop over columns. LLVM turns that loop into vector code when the body has no branches and no library
+calls, so this module offers
+
+* ``select(condition, a, b)``: both values are computed, one is taken (a branch-free ``if``);
+* ``exp``, ``log``, ``power``, ``sqrt``: inlined polynomials with explicit fused multiply-adds. The scalar and the
+  vector code round identically, so a batch is bit-equal to single runs. Accuracy against libm is tested:
+  2 ulp for ``exp`` on [-700, 700] and 2 ulp or 1e-16 absolute for ``log`` on normal positive numbers.
+
+``fastmath`` stays off everywhere: it would let scalar and batch round differently.
+With ``NUMBA_DISABLE_JIT=1`` everything runs as plain Python (slow; for tests and debugging).
+"""
+
+import math
+import struct
+from pathlib import Path
+
+import numba
+from numba import njit
+
+JIT_DISABLED = bool(numba.config.DISABLE_JIT)
+
+
+def _drop_stale_caches() -> None:
+    """Delete compiled kernels when any source file of the package changed.
+
+    numba's on-disk cache looks only at the file a function is defined in, not at the files it calls into.
+    """
+    import hashlib
+
+    root = Path(__file__).parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for source in sorted(root.rglob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    stamp = root / "__pycache__" / "kernels.sha256"
+    try:
+        if stamp.is_file() and stamp.read_text() == digest.hexdigest():
+            return
+        for pattern in ("*.nbi", "*.nbc"):
+            for stale in root.rglob(f"__pycache__/{pattern}"):
+                stale.unlink(missing_ok=True)
+        stamp.parent.mkdir(exist_ok=True)
+        stamp.write_text(digest.hexdigest())
+    except OSError:  # a read-only installation: its sources do not change either
+        return
+
+
+if not JIT_DISABLED:
+    _drop_stale_caches()
+
+jit = njit(cache=True, error_model="numpy", nogil=True)
+"""Decorator of kernels called from Python."""
+
+jit_parallel = njit(cache=True, error_model="numpy", nogil=True, parallel=True)
+"""Decorator of drivers that spread blocks of columns over threads with ``prange``."""
+
+inline = njit(forceinline=True, error_model="numpy")
+"""Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
+
+
+if JIT_DISABLED:
+
+    def select(condition, a, b):
+        return a if condition else b
+
+    def sqrt(x):
+        return math.sqrt(x) if x >= 0.0 else math.nan
+
+    def _fma(a, b, c):
+        return a * b + c
+
+    def _to_bits(x):
+        return struct.unpack("<q", struct.pack("<d", x))[0]
+
+    def _from_bits(n):
+        return struct.unpack("<d", struct.pack("<q", n))[0]
+
+else:
+    from llvmlite import ir
+    from numba.core import types
+    from numba.extending import intrinsic
+
+    @intrinsic
+    def select(typingctx, condition, a, b):
+        def codegen(context, builder, signature, args):
+            return builder.select(*args)
+
+        return types.float64(types.boolean, types.float64, types.float64), codegen
+
+    @intrinsic
+    def sqrt(typingctx, x):
+        def codegen(context, builder, signature, args):
+            return builder.call(builder.module.declare_intrinsic("llvm.sqrt", [ir.DoubleType()]), args)
+
+        return types.float64(types.float64), codegen
+
+    @intrinsic
+    def _fma(typingctx, a, b, c):
+        def codegen(context, builder, signature, args):
+            return builder.fma(*args)
+
+        return types.float64(types.float64, types.float64, types.float64), codegen
+
+    @intrinsic
+    def _to_bits(typingctx, x):
+        def codegen(context, builder, signature, args):
+            return builder.bitcast(args[0], ir.IntType(64))
+
+        return types.int64(types.float64), codegen
+
+    @intrinsic
+    def _from_bits(typingctx, n):
+        def codegen(context, builder, signature, args):
+            return builder.bitcast(args[0], ir.DoubleType())
+
+        return types.float64(types.int64), codegen
+
+
+@inline
+def minimum(a, b):
+    """The smaller of two floats, without a branch."""
+    return select(a < b, a, b)
+
+
+@inline
+def maximum(a, b):
+    """The larger of two floats, without a branch."""
+    return select(a > b, a, b)
+
+
+@inline
+def clip(x, low, high):
+    """``x`` limited to [low, high], without a branch."""
+    return minimum(maximum(x, low), high)
+
+
+@inline
+def sign(x):
+    """-1.0, 0.0 or 1.0."""
+    return select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0))
+
+
+@inline
+def exp(x):
+    """e**x; arguments are limited to [-700, 700], so the result is always a normal finite number."""
+    x = clip(x, -700.0, 700.0)
+    shifted = x * 1.4426950408889634 + 6755399441055744.0  # 1.5 * 2**52: the low bits hold round(x / ln 2)
+    k = shifted - 6755399441055744.0
+    r = _fma(k, -0.6931471803691238, x)
+    r = _fma(k, -1.9082149292705877e-10, r)
+    p = _fma(1.6059043836821613e-10, r, 2.08767569878681e-09)  # Taylor coefficients 1/13!, 1/12!, ...
+    p = _fma(p, r, 2.505210838544172e-08)
+    p = _fma(p, r, 2.755731922398589e-07)
+    p = _fma(p, r, 2.7557319223985893e-06)
+    p = _fma(p, r, 2.48015873015873e-05)
+    p = _fma(p, r, 0.0001984126984126984)
+    p = _fma(p, r, 0.001388888888888889)
+    p = _fma(p, r, 0.008333333333333333)
+    p = _fma(p, r, 0.041666666666666664)
+    p = _fma(p, r, 0.16666666666666666)
+    p = _fma(p, r, 0.5)
+    p = _fma(p, r, 1.0)
+    p = _fma(p, r, 1.0)
+    n = _to_bits(shifted) - 0x4338000000000000
+    return p * _from_bits((n + 1023) << 52)
+
+
+@inline
+def log(x):
+    """Natural logarithm of a positive normal number."""
+    bits = _to_bits(x)
+    e = (bits - 0x3FE6A09E667F3BCD) >> 52  # exponent that leaves a mantissa in [sqrt(1/2), sqrt(2))
+    m = _from_bits(bits - (e << 52))
+    ef = _from_bits(e + 0x4338000000000000) - 6755399441055744.0
+    f = (m - 1.0) / (m + 1.0)
+    s = f * f
+    p = _fma(1.0 / 21.0, s, 1.0 / 19.0)  # artanh series, |f| <= 0.1716
+    p = _fma(p, s, 1.0 / 17.0)
+    p = _fma(p, s, 1.0 / 15.0)
+    p = _fma(p, s, 1.0 / 13.0)
+    p = _fma(p, s, 1.0 / 11.0)
+    p = _fma(p, s, 1.0 / 9.0)
+    p = _fma(p, s, 1.0 / 7.0)
+    p = _fma(p, s, 1.0 / 5.0)
+    p = _fma(p, s, 1.0 / 3.0)
+    two_f = 2.0 * f
+    tail = _fma(two_f * s, p, ef * 1.9082149292705877e-10)
+    return _fma(ef, 0.6931471803691238, two_f + tail)
+
+
+@inline
+def power(x, y):
+    """x**y for x >= 0 and y > 0 (0**y = 0); relative error about |y ln x| ulp."""
+    safe = maximum(x, 1e-300)
+    return select(x > 0.0, exp(y * log(safe)), 0.0)

@@ -1,0 +1,110 @@
+"""Declared parameters: name, unit, default, bounds, source. What a rig file may hold is declared once, in the plant it belongs to.
+
+A `ParameterTable` turns a mapping of values (numbers in SI, or ``{value, unit}``) into a float64 vector in table
+order, and refuses unknown names, wrong units and values outside the physical bounds.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest, require_known
+
+_UNITS: dict[str, tuple[str, float]] = {  # unit -> (SI unit, factor)
+    "mm": ("m", 1e-3), "cm": ("m", 1e-2), "um": ("m", 1e-6), "km": ("m", 1e3),
+    "mm/s": ("m/s", 1e-3), "mm/s^2": ("m/s^2", 1e-3),
+    "deg": ("rad", math.pi / 180), "deg/s": ("rad/s", math.pi / 180), "rpm": ("rad/s", math.pi / 30),
+    "g": ("kg", 1e-3), "kN": ("N", 1e3), "mN": ("N", 1e-3), "N/mm": ("N/m", 1e3), "kN/m": ("N/m", 1e3),
+    "mN m": ("N m", 1e-3), "N mm": ("N m", 1e-3), "g cm^2": ("kg m^2", 1e-7), "N mm^2": ("N m^2", 1e-6),
+    "ms": ("s", 1e-3), "us": ("s", 1e-6), "min": ("s", 60.0), "h": ("s", 3600.0),
+    "GPa": ("Pa", 1e9), "MPa": ("Pa", 1e6), "%": ("1", 1e-2), "Hz": ("Hz", 1.0), "kHz": ("Hz", 1e3),
+    "mA": ("A", 1e-3),
+}
+
+
+def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
+    """``value`` given in ``unit``, converted to ``si_unit``.
+
+    Raises ConfigurationError when the unit is unknown or of another kind.
+    """
+    if unit == si_unit:
+        return float(value)
+    si, factor = _UNITS.get(unit, (None, 0.0))
+    if si != si_unit:
+        fits = [si_unit, *(u for u, (base, _) in _UNITS.items() if base == si_unit)]
+        raise ConfigurationError(f"{name}: unit '{unit}' does not fit; expected {' or '.join(fits)}")
+    return float(value) * factor
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One declared number: SI unit, default and inclusive physical bounds; ``source`` says where the default is from."""
+
+    name: str
+    unit: str
+    default: float
+    low: float
+    high: float
+    meaning: str
+    source: str = ""
+
+    def check(self, value: Any) -> float:
+        """``value`` (a number in SI, or a mapping with value and unit) as a float within bounds."""
+        if isinstance(value, Mapping):
+            require_known(f"key in parameter '{self.name}'", value, ("value", "unit", "source", "note"))
+            if "value" not in value:
+                raise ConfigurationError(f"{self.name}: a mapping needs 'value' (and 'unit' unless it is {self.unit})")
+            number, unit = value["value"], str(value.get("unit", self.unit))
+        else:
+            number, unit = value, self.unit
+        if isinstance(number, bool) or not isinstance(number, (int, float, np.floating, np.integer)):
+            raise ConfigurationError(f"{self.name}: expected a number in {self.unit}, got {number!r}")
+        result = to_si(float(number), unit, self.unit, self.name)
+        if not (math.isfinite(result) and self.low <= result <= self.high):
+            raise ConfigurationError(
+                f"{self.name} = {result:g} {self.unit} is outside its physical range [{self.low:g}, {self.high:g}]"
+            )
+        return result
+
+
+class ParameterTable:
+    """An ordered set of `Parameter`; the order is the row order of the kernels' parameter arrays."""
+
+    def __init__(self, *parameters: Parameter):
+        self._items = {p.name: p for p in parameters}
+        if len(self._items) != len(parameters):
+            raise ValueError("parameter declared twice")
+        self.names = tuple(self._items)
+
+    def __iter__(self) -> Iterator[Parameter]:
+        return iter(self._items.values())
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._items
+
+    def __getitem__(self, name: str) -> Parameter:
+        if name not in self._items:
+            raise ConfigurationError(f"unknown parameter '{name}'; {nearest(name, self.names)}")
+        return self._items[name]
+
+    def index(self, name: str) -> int:
+        """Row of ``name``."""
+        return self.names.index(name)
+
+    def pack(self, values: Mapping[str, Any]) -> np.ndarray:
+        """Values over the defaults as a float64 vector [len(self)], validated.
+
+        Raises ConfigurationError for unknown names (with the nearest), wrong units and values out of bounds.
+        """
+        require_known("parameter", values, self.names)
+        return np.array([p.check(values.get(p.name, p.default)) for p in self])
+
+    def unpack(self, vector: np.ndarray) -> dict[str, float]:
+        """The inverse of `pack`."""
+        return {name: float(v) for name, v in zip(self.names, vector, strict=True)}
