@@ -32,16 +32,18 @@ def tension_ratio_and_slope(rho, mu, phi):
     mu = maximum(mu, 1e-9)
     q = 1.0 + rho
     root = sqrt(q * q + 4.0 * mu * mu * rho)
-    a = 2.0 * mu * rho / (root + q)  # (root - q) / (2 mu) without the cancellation
-    b = -(root + q) / (2.0 * mu)
+    high = root + q
+    low = 4.0 * mu * mu * rho / high  # root - q without the cancellation
+    inv_mu, inv_root = 1.0 / mu, 1.0 / root  # few divisions: this is the inner loop of every plant
+    a = 0.5 * inv_mu * low
+    b = -0.5 * inv_mu * high
     ea = exp(a * phi)
     eb = exp(b * phi)
-    low = 2.0 * mu * a  # root - q
-    ratio = (low * eb + (root + q) * ea) / (2.0 * root)
-    d_root = 4.0 * mu * rho / root
-    d_a = (0.5 * d_root - a) / mu
-    d_b = (-0.5 * d_root - b) / mu
-    slope = (d_root * (eb + ea) + phi * (low * d_b * eb + (root + q) * d_a * ea)) / (2.0 * root) - ratio * d_root / root
+    ratio = 0.5 * inv_root * (low * eb + high * ea)
+    d_root = 4.0 * mu * rho * inv_root
+    d_a = (0.5 * d_root - a) * inv_mu
+    d_b = (-0.5 * d_root - b) * inv_mu
+    slope = inv_root * (0.5 * (d_root * (eb + ea) + phi * (low * d_b * eb + high * d_a * ea)) - ratio * d_root)
     return ratio, slope
 
 
@@ -91,5 +93,6 @@ def wrap_in_contact(wrap, rigidity, radius, tension_a, tension_b):
     wrap rad; rigidity B in N m^2; radius R of the hole's edge in m; tensions of both sides in N.
     Valid for free spans l with l sqrt(T / B) > 1.83; tensions are limited below at 1 mN.
     """
-    lost = sqrt(rigidity / maximum(tension_a, 1e-3)) + sqrt(rigidity / maximum(tension_b, 1e-3))
-    return maximum(wrap - lost / (2.0 * radius), 0.0)
+    root_a, root_b = sqrt(maximum(tension_a, 1e-3)), sqrt(maximum(tension_b, 1e-3))
+    lost = sqrt(rigidity) * (root_a + root_b) / (2.0 * radius * root_a * root_b)
+    return maximum(wrap - lost, 0.0)

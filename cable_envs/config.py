@@ -1,0 +1,43 @@
+"""Where the YAML files live: ``configs/`` beside the packages in a checkout, inside ``cable_envs`` when installed."""
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cable_envs.errors import ConfigurationError, nearest
+
+_PACKAGE = Path(__file__).parent
+
+
+def config_root() -> Path:
+    """The folder that holds rigs/, tasks/, agents/, protocols/."""
+    installed = _PACKAGE / "configs"
+    return installed if installed.is_dir() else _PACKAGE.parent / "configs"
+
+
+def config_path(kind: str, name: str) -> Path:
+    """Path of ``configs/<kind>/<name>``.
+
+    Raises ConfigurationError naming the nearest file when there is none.
+    """
+    folder = config_root() / kind
+    path = folder / name
+    if not path.is_file():
+        known = [p.name for p in folder.glob("*.yaml")] if folder.is_dir() else []
+        raise ConfigurationError(f"no {kind} file '{name}'; {nearest(name, known)}")
+    return path
+
+
+def read_yaml(path: Path | str) -> dict[str, Any]:
+    """The mapping in a YAML file; ConfigurationError when it cannot be read or is not a mapping."""
+    path = Path(path)
+    try:
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path} is not valid YAML: {error}") from error
+    if not isinstance(data, dict):
+        raise ConfigurationError(f"{path}: expected a mapping at the top level, found {type(data).__name__}")
+    return data

@@ -1,0 +1,30 @@
+"""One inertia with set-valued dry friction: sticks exactly, slides by a second-order step."""
+
+from cable_envs.kernels import inline, select
+
+
+@inline
+def stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
+    """Velocity after dt of a mass whose net force depends on the direction of motion.
+
+    symbol       | meaning                                                                    | unit
+    ------------ | -------------------------------------------------------------------------- | ------------
+    v            | velocity at the start (+ is up)                                            | m/s (rad/s)
+    mass         | inertia, > 0                                                               | kg (kg m^2)
+    force_up     | net force at the current state when it moves, or starts to move, up        | N (N m)
+    force_down   | the same for down; force_up <= force_down (friction takes energy)          | N (N m)
+    stiffness    | -dF/dposition >= 0 of the direction that applies                           | N/m
+    damping_up   | -dF/dv >= 0 moving up (damping_down: moving down)                          | N s/m
+
+    The mass stays at exactly zero while force_up <= 0 <= force_down. It stops at exactly zero when its velocity would
+    change sign within the step; whether it starts the other way is decided in the next step. Where it slides, the
+    step is the linearly implicit trapezoidal rule (order 2, stable for any stiffness and damping); the caller moves
+    the position by dt (v + v_new) / 2.
+    """
+    up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
+    down = (v < 0.0) | ((v == 0.0) & (force_down < 0.0))
+    force = select(up, force_up, force_down)
+    damping = select(up, damping_up, damping_down)
+    gain = dt / (mass + 0.5 * dt * damping + 0.25 * dt * dt * stiffness)
+    v_new = v + gain * (force - 0.5 * dt * stiffness * v)
+    return select(up & (v_new > 0.0), v_new, select(down & (v_new < 0.0), v_new, 0.0))
