@@ -1,0 +1,71 @@
+"""One episode as it was run: arrays and the facts needed to judge and to replay it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One episode, in SI, one sample for each control step (sample k is taken at the end of step k).
+
+    All arrays have shape [n], n the number of steps taken; an episode cut short by a torn cable is shorter than `horizon`.
+
+    | field | meaning |
+    |---|---|
+    | time | s since reset |
+    | reference, output | the controlled quantity, in `output_unit` |
+    | command | what the drive was told, in `command_unit` (after clipping to the action range) |
+    | reward | per step |
+    | signals | further signals by name: tensions, slack_fraction, overload, phase, ... |
+    | terminated | the cable tore, or the state stopped being finite |
+    | horizon | steps of a full episode |
+    | inference | s spent in the policy, per step |
+    | settings | what produced it: env_id, rig, controller, seed, options, ... (JSON types only) |
+    | step_time | when the reference steps (s); None where it does not step |
+    """
+
+    time: np.ndarray
+    reference: np.ndarray
+    output: np.ndarray
+    command: np.ndarray
+    reward: np.ndarray
+    inference: np.ndarray
+    signals: Mapping[str, np.ndarray]
+    terminated: bool
+    dt: float
+    horizon: int
+    output_unit: str = "1"
+    command_unit: str = "1"
+    step_time: float | None = None
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        arrays = {
+            "time": self.time, "reference": self.reference, "output": self.output, "command": self.command,
+            "reward": self.reward, "inference": self.inference, **self.signals,
+        }
+        n = len(self.time)
+        for name, values in arrays.items():
+            if np.shape(values) != (n,):
+                raise ValueError(f"episode array '{name}' has shape {np.shape(values)}, expected ({n},)")
+        if n == 0:
+            raise ValueError("an episode needs at least one step")
+
+    @property
+    def error(self) -> np.ndarray:
+        """reference - output [n], in `output_unit`."""
+        return self.reference - self.output
+
+    @property
+    def complete(self) -> bool:
+        """Whether it ran to its time limit without tearing the cable and with finite output."""
+        return not self.terminated and len(self.time) >= self.horizon and bool(np.all(np.isfinite(self.output)))
+
+    def thinned(self, points: int) -> dict[str, np.ndarray]:
+        """At most ``points`` evenly spaced samples of every array, by name, as float32: for storing and drawing."""
+        index = np.unique(np.linspace(0, len(self.time) - 1, min(points, len(self.time))).round().astype(int))
+        arrays = {"time": self.time, "reference": self.reference, "output": self.output, "command": self.command}
+        return {k: np.asarray(v)[index].astype(np.float32) for k, v in {**self.signals, **arrays}.items()}

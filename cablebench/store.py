@@ -1,0 +1,119 @@
+"""The results store: append-only JSON Lines, one record for each episode. A crash leaves it readable."""
+
+import json
+import math
+import os
+import tempfile
+import warnings
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError
+
+SCHEMA = 1
+"""Version of the record format; a store written by a newer version is refused, not misread."""
+
+
+class StoreWarning(UserWarning):
+    """A line of a results store that could not be read and was skipped."""
+
+
+def write_atomic(path: str | Path, content: str | bytes) -> Path:
+    """Write ``content`` so that ``path`` holds either the old or the whole new content, whatever happens in between.
+
+    The content goes to a temporary file in the same folder, is flushed to disk, and takes the name by os.replace.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes it private; results are ordinary files
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def jsonable(value: Any) -> Any:
+    """``value`` with JSON types only: arrays become lists, NaN and infinities null."""
+    if isinstance(value, Mapping):
+        return {str(k): jsonable(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [jsonable(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value
+
+
+class ResultStore:
+    """Records in one ``.jsonl`` file: appended, never rewritten.
+
+    Reading skips a line that cannot be parsed and says so (`StoreWarning`); a torn last line, as a crash leaves it, is
+    closed with a newline before the next record is appended, so it never swallows that record.
+    """
+
+    def __init__(self, path: str | Path):
+        self.path = Path(path)
+
+    def append(self, records: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> None:
+        """Add one record, or several; they are on disk when this returns."""
+        batch = [records] if isinstance(records, Mapping) else list(records)
+        if not batch:
+            return
+        lines = "".join(
+            json.dumps(jsonable({"schema": SCHEMA, **r}), allow_nan=False, separators=(",", ":")) + "\n" for r in batch
+        )
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        with open(self.path, "ab+") as file:
+            if file.tell() and not self._ends_line(file):
+                lines = "\n" + lines
+            file.write(lines.encode())
+            file.flush()
+            os.fsync(file.fileno())
+
+    @staticmethod
+    def _ends_line(file: Any) -> bool:
+        file.seek(-1, os.SEEK_END)
+        return file.read(1) == b"\n"
+
+    def records(self) -> list[dict[str, Any]]:
+        """All readable records, oldest first.
+
+        Raises ConfigurationError when a record has a schema newer than this program knows.
+        """
+        if not self.path.exists():
+            return []
+        found = []
+        for number, line in enumerate(self.path.read_bytes().split(b"\n"), start=1):
+            if not line.strip():
+                continue
+            try:
+                record = json.loads(line)
+            except ValueError:  # JSON and UTF-8 errors both are
+                record = None
+            if not isinstance(record, dict):
+                warnings.warn(f"{self.path}:{number}: not a whole record, skipped", StoreWarning, stacklevel=2)
+                continue
+            schema = record.get("schema")
+            if not isinstance(schema, int) or schema > SCHEMA:
+                raise ConfigurationError(
+                    f"{self.path}:{number}: schema {schema!r}; this version reads up to {SCHEMA}. Upgrade cable-envs."
+                )
+            found.append(record)
+        return found
