@@ -13,7 +13,7 @@ phi    | wrap angle in contact | rad
 All functions are scalar kernels without branches; they accept Python floats too. mu is limited below at 1e-9.
 """
 
-from cable_envs.kernels import exp, inline, maximum, power, sqrt
+from cable_envs.kernels import exp, expm1, inline, maximum, power, sqrt
 
 
 @inline
@@ -55,7 +55,7 @@ def tension_integral(rho, mu, phi):
     root = sqrt(q * q + 4.0 * mu * mu * rho)
     a = 2.0 * mu * rho / (root + q)
     b = -(root + q) / (2.0 * mu)
-    return ((a / b) * (exp(b * phi) - 1.0) - (b / a) * (exp(a * phi) - 1.0)) / (a - b)
+    return ((a / b) * expm1(b * phi) - (b / a) * expm1(a * phi)) / (a - b)
 
 
 @inline

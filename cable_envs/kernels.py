@@ -7,9 +7,9 @@ calls, so this module offers
 * ``select(condition, a, b)``: both values are computed, one is taken (a branch-free ``if``);
 * ``tile(rows)``: a scratch array [rows, LANES] on the stack. Kernels copy a block of columns into tiles and loop over
   those: the compiler then knows that rows do not overlap, which it cannot prove for arrays handed in;
-* ``exp``, ``log``, ``power``, ``sqrt``: inlined polynomials with explicit fused multiply-adds. The scalar and the
-  vector code round identically, so a batch is bit-equal to single runs. Accuracy against libm is tested:
-  2 ulp for ``exp`` on [-700, 700] and 2 ulp or 1e-16 absolute for ``log`` on normal positive numbers.
+* ``exp``, ``expm1``, ``log``, ``power``, ``sqrt``: inlined polynomials with explicit fused multiply-adds. The scalar
+  and the vector code round identically, so a batch is bit-equal to single runs. Accuracy against libm is tested:
+  2 ulp for ``exp`` and ``expm1`` on [-700, 700] and 2 ulp or 1e-16 absolute for ``log`` on normal positive numbers.
 
 ``fastmath`` stays off everywhere: it would let scalar and batch round differently.
 With ``NUMBA_DISABLE_JIT=1`` everything runs as plain Python (slow; for tests and debugging).
@@ -161,14 +161,14 @@ def store(tile_, array, first, lanes):
 
 @inline
 def minimum(a, b):
-    """The smaller of two floats, without a branch."""
-    return select(a < b, a, b)
+    """The smaller of two floats, without a branch. A NaN in ``a`` is passed on; one in ``b`` is dropped."""
+    return select(b < a, b, a)
 
 
 @inline
 def maximum(a, b):
-    """The larger of two floats, without a branch."""
-    return select(a > b, a, b)
+    """The larger of two floats, without a branch. A NaN in ``a`` is passed on; one in ``b`` is dropped."""
+    return select(b > a, b, a)
 
 
 @inline
@@ -206,6 +206,30 @@ def exp(x):
     p = _fma(p, r, 1.0)
     n = _to_bits(shifted) - 0x4338000000000000
     return p * _from_bits((n + 1023) << 52)
+
+
+@inline
+def expm1(x):
+    """e**x - 1 without the cancellation at small x; arguments are limited to [-700, 700]."""
+    x = clip(x, -700.0, 700.0)
+    shifted = x * 1.4426950408889634 + 6755399441055744.0  # as in exp
+    k = shifted - 6755399441055744.0
+    r = _fma(k, -0.6931471803691238, x)
+    r = _fma(k, -1.9082149292705877e-10, r)
+    p = _fma(1.6059043836821613e-10, r, 2.08767569878681e-09)
+    p = _fma(p, r, 2.505210838544172e-08)
+    p = _fma(p, r, 2.755731922398589e-07)
+    p = _fma(p, r, 2.7557319223985893e-06)
+    p = _fma(p, r, 2.48015873015873e-05)
+    p = _fma(p, r, 0.0001984126984126984)
+    p = _fma(p, r, 0.001388888888888889)
+    p = _fma(p, r, 0.008333333333333333)
+    p = _fma(p, r, 0.041666666666666664)
+    p = _fma(p, r, 0.16666666666666666)
+    p = _fma(p, r, 0.5)
+    p = _fma(p, r, 1.0)  # e^r = 1 + p r
+    two_to_k = _from_bits((_to_bits(shifted) - 0x4338000000000000 + 1023) << 52)
+    return _fma(two_to_k, p * r, two_to_k - 1.0)
 
 
 @inline
