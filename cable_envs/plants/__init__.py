@@ -1,0 +1,28 @@
+"""One file per plant; `plant_for` finds them by name."""
+
+from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.plants.base import Plant
+
+NAMES = ("cable_hole", "pulley_circuit")
+VARIANTS = ("analytic", "chain")
+
+
+def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
+    """The plant ``name``; ``variant`` chooses the circuit's closed form or its span-and-contact chain."""
+    if variant not in VARIANTS:
+        raise ConfigurationError(f"unknown plant variant '{variant}'; {nearest(variant, VARIANTS)}")
+    if name == "cable_hole":
+        from cable_envs.plants.cable_hole import cable_hole
+
+        return cable_hole(holes)
+    if name == "pulley_circuit":
+        if holes != 1:
+            raise ConfigurationError("'holes' belongs to cable_hole rigs only")
+        if variant == "chain":
+            from cable_envs.plants import pulley_chain
+
+            return pulley_chain.PLANT
+        from cable_envs.plants import pulley_circuit
+
+        return pulley_circuit.PLANT
+    raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, NAMES)}")

@@ -1,0 +1,112 @@
+"""Reference signals (and disturbances): what the output should follow, with its first two derivatives.
+
+A signal is a column of `FIELDS`; `signal(q, i, t)` evaluates it in a kernel, `pack_signal` makes the column from a
+mapping such as ``{"kind": "sine", "amplitude": 0.01, "frequency": 0.17}``.
+
+kind         | r(t) for t >= start (before: the offset)
+------------ | ---------------------------------------------------------------------------------------
+constant     | offset
+step         | offset + amplitude
+pulse        | offset + amplitude for ``hold`` seconds, then offset
+sine         | offset + amplitude sin(2 pi frequency (t - start) + phase)
+ramp         | offset + amplitude (t - start) / hold, then held
+triangle     | offset + amplitude tri(frequency (t - start)), tri starts at 0 and rises
+multisine    | offset + amplitude / 4 sum of sines at frequency x (1, 2.3, 3.7, 5.9), phases drawn per episode
+random_steps | offset + amplitude u, u in [-1, 1) drawn anew every ``hold`` seconds
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.kernels import inline, jit
+from cable_envs.noise import uniform
+
+KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
+FIELDS = ("kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key")
+KIND, OFFSET, AMPLITUDE, FREQUENCY, START, PHASE, HOLD, KEY = range(len(FIELDS))
+CONSTANT, STEP, PULSE, SINE, RAMP, TRIANGLE, MULTISINE, RANDOM_STEPS = range(len(KINDS))
+
+_NEEDS = {
+    "constant": (), "step": ("amplitude",), "pulse": ("amplitude", "hold"), "sine": ("amplitude", "frequency"),
+    "ramp": ("amplitude", "hold"), "triangle": ("amplitude", "frequency"), "multisine": ("amplitude", "frequency"),
+    "random_steps": ("amplitude", "hold"),
+}  # fmt: skip
+_TAU = 2.0 * math.pi
+_HARMONICS = (1.0, 2.3, 3.7, 5.9)
+
+
+@inline
+def signal(q, i, t):
+    """(r, dr/dt, d2r/dt2) of column i at time t [s]; jumps have no derivative and report zero."""
+    kind, offset, amplitude = int(q[KIND, i]), q[OFFSET, i], q[AMPLITUDE, i]
+    s = t - q[START, i]
+    if kind == CONSTANT or s < 0.0:
+        return offset, 0.0, 0.0
+    if kind == STEP:
+        return offset + amplitude, 0.0, 0.0
+    if kind == PULSE:
+        return offset + (amplitude if s < q[HOLD, i] else 0.0), 0.0, 0.0
+    if kind == SINE:
+        w = _TAU * q[FREQUENCY, i]
+        sine, cosine = math.sin(w * s + q[PHASE, i]), math.cos(w * s + q[PHASE, i])
+        return offset + amplitude * sine, amplitude * w * cosine, -amplitude * w * w * sine
+    if kind == RAMP:
+        if s >= q[HOLD, i]:
+            return offset + amplitude, 0.0, 0.0
+        return offset + amplitude * s / q[HOLD, i], amplitude / q[HOLD, i], 0.0
+    if kind == TRIANGLE:
+        cycle = q[FREQUENCY, i] * s + 0.25
+        cycle = cycle - math.floor(cycle)
+        slope = 4.0 * amplitude * q[FREQUENCY, i]
+        if cycle < 0.5:
+            return offset + amplitude * (4.0 * cycle - 1.0), slope, 0.0
+        return offset + amplitude * (3.0 - 4.0 * cycle), -slope, 0.0
+    if kind == MULTISINE:
+        r, rate, acceleration = offset, 0.0, 0.0
+        part = 0.25 * amplitude
+        for h in range(4):
+            w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
+            angle = w * s + _TAU * uniform(int(q[KEY, i]), h, 7)
+            r += part * math.sin(angle)
+            rate += part * w * math.cos(angle)
+            acceleration -= part * w * w * math.sin(angle)
+        return r, rate, acceleration
+    level = 2.0 * uniform(int(q[KEY, i]), int(s / q[HOLD, i]), 9) - 1.0
+    return offset + amplitude * level, 0.0, 0.0
+
+
+@jit
+def evaluate(q, i, t):
+    """`signal` for callers in Python."""
+    return signal(q, i, t)
+
+
+def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
+    """A validated column [len(FIELDS)] from a mapping; ``what`` ("reference", "disturbance") names it in errors.
+
+    Raises ConfigurationError for unknown kinds or keys, missing keys, non-finite numbers.
+    """
+    if not isinstance(spec, Mapping):
+        raise ConfigurationError(f"{what}: expected a mapping with 'kind', got {spec!r}")
+    kind = spec.get("kind")
+    if kind not in KINDS:
+        raise ConfigurationError(f"unknown {what} kind {kind!r}; {nearest(str(kind), KINDS)}")
+    require_known(f"key in {what}", spec, FIELDS[:-1])
+    missing = [key for key in _NEEDS[kind] if key not in spec]
+    if missing:
+        raise ConfigurationError(f"{what} of kind '{kind}' needs {', '.join(missing)}")
+    column = np.zeros(len(FIELDS))
+    column[KIND] = KINDS.index(kind)
+    for field in FIELDS[1:-1]:
+        value = spec.get(field, 0.0)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+            raise ConfigurationError(f"{what}.{field}: expected a finite number, got {value!r}")
+        column[FIELDS.index(field)] = float(value)
+    for field in ("frequency", "hold"):
+        if field in _NEEDS[kind] and column[FIELDS.index(field)] <= 0.0:
+            raise ConfigurationError(f"{what}.{field} must be above 0 for kind '{kind}'")
+    return column
