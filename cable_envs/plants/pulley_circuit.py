@@ -1,0 +1,193 @@
+"""Closed cable-pulley circuit, analytic: the closed forms of Zou et al. 2022 between two moving inertias.
+
+    cables     D = theta_in R0/R5 - theta_out;  EA Delta L_t = EA R5 D = -EA Delta L_b                       Z36-38
+               T01t = max(0, (T_pre_t L_t + EA R5 D) / kappa_s1),  T01b = max(0, (T_pre_b L_b - EA R5 D) / kappa_s2)
+                                                                                                              Z39-41
+    torques    M_in = R0 (T01t - T01b);  M_out = R5 (T01t/K_t - T01b K_b) ccw, R5 (T01t K_t - T01b/K_b) cw   Z32, Z35
+    output     J theta_out'' = M_out - load;  moving ccw takes the ccw branch, moving cw the cw branch
+    drive      position servo or torque, see `circuit_ends.drive_step`
+
+At one D the ccw branch never exceeds the cw branch: their difference is the friction of all idlers, lumped at the
+output and set-valued at rest. The output therefore sticks, exactly, while M_out_ccw(D) <= load <= M_out_cw(D). There
+it holds its angle and its torque while the drive moves: delay and transition of Fig. 6 in one hold, as in Eq. (47), but
+ended by the balance and not by signs. The share of friction mobilised in the hold, sigma in [0, 1], is the one that
+makes M_out equal the load torque, and it sets M_in and all tensions, which are then continuous through every reversal.
+``hold_rule`` 1 adds the paper's own rule: the output is also held while the flag of Eq. (47) is set
+(`circuit_statics.hold_flag`).
+
+Limits: tensions follow D without waves; friction inside the hold is stored as if elastic, so M_in traces no loop there
+(the chain plant does); with a slack cable the other one carries on, ``out_of_range`` says so.
+"""
+
+import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
+
+from cable_envs.circuit_ends import (
+    ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T,
+    R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
+    drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
+)  # fmt: skip
+from cable_envs.circuit_parameters import CIRCUIT
+from cable_envs.circuit_statics import Statics
+from cable_envs.friction import stick_slip_step
+from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, minimum, select, store, tile
+from cable_envs.plants.base import INPUTS, Plant
+
+_OWN = (
+    "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
+    "output_top_ccw", "output_bottom_ccw", "output_top_cw", "output_bottom_cw",
+    "drive_stiffness", "drive_ratio_damping", "hold_rule", "length_top", "length_bottom",
+)  # fmt: skip
+(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_IN, HOLD, LENGTH_T, LENGTH_B) = range(SHARED, SHARED + len(_OWN))
+ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
+
+
+@inline
+def _stretched(p, i, d, rate):
+    """(T kappa of t, T kappa of b), N m: what both directions divide by their kappas; zero when slack.  Z39-41."""
+    top = p[PRE_T, i] + p[EA5, i] * d
+    bottom = p[PRE_B, i] - p[EA5, i] * d
+    damped = p[C5, i] * rate
+    return (
+        select(top > 0.0, maximum(top + damped, 0.0), 0.0),
+        select(bottom > 0.0, maximum(bottom - damped, 0.0), 0.0),
+    )
+
+
+@inline
+def _output_torques(p, i, top, bottom):
+    """(M_out ccw, M_out cw).  Z35."""
+    r5 = p[R5, i]
+    return r5 * (top * p[OT1, i] - bottom * p[OB1, i]), r5 * (top * p[OT2, i] - bottom * p[OB2, i])
+
+
+@inline
+def _share(v, ccw, cw, wanted):
+    """Share of the cw branch: 0 moving ccw, 1 moving cw, at rest the one that balances ``wanted``."""
+    stuck = clip((wanted - ccw) / maximum(cw - ccw, 1e-12), 0.0, 1.0)
+    return select(v > 0.0, 0.0, select(v < 0.0, 1.0, stuck))
+
+
+@inline
+def _mix(share, a, b):
+    return a + share * (b - a)
+
+
+@inline
+def _drive_torque(p, i, top, bottom, share):
+    """M_in.  Z32."""
+    return p[R0, i] * (top * _mix(share, p[DT1, i], p[DT2, i]) - bottom * _mix(share, p[DB1, i], p[DB2, i]))
+
+
+@inline
+def _held_by_flag(p, i, v_in, top, bottom):
+    """True where Z47 (with its lost minus) holds the output: `circuit_statics.hold_flag` on the drive's branch."""
+    share = select(v_in > 0.0, 0.0, 1.0)
+    m_in = _drive_torque(p, i, top, bottom, share)
+    m_out = top * _mix(share, p[OT1, i], p[OT2, i]) - bottom * _mix(share, p[OB1, i], p[OB2, i])
+    return (p[HOLD, i] > 0.5) & (v_in * m_in < 0.0) & (v_in * m_out < 0.0)
+
+
+@inline
+def _substep(x, p, u, i, dt, share_of_step):
+    gear, r5 = p[GEAR, i], p[R5, i]
+    a, v_in, b, v = x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
+
+    half = b + 0.5 * dt * v
+    wanted, load_k, load_c = load_torque(p, u, i, half, v)
+    top, bottom = _stretched(p, i, gear * (a + 0.5 * dt * v_in) - half, gear * v_in - v)
+    ccw, cw = _output_torques(p, i, top, bottom)
+    m_in = _drive_torque(p, i, top, bottom, _share(v, ccw, cw, wanted))
+    v_in_new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C_IN, i], dt)
+
+    middle = a + 0.25 * dt * (v_in + v_in_new)
+    top, bottom = _stretched(p, i, gear * middle - half, 0.5 * gear * (v_in + v_in_new) - v)
+    ccw, cw = _output_torques(p, i, top, bottom)
+    up, down = ccw - wanted - p[BRAKE, i], cw - wanted + p[BRAKE, i]
+    taut_t, taut_b = select(top > 0.0, r5, 0.0), select(bottom > 0.0, r5, 0.0)
+    slope_up = taut_t * p[OT1, i] + taut_b * p[OB1, i]
+    slope_down = taut_t * p[OT2, i] + taut_b * p[OB2, i]
+    slope = select(select(v == 0.0, up, v) > 0.0, slope_up, slope_down)
+    stiffness = p[EA5, i] * slope + load_k
+    ahead = 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
+    v_new = stick_slip_step(
+        v, p[J_OUT, i], up + ahead, down + ahead, stiffness,
+        p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
+    )  # fmt: skip
+    v_new = select(_held_by_flag(p, i, v_in_new, top, bottom), 0.0, v_new)
+
+    a += 0.5 * dt * (v_in + v_in_new)
+    b += 0.5 * dt * (v + v_new)
+    x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i] = a, v_in_new, b, v_new
+    _report(x, p, u, i, a, v_in_new, b, v_new, share_of_step)
+
+
+@inline
+def _report(x, p, u, i, a, v_in, b, v, share_of_step):
+    """Torques and tensions of the new state."""
+    top, bottom = _stretched(p, i, p[GEAR, i] * a - b, p[GEAR, i] * v_in - v)
+    wanted, _, _ = load_torque(p, u, i, b, v)
+    ccw, cw = _output_torques(p, i, top, bottom)
+    share = _share(v, ccw, cw, wanted)
+    t01_t, t01_b = top * _mix(share, p[DT1, i], p[DT2, i]), bottom * _mix(share, p[DB1, i], p[DB2, i])
+    t45_t, t45_b = top * _mix(share, p[OT1, i], p[OT2, i]), bottom * _mix(share, p[OB1, i], p[OB2, i])
+    x[T01_T, i], x[T01_B, i], x[T45_T, i], x[T45_B, i] = t01_t, t01_b, t45_t, t45_b
+    x[M_IN, i] = p[R0, i] * (t01_t - t01_b)
+    x[M_OUT, i] = p[R5, i] * (t45_t - t45_b)
+    slack = select(minimum(top, bottom) <= 0.0, 1.0, 0.0)
+    x[OUT_OF_RANGE, i] = slack
+    x[SLACK, i] += slack * share_of_step
+    x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t01_t, t45_t), maximum(t01_b, t45_b)))
+    x[PHASE, i] = select(v != 0.0, 3.0, select(abs(v_in) > STILL, 1.0, 0.0))
+
+
+@jit
+def advance(x, p, u, lo, hi, substeps, dt):
+    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
+    share = 1.0 / substeps
+    xt, pt, ut = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U)
+    for first in range(lo, hi, LANES):
+        lanes = min(LANES, hi - first)
+        load(xt, x, first, lanes)
+        load(pt, p, first, lanes)
+        load(ut, u, first, lanes)
+        for i in range(lanes):
+            xt[SLACK, i] = 0.0
+            xt[PEAK, i] = 0.0
+        for _ in range(substeps):
+            for i in range(lanes):
+                _substep(xt, pt, ut, i, dt, share)
+        store(xt, x, first, lanes)
+
+
+def prepare(values: np.ndarray) -> np.ndarray:
+    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n]."""
+    statics = Statics.from_values(values)
+    shared = shared_coefficients(values, statics)
+    per_t, per_b = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
+    k_t, k_b = statics.product
+    turn = statics.drive_radius * shared[GEAR] * (per_t + per_b).max(axis=0)
+    own = np.array([
+        per_t[0], per_b[0], per_t[1], per_b[1],
+        per_t[0] / k_t, per_b[0] * k_b, per_t[1] * k_t, per_b[1] / k_b,
+        1.5 * shared[EA5] * turn,  # in the hold M_in is steeper than on a branch; too much costs no accuracy
+        shared[C5] * turn, values[CIRCUIT.index("hold_rule")], *statics.length,
+    ])  # fmt: skip
+    return np.ascontiguousarray(np.concatenate([shared, own]))
+
+
+def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Signals [len(PLANT.signals), n] at rest with the output at ``position`` (rad, [n]), its load balanced."""
+    position = np.asarray(position, dtype=np.float64)
+    return rest_signals(p, ROWS_X, position, *rest_elongation(p, p[LENGTH_T], p[LENGTH_B], position))
+
+
+PLANT = Plant(
+    name="pulley_circuit",
+    parameters=CIRCUIT,
+    coefficients=COEFFICIENTS + _OWN,
+    signals=SIGNALS,
+    action_modes=ACTION_MODES,
+    prepare=prepare,
+    rest=rest,
+    advance=advance,
+)
