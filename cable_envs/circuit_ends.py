@@ -39,8 +39,8 @@ SIGNALS = (
  PHASE, OUT_OF_RANGE, SLACK, PEAK) = range(len(SIGNALS))  # fmt: skip
 
 ACTION_MODES = (
-    ActionMode("position", "rad", "drive_angle_limit"),
-    ActionMode("torque", "N m", "drive_torque_limit"),
+    ActionMode("position", "rad", "drive_angle_limit", rest_signal="drive_angle"),
+    ActionMode("torque", "N m", "drive_torque_limit", rest_signal="drive_torque"),
 )
 
 STILL = 1e-4

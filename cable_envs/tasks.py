@@ -52,7 +52,7 @@ class Task:
     description: str
     rig: str
     output: str
-    proxy: Mapping[str, Any]
+    proxy: str
     action_mode: str
     observe: str
     duration: float
@@ -93,13 +93,13 @@ def load_task(name: str) -> Task:
 
 
 @inline
-def before_step(u, q, qd, action, last, i, time, low, high, mode, period):
-    """Action in [-1, 1] -> command, its rate over the period, and the disturbance at this time."""
-    command = low + 0.5 * (clip(action, -1.0, 1.0) + 1.0) * (high - low)
+def before_step(u, disturbance, action, last, i, time, low, high, mode, period):
+    """Action in [-1, 1] -> command, its rate since the ``last`` command, and the disturbance at this time."""
+    command = low + 0.5 * (action + 1.0) * (high - low)
     u[COMMAND_RATE, i] = (command - last) / period
     u[COMMAND, i] = command
     u[MODE, i] = mode
-    u[DISTURBANCE, i] = signal(qd, i, time)[0]
+    u[DISTURBANCE, i] = signal(disturbance, i, time)[0]
 
 
 @inline

@@ -32,6 +32,8 @@ class ActionMode:
     bound: str
     """name of the parameter that bounds the command; the range is [-bound, bound], or [0, bound] when `one_sided`"""
     one_sided: bool = False
+    rest_signal: str = ""
+    """signal whose value at rest is the command that keeps the plant at rest; empty: zero"""
 
 
 @dataclass(frozen=True)

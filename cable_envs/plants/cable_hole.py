@@ -301,7 +301,7 @@ def cable_hole(holes: int = 1) -> Plant:
         coefficients=parameters.names,
         signals=_SIGNALS + inner,
         action_modes=(
-            ActionMode("tension", "N", "tension_command_limit", one_sided=True),
+            ActionMode("tension", "N", "tension_command_limit", one_sided=True, rest_signal="drive_tension"),
             ActionMode("speed", "m/s", "drive_speed_limit"),
         ),
         prepare=prepare,

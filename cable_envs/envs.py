@@ -1,0 +1,181 @@
+"""Single environments: Gymnasium around a `Simulation` of one."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from cable_envs.rigs import Rig
+from cable_envs.setup import Setup, make_setup
+from cable_envs.simulation import Simulation
+from cable_envs.tasks import OBSERVATION_LIMIT
+
+
+def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
+    """(observation space, action space) of one environment."""
+    shape = (len(setup.channels),)
+    observation = spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, shape, np.float32)
+    return observation, spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+
+class CableEnv(gym.Env[np.ndarray, np.ndarray]):
+    """Tension or position control of a cable mechanism.
+
+    ### Tasks
+
+    | id (``cable_envs/...``)           | controlled output           | rig         | action (default mode)          |
+    |-----------------------------------|-----------------------------|-------------|--------------------------------|
+    | CableHole-Position-{Step,Sine}-v0 | load position [m]           | gu-inferred | driving tension 0..120 N       |
+    | CableHole-Tension-{Step,Sine}-v0  | load-side tension [N]       | gu-anchored | driving tension 0..120 N       |
+    | PulleyCircuit-Position-{..}-v0    | angle of driven pulley [rad]| zou-table2  | drive angle +/- limit [rad]    |
+    | PulleyCircuit-Torque-{..}-v0      | grasp torque [N m]          | zou-grasp   | motor torque +/- limit [N m]   |
+
+    ### Spaces
+
+    action: ``Box(-1, 1, (1,))``, linear over the range of the action mode. observation: float32 vector, entry k is the
+    SI value of ``env.unwrapped.channels[k]`` over its scale, limited to +/- 100: the reference with two derivatives, the
+    tracking error (through the rigid transmission ratio where the output is not observed), the last command, then the
+    observed signals of the plant.
+
+    ### Reward, end
+
+    ``1 / (1 + |error| / error_scale) - effort_weight (a - a_previous)^2`` with the true output. Terminated when the cable
+    tears (peak tension above ``breaking_tension``) or the state is not finite; truncated after ``duration``.
+
+    ### Arguments (all optional)
+
+    | name           | meaning                                                                              |
+    |----------------|--------------------------------------------------------------------------------------|
+    | rig            | preset name, YAML path, full mapping, or mapping of parameters to change             |
+    | plant          | "analytic" or "chain" (pulley circuit: span-and-contact chain)                       |
+    | action_mode    | hole: "tension", "speed"; circuit: "position", "torque"                              |
+    | observe        | "drive", "output", "full"; the circuit's default is "drive", the hole's "output"     |
+    | reference      | mapping such as ``{"kind": "multisine", "amplitude": 0.01, "frequency": 0.1}``       |
+    | randomize      | True (the task's ranges) or ``{parameter: {"scale": [a, b]}}`` or ``{low, high}``    |
+    | sensor_noise   | True, a factor on the task's standard deviations, or ``{signal: std in SI}``         |
+    | sensor_delay   | control steps                                                                        |
+    | action_delay   | control steps                                                                        |
+    | disturbance    | a reference-like mapping: force on the load [N] or torque on the output [N m]        |
+    | control_period | s, default 0.01                                                                      |
+    | substeps       | integration steps in a control period, default 10                                    |
+    | duration       | s, default 20 (hole) and 25 (circuit)                                                |
+    | render_mode    | "rgb_array" or "human"                                                               |
+
+    ``reset(options=...)`` takes "rig" (parameters for this episode), "reference", "disturbance", "initial_position".
+
+    ### Info (floats, at every step)
+
+    time, reference, output, error, command, overload (1 above ``tension_limit``), and every signal of the plant.
+
+    ### Versions
+
+    v0: first release.
+    """
+
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012 (Gymnasium's convention)
+
+    def __init__(
+        self,
+        task: str,
+        reference: str | Mapping[str, Any],
+        *,
+        rig: str | Path | Mapping[str, Any] | Rig | None = None,
+        plant: str = "analytic",
+        action_mode: str | None = None,
+        observe: str | None = None,
+        randomize: bool | Mapping[str, Any] = False,
+        sensor_noise: bool | float | Mapping[str, float] = False,
+        sensor_delay: int = 0,
+        action_delay: int = 0,
+        disturbance: Mapping[str, Any] | None = None,
+        control_period: float | None = None,
+        substeps: int | None = None,
+        duration: float | None = None,
+        render_mode: str | None = None,
+    ):
+        self.setup = make_setup(
+            task, reference, rig=rig, plant=plant, action_mode=action_mode, observe=observe, randomize=randomize,
+            sensor_noise=sensor_noise, sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance,
+            control_period=control_period, substeps=substeps, duration=duration,
+        )  # fmt: skip
+        self.render_mode = render_mode
+        self.observation_space, self.action_space = make_spaces(self.setup)
+        self.channels = self.setup.channels
+        self.simulation = Simulation(self.setup, 1)
+        self._lane = np.zeros(1, dtype=np.int64)
+        self._action = np.zeros(1)
+        self._names = self.simulation.info_names
+        self._renderer = None
+        self._running = False
+
+    @property
+    def true_rig(self) -> dict[str, float]:
+        """Parameters of the simulated rig in this episode, SI: what only an oracle may know."""
+        return self.simulation.lane_rig(0)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, float]]:
+        super().reset(seed=seed)
+        self.simulation.reset(self._lane, [self.np_random], options)
+        self._running = True
+        if self._renderer is not None:
+            self._renderer.reset()
+        info = self._info()
+        self._draw(info)
+        return self.simulation.buffers.obs[0].copy(), info
+
+    def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, float]]:
+        if not self._running:
+            raise gym.error.ResetNeeded("call reset() before the first step() of an episode")
+        value = self._single(action)
+        self._action[0] = value
+        s = self.simulation.buffers
+        self.simulation.step(self._action)
+        terminated, truncated = bool(s.terminated[0]), bool(s.truncated[0])
+        info = self._info()
+        self._draw(info)
+        return s.obs[0].copy(), float(s.reward[0]), terminated, truncated, info
+
+    @staticmethod
+    def _single(action: Any) -> float:
+        try:
+            value = action[0] if len(action) == 1 else None
+        except TypeError:
+            value = None
+        if value is None:
+            raise ValueError(f"action must have shape (1,), got {np.shape(action)}")
+        if not -1e30 < value < 1e30:
+            raise ValueError(f"action must be a finite number in [-1, 1], got {float(value)}")
+        return float(value)
+
+    def _info(self) -> dict[str, float]:
+        s = self.simulation.buffers
+        return dict(zip(self._names, s.info[:, 0].tolist() + s.x[:, 0].tolist(), strict=True))
+
+    def _draw(self, info: Mapping[str, float]) -> None:
+        if self.render_mode is None:
+            return
+        if self._renderer is None:
+            from cable_envs.render import Renderer
+
+            self._renderer = Renderer.for_setup(self.setup, self.render_mode)
+        self._renderer.push(info, info["time"], info["reference"], info["output"])
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        if self.render_mode is None:
+            gym.logger.warn("render() does nothing without render_mode; use gym.make(id, render_mode='rgb_array')")
+            return None
+        if self._renderer is None:
+            raise gym.error.ResetNeeded("call reset() before render()")
+        return self._renderer.frame() if self.render_mode == "rgb_array" else None
+
+    def close(self) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None

@@ -1,0 +1,204 @@
+"""From the keyword arguments of an environment to a validated, frozen `Setup`."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.plants.base import ActionMode, Plant
+from cable_envs.references import pack_signal
+from cable_envs.rigs import Rig, load_rig
+from cable_envs.tasks import (
+    ERROR,
+    LAST_COMMAND,
+    LEVELS,
+    REFERENCE,
+    REFERENCE_ACCELERATION,
+    REFERENCE_RATE,
+    Channel,
+    Task,
+    load_task,
+)
+
+MAX_DELAY = 100
+_PLANT_OF_TASK = {"CableHole": "cable_hole", "PulleyCircuit": "pulley_circuit"}
+
+
+@dataclass(frozen=True)
+class Setup:
+    """Everything that defines an environment but its random state."""
+
+    task: Task
+    rig: Rig
+    plant: Plant
+    action_mode: ActionMode
+    mode_index: int
+    low: float
+    high: float
+    channels: tuple[Channel, ...]
+    reference: Mapping[str, Any]
+    disturbance: Mapping[str, Any]
+    randomize: tuple[tuple[str, float, float], ...]
+    """(parameter, low, high) in SI"""
+    noise: np.ndarray
+    """standard deviation of each plant signal, SI"""
+    sensor_delay: int
+    action_delay: int
+    control_period: float
+    substeps: int
+    steps: int
+    """control steps in an episode"""
+
+    @property
+    def output_unit(self) -> str:
+        return self.plant.signals[self.plant.row(self.task.output)].unit
+
+
+def make_setup(
+    task: str,
+    reference: str | Mapping[str, Any],
+    *,
+    rig: str | Mapping[str, Any] | Rig | None = None,
+    plant: str = "analytic",
+    action_mode: str | None = None,
+    observe: str | None = None,
+    randomize: bool | Mapping[str, Any] = False,
+    sensor_noise: bool | float | Mapping[str, float] = False,
+    sensor_delay: int = 0,
+    action_delay: int = 0,
+    disturbance: Mapping[str, Any] | None = None,
+    control_period: float | None = None,
+    substeps: int | None = None,
+    duration: float | None = None,
+) -> Setup:
+    """Validate the options of an environment; see `cable_envs.envs.CableEnv` for their meaning.
+
+    Raises ConfigurationError that names the option and what would be right.
+    """
+    declared = load_task(task)
+    chosen = _choose_rig(declared, rig)
+    simulator = chosen.simulated_by(plant)
+    mode = _choose_mode(simulator, action_mode or declared.action_mode)
+    level = observe or declared.observe
+    if level not in LEVELS:
+        raise ConfigurationError(f"unknown observe level '{level}'; {nearest(level, LEVELS)}")
+    spec = declared.references.get(reference.lower()) if isinstance(reference, str) else reference
+    if spec is None:
+        raise ConfigurationError(f"unknown reference '{reference}'; {nearest(str(reference), declared.references)}")
+    pack_signal("reference", spec)
+    push = {"kind": "constant"} if disturbance is None else disturbance
+    pack_signal("disturbance", push)
+    period = _positive("control_period", control_period, declared.control_period)
+    length = _positive("duration", duration, declared.duration)
+    if abs(length / period - round(length / period)) > 1e-6:
+        raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
+    bound = chosen.values[mode.bound]
+    return Setup(
+        task=declared,
+        rig=chosen,
+        plant=simulator,
+        action_mode=mode,
+        mode_index=simulator.action_modes.index(mode),
+        low=0.0 if mode.one_sided else -bound,
+        high=bound,
+        channels=_channels(declared, simulator, mode, level),
+        reference=dict(spec),
+        disturbance=dict(push),
+        randomize=_ranges(declared, chosen, simulator, randomize),
+        noise=_noise(declared, simulator, sensor_noise),
+        sensor_delay=_count("sensor_delay", sensor_delay, 0, MAX_DELAY),
+        action_delay=_count("action_delay", action_delay, 0, MAX_DELAY),
+        control_period=period,
+        substeps=_count("substeps", declared.substeps if substeps is None else substeps, 1, 10_000),
+        steps=round(length / period),
+    )
+
+
+def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None) -> Rig:
+    """The task's own rig, another one, or the task's own with some parameters changed."""
+    if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig):
+        chosen = load_rig(task.rig).replace(rig)
+    else:
+        chosen = load_rig(task.rig if rig is None else rig)
+    wanted = _PLANT_OF_TASK[task.name.split("-")[0]]
+    if chosen.plant != wanted:
+        raise ConfigurationError(f"task {task.name} needs a rig of plant '{wanted}', '{chosen.name}' is '{chosen.plant}'")
+    for need in {"tension": ("load_stiffness",), "torque": ("contact_stiffness",)}.get(task.kind, ()):
+        if chosen.values[need] <= 0.0:
+            raise ConfigurationError(f"task {task.name} needs a rig with {need} above 0; '{chosen.name}' has 0")
+    return chosen
+
+
+def _choose_mode(plant: Plant, name: str) -> ActionMode:
+    for mode in plant.action_modes:
+        if mode.name == name:
+            return mode
+    raise ConfigurationError(f"unknown action mode '{name}'; {nearest(name, [m.name for m in plant.action_modes])}")
+
+
+def _channels(task: Task, plant: Plant, mode: ActionMode, level: str) -> tuple[Channel, ...]:
+    units = {s.name: s.unit for s in plant.signals}
+    out, scale = units[task.output], task.scales[task.output]
+    channels = [
+        Channel("reference", out, scale, REFERENCE),
+        Channel("reference_rate", f"{out}/s", scale, REFERENCE_RATE),
+        Channel("reference_acceleration", f"{out}/s^2", scale, REFERENCE_ACCELERATION),
+        Channel("error", out, task.scales["error"], ERROR),
+        Channel("command", mode.unit, task.scales["command"], LAST_COMMAND),
+    ]
+    for name in task.observed(level):
+        channels.append(Channel(name, units[name], task.scales[name], plant.row(name)))
+    return tuple(channels)
+
+
+def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, Any]) -> tuple:
+    if isinstance(randomize, Mapping):
+        given = randomize
+    elif isinstance(randomize, bool):
+        given = task.randomize if randomize else {}
+    else:
+        raise ConfigurationError(f"randomize: expected true, false or a mapping of parameter: range, got {randomize!r}")
+    ranges = []
+    for name, spec in given.items():
+        declared = plant.parameters[name]
+        if not isinstance(spec, Mapping) or set(spec) not in ({"scale"}, {"low", "high"}):
+            raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, got {spec!r}")
+        if "scale" in spec:
+            a, b = (float(f) * rig.values[name] for f in spec["scale"])
+        else:
+            a, b = float(spec["low"]), float(spec["high"])
+        if not a <= b:
+            raise ConfigurationError(f"randomize.{name}: low {a:g} is above high {b:g}")
+        ranges.append((name, declared.check(a), declared.check(b)))
+    return tuple(ranges)
+
+
+def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, float]) -> np.ndarray:
+    if isinstance(sensor_noise, Mapping):
+        known = [s.name for s in plant.signals]
+        require_known("signal in sensor_noise", sensor_noise, known)
+        given = dict(sensor_noise)
+    else:
+        given = {name: float(std) * float(sensor_noise) for name, std in task.sensor_noise.items()}
+    noise = np.zeros(len(plant.signals))
+    for name, std in given.items():
+        if isinstance(std, bool) or not math.isfinite(std) or std < 0.0:
+            raise ConfigurationError(f"sensor_noise.{name}: expected a standard deviation >= 0, got {std!r}")
+        noise[plant.row(name)] = std
+    return noise
+
+
+def _positive(name: str, value: float | None, default: float) -> float:
+    value = default if value is None else value
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0.0:
+        raise ConfigurationError(f"{name}: expected seconds above 0, got {value!r}")
+    return float(value)
+
+
+def _count(name: str, value: int, low: int, high: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not low <= value <= high:
+        raise ConfigurationError(f"{name}: expected a whole number of steps in [{low}, {high}], got {value!r}")
+    return int(value)

@@ -1,0 +1,188 @@
+"""Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from cable_envs.envs import CableEnv, make_spaces
+from cable_envs.setup import make_setup
+from cable_envs.simulation import Simulation
+
+THREADS_FROM = 512
+"""Smallest batch that is spread over threads by default (below, one thread is faster)."""
+
+
+class CableVectorEnv(VectorEnv):
+    """``num_envs`` environments of `CableEnv`, simulated together; same options, same trajectories to the bit.
+
+    Environment i seeded with ``reset(seed=s)`` equals the single environment seeded with ``s + i``.
+    Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``parallel`` (None: threads for
+    ``num_envs >= 512`` when more than one core is there; False inside worker processes).
+
+    ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an array
+    [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and infos
+    of finished episodes are in ``final_obs`` [num_envs, channels] and ``final_info``.
+    """
+
+    metadata = {**CableEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        task: str,
+        reference: str | Mapping[str, Any],
+        num_envs: int = 1,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        parallel: bool | None = None,
+        render_mode: str | None = None,
+        **options: Any,
+    ):
+        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
+            raise ValueError(f"num_envs: expected a whole number >= 1, got {num_envs!r}")
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(self.metadata['render_modes'])}")
+        super().__init__()
+        self.setup = make_setup(task, reference, **options)
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space, self.single_action_space = make_spaces(self.setup)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.channels = self.setup.channels
+        self.simulation = Simulation(self.setup, num_envs)
+        self.threads = parallel if parallel is not None else num_envs >= THREADS_FROM and (os.cpu_count() or 1) > 1
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._seeds = [-1] * num_envs
+        self._all = np.arange(num_envs)
+        self._everyone = np.ones(num_envs, dtype=np.bool_)
+        self._finished = np.zeros(num_envs, dtype=np.bool_)
+        self._running = False
+        self._renderer = None
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:
+        """The generator of each environment."""
+        return tuple(self._generator(i) for i in range(self.num_envs))
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:
+        """The seed of each environment."""
+        self.np_random  # noqa: B018 (draws the seeds that were not given)
+        return tuple(self._seeds)
+
+    def _generator(self, lane: int) -> np.random.Generator:
+        if self._generators[lane] is None:
+            self._generators[lane], self._seeds[lane] = gym.utils.seeding.np_random()
+        return self._generators[lane]
+
+    def reset(
+        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Start new episodes: everywhere, or where ``options["reset_mask"]`` (bool [num_envs]) is true."""
+        options = dict(options or {})
+        mask = self._mask(options.pop("reset_mask", None))
+        seeds = [None] * self.num_envs if seed is None else seed
+        if isinstance(seeds, (int, np.integer)):
+            seeds = [int(seeds) + i for i in range(self.num_envs)]
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"expected {self.num_envs} seeds, got {len(seeds)}")
+        lanes = self._all[mask]
+        for lane in lanes:
+            if seeds[lane] is not None:
+                self._generators[lane], self._seeds[lane] = gym.utils.seeding.np_random(seeds[lane])
+        self._start(lanes, options)
+        self._finished[mask] = False
+        self._running = True
+        infos = self._infos(mask)
+        self._draw()
+        return self.simulation.buffers.obs.copy(), infos
+
+    def _mask(self, mask: Any) -> np.ndarray:
+        if mask is None:
+            return self._everyone
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != (self.num_envs,):
+            raise ValueError(f"options['reset_mask'] must be a bool array of shape ({self.num_envs},), got {mask!r}")
+        if not mask.any():
+            raise ValueError("options['reset_mask'] selects no environment")
+        return mask
+
+    def _start(self, lanes: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
+        self.simulation.reset(lanes, [self._generator(lane) for lane in lanes], options)
+
+    def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        if not self._running:
+            raise gym.error.ResetNeeded("call reset() before the first step()")
+        flat = self._flat(actions)
+        s, mode = self.simulation.buffers, self.autoreset_mode
+        if mode == AutoresetMode.DISABLED and self._finished.any():
+            late = self._all[self._finished]
+            raise gym.error.ResetNeeded(
+                f"environments {late[:5].tolist()} have finished: reset(options={{'reset_mask': ...}})"
+            )
+        self.simulation.step(flat, self.threads)
+        if mode == AutoresetMode.NEXT_STEP and self._finished.any():
+            # what the kernel did with finished environments is replaced by the reset; their action is ignored
+            self._start(self._all[self._finished])
+        rewards, terminated, truncated = s.reward.copy(), s.terminated.copy(), s.truncated.copy()
+        self._finished = terminated | truncated
+        final: dict[str, Any] = {}
+        if mode == AutoresetMode.SAME_STEP and self._finished.any():
+            final = {"final_obs": s.obs.copy(), "final_info": self._infos(self._finished)}
+            self._start(self._all[self._finished])
+        infos = self._infos(self._everyone)
+        for name, value in final.items():
+            infos[name], infos[f"_{name}"] = value, self._finished.copy()
+        self._draw()
+        return s.obs.copy(), rewards, terminated, truncated, infos
+
+    def _flat(self, actions: Any) -> np.ndarray:
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != (self.num_envs, 1):
+            raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
+        flat = actions[:, 0]
+        if not np.isfinite(flat).all():
+            bad = self._all[~np.isfinite(flat)]
+            raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
+        return flat
+
+    def _infos(self, mask: np.ndarray) -> dict[str, Any]:
+        s = self.simulation.buffers
+        table = np.concatenate((s.info, s.x))
+        if mask is not self._everyone:
+            mask = mask.copy()
+            table[:, ~mask] = 0.0
+        infos: dict[str, Any] = dict(zip(self.simulation.info_names, table, strict=True))
+        infos.update({f"_{name}": mask for name in self.simulation.info_names})
+        return infos
+
+    def _draw(self) -> None:
+        if self.render_mode is None:
+            return
+        if self._renderer is None:
+            from cable_envs.render import Renderer
+
+            self._renderer = Renderer.for_setup(self.setup, self.render_mode)
+        s = self.simulation.buffers
+        first = dict(zip(self.simulation.info_names, s.info[:, 0].tolist() + s.x[:, 0].tolist(), strict=True))
+        if first["time"] == 0.0:
+            self._renderer.reset()
+        self._renderer.push(first, first["time"], first["reference"], first["output"])
+        if self.render_mode == "human":
+            self._renderer.show()
+
+    def render(self) -> np.ndarray | None:
+        """The first environment of the batch."""
+        if self._renderer is None:
+            raise gym.error.ResetNeeded("choose a render_mode and call reset() before render()")
+        return self._renderer.frame() if self.render_mode == "rgb_array" else None
+
+    def close_extras(self, **kwargs: Any) -> None:
+        if self._renderer is not None:
+            self._renderer.close()
+            self._renderer = None
