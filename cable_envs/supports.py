@@ -23,6 +23,7 @@ from cable_envs.errors import ConfigurationError, nearest
 from cable_envs.kernels import clip, inline, log, maximum, sqrt
 
 SUPPORTS = ("fixed", "shaft", "bearing")
+JOINTS = ("continuous", "printed")
 
 BEARING_FRICTION = 0.0015
 """Constant friction coefficient of an open deep-groove ball bearing, referred to its bore: M = mu P d/2 (SKF, Rolling
@@ -197,8 +198,11 @@ class WrappedPart:
     Rising: the tension grows towards the outlet (Zou: sgn = 0); falling: it drops (sgn = 1). Elongations in m, relative
     to the same part under ``pretension``.
 
-    Eq. (17) joins the reversed and the untouched part as if lambda(x + y) = lambda(x) lambda(y). That holds for the
-    capstan; with finite rho the tension jumps at the joint (docs/physics.md gives the size).
+    After a turn the slip reverses from the outlet up to an angle alpha. Eqs. (17)-(21) join the two parts as if
+    lambda(x + y) = lambda(x) lambda(y). That is true of the capstan; with finite rho the tension then jumps at the
+    joint, and the part grows longer at first while the outlet lets go. So the joint is ``continuous`` here: the tension
+    of both parts is the same. ``joint="printed"`` gives Eqs. (17)-(21) for comparison; both agree at either end of the
+    cycle.
     """
 
     rho: float
@@ -211,55 +215,77 @@ class WrappedPart:
     """EA, N"""
     pretension: float = 0.0
     """N"""
+    joint: str = "continuous"
+    """one of `JOINTS`"""
 
     def __post_init__(self):
         _positive("wrapped part", rho=self.rho, mu=self.mu, slip=self.slip, radius=self.radius,
                   axial_stiffness=self.axial_stiffness)  # fmt: skip
         if not (math.isfinite(self.pretension) and self.pretension >= 0.0):
             raise ConfigurationError(f"wrapped part: pretension = {self.pretension:g} N, expected at least 0")
+        if self.joint not in JOINTS:
+            raise ConfigurationError(f"unknown joint '{self.joint}'; {nearest(self.joint, JOINTS)}")
 
     def ratio(self, angle: float) -> float:
         """lambda over ``angle``.  Eq. (12)."""
         return float(tension_ratio(self.rho, self.mu, angle))
 
-    def _stretch(self, low_tension: float, angle: float) -> float:
-        """R/EA times the integral of the tension over ``angle``, given the tension at the low end."""
-        return self.radius / self.axial_stiffness * low_tension * float(tension_integral(self.rho, self.mu, angle))
+    def _integral(self, angle: float) -> float:
+        return float(tension_integral(self.rho, self.mu, angle))
+
+    def _elongation(self, integral: float) -> float:
+        """From the integral of the tension over the angle, N rad, to m.  Eqs. (14)-(15)."""
+        return (integral - self.pretension * self.slip) * self.radius / self.axial_stiffness
 
     def loading(self, inlet: float, rising: bool = True) -> float:
         """Elongation with slip all along in one direction, m.  Eq. (16)."""
         _positive("loading", inlet=inlet)
-        return self._fresh(inlet, self.slip, rising) - self.pretension * self.radius * self.slip / self.axial_stiffness
-
-    def _fresh(self, inlet: float, angle: float, rising: bool) -> float:
-        return self._stretch(inlet if rising else inlet / self.ratio(angle), angle)
+        low = inlet if rising else inlet / self.ratio(self.slip)
+        return self._elongation(low * self._integral(self.slip))
 
     def turning_outlet(self, inlet: float, rising: bool = True) -> float:
         """Outlet tension at the end of loading, T_pk, N.  Eq. (13)."""
         return inlet * self.ratio(self.slip) if rising else inlet / self.ratio(self.slip)
 
-    def reversed_angle(self, turning: float, outlet: float) -> float:
-        """alpha: how far from the outlet the slip has reversed since the outlet turned at ``turning``, rad.  Eq. (18).
+    def reversed_angle(self, inlet: float, outlet: float, rising: bool = True) -> float:
+        """alpha: how far from the outlet the slip has reversed since `turning_outlet`, rad.
 
-        lambda(alpha)^2 = T_pk / T_2 (its inverse when the outlet rises again). Raises ConfigurationError when the
-        front would have passed the inlet: the inlet tension then changes too.
+        Printed, and where the outlet rises again: lambda(alpha)^2 = T_pk / T_2 or its inverse, Eq. (18). Where it
+        falls: inlet lambda(slip - alpha) = outlet lambda(alpha). Raises ConfigurationError where the outlet is beyond the
+        turning point (still loading), or where the front would have passed the inlet, whose tension then changes too.
         """
-        _positive("unloading", turning=turning, outlet=outlet)
-        squared = max(turning / outlet, outlet / turning)
-        if squared > self.ratio(self.slip) ** 2 * (1.0 + 1e-12):
+        _positive("unloading", inlet=inlet, outlet=outlet)
+        turning = self.turning_outlet(inlet, rising)
+        back = turning / outlet if rising else outlet / turning
+        most = self.ratio(self.slip) ** 2
+        if back < 1.0 - 1e-12:
+            raise ConfigurationError(f"outlet = {outlet:g} N is beyond the turning point {turning:g} N: still loading")
+        if back > most * (1.0 + 1e-12):
             raise ConfigurationError(
-                f"outlet = {outlet:g} N: the reversed slip has passed the inlet; after turning at {turning:g} N "
-                f"the outlet may change by at most a factor {self.ratio(self.slip) ** 2:g}"
+                f"outlet = {outlet:g} N: the reversed slip has passed the inlet; after turning at {turning:g} N the "
+                f"outlet may change by at most a factor {most:g}"
             )
-        return min(slip_angle_exact(self.rho, self.mu, math.sqrt(squared)), self.slip)
+        if rising and self.joint == "continuous":
+            low, high = 0.0, self.slip
+            for _ in range(60):  # bisection to rounding: both sides are monotonic in alpha
+                middle = 0.5 * (low + high)
+                if inlet * self.ratio(self.slip - middle) > outlet * self.ratio(middle):
+                    low = middle
+                else:
+                    high = middle
+            return 0.5 * (low + high)
+        return min(slip_angle_exact(self.rho, self.mu, math.sqrt(max(back, 1.0))), self.slip)
 
     def unloading(self, inlet: float, outlet: float, rising: bool = True) -> float:
         """Elongation when the outlet has come back from `turning_outlet` to ``outlet``, m.  Eqs. (19)-(21)."""
-        _positive("unloading", inlet=inlet, outlet=outlet)
+        alpha = self.reversed_angle(inlet, outlet, rising)
+        rest = self.slip - alpha
         turning = self.turning_outlet(inlet, rising)
-        if (outlet > turning * (1.0 + 1e-12)) if rising else (outlet < turning * (1.0 - 1e-12)):
-            raise ConfigurationError(f"outlet = {outlet:g} N is beyond the turning point {turning:g} N: still loading")
-        alpha = self.reversed_angle(turning, outlet)
-        low = outlet if rising else math.sqrt(turning * outlet)  # T_2, or T_b = sqrt(T_pk T_2) of Eq. (17)
-        stretch = self._stretch(low, alpha) + self._fresh(inlet, self.slip - alpha, rising)
-        return stretch - self.pretension * self.radius * self.slip / self.axial_stiffness
+        if rising:  # the reversed part drops to the outlet, the rest still rises from the inlet
+            return self._elongation(outlet * self._integral(alpha) + inlet * self._integral(rest))
+        joint = math.sqrt(turning * outlet)  # T_b of Eq. (17), the lowest tension
+        if self.joint == "printed":
+            still = inlet / self.ratio(rest) * self._integral(rest)
+        else:
+            still = turning * (self._integral(self.slip) - self._integral(alpha))
+        return self._elongation(joint * self._integral(alpha) + still)
