@@ -11,7 +11,7 @@ import numpy as np
 class Episode:
     """One episode, in SI, one sample for each control step (sample k is taken at the end of step k).
 
-    All arrays have shape [n], n the number of steps taken; an episode cut short by a torn cable is shorter than `horizon`.
+    All arrays have shape [n], n the number of steps taken: below `horizon` where a torn cable cut the episode short.
 
     | field | meaning |
     |---|---|
@@ -25,6 +25,7 @@ class Episode:
     | inference | s spent in the policy, per step |
     | settings | what produced it: env_id, rig, controller, seed, options, ... (JSON types only) |
     | step_time | when the reference steps (s); None where it does not step |
+    | success_error | largest error of the last fifth that counts as success, in `output_unit`; None: not judged |
     """
 
     time: np.ndarray
@@ -40,6 +41,7 @@ class Episode:
     output_unit: str = "1"
     command_unit: str = "1"
     step_time: float | None = None
+    success_error: float | None = None
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cablebench.episode import Episode
 from cable_envs.errors import ConfigurationError, nearest
+from cablebench.episode import Episode
 
 REVERSAL_WINDOW = 0.5
 """s after each reversal of the reference in which the reversal error is taken: longer than the actuator's lag
-(tens of milliseconds), shorter than a quarter of the fastest reference period, so that two reversals never share a sample."""
+(tens of milliseconds), shorter than half the fastest reference period (2.9 s), so that two reversals share no sample."""
 
 CHATTER_CUTOFF = 10.0
 """Hz above which the command's power counts as chatter: an order above the references (below 1 Hz) and the reference
@@ -24,8 +24,8 @@ models of the papers' controllers (10 rad/s), a fifth of the sampling frequency 
 STEADY_WINDOW = 2.0
 """s at the end of a step episode over which the steady-state error is averaged."""
 
-SUCCESS_TOLERANCE = 0.05
-"""Success: the RMS error of the last quarter of the episode, as a share of the reference's range."""
+SUCCESS_SHARE = 0.2
+"""Last part of the episode in which a success must stay within the task's success error."""
 
 PHASES = {"delay": 1, "transition": 2, "working": 3}
 """Phases of the pulley circuit as the plants report them (0 is rest)."""
@@ -136,7 +136,7 @@ def overshoot(e: Episode) -> float:
 
 
 def steady_state_error(e: Episode) -> float:
-    """Magnitude of the mean error over the last 2 s of a step episode (not defined where the reference keeps moving)."""
+    """Magnitude of the mean error over the last 2 s of a step episode; undefined where the reference moves on."""
     if _step(e) is None or not e.complete:
         return math.nan
     return float(abs(np.mean(e.error[e.time > e.time[-1] - STEADY_WINDOW])))
@@ -173,7 +173,7 @@ def total_variation(e: Episode) -> float:
 
 
 def chatter(e: Episode) -> float:
-    """Power of the command above 10 Hz: one-sided Hann periodogram of the command less its mean, summed from the cutoff up.
+    """Power of the command above 10 Hz: Hann periodogram of the command less its mean, summed from the cutoff up.
 
     A sinusoid of amplitude A above the cutoff gives A^2/2. NaN for episodes shorter than 16 samples.
     """
@@ -207,11 +207,11 @@ def peak_tension(e: Episode) -> float:
 
 
 def success(e: Episode) -> float:
-    """1 where the episode ran to its end and the RMS error of its last quarter is within 5 % of the reference's range."""
-    if not e.complete:
-        return 0.0
-    last = e.error[-max(len(e.error) // 4, 1) :]
-    return float(np.sqrt(np.mean(last**2)) <= SUCCESS_TOLERANCE * np.ptp(e.reference))
+    """1 where the episode ran to its end and the error stayed within the task's success error over its last fifth."""
+    if e.success_error is None:
+        return math.nan
+    last = e.error[-max(round(len(e.error) * SUCCESS_SHARE), 1) :]
+    return float(e.complete and float(np.max(np.abs(last))) <= e.success_error)
 
 
 def failed(e: Episode) -> float:

@@ -1,6 +1,7 @@
-"""The benchmark protocol as data: tasks, tracks, seeds, episodes, budgets. One YAML file in configs/protocols/ for each board."""
+"""The benchmark protocol as data: tasks, tracks, seeds, episodes, budgets. One YAML file (configs/protocols/) a board."""
 
 import hashlib
+import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -27,7 +28,7 @@ class SeedRange:
     def seed(self, index: int) -> int:
         """The index-th seed of the range; ConfigurationError when the range is used up."""
         if not 0 <= index < self.count:
-            raise ConfigurationError(f"seed number {index} is outside the range of {self.count} seeds from {self.first}")
+            raise ConfigurationError(f"seed number {index}: the range from {self.first} holds {self.count} seeds")
         return self.first + index
 
 
@@ -150,7 +151,7 @@ class Protocol:
         return tuple(self.test.seed(i) for i in range(episodes))
 
     def cells(self, tasks: tuple[str, ...] = (), tracks: tuple[str, ...] = ()) -> tuple[Cell, ...]:
-        """Every condition to evaluate, for some of the tasks and tracks by name (default: all tasks, the tracks in `run`)."""
+        """Every condition to evaluate, for some tasks and tracks by name (default: all tasks, the tracks in `run`)."""
         chosen = [self.task(t) for t in tasks] or list(self.tasks)
         names = tracks or self.run or tuple(t.name for t in self.tracks)
         cells = []
@@ -178,7 +179,7 @@ _KEYS = ("schema", "name", "title", "note", "tasks", "tracks", "run", "seeds", "
 def load_protocol(name: str | Path) -> Protocol:
     """The protocol in configs/protocols/<name>.yaml, or in the YAML file at a path.
 
-    Raises ConfigurationError for unknown names and keys (with the nearest valid one), wrong values and overlapping seeds.
+    Raises ConfigurationError for unknown names and keys (with the nearest), wrong values and overlapping seed ranges.
     """
     text = str(name)
     is_path = text.endswith((".yaml", ".yml")) and Path(text).exists()
@@ -222,7 +223,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
 
 def _check(protocol: Protocol, source: str) -> Protocol:
     if protocol.worst_score >= 0:
-        raise ConfigurationError(f"{source}: score.worst = {protocol.worst_score:g} must be below 0, the open loop's score")
+        raise ConfigurationError(f"{source}: score.worst = {protocol.worst_score:g} must be below 0 (the open loop)")
     if not 0 < protocol.level < 1:
         raise ConfigurationError(f"{source}: bootstrap.level = {protocol.level:g} must lie between 0 and 1")
     for name in protocol.run:
@@ -268,9 +269,9 @@ def _seeds(data: Mapping[str, Any], source: str) -> dict[str, SeedRange]:
         first = _count(given.get("first"), f"seeds.{kind}.first", source, 0)
         ranges[kind] = SeedRange(first, _count(given.get("count"), f"seeds.{kind}.count", source))
     ordered = sorted(ranges.items(), key=lambda item: item[1].first)
-    for (name, a), (other, b) in zip(ordered, ordered[1:], strict=False):
+    for (name, a), (other, b) in itertools.pairwise(ordered):
         if b.first in a:
-            raise ConfigurationError(f"{source}: seeds.{name} and seeds.{other} overlap; a test seed must never be trained on")
+            raise ConfigurationError(f"{source}: seeds.{name} and seeds.{other} overlap; test seeds are never trained on")
     return ranges
 
 
@@ -278,7 +279,7 @@ def _task(data: Any, source: str) -> Task:
     if isinstance(data, str):
         return Task(data)
     if not isinstance(data, Mapping) or "env" not in data:
-        raise ConfigurationError(f"{source}: a task is an environment id, or a mapping with 'env' and 'options'; got {data!r}")
+        raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', 'options'; got {data!r}")
     require_known(f"key in a task of {source}", data, ("env", "options"))
     return Task(str(data["env"]), dict(data.get("options") or {}))
 
@@ -291,9 +292,10 @@ def _track(name: str, data: Mapping[str, Any], source: str) -> Track:
 
 
 def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
-    require_known(f"key in sweep '{name}' of {source}", data, ("from", "to", "points", "scale", "option", "integer", "unit"))
+    keys = ("from", "to", "points", "scale", "option", "integer", "unit")
+    require_known(f"key in sweep '{name}' of {source}", data, keys)
     if bool(data.get("scale")) == bool(data.get("option")):
-        raise ConfigurationError(f"{source}: sweep '{name}' needs either 'scale' (rig parameters) or 'option' (of the environment)")
+        raise ConfigurationError(f"{source}: sweep '{name}' needs either 'scale' (rig parameters) or 'option'")
     return Sweep(
         name=str(name),
         low=_number(data.get("from"), f"{name}.from", source),

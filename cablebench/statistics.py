@@ -15,9 +15,9 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Mean of the middle half along the last axis [..., n] -> [...]: a quarter of the values (rounded down) is cut at each end.
+    """Mean of the middle half along the last axis [..., n] -> [...]: a quarter (rounded down) is cut at each end.
 
-    Source: Agarwal et al. 2021, "Deep RL at the edge of the statistical precipice"; equals scipy.stats.trim_mean(x, 0.25).
+    Source: Agarwal et al. 2021, "Deep RL at the edge of the statistical precipice"; scipy.stats.trim_mean(x, 0.25).
     """
     ordered = np.sort(np.asarray(values, float), axis=-1)
     n = ordered.shape[-1]
@@ -59,9 +59,9 @@ def bootstrap(
 ) -> Interval:
     """``statistic`` of all episodes' scores, with a percentile interval from a bootstrap stratified by task.
 
-    In each resample every task's runs are drawn with replacement among themselves, each with all of its episodes. A task
-    with a single run says nothing about training; its episodes are resampled instead, which measures the spread over
-    test episodes only. `Interval.unit` says which it was.
+    In each resample every task's runs are drawn with replacement among themselves, each with all of its episodes. A
+    task with a single run says nothing about training; its episodes are resampled instead, which measures the spread
+    over test episodes only. `Interval.unit` says which it was.
     """
     tables = [np.atleast_2d(np.asarray(t, float)) for t in scores.values()]
     if not tables or any(t.size == 0 for t in tables):
@@ -76,7 +76,7 @@ def bootstrap(
 
 
 def probability_of_improvement(x: Scores, y: Scores) -> float:
-    """Chance that a run of x scores higher than a run of y on the same episode; ties count half; mean over common tasks.
+    """Chance that a run of x scores above a run of y on the same episode; ties count half; mean over common tasks.
 
     x, y: {task: [runs, episodes]} with the same episodes in the same order. NaN when they share no task.
     """

@@ -1,5 +1,6 @@
 """The results store: append-only JSON Lines, one record for each episode. A crash leaves it readable."""
 
+import io
 import json
 import math
 import os
@@ -70,6 +71,8 @@ class ResultStore:
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
+        self.folder = self.path.with_suffix("")
+        """where the trajectories of median and worst episodes lie, one file for each run"""
 
     def append(self, records: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> None:
         """Add one record, or several; they are on disk when this returns."""
@@ -116,4 +119,22 @@ class ResultStore:
                     f"{self.path}:{number}: schema {schema!r}; this version reads up to {SCHEMA}. Upgrade cable-envs."
                 )
             found.append(record)
+        return found
+
+    def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
+        """Save arrays by name for each of ``episodes`` (such as "median", "worst") of a run; replaces what was there."""
+        buffer = io.BytesIO()
+        np.savez_compressed(buffer, **{f"{kind}/{name}": v for kind, arrays in episodes.items() for name, v in arrays.items()})
+        return write_atomic(self.folder / f"{run}.npz", buffer.getvalue())
+
+    def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
+        """What `keep_trajectories` saved for that run; empty where there is nothing."""
+        path = self.folder / f"{run}.npz"
+        if not run or not path.exists():
+            return {}
+        found: dict[str, dict[str, np.ndarray]] = {}
+        with np.load(path, allow_pickle=False) as data:
+            for key in data.files:
+                kind, _, name = key.partition("/")
+                found.setdefault(kind, {})[name] = data[key]
         return found

@@ -1,0 +1,62 @@
+"""What decides in an episode: a reference controller in SI, or a trained policy on observations."""
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from cable_envs.setup import Setup
+from cable_envs.tasks import REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
+
+
+class Actor(Protocol):
+    """Two calls: `start` once after every reset, `act` once for every step."""
+
+    def start(self, env: Any) -> None:
+        """Begin an episode of the (unwrapped) environment, which has just been reset."""
+
+    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
+        """Action [1] in [-1, 1] for an observation at time t [s]."""
+
+
+class ControllerActor:
+    """A controller of `baselines` (or any object with its ``reset``, ``act``, ``set_rig``) behind the observation.
+
+    Measurements are the observation times the channels' scales; the command is mapped linearly to the action, and what
+    lies outside the action mode's range is clipped by the environment.
+    """
+
+    def __init__(self, controller: Any, setup: Setup):
+        self.controller = controller
+        self._low, self._span = setup.low, setup.high - setup.low
+        self._names = [c.name for c in setup.channels]
+        self._scales = np.array([c.scale for c in setup.channels])
+        rows = [c.row for c in setup.channels]
+        self._reference = [rows.index(r) for r in (REFERENCE, REFERENCE_RATE, REFERENCE_ACCELERATION)]
+
+    def start(self, env: Any) -> None:
+        if hasattr(self.controller, "set_rig"):
+            self.controller.set_rig(env.true_rig)
+        self.controller.reset()
+
+    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
+        values = (observation * self._scales).tolist()
+        r, rate, acceleration = (values[k] for k in self._reference)
+        u = self.controller.act(t, dict(zip(self._names, values, strict=True)), (r, rate, acceleration))
+        return np.array([2.0 * (u - self._low) / self._span - 1.0], dtype=np.float32)
+
+
+class PolicyActor:
+    """A trained policy with ``predict(observation, state, episode_start, deterministic) -> (action, state)``, as SB3's."""
+
+    def __init__(self, policy: Any):
+        self.policy = policy
+
+    def start(self, env: Any) -> None:
+        self._state, self._first = None, True
+
+    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
+        action, self._state = self.policy.predict(
+            observation, state=self._state, episode_start=np.array([self._first]), deterministic=True
+        )
+        self._first = False
+        return np.asarray(action, dtype=np.float32).reshape(1)

@@ -1,0 +1,377 @@
+"""From store records to a ranked board: plain data that every report (terminal, JSON, Markdown, HTML) is drawn from.
+
+Score of an episode (protocol, "Score"): (rmse_open_loop - rmse) / (rmse_open_loop - rmse_oracle) with both references on
+the same episode: 0 is the open loop, 1 the oracle. A failed episode gets the protocol's worst score, and no episode gets
+less. Where a reference failed on an episode, its mean over the completed episodes of the same condition stands in; where
+the two references come closer than a tenth of their mean distance in that condition, that tenth is the denominator, so
+that a lucky open loop does not blow up everyone's score.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError
+from cablebench.entrants import INFORMATION
+from cablebench.metrics import METRICS
+from cablebench.protocol import Protocol
+from cablebench.statistics import (
+    Interval,
+    Scores,
+    bootstrap,
+    interquartile_mean,
+    median,
+    optimality_gap,
+    probability_of_improvement,
+    worst_tenth,
+)
+
+SCHEMA = 1
+"""Version of board.json."""
+
+GAP_FLOOR = 0.1
+"""Least denominator of a score, as a share of the mean distance between open loop and oracle in the condition."""
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One entrant in one table. `score` and what follows from it are None where a reference was not run."""
+
+    entrant: str
+    information: str
+    rank: int
+    """place within the information class, from 1"""
+    runs: int
+    """training seeds; 1 for a controller that is not trained"""
+    episodes: int
+    """test episodes of each run"""
+    score: Interval | None
+    median: float | None
+    optimality_gap: float | None
+    worst_tenth: float | None
+    improvement: float | None
+    """probability of improvement over the papers' controller; None for that controller itself"""
+    failures: int
+    raw: Mapping[str, float]
+    """median of every metric over the completed episodes, SI; NaN where it does not apply"""
+    charged: Mapping[str, float]
+    """what the entrant used: environment_steps, tuning_trials, identification_samples"""
+    scores: Mapping[str, tuple[tuple[float, ...], ...]]
+    """{task: [runs][episodes]}"""
+    replay: str
+    trajectory: str = ""
+    """key of the run whose trajectories are shown"""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Entrants on one task and track, or (`task` empty) over all tasks of one mechanism and track."""
+
+    family: str
+    task: str
+    env_id: str
+    track: str
+    output_unit: str
+    command_unit: str
+    paper: str
+    rows: tuple[Row, ...]
+    tasks: int = 1
+    """how many tasks it covers"""
+    omitted: tuple[str, ...] = ()
+    """entrants left out of a table over all tasks because they did not run all of them"""
+
+
+@dataclass(frozen=True)
+class Board:
+    """A ranked board with what is needed to judge and to replay it."""
+
+    protocol: Protocol
+    tables: tuple[Table, ...]
+    overall: tuple[Table, ...]
+    created: str
+    configuration: str
+    versions: Mapping[str, str]
+    machine: str
+    seeds: tuple[int, ...]
+    training_seeds: tuple[int, ...]
+    episodes: int
+    notes: tuple[str, ...]
+    sweeps: tuple[Mapping[str, Any], ...] = ()
+    """stress results: {task, sweep, unit, entrant, values, rmse} with the median RMSE at each swept value"""
+
+    @property
+    def entrants(self) -> tuple[str, ...]:
+        """Every entrant's name, by information class and then by name."""
+        found = {r.entrant: r.information for t in self.tables for r in t.rows}
+        return tuple(sorted(found, key=lambda n: (INFORMATION.index(found[n]), n)))
+
+    def table(self, task: str, track: str) -> Table:
+        """The table of one task (short name or id) and track."""
+        for table in self.tables:
+            if task in (table.task, table.env_id) and table.track == track:
+                return table
+        raise ConfigurationError(f"the board has no table for task '{task}' on track '{track}'")
+
+
+def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
+    """The board of ``protocol`` from store records; records of other configurations are left out and counted in the notes.
+
+    The intervals draw from ``default_rng(protocol.bootstrap_seed)``, so a board repeats exactly from the same records.
+    Raises ConfigurationError when no record belongs to the protocol.
+    """
+    everything = list(records)
+    configuration = protocol.hash()
+    own = latest([r for r in everything if r["protocol_hash"] == configuration])
+    if not own:
+        raise ConfigurationError(
+            f"no record of protocol '{protocol.name}' (configuration {configuration}) in the store; run `cablebench evaluate`"
+        )
+    rng = np.random.default_rng(protocol.bootstrap_seed)
+    scored = [(r, s) for r, s in zip(own, score_episodes(own, protocol), strict=True)]
+    order = {t.short: i for i, t in enumerate(protocol.tasks)}
+    tracks = [t.name for t in protocol.tracks]
+    groups: dict[tuple[str, str], list[tuple[Record, float]]] = {}
+    for record, score in scored:
+        groups.setdefault((record["task"], record["track"]), []).append((record, score))
+    keys = sorted(groups, key=lambda k: (order.get(k[0], len(order)), tracks.index(k[1])))
+    tables = tuple(_table(groups[k], protocol, rng) for k in keys)
+    return Board(
+        protocol=protocol,
+        tables=tables,
+        overall=_overall(tables, protocol, rng),
+        created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        configuration=configuration,
+        versions=own[-1]["versions"],
+        machine=own[-1].get("machine", ""),
+        seeds=tuple(sorted({r["seed"] for r in own})),
+        training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
+        episodes=len(own),
+        notes=_notes(everything, own, tables, protocol),
+        sweeps=_sweeps(own),
+    )
+
+
+def latest(records: Iterable[Record]) -> list[Record]:
+    """Each episode of each entrant and training seed once: where it was run again, the newest record counts."""
+    return list({(r["entrant"], r["training_seed"], *_episode(r)): r for r in records}.values())
+
+
+def _episode(record: Record) -> tuple[Any, ...]:
+    """What two records share when they are the same episode run by different entrants."""
+    return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]
+
+
+def score_episodes(records: list[Record], protocol: Protocol) -> list[float]:
+    """The score of each record; NaN where a reference is missing or the oracle is on average no better than the open loop."""
+    worst = _reference_errors([r for r in records if r["entrant"] == protocol.open_loop])
+    best = _reference_errors([r for r in records if r["entrant"] == protocol.oracle])
+    gaps: dict[tuple[Any, ...], list[float]] = {}
+    for episode in worst.keys() & best.keys():
+        gaps.setdefault(episode[:-1], []).append(worst[episode] - best[episode])
+    floor = {condition: GAP_FLOOR * float(np.mean(g)) for condition, g in gaps.items()}
+    return [_score(r, worst, best, floor, protocol.worst_score) for r in records]
+
+
+def _score(record: Record, worst: Mapping, best: Mapping, floor: Mapping, lowest: float) -> float:
+    episode = _episode(record)
+    least = floor.get(episode[:-1], math.nan)
+    if not (episode in worst and episode in best and least > 0.0):
+        return math.nan
+    if record["metrics"]["failed"] or record["metrics"]["rmse"] is None:
+        return lowest
+    gap = max(worst[episode] - best[episode], least)
+    return max((worst[episode] - record["metrics"]["rmse"]) / gap, lowest)
+
+
+def _reference_errors(records: list[Record]) -> dict[tuple[Any, ...], float]:
+    """RMSE by episode; a failed episode takes the mean over the completed ones of its condition."""
+    done: dict[tuple[Any, ...], list[float]] = {}
+    for r in records:
+        if not r["metrics"]["failed"]:
+            done.setdefault(_episode(r)[:-1], []).append(r["metrics"]["rmse"])
+    errors = {}
+    for r in records:
+        condition = done.get(_episode(r)[:-1])
+        if condition:
+            errors[_episode(r)] = float(np.mean(condition)) if r["metrics"]["failed"] else r["metrics"]["rmse"]
+    return errors
+
+
+def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.random.Generator) -> Table:
+    first = scored[0][0]
+    by_entrant: dict[str, list[tuple[Record, float]]] = {}
+    for record, score in scored:
+        by_entrant.setdefault(record["entrant"], []).append((record, score))
+    paper = protocol.paper.get(first["family"], "")
+    task = first["task"]
+    arrays = {name: _score_array(items) for name, items in by_entrant.items()}
+    rows = [
+        _row(name, [r for r, _ in by_entrant[name]], {task: arrays[name]}, {task: arrays[paper]} if paper in arrays else {},
+             name == paper, protocol, rng)
+        for name in sorted(by_entrant)
+    ]
+    return Table(first["family"], task, first["env_id"], first["track"], first["output_unit"], first["command_unit"],
+                 paper, ranked(rows))
+
+
+def _score_array(items: list[tuple[Record, float]]) -> np.ndarray:
+    """Scores [runs, episodes]; runs by training seed, episodes by condition and seed. A run that is not whole is refused."""
+    runs: dict[Any, dict[tuple[Any, ...], float]] = {}
+    for record, score in items:
+        runs.setdefault(record["training_seed"] or 0, {})[tuple(map(str, _episode(record)))] = score
+    episodes = sorted({e for run in runs.values() for e in run})
+    short = [k for k, run in runs.items() if len(run) < len(episodes)]
+    if short:
+        raise ConfigurationError(
+            f"run {short[0]} of '{items[0][0]['entrant']}' on {items[0][0]['task']} has {len(runs[short[0]])} of "
+            f"{len(episodes)} episodes; evaluate it again before ranking it"
+        )
+    return np.array([[runs[k][e] for e in episodes] for k in sorted(runs)])
+
+
+def _row(name: str, records: list[Record], scores: Scores, paper: Scores, is_paper: bool, protocol: Protocol,
+         rng: np.random.Generator) -> Row:
+    flat = np.concatenate([np.ravel(s) for s in scores.values()])
+    known = bool(np.all(np.isfinite(flat)))
+    interval = bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level) if known else None
+    complete = [r["metrics"] for r in records if not r["metrics"]["failed"]]
+    improvement = probability_of_improvement(scores, paper) if known and paper and not is_paper else math.nan
+    return Row(
+        entrant=name,
+        information=records[0]["information"],
+        rank=0,
+        runs=min(s.shape[0] for s in scores.values()),
+        episodes=min(s.shape[1] for s in scores.values()),
+        score=interval,
+        median=float(median(flat)) if known else None,
+        optimality_gap=float(optimality_gap(flat)) if known else None,
+        worst_tenth=float(worst_tenth(flat)) if known else None,
+        improvement=improvement if math.isfinite(improvement) else None,
+        failures=sum(bool(r["metrics"]["failed"]) for r in records),
+        raw={m.name: _median([c.get(m.name) for c in complete]) for m in METRICS},
+        charged=_charged(records),
+        scores={k: tuple(map(tuple, v.tolist())) for k, v in scores.items()},
+        replay=records[-1]["replay"],
+        trajectory=_typical_run(records),
+    )
+
+
+def _median(values: list[float | None]) -> float:
+    known = [v for v in values if v is not None and math.isfinite(v)]
+    return float(np.median(known)) if known else math.nan
+
+
+def _charged(records: list[Record]) -> dict[str, float]:
+    """Budget of one training seed (the largest, where seeds differ)."""
+    names = sorted({k for r in records for k in r["charged"]})
+    return {k: max(r["charged"].get(k, 0) for r in records) for k in names}
+
+
+def _typical_run(records: list[Record]) -> str:
+    """The run with the median RMSE (upper median); runs with failures come last."""
+    runs: dict[str, list[float]] = {}
+    for r in records:
+        runs.setdefault(r["run"], []).append(math.inf if r["metrics"]["failed"] else r["metrics"]["rmse"])
+    ordered = sorted(runs, key=lambda k: float(np.mean(runs[k])))
+    return ordered[len(ordered) // 2]
+
+
+def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
+    """Rows by information class, then by score (interquartile mean); without scores by raw RMSE. Ranks count in the class."""
+    def place(row: Row) -> tuple[float, float, str]:
+        rmse = row.raw.get("rmse", math.nan)
+        return (-row.score.value if row.score else math.inf, rmse if math.isfinite(rmse) else math.inf, row.entrant)
+
+    result: list[Row] = []
+    for information in INFORMATION:
+        group = sorted((r for r in rows if r.information == information), key=place)
+        result += [replace(r, rank=i) for i, r in enumerate(group, 1)]
+    return tuple(result)
+
+
+def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Generator) -> tuple[Table, ...]:
+    """For each mechanism and track one table over all its tasks, of the entrants that ran every one of them."""
+    result = []
+    for family, track in dict.fromkeys((t.family, t.track) for t in tables):
+        group = [t for t in tables if (t.family, t.track) == (family, track)]
+        if len(group) < 2:
+            continue
+        rows: dict[str, list[Row]] = {}
+        for table in group:
+            for row in table.rows:
+                rows.setdefault(row.entrant, []).append(row)
+        whole = {n: r for n, r in rows.items() if len(r) == len(group)}
+        scores = {n: {k: np.array(v) for row in r for k, v in row.scores.items()} for n, r in whole.items()}
+        paper = protocol.paper.get(family, "")
+        merged = [
+            _merge(whole[n], scores[n], scores.get(paper, {}), n == paper, protocol, rng) for n in sorted(whole)
+        ]
+        result.append(Table(family, "", "", track, "", "", paper, ranked(merged), len(group), tuple(sorted(set(rows) - set(whole)))))
+    return tuple(result)
+
+
+def _merge(rows: list[Row], scores: Scores, paper: Scores, is_paper: bool, protocol: Protocol,
+           rng: np.random.Generator) -> Row:
+    """One entrant over several tasks. Raw errors of different units are not averaged: only dimensionless metrics stay."""
+    flat = np.concatenate([np.ravel(s) for s in scores.values()])
+    known = bool(np.all(np.isfinite(flat)))
+    improvement = probability_of_improvement(scores, paper) if known and paper and not is_paper else math.nan
+    common = [m.name for m in METRICS if m.unit in ("1", "us")]
+    charged = {k: sum(r.charged.get(k, 0) for r in rows) for k in sorted({k for r in rows for k in r.charged})}
+    return replace(
+        rows[0],
+        runs=min(r.runs for r in rows),
+        episodes=sum(r.episodes for r in rows),
+        score=bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level) if known else None,
+        median=float(median(flat)) if known else None,
+        optimality_gap=float(optimality_gap(flat)) if known else None,
+        worst_tenth=float(worst_tenth(flat)) if known else None,
+        improvement=improvement if math.isfinite(improvement) else None,
+        failures=sum(r.failures for r in rows),
+        raw={name: _median([r.raw[name] for r in rows]) for name in common},
+        charged=charged,
+        scores={k: tuple(map(tuple, np.asarray(v).tolist())) for k, v in scores.items()},
+        trajectory="",
+    )
+
+
+def _sweeps(records: list[Record]) -> tuple[dict[str, Any], ...]:
+    """Median RMSE against the swept value, for every task, sweep and entrant of a stress track; failures leave a gap (NaN)."""
+    found: dict[tuple[str, str, str, str], dict[float, list[float]]] = {}
+    for r in records:
+        if r.get("sweep"):
+            key = (r["task"], r["sweep"], r.get("sweep_unit", "1"), r["entrant"])
+            rmse = math.nan if r["metrics"]["failed"] else r["metrics"]["rmse"]
+            found.setdefault(key, {}).setdefault(r["sweep_value"], []).append(rmse)
+    return tuple(
+        {"task": t, "sweep": s, "unit": u, "entrant": e, "values": sorted(points),
+         "rmse": [_median(points[v]) for v in sorted(points)]}
+        for (t, s, u, e), points in sorted(found.items())
+    )
+
+
+def _notes(everything: list[Record], own: list[Record], tables: tuple[Table, ...], protocol: Protocol) -> tuple[str, ...]:
+    notes = [protocol.note] if protocol.note else []
+    rows = [r for t in tables for r in t.rows]
+    few = sorted({r.entrant for r in rows if r.charged.get("environment_steps") and r.runs < protocol.training_seeds})
+    if few:
+        notes.append(f"Fewer training seeds than the {protocol.training_seeds} the protocol asks for: {', '.join(few)}.")
+    if any(r.score is not None and r.score.unit == "episodes" for r in rows):
+        notes.append("Rows with a single run have intervals over test episodes only: they say nothing about training.")
+    missing = [f"{t.task} ({t.track})" for t in tables if t.rows and t.rows[0].score is None]
+    if missing:
+        notes.append("No scores, because open loop or oracle are missing, or the oracle is on average no better: "
+                     f"{', '.join(missing)}. Rows there are ordered by raw RMSE.")
+    others = len(everything) - sum(r["protocol_hash"] == own[0]["protocol_hash"] for r in everything)
+    if others:
+        notes.append(f"{others} records of other configurations in the store were left out.")
+    versions = {tuple(sorted(r["versions"].items())) for r in own}
+    if len(versions) > 1:
+        notes.append(f"The records come from {len(versions)} different sets of package versions; the newest is listed.")
+    return tuple(notes)

@@ -1,0 +1,118 @@
+"""Who takes part: a name, an information class, what was charged, and how to make the actor for an environment."""
+
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cable_envs.errors import require_known
+from cable_envs.setup import Setup
+from cablebench.actors import Actor, ControllerActor, PolicyActor
+
+INFORMATION = ("model-free", "nominal", "identified", "oracle")
+"""What an entrant was told about the rig; entrants are ranked within their class."""
+
+BUDGETS = ("environment_steps", "tuning_trials", "identification_samples")
+"""What is charged and shown, for one training seed."""
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """One policy to evaluate. Several entrants may share a name: the training seeds of an agent, or gains per task."""
+
+    name: str
+    information: str
+    make: Callable[[Setup], Actor]
+    """actor for an environment with this setup"""
+    needs: Callable[[str, Setup], Mapping[str, Any] | None]
+    """(env id, setup with the track's options) -> further environment options, or None where it does not enter"""
+    arguments: str
+    """what the command line needs to name it, for the replay command"""
+    training_seed: int | None = None
+    charged: Mapping[str, float] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """whatever decides its behaviour: gains, policy file and its hash, ..."""
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        require_known("information class", [self.information], INFORMATION)
+        require_known("budget", self.charged, BUDGETS)
+
+    @property
+    def title(self) -> str:
+        """Its name, with the training seed where it has one."""
+        return self.name if self.training_seed is None else f"{self.name} (seed {self.training_seed})"
+
+    def replay(self, protocol: str, env_id: str, track: str) -> str:
+        """The command that runs its episodes of a task and track again."""
+        return f"cablebench evaluate --protocol {shlex.quote(protocol)} --env {env_id} --track {track} {self.arguments}"
+
+
+def controller_entrant(
+    controller: str | type,
+    gains: Mapping[str, float] | None = None,
+    charged: Mapping[str, float] | None = None,
+    envs: Sequence[str] = (),
+) -> Entrant:
+    """A reference controller by name, or any class with the interface of `baselines.base.Controller`.
+
+    It is made for the nominal rig and observes the level it declares. ``envs`` limits it to some environment ids; else it
+    enters wherever it applies. Raises ConfigurationError for unknown names.
+    """
+    from baselines import controller_class
+
+    kind: Any = controller_class(controller) if isinstance(controller, str) else controller
+    chosen = dict(gains or {})
+
+    def needs(env_id: str, setup: Setup) -> Mapping[str, Any] | None:
+        if envs and env_id not in envs:
+            return None
+        case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
+        return {"observe": kind.levels[setup.plant.name]} if kind.applies(*case) else None
+
+    def make(setup: Setup) -> Actor:
+        made = kind(setup.plant.name, setup.action_mode.name, setup.task.kind, setup.rig.values, setup.control_period, **chosen)
+        return ControllerActor(made, setup)
+
+    arguments = f"--controller {shlex.quote(kind.name)}" + "".join(f" --gain {k}={v:.17g}" for k, v in chosen.items())
+    return Entrant(kind.name, kind.information, make, needs, arguments, charged=dict(charged or {}), settings={"gains": chosen})
+
+
+def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
+    """The reference controllers with their default gains: those named, or all."""
+    from baselines import CONTROLLERS
+
+    return tuple(controller_entrant(name) for name in (names or CONTROLLERS))
+
+
+def agent_entrant(
+    name: str,
+    policy: Any,
+    env_id: str,
+    training_seed: int,
+    environment_steps: int,
+    options: Mapping[str, Any] | None = None,
+    tuning_trials: int = 0,
+    information: str = "model-free",
+    path: str = "",
+    settings: Mapping[str, Any] | None = None,
+    versions: Mapping[str, str] | None = None,
+) -> Entrant:
+    """One trained policy for one environment id.
+
+    ``policy`` has ``predict(observation, state, episode_start, deterministic)``. ``options`` are the environment options it
+    was trained with that shape its observation and action (observe, action_mode); ``path`` is where it is saved, for the
+    replay command; ``settings`` should hold a hash of the saved file.
+    """
+    shape = dict(options or {})
+    return Entrant(
+        name=name,
+        information=information,
+        make=lambda setup: PolicyActor(policy),
+        needs=lambda env, setup: shape if env == env_id else None,
+        arguments=f"--policy {shlex.quote(path or name)}",
+        training_seed=training_seed,
+        charged={"environment_steps": environment_steps, "tuning_trials": tuning_trials},
+        settings=dict(settings or {}),
+        versions=dict(versions or {}),
+    )

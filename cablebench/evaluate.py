@@ -1,0 +1,246 @@
+"""Running entrants over a protocol's episodes: every entrant sees the same episodes, every episode becomes one record.
+
+A reference controller gets the SI measurements decoded from the observation, so it sees the same noise and delay as an
+agent, and answers with an SI command that is mapped to the action. Only an oracle uses the true rig it is handed.
+"""
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.setup import Setup, make_setup
+from cablebench.actors import Actor
+from cablebench.entrants import Entrant
+from cablebench.episode import Episode
+from cablebench.metrics import measure
+from cablebench.protocol import Cell, Protocol, configuration_hash
+from cablebench.provenance import machine, versions
+from cablebench.store import ResultStore
+
+TRAJECTORY_POINTS = 400
+"""Samples kept of the median and the worst episode of a run, for drawing."""
+
+_NOT_SIGNALS = ("time", "reference", "output", "error", "command")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far an evaluation is: episodes done and to do, and what is running."""
+
+    done: int
+    total: int
+    text: str
+
+
+def run_episode(
+    env: gym.Env, actor: Actor, seed: int, options: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> Episode:
+    """One episode of ``actor`` in ``env`` from ``seed`` (with reset ``options``), as arrays.
+
+    An actor that answers with a number that is not finite ends the episode as failed, like a torn cable.
+    """
+    core: Any = env.unwrapped
+    setup: Setup = core.setup
+    observation, info = env.reset(seed=seed, options=dict(options) if options else None)
+    names, rows, rewards, spent = tuple(info), [], [], []
+    actor.start(core)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        before = time.perf_counter()
+        action = actor.act(observation, info["time"])
+        spent.append(time.perf_counter() - before)
+        if not np.all(np.isfinite(action)):
+            terminated = True
+            rewards.append(0.0)
+            rows.append(list(info.values()))
+            break
+        observation, reward, terminated, truncated, info = env.step(action)
+        rewards.append(reward)
+        rows.append(list(info.values()))
+    arrays = dict(zip(names, np.array(rows, float).T, strict=True))
+    reference = (options or {}).get("reference") or setup.reference
+    return Episode(
+        **{name: arrays[name] for name in ("time", "reference", "output", "command")},
+        reward=np.array(rewards, float),
+        inference=np.array(spent),
+        signals={n: v for n, v in arrays.items() if n not in _NOT_SIGNALS},
+        terminated=bool(terminated),
+        dt=setup.control_period,
+        horizon=setup.steps,
+        output_unit=setup.output_unit,
+        command_unit=setup.action_mode.unit,
+        step_time=float(reference.get("start", 0.0)) if reference["kind"] == "step" else None,
+        success_error=float(setup.task.success_error),
+        settings={"seed": seed, "rig": setup.rig.name, "action_mode": setup.action_mode.name,
+                  "env_id": env.spec.id if env.spec else "", **(settings or {})},
+    )  # fmt: skip
+
+
+def evaluate(
+    protocol: Protocol,
+    entrants: Sequence[Entrant],
+    tasks: Sequence[str] = (),
+    tracks: Sequence[str] = (),
+    store: ResultStore | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = False,
+) -> list[dict[str, Any]]:
+    """Run every entrant on every condition it enters; returns the new records and appends them to ``store`` one by one.
+
+    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, episodes that the
+    store already holds (same configuration, same source) are not run again. ``progress`` is called before each episode
+    and once at the end.
+
+    Raises ConfigurationError for unknown names and where an entrant enters none of the chosen conditions.
+    """
+    plan = _plan(protocol, entrants, tasks, tracks)
+    known = {(r["run"], r["seed"]) for r in store.records()} if store is not None and resume else set()
+    total, done, records = sum(cell.episodes for cell, _, _ in plan), 0, []
+    with _Environments() as environments:
+        for cell, entrant, options in plan:
+            run = run_key(protocol, cell, entrant, options)
+            env = environments.get(cell.task.env, options)
+            actor = entrant.make(env.unwrapped.setup)
+            kept: list[tuple[float, Episode]] = []
+            for seed in protocol.seeds(cell.episodes):
+                if progress is not None:
+                    progress(Progress(done, total, f"{entrant.title} on {cell.key}"))
+                done += 1
+                if (run, seed) in known:
+                    continue
+                episode = run_episode(env, actor, seed, _reset_options(cell, env.unwrapped.setup))
+                record = _record(protocol, cell, entrant, options, run, seed, episode)
+                records.append(record)
+                kept.append((math.inf if record["metrics"]["failed"] else record["metrics"]["rmse"], episode))
+                if store is not None:
+                    store.append(record)
+            if store is not None and len(kept) == cell.episodes:
+                store.keep_trajectories(run, _typical(kept))
+    if progress is not None:
+        progress(Progress(total, total, "done"))
+    return records
+
+
+def _plan(
+    protocol: Protocol, entrants: Sequence[Entrant], tasks: Sequence[str], tracks: Sequence[str]
+) -> list[tuple[Cell, Entrant, dict[str, Any]]]:
+    cells = protocol.cells(tuple(tasks), tuple(tracks))
+    plan = []
+    for cell in cells:
+        options = cell_options(cell)
+        setup = setup_of(cell.task.env, options)
+        for entrant in entrants:
+            needs = entrant.needs(cell.task.env, setup)
+            if needs is not None:
+                plan.append((cell, entrant, {**options, **needs}))
+    for entrant in entrants:
+        if not any(e is entrant for _, e, _ in plan):
+            raise ConfigurationError(
+                f"'{entrant.title}' enters none of the chosen tasks: {', '.join(dict.fromkeys(c.task.env for c in cells))}"
+            )
+    return plan
+
+
+def cell_options(cell: Cell) -> dict[str, Any]:
+    """The environment's options in a cell: the task's, the track's, and the swept one."""
+    options = {**cell.task.options, **cell.track.options}
+    if cell.sweep is not None and cell.sweep.option:
+        options[cell.sweep.option] = int(cell.value) if cell.sweep.integer else cell.value
+    return options
+
+
+def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
+    """The `Setup` that ``gymnasium.make(env_id, **options)`` would have, without making it."""
+    spec = gym.registry.get(env_id)
+    if spec is None or "task" not in spec.kwargs:
+        import cable_envs
+
+        spec = gym.registry.get(env_id)  # importing the package registered its environments
+        if spec is None:
+            raise ConfigurationError(f"unknown environment '{env_id}'; {nearest(env_id, cable_envs.ENV_IDS)}")
+    return make_setup(**{**spec.kwargs, **options})
+
+
+def _reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
+    """Rig parameters scaled by a sweep, held within their physical bounds; the entrant keeps the nominal ones."""
+    if cell.sweep is None or not cell.sweep.scale:
+        return None
+    table = setup.plant.parameters
+    changed = {}
+    for name in cell.sweep.scale[cell.task.family]:
+        declared = table[name]
+        changed[name] = min(max(setup.rig.values[name] * cell.value, declared.low), declared.high)
+    return {"rig": changed}
+
+
+def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any]) -> str:
+    """Names one run: everything that decides its numbers, the simulator's source included."""
+    return configuration_hash({
+        "protocol": protocol.hash(), "cell": cell.key, "env": cell.task.env, "options": options, "entrant": entrant.name,
+        "settings": entrant.settings, "training_seed": entrant.training_seed, "source": versions()["source"],
+    })  # fmt: skip
+
+
+def _record(
+    protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any], run: str, seed: int, episode: Episode
+) -> dict[str, Any]:
+    return {
+        "protocol": protocol.name,
+        "protocol_hash": protocol.hash(),
+        "run": run,
+        "env_id": cell.task.env,
+        "task": cell.task.short,
+        "family": cell.task.family,
+        "track": cell.track.name,
+        "sweep": cell.sweep.name if cell.sweep else None,
+        "sweep_value": cell.value,
+        "sweep_unit": cell.sweep.unit if cell.sweep else "1",
+        "entrant": entrant.name,
+        "information": entrant.information,
+        "training_seed": entrant.training_seed,
+        "seed": seed,
+        "options": dict(options),
+        "settings": dict(entrant.settings),
+        "output_unit": episode.output_unit,
+        "command_unit": episode.command_unit,
+        "metrics": measure(episode),
+        "charged": dict(entrant.charged),
+        "versions": {**versions(), **entrant.versions},
+        "machine": machine(),
+        "replay": entrant.replay(protocol.name, cell.task.env, cell.track.name),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def _typical(kept: list[tuple[float, Episode]]) -> dict[str, dict[str, np.ndarray]]:
+    """The median and the worst episode by RMSE (a failed one is the worst), thinned for drawing."""
+    order = sorted(range(len(kept)), key=lambda i: kept[i][0])
+    chosen = {"median": order[(len(order) - 1) // 2], "worst": order[-1]}
+    return {kind: kept[i][1].thinned(TRAJECTORY_POINTS) for kind, i in chosen.items()}
+
+
+class _Environments:
+    """One environment object for each id and set of options, closed together."""
+
+    def __enter__(self) -> "_Environments":
+        self._made: dict[str, gym.Env] = {}
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for env in self._made.values():
+            env.close()
+
+    def get(self, env_id: str, options: Mapping[str, Any]) -> gym.Env:
+        key = json.dumps([env_id, options], sort_keys=True, default=str)
+        if key not in self._made:
+            self._made[key] = gym.make(env_id, disable_env_checker=True, **options)
+        return self._made[key]

@@ -1,0 +1,224 @@
+"""The HTML page of a board: figures, bars and table cells for templates/board.html.j2. No network, one file."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+from cablebench import figures
+from cablebench.board import GAP_FLOOR, Board, Row, Table
+from cablebench.entrants import BUDGETS, INFORMATION
+from cablebench.metrics import METRICS
+from cablebench.report import MAIN_METRICS, censored, seed_text
+from cablebench.units import count, number, shown, unit_of
+
+TITLES = {"CableHole": "Cable through a hole", "PulleyCircuit": "Closed pulley circuit"}
+_SHOWN_TRAJECTORIES = 4
+_RAW = tuple(m for m in METRICS if not m.name.endswith("_censored") and m.name not in ("failed", "peak_tension"))
+
+
+def render_html(board: Board, trajectories: Callable[[str], Mapping[str, Any]] | None = None) -> str:
+    """The page as text. ``trajectories``: run key -> {"median": arrays, "worst": arrays}."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    source = files("cablebench").joinpath("templates/board.html.j2").read_text(encoding="utf-8")
+    style = figures.styles(board)
+    return environment.from_string(source).render(
+        board=board,
+        names=board.entrants,
+        style=style,
+        level=f"{100 * board.protocol.level:g}",
+        worst=number(board.protocol.worst_score),
+        floor=number(100 * GAP_FLOOR),
+        papers=", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items()) or "none named",
+        metrics=[{"label": m.label, "unit": m.unit.format(y="y", u="u"), "meaning": m.meaning} for m in METRICS],
+        seeds=seed_text(board.seeds),
+        training_seeds=seed_text(board.training_seeds),
+        matrices=_matrices(board),
+        families=[_family(board, f, style, trajectories, Markup) for f in dict.fromkeys(t.family for t in board.tables)],
+    )
+
+
+def _anchor(task: str) -> str:
+    return "task-" + task.lower()
+
+
+def _matrices(board: Board) -> list[dict[str, Any]]:
+    """For each track the entrants' scores on all tasks, coloured."""
+    result = []
+    for track in dict.fromkeys(t.track for t in board.tables):
+        tables = [t for t in board.tables if t.track == track]
+        known = {(t.task, r.entrant): r for t in tables for r in t.rows}
+        rows, previous = [], None
+        classes = {r.entrant: r.information for t in tables for r in t.rows}
+        for name in (n for n in board.entrants if n in classes):
+            line = [_shade(known.get((t.task, name))) for t in tables]
+            rows.append({"name": name, "cells": line, "heading": classes[name] if classes[name] != previous else ""})
+            previous = classes[name]
+        tasks = [{"anchor": _anchor(t.task), "lines": _lines(t.task)} for t in tables]
+        result.append({"name": track, "tasks": tasks, "rows": rows})
+    return result
+
+
+def _lines(task: str) -> tuple[str, str]:
+    """"CableHole-Position-Step" -> ("CableHole", "Position Step")."""
+    first, _, rest = task.partition("-")
+    return first, rest.replace("-", " ")
+
+
+def _shade(row: Row | None) -> dict[str, str]:
+    """A cell from white (score 0 and below) to blue (1 and above); dark text on light, white on dark."""
+    if row is None or row.score is None:
+        return {"text": "–", "colour": "#f5f7f8", "ink": "#5b6770"}
+    share = min(max(row.score.value, 0.0), 1.0) ** 1.5
+    colour = tuple(round(a + (b - a) * share) for a, b in zip((244, 247, 250), (27, 108, 168), strict=True))
+    ink = "#a8321f" if row.score.value < -0.05 else "#ffffff" if share > 0.55 else "#1f2933"
+    return {"text": f"{row.score.value:.2f}".replace("-", "−"), "colour": "#%02x%02x%02x" % colour, "ink": ink}
+
+
+def _family(board: Board, family: str, style: figures.Style, trajectories: Any, markup: Any) -> dict[str, Any]:
+    overall = [t for t in board.overall if t.family == family]
+    tables = [t for t in board.tables if t.family == family]
+    tasks = [
+        _task(board, [t for t in tables if t.task == name], style, trajectories, markup)
+        for name in dict.fromkeys(t.task for t in tables)
+    ]
+    scored = [t for t in overall if any(r.score for r in t.rows)]
+    return {
+        "name": family,
+        "title": TITLES.get(family, family),
+        "overall": [_view(t, style, markup) for t in overall],
+        "profile": markup(figures.profile(scored, style)) if scored else "",
+        "tasks": tasks,
+    }
+
+
+def _task(board: Board, tables: Sequence[Table], style: figures.Style, trajectories: Any, markup: Any) -> dict[str, Any]:
+    first = tables[0]
+    drawn = []
+    for table in tables:
+        rows, found = _typical(table, trajectories, board)
+        if rows:
+            drawn.append({"track": table.track, "svg": markup(figures.trajectories(table, rows, found, style))})
+    return {
+        "name": first.task.replace("-", " · "),
+        "anchor": _anchor(first.task),
+        "env_id": first.env_id,
+        "output_unit": first.output_unit,
+        "command_unit": first.command_unit,
+        "tables": [_view(t, style, markup) for t in tables],
+        "effort": markup(figures.effort(tables, style)),
+        "phases": markup(figures.phases(tables, style)),
+        "sweeps": markup(figures.sweeps(board, first.task, style)),
+        "trajectories": drawn,
+        "replay": [(f"{r.entrant}, {t.track}", r.replay) for t in tables for r in t.rows],
+    }
+
+
+def _typical(table: Table, trajectories: Any, board: Board) -> tuple[list[Row], list[Mapping[str, Any]]]:
+    """Up to four rows worth looking at: the papers' controller, the best of each class, then the rest by rank."""
+    if trajectories is None:
+        return [], []
+    wanted = [r for r in table.rows if r.entrant == table.paper]
+    wanted += [r for r in table.rows if r.rank == 1]
+    wanted += [r for r in table.rows if r.charged.get("environment_steps")]
+    wanted += [r for r in table.rows if r.entrant != board.protocol.open_loop]
+    chosen: dict[str, Row] = {}
+    for row in wanted:
+        if len(chosen) < _SHOWN_TRAJECTORIES:
+            chosen.setdefault(row.entrant, row)
+    pairs = {name: trajectories(row.trajectory) for name, row in chosen.items()}
+    rows = [row for row in table.rows if pairs.get(row.entrant)]
+    return rows, [pairs[row.entrant] for row in rows]
+
+
+def _view(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
+    """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
+    metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    columns = [
+        {"label": "score", "unit": "IQM", "title": "interquartile mean"},
+        {"label": "median", "unit": "", "title": "median score"},
+        {"label": "gap", "unit": "", "title": "optimality gap: mean shortfall below 1"},
+        {"label": "worst 10 %", "unit": "CVaR", "title": "mean of the lowest tenth of the scores"},
+        {"label": "better than", "unit": "paper, %", "title": "probability of improvement over the papers' controller"},
+        *({"label": _label(m), "unit": unit_of(m, table), "title": _meaning(m)} for m in metrics),
+        {"label": "failed", "unit": "episodes", "title": "episodes that did not run to their end"},
+        {"label": "env", "unit": "steps", "title": "environment steps charged"},
+        {"label": "tuning", "unit": "trials", "title": "tuning trials charged"},
+        {"label": "ident.", "unit": "samples", "title": "identification samples charged"},
+    ]
+    groups = [
+        {"name": name, "rows": [_row(r, table, metrics, style, markup) for r in table.rows if r.information == name]}
+        for name in INFORMATION
+        if any(r.information == name for r in table.rows)
+    ]
+    raw = [m for m in _RAW if any(math.isfinite(r.raw.get(m.name, math.nan)) for r in table.rows)]
+    left_out = f" Left out, because they did not run all {table.tasks} tasks: {', '.join(table.omitted)}." if table.omitted else ""
+    runs = sorted({r.runs for r in table.rows})
+    episodes = max(r.episodes for r in table.rows)
+    return {
+        "track": table.track,
+        "tasks": table.tasks,
+        "caption": f"{episodes} test episodes a run; runs (training seeds) {'–'.join(map(str, {runs[0]: 0, runs[-1]: 0}))}.{left_out}",
+        "columns": columns,
+        "groups": groups,
+        "raw_columns": [{"label": m.label, "unit": unit_of(m.name, table), "title": m.meaning} for m in raw],
+        "raw_rows": [{"name": r.entrant, "cells": [_cell(r, m.name, table) for m in raw]} for r in table.rows],
+    }
+
+
+def _label(name: str) -> str:
+    return next(m.label for m in METRICS if m.name == name)
+
+
+def _meaning(name: str) -> str:
+    return next(m.meaning for m in METRICS if m.name == name)
+
+
+def _cell(row: Row, name: str, table: Table) -> dict[str, Any]:
+    text = shown(row.raw[name], name, table)
+    return {"text": f"> {text}" if censored(row, name) else text, "value": row.raw[name], "bad": False}
+
+
+def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, markup: Any) -> dict[str, Any]:
+    def score(value: float | None) -> dict[str, Any]:
+        text = "–" if value is None else f"{value:.2f}".replace("-", "−")
+        return {"text": text, "value": "nan" if value is None else value, "bad": value is not None and value < 0}
+
+    better = None if row.improvement is None else 100 * row.improvement
+    return {
+        "name": row.entrant,
+        "rank": row.rank,
+        "bar": markup(_bar(row, style[row.entrant]["color"])),
+        "cells": [
+            score(row.score.value if row.score else None), score(row.median), score(row.optimality_gap), score(row.worst_tenth),
+            {"text": "–" if better is None else f"{better:.0f}", "value": "nan" if better is None else better, "bad": False},
+            *(_cell(row, m, table) for m in metrics),
+            {"text": f"{row.failures}/{row.runs * row.episodes}", "value": row.failures, "bad": row.failures > 0},
+            *({"text": count(row.charged.get(k, 0)), "value": row.charged.get(k, 0), "bad": False} for k in BUDGETS),
+        ],
+    }  # fmt: skip
+
+
+def _bar(row: Row, colour: str, width: int = 200, height: int = 20) -> str:
+    """The interval as a line with its point on an axis from -1 to 1.25; hollow where it is over episodes only."""
+    low, high = -1.0, 1.25
+    if row.score is None:
+        return ""
+
+    def x(value: float) -> float:
+        return round(4 + (width - 8) * (min(max(value, low), high) - low) / (high - low), 1)
+
+    s, y = row.score, height / 2
+    ticks = "".join(
+        f'<line x1="{x(v)}" x2="{x(v)}" y1="1" y2="{height - 1}" stroke="{"#b9c1c7" if v in (0, 1) else "#e6eaed"}"/>' for v in (-1, -0.5, 0, 0.5, 1)
+    )
+    fill = "#ffffff" if s.unit == "episodes" else colour
+    return (
+        f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img" '
+        f'aria-label="{s.value:.2f}, interval {s.low:.2f} to {s.high:.2f}, over {s.unit}">{ticks}'
+        f'<line x1="{x(s.low)}" x2="{x(s.high)}" y1="{y}" y2="{y}" stroke="{colour}" stroke-width="3" stroke-linecap="round"/>'
+        f'<circle cx="{x(s.value)}" cy="{y}" r="4" fill="{fill}" stroke="{colour}" stroke-width="2"/></svg>'
+    )

@@ -1,0 +1,161 @@
+"""A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cablebench.board import SCHEMA, Board, Row, Table
+from cablebench.entrants import BUDGETS
+from cablebench.metrics import METRICS
+from cablebench.store import jsonable, write_atomic
+from cablebench.units import count, number, shown, unit_of
+
+Trajectories = Callable[[str], Mapping[str, Mapping[str, Any]]]
+"""run key -> {"median": arrays by name, "worst": arrays by name}, empty where nothing was kept"""
+
+MAIN_METRICS = {True: ("rmse", "max_error", "settling_5", "overshoot"), False: ("rmse", "max_error", "reversal_error")}
+"""Raw metrics beside the score: for step tasks, for others."""
+
+
+def write_board(board: Board, folder: str | Path, trajectories: Trajectories | None = None) -> dict[str, Path]:
+    """Write board.json, board.md and board.html to ``folder``; each replaces its predecessor whole or not at all.
+
+    ``trajectories`` is `ResultStore.trajectories` of the store that the board was made from.
+    """
+    from cablebench.page import render_html
+
+    folder = Path(folder)
+    return {
+        "json": write_atomic(folder / "board.json", render_json(board)),
+        "markdown": write_atomic(folder / "board.md", render_markdown(board)),
+        "html": write_atomic(folder / "board.html", render_html(board, trajectories)),
+    }
+
+
+def render_json(board: Board) -> str:
+    """The whole board as JSON text, SI units, schema-versioned; NaN becomes null."""
+    data = {
+        "schema": SCHEMA,
+        "metrics": [{"name": m.name, "unit": m.unit, "better": m.better, "meaning": m.meaning} for m in METRICS],
+        **asdict(board),
+    }
+    return json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n"
+
+
+def heading(table: Table) -> str:
+    """What a table is about, in words."""
+    return f"{table.task or f'{table.family}: all {table.tasks} tasks'} ({table.track} track)"
+
+
+def interval(row: Row) -> str:
+    """"0.91 [0.88, 0.94]", with * where the interval is over episodes of a single run; a dash without score."""
+    if row.score is None:
+        return "–"
+    s = row.score
+    return f"{s.value:.2f} [{s.low:.2f}, {s.high:.2f}]" + ("*" if s.unit == "episodes" else "")
+
+
+def cells(table: Table) -> tuple[list[str], list[list[str]]]:
+    """Headings and rows of the compact table that terminal and Markdown show."""
+    metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    head = ["#", "controller", "class", "score (IQM)", "worst 10 %", "> paper"]
+    head += [f"{_label(m)} [{unit_of(m, table)}]" for m in metrics] + ["failed", "env steps", "trials", "ident."]
+    body = []
+    for row in table.rows:
+        line = [str(row.rank), row.entrant, row.information, interval(row), _two(row.worst_tenth), _percent(row.improvement)]
+        line += [_value(row, m, table) for m in metrics]
+        line += [f"{row.failures}/{row.runs * row.episodes}", *(count(row.charged.get(k, 0)) for k in BUDGETS)]
+        body.append(line)
+    return head, body
+
+
+def _value(row: Row, metric: str, table: Table) -> str:
+    """A raw value; a settling time that most episodes did not reach is a lower bound and marked so."""
+    text = shown(row.raw[metric], metric, table)
+    return f"> {text}" if censored(row, metric) else text
+
+
+def censored(row: Row, metric: str) -> bool:
+    """Whether the median settling time is a lower bound only."""
+    return row.raw.get(f"{metric}_censored", 0.0) >= 0.5
+
+
+def _label(name: str) -> str:
+    return next(m.label for m in METRICS if m.name == name)
+
+
+def _two(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.0f} %"
+
+
+def print_board(board: Board, console: Any) -> None:
+    """Print the tables on a ``rich.console.Console``."""
+    from rich.markup import escape
+    from rich.table import Table as RichTable
+
+    for table in (*board.overall, *board.tables):
+        head, body = cells(table)
+        view = RichTable(title=heading(table), title_justify="left", title_style="bold", header_style="", box=None, pad_edge=False)
+        for name in head:
+            view.add_column(escape(name), justify="left" if name in ("controller", "class") else "right", no_wrap=True)
+        previous = ""
+        for line, row in zip(body, table.rows, strict=True):
+            if previous and previous != row.information:
+                view.add_section()
+            previous = row.information
+            view.add_row(*line, style="bold" if row.rank == 1 else "")
+        console.print(view)
+        console.print()
+    for line in legend(board):
+        console.print(line, style="dim", highlight=False)
+
+
+def legend(board: Board) -> list[str]:
+    """The sentences without which the tables cannot be read."""
+    lines = [
+        f"Score: 0 = {board.protocol.open_loop}, 1 = {board.protocol.oracle}; interquartile mean with "
+        f"{100 * board.protocol.level:g} % interval over training seeds (* single run: over test episodes). "
+        f"Ranked within the information class. A failed episode scores {board.protocol.worst_score:g}.",
+        f"Raw values: median over completed episodes; '>' marks a settling time that was not reached. "
+        f"'> paper': probability of improvement over {_papers(board)}.",
+    ]
+    return lines + list(board.notes) + [f"{board.protocol.name} protocol, configuration {board.configuration}, {board.created}"]
+
+
+def _papers(board: Board) -> str:
+    return ", ".join(f"{name} ({family})" for family, name in board.protocol.paper.items()) or "the papers' controller"
+
+
+def render_markdown(board: Board) -> str:
+    """The board as Markdown: every table, the legend, the replay commands and the provenance."""
+    out = [f"# {board.protocol.title}", ""]
+    out += [f"- {line}" for line in legend(board)]
+    for table in (*board.overall, *board.tables):
+        head, body = cells(table)
+        out += ["", f"## {heading(table)}", ""]
+        left = {"controller", "class"}
+        out += ["| " + " | ".join(head) + " |", "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
+        out += ["| " + " | ".join(line) + " |" for line in body]
+        if table.omitted:
+            out += ["", f"Not in this table because they did not run all tasks: {', '.join(table.omitted)}."]
+    out += ["", "## Replay", ""]
+    out += [f"- {t.task}, {t.track}, {r.entrant}: `{r.replay}`" for t in board.tables for r in t.rows]
+    out += ["", "## Provenance", ""]
+    out += [f"- test seeds: {seed_text(board.seeds)}", f"- training seeds: {seed_text(board.training_seeds)}"]
+    out += [f"- versions: {', '.join(f'{k} {v}' for k, v in board.versions.items())}", f"- machine: {board.machine}"]
+    return "\n".join(out) + "\n"
+
+
+def seed_text(seeds: tuple[int, ...]) -> str:
+    """"2000000-2000009" for a run of seeds, otherwise all of them; "none" for none."""
+    if not seeds:
+        return "none"
+    if len(seeds) > 1 and seeds[-1] - seeds[0] == len(seeds) - 1:
+        return f"{seeds[0]}-{seeds[-1]}"
+    return ", ".join(map(str, seeds))

@@ -1,0 +1,64 @@
+"""How SI values are shown to people: units, factors, three significant digits. Stored values are always SI."""
+
+import math
+from typing import Any
+
+from cablebench.metrics import METRICS
+
+_PERCENT = ("overshoot", "slack", "overload", "success", "failed", "settling_2_censored", "settling_5_censored")
+_BY_NAME = {m.name: m for m in METRICS}
+
+
+def unit_of(name: str, table: Any) -> str:
+    """Unit in which metric ``name`` (or "output", the controlled quantity) of a board table is shown."""
+    if name in _PERCENT:
+        return "%"
+    output = "mm" if table.output_unit == "m" else table.output_unit
+    if name == "output":
+        return output
+    unit = _BY_NAME[name].unit_of(output, table.command_unit)
+    return unit.replace("^2", "²").replace("us", "µs") if unit != "1" else ""
+
+
+def display(value: Any, name: str, table: Any) -> Any:
+    """SI ``value`` of that metric in the unit of `unit_of`: metres as millimetres, shares as per cent."""
+    if name in _PERCENT:
+        return value * 100.0
+    if table.output_unit == "m" and (name == "output" or "{y}" in _BY_NAME[name].unit):
+        return value * 1e3
+    return value
+
+
+def axis_label(name: str, table: Any) -> str:
+    """Label with unit for a figure's axis."""
+    if name == "output":
+        return f"output [{unit_of(name, table)}]"
+    label = {"effort": "effort ∫u² dt"}.get(name, _BY_NAME[name].label)
+    unit = unit_of(name, table)
+    return f"{label} [{unit}]" if unit else label
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """``value`` to ``digits`` significant digits without needless exponents; a dash where there is none."""
+    if value is None or not math.isfinite(value):
+        return "–"
+    if value == 0:
+        return "0"
+    if not 1e-3 <= abs(value) < 1e6:
+        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+        return f"{mantissa}e{int(exponent)}"
+    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
+    return f"{value:.{places}f}"
+
+
+def shown(value: float | None, name: str, table: Any) -> str:
+    """SI ``value`` of a metric as text, in the table's shown unit, without the unit."""
+    return number(None if value is None else display(value, name, table))
+
+
+def count(value: float) -> str:
+    """A budget: 0, 850, 12k, 1.5M."""
+    for limit, suffix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
+        if value >= limit:
+            return f"{value / limit:.3g}{suffix}"
+    return f"{value:g}"
