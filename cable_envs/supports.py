@@ -251,8 +251,8 @@ class WrappedPart:
         """alpha: how far from the outlet the slip has reversed since `turning_outlet`, rad.
 
         Printed, and where the outlet rises again: lambda(alpha)^2 = T_pk / T_2 or its inverse, Eq. (18). Where it
-        falls: inlet lambda(slip - alpha) = outlet lambda(alpha). Raises ConfigurationError where the outlet is beyond the
-        turning point (still loading), or where the front would have passed the inlet, whose tension then changes too.
+        falls: inlet lambda(slip - alpha) = outlet lambda(alpha). Raises ConfigurationError where the outlet is beyond
+        the turning point (still loading), and where the front has passed the inlet, whose tension then changes too.
         """
         _positive("unloading", inlet=inlet, outlet=outlet)
         turning = self.turning_outlet(inlet, rising)

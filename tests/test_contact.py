@@ -129,7 +129,7 @@ def test_gu_eq2_printed_radius_ratio_has_no_capstan_limit():
 def test_gu_eq17_delta_and_rho0_enter_as_a_product_only():
     for rho0, delta in ((1.5, 0.02), (1.53, 0.0), (1.2, 0.275)):
         assert tension_ratio(rho0 * (1 + delta), 1.1, 1.0) == pytest.approx(tension_ratio(1.53, 1.1, 1.0), rel=1e-14)
-    # and the ratio hardly feels it: 2 % more rho give half a per cent, as much as 1 % of mu + C
+    # and the ratio hardly feels it: 2 % more rho give half a per cent
     grown = tension_ratio(1.5 * 1.02, 1.1, 1.0) / tension_ratio(1.5, 1.1, 1.0) - 1
     assert 0.002 < grown < 0.006
 
