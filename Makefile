@@ -1,0 +1,30 @@
+# make demo and make test set up everything by themselves: a virtual environment in .venv with the tested versions.
+PYTHON ?= python3
+BIN := .venv/bin
+PYTEST := $(BIN)/python -m pytest
+
+.PHONY: demo test test-slow bench lint clean
+
+demo: .venv/installed
+	$(BIN)/cablebench demo --out results
+
+test: .venv/installed
+	$(PYTEST) -m "not slow"
+
+test-slow: .venv/installed
+	$(PYTEST)
+
+bench: .venv/installed
+	$(BIN)/python -m benchmarks
+
+lint: .venv/installed
+	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+
+clean:
+	rm -rf .venv build dist
+
+# --no-compile: Python writes bytecode when a module is first imported; for all of torch and SciPy it takes a minute
+.venv/installed: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -c constraints.txt -e '.[dev]'
+	touch $@

@@ -1,0 +1,33 @@
+"""The typer application: one entry for each command."""
+
+from typing import Annotated
+
+import typer
+
+from cablebench.commands import envs
+
+app = typer.Typer(
+    name="cablebench",
+    help="Benchmark controllers and learning agents on cable mechanisms (environments of cable_envs).",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        import cable_envs
+
+        typer.echo(f"cablebench {cable_envs.__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def common(
+    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")] = False,
+) -> None:
+    pass
+
+
+app.command("envs")(envs.envs)

@@ -1,0 +1,119 @@
+"""What the commands share: names and options from the command line, consoles, progress."""
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import yaml
+
+from cable_envs.errors import ConfigurationError, nearest, require_known
+from cablebench.cli import missing_extra
+
+ENVIRONMENT_OPTIONS = (
+    "rig", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise", "sensor_delay", "action_delay",
+    "disturbance", "control_period", "substeps", "duration",
+)  # fmt: skip
+"""Options of an environment that ``--option KEY=VALUE`` may set (see `cable_envs.envs.CableEnv`)."""
+
+
+def resolve_env(name: str) -> str:
+    """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest otherwise."""
+    from cable_envs import ENV_IDS
+
+    for env_id in ENV_IDS:
+        if name in (env_id, env_id.split("/")[1], short_name(env_id)):
+            return env_id
+    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, ENV_IDS))}")
+
+
+def short_name(env_id: str) -> str:
+    """The id without namespace and version."""
+    return env_id.split("/")[-1].rsplit("-v", 1)[0]
+
+
+def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
+    """``["randomize=true", "rig={load_mass: 4}"]`` as keyword arguments of an environment; values are YAML."""
+    options = parse_pairs(pairs, "--option")
+    require_known("environment option", options, ENVIRONMENT_OPTIONS)
+    return options
+
+
+def parse_gains(pairs: Sequence[str]) -> dict[str, float]:
+    """``["kp=3000"]`` as numbers by name."""
+    gains = parse_pairs(pairs, "--gain")
+    for name, value in gains.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ConfigurationError(f"--gain {name}: expected a number, got {value!r}")
+    return {name: float(value) for name, value in gains.items()}
+
+
+def parse_pairs(pairs: Sequence[str], flag: str) -> dict[str, Any]:
+    """``KEY=VALUE`` strings as a mapping, each value read as YAML (1e-3 counts as a number)."""
+    found: dict[str, Any] = {}
+    for pair in pairs:
+        key, equals, text = pair.partition("=")
+        if not equals or not key:
+            raise ConfigurationError(f"{flag} expects KEY=VALUE, got '{pair}'")
+        if key in found:
+            raise ConfigurationError(f"{flag} {key} is given twice")
+        try:
+            value = yaml.safe_load(text)
+        except yaml.YAMLError as error:
+            raise ConfigurationError(f"{flag} {key}: '{text}' is not valid YAML: {error}") from error
+        if isinstance(value, str):
+            try:  # YAML 1.1 takes 1e-3 for a string
+                value = float(value)
+            except ValueError:
+                pass
+        found[key] = value
+    return found
+
+
+def require_ours(*packages: str) -> None:
+    """Check that the top-level packages found are this project's: other distributions install the same names.
+
+    Raises ConfigurationError that names the file found, or the extra that is missing.
+    """
+    import importlib
+
+    for name in packages:
+        try:
+            module = importlib.import_module(name)
+        except ModuleNotFoundError as error:
+            raise missing_extra(error, "agents" if name == "agents" else "bench") from error
+        if getattr(module, "CABLE_BENCHMARK", False) is not True:
+            place = getattr(module, "__file__", None) or list(module.__path__)
+            raise ConfigurationError(
+                f"the package '{name}' at {place} is not cable-envs': another distribution of that name is in the way"
+            )
+
+
+def print_json(data: Any) -> None:
+    """``data`` as JSON on standard output, and nothing else there."""
+    from cablebench.store import jsonable
+
+    sys.stdout.write(json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
+
+
+def console(stderr: bool = False) -> Any:
+    """A rich console; results go to standard output, progress and remarks to standard error."""
+    from rich.console import Console
+
+    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+
+
+@contextmanager
+def progress_bar() -> Iterator[Any]:
+    """A rich progress bar on standard error; yields ``update(done, total, text)``."""
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (BarColumn(30), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
+    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
+        task = bar.add_task("")
+
+        def update(done: int, total: int, text: str) -> None:
+            bar.update(task, completed=done, total=total, description=text)
+
+        yield update

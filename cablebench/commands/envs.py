@@ -1,0 +1,130 @@
+"""``cablebench envs``: what there is to control, with units."""
+
+from typing import Annotated, Any
+
+import typer
+
+from cablebench.commands.common import console, print_json, resolve_env, short_name
+
+
+def envs(
+    env: Annotated[str | None, typer.Argument(help="One environment, by full or short id; all when left out.")] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output.")] = False,
+) -> None:
+    """List environments: output, reference, action modes, observation channels with units; and the rigs."""
+    from cable_envs import ENV_IDS
+
+    chosen = [resolve_env(env)] if env else list(ENV_IDS)
+    listing = [describe(env_id) for env_id in chosen]
+    rigs = describe_rigs({e["plant"] for e in listing})
+    if as_json:
+        print_json({"environments": listing, "rigs": rigs})
+        return
+    out = console()
+    if env:
+        _print_one(listing[0], out)
+    else:
+        _print_all(listing, out)
+    _print_rigs(rigs, out)
+
+
+def describe(env_id: str) -> dict[str, Any]:
+    """One environment as JSON types: units, action modes with their ranges, observation channels by level."""
+    import gymnasium as gym
+
+    from cable_envs.setup import make_setup
+    from cable_envs.tasks import LEVELS
+
+    arguments = gym.spec(env_id).kwargs
+    setup = make_setup(**arguments)
+    bounds = {m.name: setup.rig.values[m.bound] for m in setup.plant.action_modes}
+    return {
+        "id": env_id,
+        "description": setup.task.description,
+        "plant": setup.rig.plant,
+        "rig": setup.rig.name,
+        "output": setup.task.output,
+        "unit": setup.output_unit,
+        "reference": dict(setup.reference),
+        "duration_s": setup.steps * setup.control_period,
+        "control_period_s": setup.control_period,
+        "substeps": setup.substeps,
+        "action_mode": setup.action_mode.name,
+        "action_modes": [
+            {"name": m.name, "unit": m.unit, "low": 0.0 if m.one_sided else -bounds[m.name], "high": bounds[m.name]}
+            for m in setup.plant.action_modes
+        ],
+        "observe": setup.task.observe,
+        "channels": {
+            level: [
+                {"name": c.name, "unit": c.unit, "scale": c.scale}
+                for c in make_setup(**arguments, observe=level).channels
+            ]
+            for level in LEVELS
+        },
+        "error_scale": setup.task.error_scale,
+        "success_error": setup.task.success_error,
+    }
+
+
+def describe_rigs(plants: set[str]) -> list[dict[str, Any]]:
+    """The presets in configs/rigs that belong to ``plants``."""
+    from cable_envs.config import config_root
+    from cable_envs.rigs import load_rig
+
+    rigs = [load_rig(path.stem) for path in sorted((config_root() / "rigs").glob("*.yaml"))]
+    return [
+        {"name": r.name, "plant": r.plant, "holes": r.holes, "description": " ".join(r.description.split())}
+        for r in rigs
+        if r.plant in plants
+    ]
+
+
+def _reference(spec: dict[str, Any]) -> str:
+    rest = ", ".join(f"{k} {v:g}" for k, v in spec.items() if k != "kind")
+    return f"{spec['kind']} ({rest})"
+
+
+def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
+    from rich.table import Table
+
+    table = Table(title="Environments (cable_envs/...-v0)", title_justify="left", box=None, pad_edge=False)
+    for name in ("id", "output", "unit", "action (default first)", "observes", "rig"):
+        table.add_column(name, no_wrap=True)
+    for e in listing:
+        modes = sorted(e["action_modes"], key=lambda m: m["name"] != e["action_mode"])
+        action = ", ".join(m["name"] for m in modes)
+        table.add_row(short_name(e["id"]), e["output"], e["unit"], action, e["observe"], e["rig"])
+    out.print(table)
+    out.print("`cablebench envs ID` shows ranges, reference and observation channels; --json gives everything.\n", style="dim")
+
+
+def _print_one(e: dict[str, Any], out: Any) -> None:
+    from rich.table import Table
+
+    out.print(f"{e['id']}\n{e['description']}\n", markup=False)
+    out.print(f"output     {e['output']} [{e['unit']}], success within {e['success_error']:g}", markup=False)
+    out.print(f"reference  {_reference(e['reference'])}")
+    out.print(f"episode    {e['duration_s']:g} s in control steps of {e['control_period_s']:g} s, {e['substeps']} substeps each")
+    for m in e["action_modes"]:
+        mark = "default" if m["name"] == e["action_mode"] else ""
+        out.print(f"action     -1..1 is {m['low']:g}..{m['high']:g} {m['unit']} ({m['name']}) {mark}")
+    table = Table(title=f"\nObservation (default: {e['observe']})", title_justify="left", box=None, pad_edge=False)
+    for name in ("channel", "unit", "scale", "in levels"):
+        table.add_column(name)
+    for c in e["channels"]["full"]:
+        levels = [level for level, channels in e["channels"].items() if c in channels]
+        table.add_row(c["name"], c["unit"], f"{c['scale']:g}", ", ".join(levels))
+    out.print(table)
+    out.print()
+
+
+def _print_rigs(rigs: list[dict[str, Any]], out: Any) -> None:
+    from rich.table import Table
+
+    table = Table(title="Rigs", title_justify="left", box=None, pad_edge=False)
+    for name in ("name", "plant", "description"):
+        table.add_column(name, overflow="fold")
+    for r in rigs:
+        table.add_row(r["name"], r["plant"], r["description"])
+    out.print(table)
