@@ -1,0 +1,164 @@
+"""One cable as a chain: five elastic spans joined by four friction contacts, in quasi-static equilibrium.
+
+symbol | meaning | unit
+------ | ------- | ----
+q_j    | EA times the elongation of span j = 0..4 (0 at the drive, 4 at the output) | N m
+l_j    | length of span j with its share of the neighbouring arcs | m
+y_j    | q_j + eta (q_j - q_j one step before); eta is the cable's damping time over the step | N m
+T_j    | y_j / l_j, tension of span j | N
+lambda_i | limit of the tension ratio at contact i = 1..4, between spans i - 1 and i | 1
+sigma_i  | slip over contact i in this step times EA (1 + eta), positive towards the drive | N m
+m_i    | 1 slides towards the drive (T_{i-1} = lambda T_i), -1 to the output (T_i = lambda T_{i-1}), 0 sticks | 1
+
+When the ends move, the slips must satisfy: 1/lambda_i <= T_{i-1}/T_i <= lambda_i, and a contact slides only at the
+limit that opposes it. This linear complementarity problem (tridiagonal, diagonally dominant) is solved by changing the
+active set until nothing changes, starting from the set of the step before. For given m it is explicit: between two
+stuck contacts the stretch is conserved and the tensions are in known ratios. A column that has converged repeats itself
+bit by bit, so a tile iterates until its last column is done. What has not converged after `PASSES` (cables that are
+nearly slack, with every tension near zero) is finished by Gauss-Seidel sweeps over the contacts.
+
+A side whose total stretch is not positive is slack: all tensions are zero, friction is gone, the missing stretch is
+kept in q_0.
+"""
+
+import numpy as np
+
+from cable_envs.kernels import inline, jit, maximum, minimum, select
+
+SPANS, CONTACTS = 5, 4
+PASSES = 12
+RELEASE = 1e-13
+"""A contact sticks again when its slip changes the tensions by less than this share."""
+GRIP = 1.0 + 1e-11
+"""A stuck contact starts to slide when its ratio exceeds lambda by more than this factor."""
+
+# rows of a side, counted from its first row: of its state (arguments x, q), of its parameters (p, c), of scratch (s, r)
+STRETCH, STATE = 0, 5
+ROWS_X = 9
+LENGTH, RATIO, INVERSE, SMALL = 0, 5, 9, 13
+ROWS_P = 17
+Y, T, TANGENT_0, TANGENT_4, PENDING = 0, 5, 10, 11, 12
+ROWS_S = 13
+
+
+@inline
+def stretch_ends(x, s, i, q, r, at_drive, at_output, eta):
+    """Move both ends: q becomes the trial stretch without slip, y the stretch that makes the trial tensions."""
+    for j in range(SPANS):
+        s[r + Y + j, i] = x[q + j, i]
+    s[r + Y, i] += (1.0 + eta) * at_drive
+    s[r + Y + 4, i] += (1.0 + eta) * at_output
+    x[q, i] += at_drive
+    x[q + 4, i] += at_output
+
+
+@inline
+def _next(m, slip, small, before, after, ratio):
+    """The contact's next state: release it when it slides the wrong way, let it go when it is over its limit."""
+    keep = m * slip > small * (abs(before) + abs(after))
+    limit = ratio * GRIP
+    sliding = select(before > limit * after, 1.0, select(after > limit * before, -1.0, 0.0))
+    return select(m != 0.0, select(keep, m, 0.0), sliding)
+
+
+@inline
+def _falls(m, ratio, inverse):
+    """T_i / T_{i-1} of a sliding contact."""
+    return select(m > 0.0, inverse, ratio)
+
+
+@inline
+def relax(x, p, s, i, q, c, r):
+    """One pass over a side: tensions of the present active set, then the next active set. True when that differs."""
+    m = q + STATE
+    m1, m2, m3, m4 = x[m, i], x[m + 1, i], x[m + 2, i], x[m + 3, i]
+    l0, l1, l2, l3, l4 = p[c, i], p[c + 1, i], p[c + 2, i], p[c + 3, i], p[c + 4, i]
+    y0, y1, y2, y3, y4 = s[r, i], s[r + 1, i], s[r + 2, i], s[r + 3, i], s[r + 4, i]
+    a1, a2, a3, a4 = m1 != 0.0, m2 != 0.0, m3 != 0.0, m4 != 0.0
+    taut = y0 + y1 + y2 + y3 + y4 > 0.0
+
+    w1 = select(a1, _falls(m1, p[c + RATIO, i], p[c + INVERSE, i]), 1.0)
+    w2 = select(a2, w1 * _falls(m2, p[c + RATIO + 1, i], p[c + INVERSE + 1, i]), 1.0)
+    w3 = select(a3, w2 * _falls(m3, p[c + RATIO + 2, i], p[c + INVERSE + 2, i]), 1.0)
+    w4 = select(a4, w3 * _falls(m4, p[c + RATIO + 3, i], p[c + INVERSE + 3, i]), 1.0)
+    # stretch and weighted length of the group of spans up to here
+    g1, h1 = y1 + select(a1, y0, 0.0), l1 * w1 + select(a1, l0, 0.0)
+    g2, h2 = y2 + select(a2, g1, 0.0), l2 * w2 + select(a2, h1, 0.0)
+    g3, h3 = y3 + select(a3, g2, 0.0), l3 * w3 + select(a3, h2, 0.0)
+    g4, h4 = y4 + select(a4, g3, 0.0), l4 * w4 + select(a4, h3, 0.0)
+    # the whole group's values, handed back from its last span
+    g3, v3 = select(a4, g4, g3), select(a4, h4, h3)
+    g2, v2 = select(a3, g3, g2), select(a3, v3, h2)
+    g1, v1 = select(a2, g2, g1), select(a2, v2, h1)
+    g0, v0 = select(a1, g1, y0), select(a1, v1, l0)
+    t0 = select(taut, g0 / v0, 0.0)
+    t1 = select(taut, g1 / v1 * w1, 0.0)
+    t2 = select(taut, g2 / v2 * w2, 0.0)
+    t3 = select(taut, g3 / v3 * w3, 0.0)
+    t4 = select(taut, g4 / h4 * w4, 0.0)
+
+    s1 = y0 - l0 * t0
+    s2 = select(a1, s1, 0.0) + y1 - l1 * t1
+    s3 = select(a2, s2, 0.0) + y2 - l2 * t2
+    s4 = select(a3, s3, 0.0) + y3 - l3 * t3
+    n1 = select(taut, _next(m1, s1, p[c + SMALL, i], t0, t1, p[c + RATIO, i]), 0.0)
+    n2 = select(taut, _next(m2, s2, p[c + SMALL + 1, i], t1, t2, p[c + RATIO + 1, i]), 0.0)
+    n3 = select(taut, _next(m3, s3, p[c + SMALL + 2, i], t2, t3, p[c + RATIO + 2, i]), 0.0)
+    n4 = select(taut, _next(m4, s4, p[c + SMALL + 3, i], t3, t4, p[c + RATIO + 3, i]), 0.0)
+
+    s[r + T, i], s[r + T + 1, i], s[r + T + 2, i], s[r + T + 3, i], s[r + T + 4, i] = t0, t1, t2, t3, t4
+    s[r + TANGENT_0, i] = select(taut, 1.0 / v0, 0.0)
+    s[r + TANGENT_4, i] = select(taut, w4 / h4, 0.0)
+    x[m, i], x[m + 1, i], x[m + 2, i], x[m + 3, i] = n1, n2, n3, n4
+    changed = (n1 != m1) | (n2 != m2) | (n3 != m3) | (n4 != m4)
+    s[r + PENDING, i] = select(changed, 1.0, 0.0)
+    return changed
+
+
+@inline
+def settle(x, p, s, i, q, c, r, eta):
+    """Take the solution over: slips change the stretch of the spans they touch; a slack side's stretch is spread."""
+    m = q + STATE
+    m1, m2, m3, m4 = x[m, i] != 0.0, x[m + 1, i] != 0.0, x[m + 2, i] != 0.0, x[m + 3, i] != 0.0
+    taut = s[r, i] + s[r + 1, i] + s[r + 2, i] + s[r + 3, i] + s[r + 4, i] > 0.0
+    share = 1.0 / (1.0 + eta)
+    q0 = x[q, i] + select(m1, share * (p[c, i] * s[r + T, i] - s[r, i]), 0.0)
+    q1 = x[q + 1, i] + select(m1 | m2, share * (p[c + 1, i] * s[r + T + 1, i] - s[r + 1, i]), 0.0)
+    q2 = x[q + 2, i] + select(m2 | m3, share * (p[c + 2, i] * s[r + T + 2, i] - s[r + 2, i]), 0.0)
+    q3 = x[q + 3, i] + select(m3 | m4, share * (p[c + 3, i] * s[r + T + 3, i] - s[r + 3, i]), 0.0)
+    q4 = x[q + 4, i] + select(m4, share * (p[c + 4, i] * s[r + T + 4, i] - s[r + 4, i]), 0.0)
+    total = q0 + q1 + q2 + q3 + q4
+    length = p[c, i] + p[c + 1, i] + p[c + 2, i] + p[c + 3, i] + p[c + 4, i]
+    even = maximum(total, 0.0) / length
+    x[q, i] = select(taut, q0, p[c, i] * even + minimum(total, 0.0))
+    x[q + 1, i] = select(taut, q1, p[c + 1, i] * even)
+    x[q + 2, i] = select(taut, q2, p[c + 2, i] * even)
+    x[q + 3, i] = select(taut, q3, p[c + 3, i] * even)
+    x[q + 4, i] = select(taut, q4, p[c + 4, i] * even)
+
+
+@jit
+def sweep(x, p, s, i, q, c, r):
+    """Gauss-Seidel over the contacts of one column, from no slip until the slips stand still to 1e-14: sets T and m."""
+    slip, y = np.zeros(CONTACTS), np.empty(SPANS)
+    scale = 0.0
+    for j in range(SPANS):
+        y[j] = s[r + j, i]
+        scale = max(scale, abs(y[j]))
+    for _ in range(20000):
+        change = 0.0
+        for k in range(CONTACTS):
+            l_a, l_b, lam = p[c + k, i], p[c + k + 1, i], p[c + RATIO + k, i]
+            a, b = y[k] + slip[k], y[k + 1] - slip[k]  # stretches if this contact did not slide
+            new = max((a * l_b - lam * b * l_a) / (l_b + lam * l_a), 0.0)
+            if new == 0.0:
+                new = min((lam * a * l_b - b * l_a) / (lam * l_b + l_a), 0.0)
+            y[k], y[k + 1] = a - new, b + new
+            change = max(change, abs(new - slip[k]))
+            slip[k] = new
+        if change <= 1e-14 * scale:
+            break
+    for j in range(SPANS):
+        s[r + T + j, i] = y[j] / p[c + j, i]
+    for k in range(CONTACTS):
+        x[q + STATE + k, i] = np.sign(slip[k])

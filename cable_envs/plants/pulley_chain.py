@@ -1,0 +1,212 @@
+"""Closed cable-pulley circuit as a chain: the mechanism behind Fig. 6 of Zou et al. 2022.
+
+Each side is five elastic spans joined by four friction contacts (`cable_envs.contact_chain`); the slip front after a
+reversal travels from idler to idler, so that delay, transition and working phases emerge and are reported.
+
+    spans      EA de_0 = R0 dtheta_in - slip_1, ..., EA de_4 = slip_4 - R5 dtheta_out   (cable t; cable b mirrored)
+    contacts   1/lambda_i <= T_{i-1}/T_i <= lambda_i, the ratios of the closed forms (Z12, Z30); massless cable
+    arcs       a slip arc stretches like w (T_{i-1} + T_i), w = R Phi / (1 + lambda): exactly Z16 when it slides, in
+               both directions; l_j is the free length and the two w beside it
+    torques    M_in = R0 (T_0t - T_0b), M_out = R5 (T_4t - T_4b)                                            Z32, Z33
+
+Time step: half a step of motion, equilibrium of both chains there, the velocities by linearly implicit kicks with the
+chain's own tangents, the other half step: order 2 where nothing starts or stops. The signals show the equilibrium at
+the end of a control step.
+
+phase: 0 rest: the drive stands and no contact next to the output slid within the control step; 1 delay: the front has
+reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
+"""
+
+import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
+
+from cable_envs.circuit_ends import (
+    ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T,
+    R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
+    drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
+)  # fmt: skip
+from cable_envs.circuit_parameters import CIRCUIT, SIDES
+from cable_envs.circuit_statics import Statics
+from cable_envs.contact_chain import (
+    CONTACTS, LENGTH, PASSES, PENDING, RELEASE, ROWS_P as SIDE_P, ROWS_S as SIDE_S, ROWS_X as SIDE_X, SPANS, STATE,
+    STRETCH, T, TANGENT_0, TANGENT_4, relax, settle, stretch_ends, sweep,
+)  # fmt: skip
+from cable_envs.friction import stick_slip_step
+from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
+from cable_envs.plants.base import INPUTS, Plant, Signal
+
+_CHAIN = tuple(
+    signal
+    for side in SIDES
+    for signal in (
+        *(Signal(f"stretch_{side}_{j}", "N m", f"EA times the elongation of span {j}, cable {side[0]}")
+          for j in range(SPANS)),
+        *(Signal(f"slip_{side}_{k}", "1", f"contact {k}, cable {side[0]}: 1 slides to the drive, -1 to the output")
+          for k in range(1, CONTACTS + 1)),
+    )
+)  # fmt: skip
+FIRST_X, LAST = len(SIGNALS), STATE + CONTACTS - 1  # row of a side's contact next to the output
+D_IN, D_OUT, SLID = 2 * SIDE_S, 2 * SIDE_S + 1, 2 * SIDE_S + 2
+ROWS_X, ROWS_P, ROWS_S, ROWS_U = FIRST_X + 2 * SIDE_X, SHARED + 2 * SIDE_P, 2 * SIDE_S + 4, len(INPUTS)
+S_T, S_B = 0, SIDE_S
+
+
+@inline
+def _move_ends(x, p, s, i, side, step, more):
+    """Wind a side's two ends by the motion since its last equilibrium and ``more`` seconds at the present speeds."""
+    turn_in = p[EA5, i] * p[GEAR, i] * (s[D_IN, i] + more * x[V_IN, i])
+    turn_out = p[EA5, i] * (s[D_OUT, i] + more * x[V_OUT, i])
+    pull = 1.0 - 2.0 * side
+    eta = p[C5, i] / (p[EA5, i] * step)
+    stretch_ends(x, s, i, FIRST_X + side * SIDE_X, side * SIDE_S, pull * turn_in, -pull * turn_out, eta)
+
+
+@inline
+def _take_over(x, p, s, i, side, step):
+    """Stretches of a side's new equilibrium; whether its slip front has reached the output."""
+    q, r = FIRST_X + side * SIDE_X, side * SIDE_S
+    settle(x, p, s, i, q, SHARED + side * SIDE_P, r, p[C5, i] / (p[EA5, i] * step))
+    slack = select(s[r + T + 4, i] <= 0.0, 1.0, 0.0)
+    s[SLID + side, i] = maximum(s[SLID + side, i], maximum(abs(x[q + LAST, i]), slack))
+
+
+@inline
+def _equilibrium(x, p, s, lanes, side, step, more):
+    """Move the ends of one side of a tile and solve: active-set passes until no column changes."""
+    q, c, r = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P, side * SIDE_S
+    for i in range(lanes):
+        _move_ends(x, p, s, i, side, step, more)
+    changed = 1
+    for _ in range(PASSES):
+        if changed:
+            changed = 0
+            for i in range(lanes):
+                changed |= relax(x, p, s, i, q, c, r)
+    if changed:
+        for i in range(lanes):
+            if s[r + PENDING, i] > 0.5:
+                sweep(x, p, s, i, q, c, r)
+    for i in range(lanes):
+        _take_over(x, p, s, i, side, step)
+
+
+@inline
+def _watch(x, s, i, share):
+    """What the control step has seen of the tensions."""
+    t0, t4 = s[S_T + T, i], s[S_T + T + 4, i]
+    b0, b4 = s[S_B + T, i], s[S_B + T + 4, i]
+    x[SLACK, i] += select(minimum(t0, b0) <= 0.0, share, 0.0)
+    x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t0, t4), maximum(b0, b4)))
+
+
+@inline
+def _kick(x, p, u, s, i, dt):
+    """Velocities of drive and output from the tensions in the middle of the step; its second half of motion."""
+    v_in, v = x[V_IN, i], x[V_OUT, i]
+    r5, ea_in, ea_out = p[R5, i], p[EA5, i] * p[GEAR, i] * p[R0, i], p[EA5, i] * p[R5, i]
+    late = p[C5, i] / p[EA5, i]
+    torque = p[R0, i] * (s[S_T + T, i] - s[S_B + T, i])
+    tangent = ea_in * (s[S_T + TANGENT_0, i] + s[S_B + TANGENT_0, i])
+    v_in_new = drive_step(x, p, u, i, torque, tangent, late * tangent, dt)
+
+    half = x[THETA_OUT, i] + 0.5 * dt * v
+    wanted, load_k, load_c = load_torque(p, u, i, half, v)
+    net = r5 * (s[S_T + T + 4, i] - s[S_B + T + 4, i]) - wanted
+    tangent = ea_out * (s[S_T + TANGENT_4, i] + s[S_B + TANGENT_4, i])
+    stiffness, damping = tangent + load_k, late * tangent + load_c
+    net += 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
+    v_new = stick_slip_step(v, p[J_OUT, i], net - p[BRAKE, i], net + p[BRAKE, i], stiffness, damping, damping, dt)
+
+    x[THETA_IN, i] += 0.5 * dt * (v_in + v_in_new)
+    x[THETA_OUT, i] += 0.5 * dt * (v + v_new)
+    x[V_IN, i], x[V_OUT, i] = v_in_new, v_new
+    s[D_IN, i], s[D_OUT, i] = 0.5 * dt * v_in_new, 0.5 * dt * v_new
+
+
+@inline
+def _report(x, p, s, i):
+    t0, t4 = s[S_T + T, i], s[S_T + T + 4, i]
+    b0, b4 = s[S_B + T, i], s[S_B + T + 4, i]
+    x[T01_T, i], x[T45_T, i], x[T01_B, i], x[T45_B, i] = t0, t4, b0, b4
+    x[M_IN, i] = p[R0, i] * (t0 - b0)
+    x[M_OUT, i] = p[R5, i] * (t4 - b4)
+    x[OUT_OF_RANGE, i] = select(minimum(t0, b0) <= 0.0, 1.0, 0.0)
+    arrived = s[SLID, i] + s[SLID + 1, i]
+    x[PHASE, i] = select(abs(x[V_IN, i]) > STILL, 1.0 + arrived, select(arrived > 1.5, 3.0, 0.0))
+
+
+@inline
+def _advance_tile(x, p, u, s, lanes, substeps, dt):
+    share = 1.0 / (substeps + 1)
+    for i in range(lanes):
+        x[SLACK, i], x[PEAK, i] = 0.0, 0.0
+        s[SLID, i], s[SLID + 1, i] = 0.0, 0.0
+        s[D_IN, i], s[D_OUT, i] = 0.0, 0.0
+    for n in range(substeps + 1):
+        step = 0.5 * dt if (n == 0) | (n == substeps) else dt
+        more = 0.5 * dt if n < substeps else 0.0
+        for side in range(2):
+            _equilibrium(x, p, s, lanes, side, step, more)
+        for i in range(lanes):
+            _watch(x, s, i, share)
+        if n < substeps:
+            for i in range(lanes):
+                _kick(x, p, u, s, i, dt)
+    for i in range(lanes):
+        _report(x, p, s, i)
+
+
+@jit
+def advance(x, p, u, lo, hi, substeps, dt):
+    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
+    xt, pt, ut, st = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_S)
+    for first in range(lo, hi, LANES):
+        lanes = min(LANES, hi - first)
+        load(xt, x, first, lanes)
+        load(pt, p, first, lanes)
+        load(ut, u, first, lanes)
+        _advance_tile(xt, pt, ut, st, lanes, substeps, dt)
+        store(xt, x, first, lanes)
+
+
+def prepare(values: np.ndarray) -> np.ndarray:
+    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n]."""
+    statics = Statics.from_values(values)
+    arc = statics.radius * statics.integral / (1.0 + statics.ratio)
+    length = statics.span.copy()
+    length[:, :-1] += arc
+    length[:, 1:] += arc
+    before, after = length[:, :-1], length[:, 1:]
+    small = RELEASE * before * after / (before + after)
+    sides = [np.concatenate([length[k], statics.ratio[k], 1.0 / statics.ratio[k], small[k]]) for k in range(2)]
+    return np.ascontiguousarray(np.concatenate([shared_coefficients(values, statics), *sides]))
+
+
+def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Signals [len(PLANT.signals), n] at rest with the output at ``position`` (rad, [n]), its load balanced."""
+    position = np.asarray(position, dtype=np.float64)
+    length = [p[c + LENGTH : c + LENGTH + SPANS] for c in (SHARED, SHARED + SIDE_P)]
+    elongation, top, bottom = rest_elongation(p, length[0].sum(axis=0), length[1].sum(axis=0), position)
+    x = rest_signals(p, ROWS_X, position, elongation, top, bottom)
+    stretch = p[EA5] * elongation
+    for side, tension, total in ((0, top, p[PRE_T] + stretch), (1, bottom, p[PRE_B] - stretch)):
+        q = FIRST_X + side * SIDE_X + STRETCH
+        x[q : q + SPANS] = tension * length[side]
+        x[q] += np.minimum(total, 0.0)  # a slack side: the missing stretch
+    return x
+
+
+PLANT = Plant(
+    name="pulley_chain",
+    parameters=CIRCUIT,
+    coefficients=(
+        *COEFFICIENTS,
+        *(f"{name}_{side}_{k}" for side in SIDES
+          for name, first in (("length", 0), ("ratio", 1), ("inverse", 1), ("small", 1))
+          for k in range(first, SPANS)),
+    ),
+    signals=SIGNALS + _CHAIN,
+    action_modes=ACTION_MODES,
+    prepare=prepare,
+    rest=rest,
+    advance=advance,
+)  # fmt: skip
