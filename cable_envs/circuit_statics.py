@@ -25,15 +25,8 @@ import numpy as np
 from cable_envs.circuit_parameters import CIRCUIT, IDLERS, SIDES
 from cable_envs.contact import tension_integral, tension_ratio
 from cable_envs.errors import ConfigurationError
-from cable_envs.kernels import inline, jit, log, maximum, minimum, sqrt
-
-
-@inline
-def _shaft_ratio(shaft_friction, shaft_radius, radius, wrap_cosine):
-    """T_high / T_low of an idler turning on its shaft, the inverse of Eq. (30), Zou 2022."""
-    g = minimum((shaft_radius * shaft_friction / radius) ** 2, 0.999)
-    b = 1.0 - g * wrap_cosine
-    return (b + sqrt(maximum(b * b - (1.0 - g) * (1.0 - g), 0.0))) / (1.0 - g)
+from cable_envs.kernels import jit, maximum
+from cable_envs.supports import shaft_ratio, slip_angle, support_share
 
 
 @jit
@@ -41,10 +34,8 @@ def _contact_rows(wrap, radius, cable_radius, cable_friction, shaft_friction, sh
     for i in range(wrap.shape[0]):
         for j in range(wrap.shape[1]):
             rho = maximum((radius[i, j] - cable_radius[j]) / cable_radius[j], 1e-6)
-            shaft = _shaft_ratio(shaft_friction[j], shaft_radius[j], radius[i, j], np.cos(wrap[i, j]))
-            slip = minimum(log(shaft) / maximum(cable_friction[j], 1e-9), wrap[i, j])
-            if fixed[j] >= 0.5:
-                slip = wrap[i, j]
+            shaft = shaft_ratio(support_share(shaft_friction[j], shaft_radius[j], radius[i, j]), np.cos(wrap[i, j]))
+            slip = wrap[i, j] if fixed[j] >= 0.5 else slip_angle(shaft, cable_friction[j], wrap[i, j])
             out[0, i, j] = rho
             out[1, i, j] = shaft
             out[2, i, j] = slip
