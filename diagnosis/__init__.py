@@ -1,0 +1,1 @@
+"""Recordings of real rigs: reading and checking them (`recording`)."""

@@ -1,0 +1,88 @@
+"""Files of a run: rows as JSON, figures as SVG, and one page that needs nothing else."""
+
+import json
+import re
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cablebench.units import number
+from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
+
+
+def as_rows(results: Sequence[Result]) -> list[dict[str, Any]]:
+    """What ``--json`` prints: one mapping for each row, in the order of the registry."""
+    return [row.as_json(result.item) for result in in_order(results) for row in result.rows]
+
+
+def in_order(results: Sequence[Result]) -> list[Result]:
+    """Results in registry order, whatever the order in which they were done."""
+    place = {item.name: k for k, item in enumerate(ITEMS)}
+    return sorted(results, key=lambda result: place.get(result.item, len(place)))
+
+
+def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
+    """``rows.json``, ``index.html`` and ``figures/<item>-<name>.svg`` in ``folder``; the paths by kind."""
+    folder = Path(folder)
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    for result in results:
+        for figure in result.figures:
+            path = folder / "figures" / f"{result.item}-{figure.name}.svg"
+            path.write_text(standalone(figure.svg), encoding="utf-8")
+    paths = {"json": folder / "rows.json", "html": folder / "index.html", "figures": folder / "figures"}
+    paths["json"].write_text(json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    paths["html"].write_text(render_html(results), encoding="utf-8")
+    return paths
+
+
+def standalone(svg: str) -> str:
+    """An inline SVG element as a file of its own: printed at its size."""
+    return '<?xml version="1.0" encoding="utf-8"?>\n' + svg + ("" if svg.endswith("\n") else "\n")
+
+
+def render_html(results: Sequence[Result]) -> str:
+    """The page as text: every item with its verdict, figures and tables inline."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    from cablebench.provenance import machine, versions
+
+    results = in_order(results)
+    titles = {item.name: item.title for item in ITEMS}
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["number"] = shown
+    environment.filters["percent"] = percent
+    environment.filters["inline"] = Markup
+    environment.filters["plain"] = lambda text: re.sub(r"\s+", " ", text)
+    source = files("reproduction").joinpath("templates/reproduction.html.j2").read_text(encoding="utf-8")
+    papers = [(PAPERS[key], [r for r in results if r.item.startswith(key + "-")]) for key in PAPERS]
+    rows = [row for result in results for row in result.rows]
+    return environment.from_string(source).render(
+        papers=[(name, found) for name, found in papers if found],
+        titles=titles,
+        counts={status: sum(row.status == status for row in rows) for status in STATUSES},
+        seconds=sum(result.seconds for result in results),
+        created=datetime.now(UTC).strftime("%Y-%m-%d"),
+        versions=versions(),
+        machine=machine(),
+    )
+
+
+def shown(value: Any) -> str:
+    """A cell: words as they are, numbers to four significant digits, a dash for none."""
+    if isinstance(value, str):
+        return value
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int) and abs(value) < 10**6:
+        return f"{value}"
+    return number(value, 4)
+
+
+def percent(value: float | None) -> str:
+    """A relative error in per cent; a dash for none."""
+    if value is None:
+        return "–"
+    return "0 %" if abs(value) < 5e-7 else f"{100 * value:+.2g} %".replace("-", "−")

@@ -1,0 +1,62 @@
+"""One style for all figures of the report: a journal's. Widths in inches as printed; matplotlib is imported lazily."""
+
+import io
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from cablebench.figures import _scoped
+
+COLUMN, PAGE = 3.4, 7.0
+"""widths of a figure in one column and over the page, in"""
+
+INK, SOFT, GRID = "#1f2933", "#5b6770", "#e3e7ea"
+COLOURS = ("#1b6ca8", "#c8553d", "#3a8f5c", "#b8860b", "#7b5ea7", "#0f8b8d", "#a04668", "#6b7f2a", "#8a5a3b")
+DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
+"""so that curves can be told apart on a black-and-white print"""
+PUBLISHED: Mapping[str, Any] = {
+    "linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": INK,
+    "markeredgewidth": 1.1, "color": INK, "zorder": 5,
+}  # fmt: skip
+"""plot(..., **PUBLISHED): how a printed value is marked, in every figure"""
+PUBLISHED_LINE: Mapping[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 0.9, "zorder": 1}
+"""axhline(..., **PUBLISHED_LINE): a printed value that is a level"""
+MAP = "cividis"
+"""colour map; its lightness grows monotonically, so it survives a grey print"""
+
+_RC = {
+    "font.family": "sans-serif", "font.size": 8, "mathtext.fontset": "dejavusans", "svg.fonttype": "none",
+    "svg.hashsalt": "reproduction", "axes.edgecolor": INK, "axes.labelcolor": INK, "axes.titlesize": 8,
+    "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.linewidth": 0.6, "axes.grid": True,
+    "axes.axisbelow": True, "axes.formatter.useoffset": False, "axes.prop_cycle": None, "grid.color": GRID,
+    "grid.linewidth": 0.5, "xtick.color": INK, "ytick.color": INK, "xtick.direction": "in", "ytick.direction": "in",
+    "xtick.top": True, "ytick.right": True, "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 1.5,
+    "ytick.minor.size": 1.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
+    "legend.fontsize": 7.5, "legend.handlelength": 2.2, "lines.linewidth": 1.2, "savefig.facecolor": "white",
+    "figure.facecolor": "white", "image.cmap": MAP, "contour.linewidth": 0.7,
+}  # fmt: skip
+
+
+def svg(draw: Callable[[Any], None], width: float, height: float) -> str:
+    """The SVG element that ``draw(figure)`` makes on an empty matplotlib Figure of ``width`` x ``height`` inches.
+
+    Same input, same text: no date, ids from a hash, so that a committed figure changes only when its numbers do.
+    """
+    import matplotlib
+    from cycler import cycler
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    with matplotlib.rc_context({**_RC, "axes.prop_cycle": cycler(color=COLOURS)}):
+        figure = Figure(figsize=(width, height), layout="constrained")
+        FigureCanvasSVG(figure)
+        draw(figure)
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    text = buffer.getvalue()
+    return _scoped(text[text.index("<svg") :])
+
+
+def letters(axes: Any) -> None:
+    """(a), (b), ... before the titles of ``axes``, as journals do."""
+    for letter, ax in zip("abcdefghijkl", axes, strict=False):
+        ax.set_title(f"({letter}) {ax.get_title(loc='left')}".rstrip(), loc="left")
