@@ -134,7 +134,8 @@ def drive_step(x, p, u, i, torque, stiffness, damping, dt):
     """
     v = x[V_IN, i]
     k, d = p[SERVO_K, i], p[SERVO_D, i]
-    pull = k * (u[COMMAND, i] - x[THETA_IN, i] - 0.5 * dt * v) + d * (u[COMMAND_RATE, i] - v)
+    rate = clip(u[COMMAND_RATE, i], -p[V_MAX, i], p[V_MAX, i])
+    pull = k * (u[COMMAND, i] - x[THETA_IN, i] - 0.5 * dt * v) + d * (rate - v)
     most = p[A_MAX, i] * dt
     servo = clip(dt * pull / (1.0 + 0.5 * dt * d + 0.25 * dt * dt * k), -most, most)
     push = clip(u[COMMAND, i], -p[M_MAX, i], p[M_MAX, i]) - p[B_IN, i] * v - torque

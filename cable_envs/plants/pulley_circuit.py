@@ -159,6 +159,14 @@ def advance(x, p, u, lo, hi, substeps, dt):
         store(xt, x, first, lanes)
 
 
+@jit
+def _refresh(x, p):
+    """What the kernel reports for states at rest without a disturbance."""
+    u = np.zeros((ROWS_U, x.shape[1]))
+    for i in range(x.shape[1]):
+        _report(x, p, u, i, x[THETA_IN, i], 0.0, x[THETA_OUT, i], 0.0, 0.0)
+
+
 def prepare(values: np.ndarray) -> np.ndarray:
     """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n]."""
     statics = Statics.from_values(values)
@@ -176,9 +184,14 @@ def prepare(values: np.ndarray) -> np.ndarray:
 
 
 def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Signals [len(PLANT.signals), n] at rest with the output at ``position`` (rad, [n]), its load balanced."""
+    """Signals [len(PLANT.signals), n] at rest with the output at ``position`` (rad, [n]), its load balanced.
+
+    D is that of equal tensions along each cable, inside the hold; torques and tensions are the kernel's for that D.
+    """
     position = np.asarray(position, dtype=np.float64)
-    return rest_signals(p, ROWS_X, position, *rest_elongation(p, p[LENGTH_T], p[LENGTH_B], position))
+    x = rest_signals(p, ROWS_X, position, *rest_elongation(p, p[LENGTH_T], p[LENGTH_B], position))
+    _refresh(x, p)
+    return x
 
 
 PLANT = Plant(
