@@ -46,7 +46,7 @@ class ControllerActor:
 
 
 class PolicyActor:
-    """A trained policy with ``predict(observation, state, episode_start, deterministic) -> (action, state)``, as SB3's."""
+    """A trained policy: ``predict(observation, state, episode_start, deterministic) -> (action, state)``, as SB3's."""
 
     def __init__(self, policy: Any):
         self.policy = policy

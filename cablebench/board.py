@@ -1,15 +1,8 @@
-"""From store records to a ranked board: plain data that every report (terminal, JSON, Markdown, HTML) is drawn from.
-
-Score of an episode (protocol, "Score"): (rmse_open_loop - rmse) / (rmse_open_loop - rmse_oracle) with both references on
-the same episode: 0 is the open loop, 1 the oracle. A failed episode gets the protocol's worst score, and no episode gets
-less. Where a reference failed on an episode, its mean over the completed episodes of the same condition stands in; where
-the two references come closer than a tenth of their mean distance in that condition, that tenth is the denominator, so
-that a lucky open loop does not blow up everyone's score.
-"""
+"""From store records to a ranked board: plain data that every report (terminal, JSON, Markdown, HTML) is drawn from."""
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,6 +12,7 @@ from cable_envs.errors import ConfigurationError
 from cablebench.entrants import INFORMATION
 from cablebench.metrics import METRICS
 from cablebench.protocol import Protocol
+from cablebench.scoring import Record, episode_key, latest, score_episodes
 from cablebench.statistics import (
     Interval,
     Scores,
@@ -33,11 +27,6 @@ from cablebench.statistics import (
 SCHEMA = 1
 """Version of board.json."""
 
-GAP_FLOOR = 0.1
-"""Least denominator of a score, as a share of the mean distance between open loop and oracle in the condition."""
-
-Record = Mapping[str, Any]
-
 
 @dataclass(frozen=True)
 class Row:
@@ -45,26 +34,26 @@ class Row:
 
     entrant: str
     information: str
-    rank: int
-    """place within the information class, from 1"""
-    runs: int
-    """training seeds; 1 for a controller that is not trained"""
-    episodes: int
-    """test episodes of each run"""
-    score: Interval | None
-    median: float | None
-    optimality_gap: float | None
-    worst_tenth: float | None
-    improvement: float | None
-    """probability of improvement over the papers' controller; None for that controller itself"""
     failures: int
     raw: Mapping[str, float]
     """median of every metric over the completed episodes, SI; NaN where it does not apply"""
     charged: Mapping[str, float]
-    """what the entrant used: environment_steps, tuning_trials, identification_samples"""
-    scores: Mapping[str, tuple[tuple[float, ...], ...]]
-    """{task: [runs][episodes]}"""
+    """what one training seed used: environment_steps, tuning_trials, identification_samples"""
     replay: str
+    rank: int = 0
+    """place within the information class, from 1"""
+    runs: int = 0
+    """training seeds; 1 for a controller that is not trained"""
+    episodes: int = 0
+    """test episodes of each run"""
+    score: Interval | None = None
+    median: float | None = None
+    optimality_gap: float | None = None
+    worst_tenth: float | None = None
+    improvement: float | None = None
+    """probability of improvement over the papers' controller; None for that controller itself"""
+    scores: Mapping[str, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
+    """{task: [runs][episodes]}"""
     trajectory: str = ""
     """key of the run whose trajectories are shown"""
 
@@ -120,7 +109,7 @@ class Board:
 
 
 def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
-    """The board of ``protocol`` from store records; records of other configurations are left out and counted in the notes.
+    """The board of ``protocol`` from store records; those of other configurations are left out, counted in the notes.
 
     The intervals draw from ``default_rng(protocol.bootstrap_seed)``, so a board repeats exactly from the same records.
     Raises ConfigurationError when no record belongs to the protocol.
@@ -130,7 +119,8 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
     own = latest([r for r in everything if r["protocol_hash"] == configuration])
     if not own:
         raise ConfigurationError(
-            f"no record of protocol '{protocol.name}' (configuration {configuration}) in the store; run `cablebench evaluate`"
+            f"the store has no record of protocol '{protocol.name}' (configuration {configuration}); "
+            "run `cablebench evaluate`"
         )
     rng = np.random.default_rng(protocol.bootstrap_seed)
     scored = [(r, s) for r, s in zip(own, score_episodes(own, protocol), strict=True)]
@@ -157,52 +147,6 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
     )
 
 
-def latest(records: Iterable[Record]) -> list[Record]:
-    """Each episode of each entrant and training seed once: where it was run again, the newest record counts."""
-    return list({(r["entrant"], r["training_seed"], *_episode(r)): r for r in records}.values())
-
-
-def _episode(record: Record) -> tuple[Any, ...]:
-    """What two records share when they are the same episode run by different entrants."""
-    return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]
-
-
-def score_episodes(records: list[Record], protocol: Protocol) -> list[float]:
-    """The score of each record; NaN where a reference is missing or the oracle is on average no better than the open loop."""
-    worst = _reference_errors([r for r in records if r["entrant"] == protocol.open_loop])
-    best = _reference_errors([r for r in records if r["entrant"] == protocol.oracle])
-    gaps: dict[tuple[Any, ...], list[float]] = {}
-    for episode in worst.keys() & best.keys():
-        gaps.setdefault(episode[:-1], []).append(worst[episode] - best[episode])
-    floor = {condition: GAP_FLOOR * float(np.mean(g)) for condition, g in gaps.items()}
-    return [_score(r, worst, best, floor, protocol.worst_score) for r in records]
-
-
-def _score(record: Record, worst: Mapping, best: Mapping, floor: Mapping, lowest: float) -> float:
-    episode = _episode(record)
-    least = floor.get(episode[:-1], math.nan)
-    if not (episode in worst and episode in best and least > 0.0):
-        return math.nan
-    if record["metrics"]["failed"] or record["metrics"]["rmse"] is None:
-        return lowest
-    gap = max(worst[episode] - best[episode], least)
-    return max((worst[episode] - record["metrics"]["rmse"]) / gap, lowest)
-
-
-def _reference_errors(records: list[Record]) -> dict[tuple[Any, ...], float]:
-    """RMSE by episode; a failed episode takes the mean over the completed ones of its condition."""
-    done: dict[tuple[Any, ...], list[float]] = {}
-    for r in records:
-        if not r["metrics"]["failed"]:
-            done.setdefault(_episode(r)[:-1], []).append(r["metrics"]["rmse"])
-    errors = {}
-    for r in records:
-        condition = done.get(_episode(r)[:-1])
-        if condition:
-            errors[_episode(r)] = float(np.mean(condition)) if r["metrics"]["failed"] else r["metrics"]["rmse"]
-    return errors
-
-
 def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.random.Generator) -> Table:
     first = scored[0][0]
     by_entrant: dict[str, list[tuple[Record, float]]] = {}
@@ -211,20 +155,27 @@ def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.rando
     paper = protocol.paper.get(first["family"], "")
     task = first["task"]
     arrays = {name: _score_array(items) for name, items in by_entrant.items()}
-    rows = [
-        _row(name, [r for r, _ in by_entrant[name]], {task: arrays[name]}, {task: arrays[paper]} if paper in arrays else {},
-             name == paper, protocol, rng)
-        for name in sorted(by_entrant)
-    ]
-    return Table(first["family"], task, first["env_id"], first["track"], first["output_unit"], first["command_unit"],
-                 paper, ranked(rows))
+    rows = []
+    for name in sorted(by_entrant):
+        other = {task: arrays[paper]} if paper in arrays and name != paper else {}
+        rows.append(_row(name, [r for r, _ in by_entrant[name]], {task: arrays[name]}, other, protocol, rng))
+    return Table(
+        first["family"],
+        task,
+        first["env_id"],
+        first["track"],
+        first["output_unit"],
+        first["command_unit"],
+        paper,
+        ranked(rows),
+    )
 
 
 def _score_array(items: list[tuple[Record, float]]) -> np.ndarray:
-    """Scores [runs, episodes]; runs by training seed, episodes by condition and seed. A run that is not whole is refused."""
+    """Scores [runs, episodes]; runs by training seed, episodes by condition and seed. Incomplete runs are refused."""
     runs: dict[Any, dict[tuple[Any, ...], float]] = {}
     for record, score in items:
-        runs.setdefault(record["training_seed"] or 0, {})[tuple(map(str, _episode(record)))] = score
+        runs.setdefault(record["training_seed"] or 0, {})[tuple(map(str, episode_key(record)))] = score
     episodes = sorted({e for run in runs.values() for e in run})
     short = [k for k, run in runs.items() if len(run) < len(episodes)]
     if short:
@@ -235,30 +186,41 @@ def _score_array(items: list[tuple[Record, float]]) -> np.ndarray:
     return np.array([[runs[k][e] for e in episodes] for k in sorted(runs)])
 
 
-def _row(name: str, records: list[Record], scores: Scores, paper: Scores, is_paper: bool, protocol: Protocol,
-         rng: np.random.Generator) -> Row:
-    flat = np.concatenate([np.ravel(s) for s in scores.values()])
-    known = bool(np.all(np.isfinite(flat)))
-    interval = bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level) if known else None
+def _row(
+    name: str, records: list[Record], scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator
+) -> Row:
     complete = [r["metrics"] for r in records if not r["metrics"]["failed"]]
-    improvement = probability_of_improvement(scores, paper) if known and paper and not is_paper else math.nan
-    return Row(
+    row = Row(
         entrant=name,
         information=records[0]["information"],
-        rank=0,
-        runs=min(s.shape[0] for s in scores.values()),
-        episodes=min(s.shape[1] for s in scores.values()),
-        score=interval,
-        median=float(median(flat)) if known else None,
-        optimality_gap=float(optimality_gap(flat)) if known else None,
-        worst_tenth=float(worst_tenth(flat)) if known else None,
-        improvement=improvement if math.isfinite(improvement) else None,
         failures=sum(bool(r["metrics"]["failed"]) for r in records),
         raw={m.name: _median([c.get(m.name) for c in complete]) for m in METRICS},
         charged=_charged(records),
-        scores={k: tuple(map(tuple, v.tolist())) for k, v in scores.items()},
         replay=records[-1]["replay"],
         trajectory=_typical_run(records),
+    )
+    return _scored(row, scores, paper, protocol, rng)
+
+
+def _scored(row: Row, scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator) -> Row:
+    """The row with the statistics of its scores; without them where any episode has none."""
+    flat = np.concatenate([np.ravel(s) for s in scores.values()])
+    row = replace(
+        row,
+        runs=min(s.shape[0] for s in scores.values()),
+        episodes=sum(s.shape[1] for s in scores.values()),
+        scores={k: tuple(map(tuple, v.tolist())) for k, v in scores.items()},
+    )
+    if not np.all(np.isfinite(flat)):
+        return row
+    improvement = probability_of_improvement(scores, paper) if paper else math.nan
+    return replace(
+        row,
+        score=bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level),
+        median=float(median(flat)),
+        optimality_gap=float(optimality_gap(flat)),
+        worst_tenth=float(worst_tenth(flat)),
+        improvement=improvement if math.isfinite(improvement) else None,
     )
 
 
@@ -283,7 +245,8 @@ def _typical_run(records: list[Record]) -> str:
 
 
 def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows by information class, then by score (interquartile mean); without scores by raw RMSE. Ranks count in the class."""
+    """Rows by information class, then by interquartile mean score, without scores by raw RMSE; ranked in class."""
+
     def place(row: Row) -> tuple[float, float, str]:
         rmse = row.raw.get("rmse", math.nan)
         return (-row.score.value if row.score else math.inf, rmse if math.isfinite(rmse) else math.inf, row.entrant)
@@ -296,7 +259,7 @@ def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Generator) -> tuple[Table, ...]:
-    """For each mechanism and track one table over all its tasks, of the entrants that ran every one of them."""
+    """For each mechanism and track one table over all its tasks, of the entrants that ran every one."""
     result = []
     for family, track in dict.fromkeys((t.family, t.track) for t in tables):
         group = [t for t in tables if (t.family, t.track) == (family, track)]
@@ -310,39 +273,30 @@ def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Gener
         scores = {n: {k: np.array(v) for row in r for k, v in row.scores.items()} for n, r in whole.items()}
         paper = protocol.paper.get(family, "")
         merged = [
-            _merge(whole[n], scores[n], scores.get(paper, {}), n == paper, protocol, rng) for n in sorted(whole)
+            _merge(whole[n], scores[n], scores.get(paper, {}) if n != paper else {}, protocol, rng)
+            for n in sorted(whole)
         ]
-        result.append(Table(family, "", "", track, "", "", paper, ranked(merged), len(group), tuple(sorted(set(rows) - set(whole)))))
+        omitted = tuple(sorted(set(rows) - set(whole)))
+        result.append(Table(family, "", "", track, "", "", paper, ranked(merged), len(group), omitted))
     return tuple(result)
 
 
-def _merge(rows: list[Row], scores: Scores, paper: Scores, is_paper: bool, protocol: Protocol,
-           rng: np.random.Generator) -> Row:
-    """One entrant over several tasks. Raw errors of different units are not averaged: only dimensionless metrics stay."""
-    flat = np.concatenate([np.ravel(s) for s in scores.values()])
-    known = bool(np.all(np.isfinite(flat)))
-    improvement = probability_of_improvement(scores, paper) if known and paper and not is_paper else math.nan
+def _merge(rows: list[Row], scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator) -> Row:
+    """One entrant over several tasks. Raw errors of different units are not averaged: dimensionless metrics stay."""
     common = [m.name for m in METRICS if m.unit in ("1", "us")]
-    charged = {k: sum(r.charged.get(k, 0) for r in rows) for k in sorted({k for r in rows for k in r.charged})}
-    return replace(
-        rows[0],
-        runs=min(r.runs for r in rows),
-        episodes=sum(r.episodes for r in rows),
-        score=bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level) if known else None,
-        median=float(median(flat)) if known else None,
-        optimality_gap=float(optimality_gap(flat)) if known else None,
-        worst_tenth=float(worst_tenth(flat)) if known else None,
-        improvement=improvement if math.isfinite(improvement) else None,
+    row = Row(
+        entrant=rows[0].entrant,
+        information=rows[0].information,
         failures=sum(r.failures for r in rows),
         raw={name: _median([r.raw[name] for r in rows]) for name in common},
-        charged=charged,
-        scores={k: tuple(map(tuple, np.asarray(v).tolist())) for k, v in scores.items()},
-        trajectory="",
+        charged={k: sum(r.charged.get(k, 0) for r in rows) for k in sorted({k for r in rows for k in r.charged})},
+        replay=rows[0].replay,
     )
+    return _scored(row, scores, paper, protocol, rng)
 
 
 def _sweeps(records: list[Record]) -> tuple[dict[str, Any], ...]:
-    """Median RMSE against the swept value, for every task, sweep and entrant of a stress track; failures leave a gap (NaN)."""
+    """Median RMSE against the swept value for every task, sweep and entrant of a stress track; NaN where it failed."""
     found: dict[tuple[str, str, str, str], dict[float, list[float]]] = {}
     for r in records:
         if r.get("sweep"):
@@ -350,24 +304,34 @@ def _sweeps(records: list[Record]) -> tuple[dict[str, Any], ...]:
             rmse = math.nan if r["metrics"]["failed"] else r["metrics"]["rmse"]
             found.setdefault(key, {}).setdefault(r["sweep_value"], []).append(rmse)
     return tuple(
-        {"task": t, "sweep": s, "unit": u, "entrant": e, "values": sorted(points),
-         "rmse": [_median(points[v]) for v in sorted(points)]}
+        {
+            "task": t,
+            "sweep": s,
+            "unit": u,
+            "entrant": e,
+            "values": sorted(points),
+            "rmse": [_median(points[v]) for v in sorted(points)],
+        }
         for (t, s, u, e), points in sorted(found.items())
     )
 
 
-def _notes(everything: list[Record], own: list[Record], tables: tuple[Table, ...], protocol: Protocol) -> tuple[str, ...]:
+def _notes(
+    everything: list[Record], own: list[Record], tables: tuple[Table, ...], protocol: Protocol
+) -> tuple[str, ...]:
     notes = [protocol.note] if protocol.note else []
     rows = [r for t in tables for r in t.rows]
     few = sorted({r.entrant for r in rows if r.charged.get("environment_steps") and r.runs < protocol.training_seeds})
     if few:
-        notes.append(f"Fewer training seeds than the {protocol.training_seeds} the protocol asks for: {', '.join(few)}.")
+        notes.append(f"Fewer than the protocol's {protocol.training_seeds} training seeds: {', '.join(few)}.")
     if any(r.score is not None and r.score.unit == "episodes" for r in rows):
         notes.append("Rows with a single run have intervals over test episodes only: they say nothing about training.")
     missing = [f"{t.task} ({t.track})" for t in tables if t.rows and t.rows[0].score is None]
     if missing:
-        notes.append("No scores, because open loop or oracle are missing, or the oracle is on average no better: "
-                     f"{', '.join(missing)}. Rows there are ordered by raw RMSE.")
+        notes.append(
+            "No scores, because open loop or oracle are missing, or the oracle is no better: "
+            f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
+        )
     others = len(everything) - sum(r["protocol_hash"] == own[0]["protocol_hash"] for r in everything)
     if others:
         notes.append(f"{others} records of other configurations in the store were left out.")

@@ -56,8 +56,9 @@ def controller_entrant(
 ) -> Entrant:
     """A reference controller by name, or any class with the interface of `baselines.base.Controller`.
 
-    It is made for the nominal rig and observes the level it declares. ``envs`` limits it to some environment ids; else it
-    enters wherever it applies. Raises ConfigurationError for unknown names.
+    It is made for the nominal rig, observes the level it declares and is charged what it declares in ``charged``.
+    ``envs`` limits it to some environment ids; else it enters wherever it applies.
+    Raises ConfigurationError for unknown names.
     """
     from baselines import controller_class
 
@@ -71,11 +72,15 @@ def controller_entrant(
         return {"observe": kind.levels[setup.plant.name]} if kind.applies(*case) else None
 
     def make(setup: Setup) -> Actor:
-        made = kind(setup.plant.name, setup.action_mode.name, setup.task.kind, setup.rig.values, setup.control_period, **chosen)
-        return ControllerActor(made, setup)
+        case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
+        return ControllerActor(kind(*case, setup.rig.values, setup.control_period, **chosen), setup)
 
     arguments = f"--controller {shlex.quote(kind.name)}" + "".join(f" --gain {k}={v:.17g}" for k, v in chosen.items())
-    return Entrant(kind.name, kind.information, make, needs, arguments, charged=dict(charged or {}), settings={"gains": chosen})
+    return Entrant(
+        kind.name, kind.information, make, needs, arguments,
+        charged={**getattr(kind, "charged", {}), **(charged or {})},
+        settings={"gains": chosen},
+    )  # fmt: skip
 
 
 def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
@@ -100,8 +105,8 @@ def agent_entrant(
 ) -> Entrant:
     """One trained policy for one environment id.
 
-    ``policy`` has ``predict(observation, state, episode_start, deterministic)``. ``options`` are the environment options it
-    was trained with that shape its observation and action (observe, action_mode); ``path`` is where it is saved, for the
+    ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are the environment options
+    that shape its observation and action as in training (observe, action_mode); ``path`` is where it is saved, for the
     replay command; ``settings`` should hold a hash of the saved file.
     """
     shape = dict(options or {})

@@ -46,8 +46,13 @@ class Episode:
 
     def __post_init__(self) -> None:
         arrays = {
-            "time": self.time, "reference": self.reference, "output": self.output, "command": self.command,
-            "reward": self.reward, "inference": self.inference, **self.signals,
+            "time": self.time,
+            "reference": self.reference,
+            "output": self.output,
+            "command": self.command,
+            "reward": self.reward,
+            "inference": self.inference,
+            **self.signals,
         }
         n = len(self.time)
         for name, values in arrays.items():
@@ -67,7 +72,8 @@ class Episode:
         return not self.terminated and len(self.time) >= self.horizon and bool(np.all(np.isfinite(self.output)))
 
     def thinned(self, points: int) -> dict[str, np.ndarray]:
-        """At most ``points`` evenly spaced samples of every array, by name, as float32: for storing and drawing."""
+        """For drawing: at most ``points`` evenly spaced samples of every array, by name, and whether it ``failed``."""
         index = np.unique(np.linspace(0, len(self.time) - 1, min(points, len(self.time))).round().astype(int))
         arrays = {"time": self.time, "reference": self.reference, "output": self.output, "command": self.command}
-        return {k: np.asarray(v)[index].astype(np.float32) for k, v in {**self.signals, **arrays}.items()}
+        thin = {k: np.asarray(v)[index].astype(np.float32) for k, v in {**self.signals, **arrays}.items()}
+        return {**thin, "failed": np.array(not self.complete)}

@@ -41,7 +41,10 @@ class Progress:
 
 
 def run_episode(
-    env: gym.Env, actor: Actor, seed: int, options: Mapping[str, Any] | None = None,
+    env: gym.Env,
+    actor: Actor,
+    seed: int,
+    options: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Episode:
     """One episode of ``actor`` in ``env`` from ``seed`` (with reset ``options``), as arrays.
@@ -96,9 +99,9 @@ def evaluate(
 ) -> list[dict[str, Any]]:
     """Run every entrant on every condition it enters; returns the new records and appends them to ``store`` one by one.
 
-    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, episodes that the
-    store already holds (same configuration, same source) are not run again. ``progress`` is called before each episode
-    and once at the end.
+    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, episodes that
+    the store already holds (same configuration, same source) are not run again. ``progress`` is called before each
+    episode and once at the end.
 
     Raises ConfigurationError for unknown names and where an entrant enters none of the chosen conditions.
     """
@@ -144,9 +147,8 @@ def _plan(
                 plan.append((cell, entrant, {**options, **needs}))
     for entrant in entrants:
         if not any(e is entrant for _, e, _ in plan):
-            raise ConfigurationError(
-                f"'{entrant.title}' enters none of the chosen tasks: {', '.join(dict.fromkeys(c.task.env for c in cells))}"
-            )
+            ids = ", ".join(dict.fromkeys(c.task.env for c in cells))
+            raise ConfigurationError(f"'{entrant.title}' enters none of the chosen tasks: {ids}")
     return plan
 
 
@@ -185,8 +187,8 @@ def _reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
 def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any]) -> str:
     """Names one run: everything that decides its numbers, the simulator's source included."""
     return configuration_hash({
-        "protocol": protocol.hash(), "cell": cell.key, "env": cell.task.env, "options": options, "entrant": entrant.name,
-        "settings": entrant.settings, "training_seed": entrant.training_seed, "source": versions()["source"],
+        "protocol": protocol.hash(), "cell": cell.key, "env": cell.task.env, "options": options,
+        "entrant": entrant.name, "settings": entrant.settings, "training_seed": entrant.training_seed, "source": versions()["source"],
     })  # fmt: skip
 
 

@@ -1,9 +1,9 @@
-"""Figures of a board as inline SVG text. One style for all of them; matplotlib is imported only here, without pyplot's state."""
+"""Figures of a board as inline SVG text, in one style; matplotlib is imported only here, without pyplot's state."""
 
 import io
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,9 @@ from cablebench.statistics import performance_profile
 from cablebench.units import axis_label, display
 
 INK, SOFT, GRID = "#1f2933", "#5b6770", "#dfe3e6"
-_COLOURS = ("#1b6ca8", "#c8553d", "#3a8f5c", "#b8860b", "#7b5ea7", "#0f8b8d", "#a04668", "#6b7f2a", "#8a5a3b", "#4a6fa5")
+_COLOURS = (
+    "#1b6ca8", "#c8553d", "#3a8f5c", "#b8860b", "#7b5ea7", "#0f8b8d", "#a04668", "#6b7f2a", "#8a5a3b", "#4a6fa5",
+)  # fmt: skip
 _MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
 
@@ -27,7 +29,8 @@ _RC = {
     "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": GRID, "grid.linewidth": 0.6,
     "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 0,
     "ytick.minor.size": 0, "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.4,
-    "savefig.facecolor": "none", "figure.facecolor": "none", "axes.facecolor": "none", "axes.formatter.useoffset": False,
+    "savefig.facecolor": "none", "figure.facecolor": "none", "axes.facecolor": "none",
+    "axes.formatter.useoffset": False,
 }  # fmt: skip
 
 
@@ -37,17 +40,24 @@ def styles(board: Board) -> Style:
     for name in board.entrants:
         if name in (board.protocol.open_loop, board.protocol.oracle):
             oracle = name == board.protocol.oracle
-            result[name] = {"color": INK if oracle else "#9aa5ad", "marker": "*" if oracle else "x",
-                            "dash": (0, (1.2, 1.2)) if oracle else (0, (4, 2))}
+            result[name] = {
+                "color": INK if oracle else "#9aa5ad",
+                "marker": "*" if oracle else "x",
+                "dash": (0, (1.2, 1.2)) if oracle else (0, (4, 2)),
+            }
         else:
-            result[name] = {"color": _COLOURS[k % len(_COLOURS)], "marker": _MARKERS[k % len(_MARKERS)],
-                            "dash": _DASHES[(k // 3) % len(_DASHES)]}
+            result[name] = {
+                "color": _COLOURS[k % len(_COLOURS)],
+                "marker": _MARKERS[k % len(_MARKERS)],
+                "dash": _DASHES[(k // 3) % len(_DASHES)],
+            }
             k += 1
     return result
 
 
 def profile(tables: Sequence[Table], style: Style) -> str:
     """Performance profile: share of episodes that reach a score, one panel for each table."""
+
     def draw(figure: Any) -> None:
         axes = figure.subplots(1, len(tables), sharey=True, squeeze=False)[0]
         for ax, table in zip(axes, tables, strict=True):
@@ -62,13 +72,14 @@ def profile(tables: Sequence[Table], style: Style) -> str:
                 ax.step(thresholds, share, where="post", color=s["color"], linestyle=s["dash"], label=row.entrant)
             ax.set(title=f"{table.track} track", xlabel="score τ", ylim=(0, 103), xlim=(thresholds[0], thresholds[-1]))
         axes[0].set_ylabel("episodes with score ≥ τ  [%]")
-        _legend(figure, axes)
+        _legend(figure, axes, gap=0.25)
 
     return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2)
 
 
 def effort(tables: Sequence[Table], style: Style) -> str:
-    """Accuracy against effort: median RMSE over the median integral of u², one panel for each table; lower left is better."""
+    """Accuracy against effort: median RMSE over the median integral of u², one panel for each table."""
+
     def draw(figure: Any) -> None:
         axes = figure.subplots(1, len(tables), squeeze=False)[0]
         for ax, table in zip(axes, tables, strict=True):
@@ -76,12 +87,20 @@ def effort(tables: Sequence[Table], style: Style) -> str:
                 x, y = (display(row.raw[m], m, table) for m in ("effort", "rmse"))
                 if math.isfinite(x) and math.isfinite(y):
                     s = style[row.entrant]
-                    ax.plot(x, y, linestyle="", marker=s["marker"], color=s["color"], markersize=7, label=row.entrant,
-                            markeredgewidth=1.6 if s["marker"] == "x" else 0.6)
+                    ax.plot(
+                        x,
+                        y,
+                        linestyle="",
+                        marker=s["marker"],
+                        color=s["color"],
+                        markersize=7,
+                        label=row.entrant,
+                        markeredgewidth=1.6 if s["marker"] == "x" else 0.6,
+                    )
             _log_if_wide(ax)
             ax.margins(0.15)
             ax.set(title=f"{table.track} track", xlabel=axis_label("effort", table), ylabel=axis_label("rmse", table))
-        _legend(figure, axes)
+        _legend(figure, axes, gap=0.85)
 
     return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2)
 
@@ -97,21 +116,31 @@ def phases(tables: Sequence[Table], style: Style) -> str:
             for k, row in enumerate(table.rows):
                 s, shift = style[row.entrant], (k - (len(table.rows) - 1) / 2) * 0.62 / max(len(table.rows), 1)
                 y = [display(row.raw[f"rmse_{p}"], "rmse", table) for p in PHASES]
-                ax.plot(np.arange(len(PHASES)) + shift, y, linestyle="", marker=s["marker"], color=s["color"],
-                        label=row.entrant, markersize=6)
+                ax.plot(
+                    np.arange(len(PHASES)) + shift,
+                    y,
+                    linestyle="",
+                    marker=s["marker"],
+                    color=s["color"],
+                    label=row.entrant,
+                    markersize=6,
+                )
             for edge in (0.5, 1.5):
                 ax.axvline(edge, color=GRID, linewidth=0.8)
             ax.grid(visible=False, axis="x")
             ax.set_xticks(range(len(PHASES)), list(PHASES))
             ax.set(title=f"{table.track} track", ylabel=axis_label("rmse", table), xlim=(-0.5, len(PHASES) - 0.5))
             ax.set_ylim(bottom=0)
-        _legend(figure, axes)
+        _legend(figure, axes, gap=0.85)
 
     return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.0)
 
 
-def trajectories(table: Table, rows: Sequence[Row], found: Sequence[Mapping[str, Mapping[str, np.ndarray]]], style: Style) -> str:
+def trajectories(
+    table: Table, rows: Sequence[Row], found: Sequence[Mapping[str, Mapping[str, np.ndarray]]], style: Style
+) -> str:
     """Median and worst episode of each row: reference and output above, cable tensions below."""
+
     def draw(figure: Any) -> None:
         grid = figure.subplots(4, len(rows), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.1, 2, 1.1))
         for column, (row, pair) in enumerate(zip(rows, found, strict=True)):
@@ -122,22 +151,41 @@ def trajectories(table: Table, rows: Sequence[Row], found: Sequence[Mapping[str,
         for top, kind in ((0, "median"), (2, "worst")):
             grid[top, 0].set_ylabel(f"{kind} episode\n{axis_label('output', table)}")
             grid[top + 1, 0].set_ylabel("tension [N]")
-        figure.align_ylabels(grid[:, 0])
+        width, height = figure.get_size_inches()
+        figure.subplots_adjust(
+            left=0.95 / width,
+            right=1 - 0.1 / width,
+            top=1 - 0.28 / height,
+            bottom=0.45 / height,
+            hspace=0.14,
+            wspace=0.09,
+        )
+        for ax in grid[:, 0]:
+            ax.yaxis.set_label_coords(-0.5 / (grid[0, 0].get_position().width * width), 0.5)
 
     return _svg(draw, 2.55 * len(rows) + 0.7, 6.4)
 
 
-def _one(above: Any, below: Any, arrays: Mapping[str, np.ndarray], entrant: str, kind: str, table: Table, style: Style) -> None:
+def _one(
+    above: Any, below: Any, arrays: Mapping[str, np.ndarray], entrant: str, kind: str, table: Table, style: Style
+) -> None:
     scale = display(1.0, "rmse", table)
     above.plot(arrays["time"], arrays["reference"] * scale, color=INK, linewidth=1.0, linestyle=(0, (3, 1.5)))
     above.plot(arrays["time"], arrays["output"] * scale, color=style[entrant]["color"])
-    # the row's y axis is shared: outputs that left it (an unstable episode) must not flatten every other panel
+    if arrays["failed"]:
+        above.plot(arrays["time"][-1], arrays["output"][-1] * scale, "x", color="#a8321f", ms=8, mew=2)
     if kind == "median":
         above.set_title(entrant)
-    names = [n for n in arrays if "tension" in n and n != "peak_tension"]
+    names = [n for n in arrays if "tension" in n and n != "peak_tension" and not n.startswith("tension_output")]
     for k, name in enumerate(names):
-        below.plot(arrays["time"], arrays[name], color=style[entrant]["color"], linewidth=0.9, linestyle=_DASHES[k % 4],
-                   alpha=1.0 if k == 0 else 0.75)
+        below.plot(
+            arrays["time"],
+            arrays[name],
+            color=style[entrant]["color"],
+            linewidth=0.9,
+            linestyle=_DASHES[k % 4],
+            alpha=1.0 if k == 0 else 0.75,
+        )
 
 
 def sweeps(board: Board, task: str, style: Style) -> str:
@@ -157,39 +205,67 @@ def sweeps(board: Board, task: str, style: Style) -> str:
                 ax.plot(line["values"], y, color=s["color"], linestyle=s["dash"], label=line["entrant"])
             unit = next(s["unit"] for s in lines if s["sweep"] == name)
             ax.set(title=name, xlabel="factor on nominal" if unit == "1" else f"[{unit}]")
-            ax.set_yscale("log")
+            _ticks(ax, "y", log=True)
         axes[0].set_ylabel(axis_label("rmse", table))
-        _legend(figure, axes)
+        _legend(figure, axes, gap=0.25)
 
     return _svg(draw, min(2.8 * len(names) + 0.8, 12.0), 3.0)
+
+
+def _plain(value: float, _: int = 0) -> str:
+    """Tick labels without powers of ten: 0.05, 2, 45k."""
+    return f"{value / 1000:g}k" if abs(value) >= 1e4 else f"{value:g}"
+
+
+def _ticks(ax: Any, axis: str, log: bool) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
+
+    if log:
+        getattr(ax, f"set_{axis}scale")("log")
+    target = getattr(ax, f"{axis}axis")
+    target.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12) if log else MaxNLocator(5))
+    target.set_minor_locator(NullLocator())
+    target.set_major_formatter(FuncFormatter(_plain))
 
 
 def _log_if_wide(ax: Any) -> None:
     """A logarithmic axis where the points span more than a factor of five."""
     for axis in ("x", "y"):
         data = np.array([float(np.ravel(getattr(line, f"get_{axis}data")())[0]) for line in ax.lines])
-        if len(data) and data.min() > 0 and data.max() > 5 * data.min():
-            getattr(ax, f"set_{axis}scale")("log")
+        _ticks(ax, axis, len(data) > 0 and data.min() > 0 and data.max() > 5 * data.min())
 
 
-def _legend(figure: Any, axes: Sequence[Any]) -> None:
+def _legend(figure: Any, axes: Sequence[Any], gap: float) -> None:
+    """A legend below the axes; everything is placed in inches, which is much faster than a constrained layout.
+
+    ``gap`` is the space between two panels: for tick labels, and an axis label where every panel has its own.
+    """
     handles: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     columns = max(1, min(len(handles), int(figure.get_figwidth() / 1.25)))
-    figure.legend(handles.values(), handles.keys(), loc="outside lower left", ncols=columns, handlelength=2.2,
-                  columnspacing=1.4)
+    rows = -(-len(handles) // columns)
+    width, height = figure.get_size_inches()
+    panel = (width - 0.9 - gap * (len(axes) - 1)) / len(axes)
+    bottom = (0.55 + 0.2 * rows) / height
+    figure.subplots_adjust(
+        left=0.8 / width, right=1 - 0.1 / width, top=1 - 0.28 / height, bottom=bottom, wspace=gap / panel
+    )
+    figure.legend(
+        handles.values(), handles.keys(), loc="lower left", bbox_to_anchor=(0.3 / width, 0), ncols=columns,
+        handlelength=2.2, columnspacing=1.4, borderaxespad=0,
+    )  # fmt: skip
 
 
-def _svg(draw: Any, width: float, height: float) -> str:
+def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
     """The SVG element that ``draw(figure)`` makes, without XML prologue, with ids that no other figure shares."""
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
 
     with matplotlib.rc_context(_RC):
-        figure = Figure(figsize=(width, height), layout="constrained")
+        figure = Figure(figsize=(width, height))
         FigureCanvasSVG(figure)
         draw(figure)
         buffer = io.StringIO()
@@ -206,5 +282,7 @@ def _scoped(svg: str) -> str:
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", svg)
+    # a tenth of a point is finer than any screen or printer resolves here, and halves the size of the page
+    svg = re.sub(r'\bd="[^"]*"', lambda path: re.sub(r"(\d+\.\d)\d+", r"\1", path[0]), svg)
     # the page scales figures to its width: drop the fixed size, keep the viewBox
     return re.sub(r'(<svg[^>]*?) width="([\d.]+)pt" height="[\d.]+pt"', r'\1 style="max-width:\2pt"', svg, count=1)

@@ -15,7 +15,7 @@ from cablebench.episode import Episode
 
 REVERSAL_WINDOW = 0.5
 """s after each reversal of the reference in which the reversal error is taken: longer than the actuator's lag
-(tens of milliseconds), shorter than half the fastest reference period (2.9 s), so that two reversals share no sample."""
+(tens of milliseconds), shorter than half the fastest reference period (2.9 s), so two reversals share no sample."""
 
 CHATTER_CUTOFF = 10.0
 """Hz above which the command's power counts as chatter: an order above the references (below 1 Hz) and the reference

@@ -6,10 +6,11 @@ from importlib.resources import files
 from typing import Any
 
 from cablebench import figures
-from cablebench.board import GAP_FLOOR, Board, Row, Table
+from cablebench.board import Board, Row, Table
 from cablebench.entrants import BUDGETS, INFORMATION
 from cablebench.metrics import METRICS
 from cablebench.report import MAIN_METRICS, censored, seed_text
+from cablebench.scoring import GAP_FLOOR
 from cablebench.units import count, number, shown, unit_of
 
 TITLES = {"CableHole": "Cable through a hole", "PulleyCircuit": "Closed pulley circuit"}
@@ -33,11 +34,14 @@ def render_html(board: Board, trajectories: Callable[[str], Mapping[str, Any]] |
         worst=number(board.protocol.worst_score),
         floor=number(100 * GAP_FLOOR),
         papers=", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items()) or "none named",
+        bar_axis=Markup(_bar_axis()),
         metrics=[{"label": m.label, "unit": m.unit.format(y="y", u="u"), "meaning": m.meaning} for m in METRICS],
         seeds=seed_text(board.seeds),
         training_seeds=seed_text(board.training_seeds),
         matrices=_matrices(board),
-        families=[_family(board, f, style, trajectories, Markup) for f in dict.fromkeys(t.family for t in board.tables)],
+        families=[
+            _family(board, f, style, trajectories, Markup) for f in dict.fromkeys(t.family for t in board.tables)
+        ],
     )
 
 
@@ -63,7 +67,7 @@ def _matrices(board: Board) -> list[dict[str, Any]]:
 
 
 def _lines(task: str) -> tuple[str, str]:
-    """"CableHole-Position-Step" -> ("CableHole", "Position Step")."""
+    """ "CableHole-Position-Step" -> ("CableHole", "Position Step")."""
     first, _, rest = task.partition("-")
     return first, rest.replace("-", " ")
 
@@ -75,7 +79,11 @@ def _shade(row: Row | None) -> dict[str, str]:
     share = min(max(row.score.value, 0.0), 1.0) ** 1.5
     colour = tuple(round(a + (b - a) * share) for a, b in zip((244, 247, 250), (27, 108, 168), strict=True))
     ink = "#a8321f" if row.score.value < -0.05 else "#ffffff" if share > 0.55 else "#1f2933"
-    return {"text": f"{row.score.value:.2f}".replace("-", "−"), "colour": "#%02x%02x%02x" % colour, "ink": ink}
+    return {
+        "text": f"{row.score.value:.2f}".replace("-", "−"),
+        "colour": "#{:02x}{:02x}{:02x}".format(*colour),
+        "ink": ink,
+    }
 
 
 def _family(board: Board, family: str, style: figures.Style, trajectories: Any, markup: Any) -> dict[str, Any]:
@@ -95,7 +103,9 @@ def _family(board: Board, family: str, style: figures.Style, trajectories: Any, 
     }
 
 
-def _task(board: Board, tables: Sequence[Table], style: figures.Style, trajectories: Any, markup: Any) -> dict[str, Any]:
+def _task(
+    board: Board, tables: Sequence[Table], style: figures.Style, trajectories: Any, markup: Any
+) -> dict[str, Any]:
     first = tables[0]
     drawn = []
     for table in tables:
@@ -138,10 +148,11 @@ def _view(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
     """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
     metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
     columns = [
+        {"label": "runs", "unit": "seeds", "title": "training seeds"},
         {"label": "score", "unit": "IQM", "title": "interquartile mean"},
         {"label": "median", "unit": "", "title": "median score"},
         {"label": "gap", "unit": "", "title": "optimality gap: mean shortfall below 1"},
-        {"label": "worst 10 %", "unit": "CVaR", "title": "mean of the lowest tenth of the scores"},
+        {"label": "worst 10\N{NO-BREAK SPACE}%", "unit": "CVaR", "title": "mean of the lowest tenth of the scores"},
         {"label": "better than", "unit": "paper, %", "title": "probability of improvement over the papers' controller"},
         *({"label": _label(m), "unit": unit_of(m, table), "title": _meaning(m)} for m in metrics),
         {"label": "failed", "unit": "episodes", "title": "episodes that did not run to their end"},
@@ -155,22 +166,22 @@ def _view(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
         if any(r.information == name for r in table.rows)
     ]
     raw = [m for m in _RAW if any(math.isfinite(r.raw.get(m.name, math.nan)) for r in table.rows)]
-    left_out = f" Left out, because they did not run all {table.tasks} tasks: {', '.join(table.omitted)}." if table.omitted else ""
-    runs = sorted({r.runs for r in table.rows})
-    episodes = max(r.episodes for r in table.rows)
+    caption = f"{max(r.episodes for r in table.rows)} test episodes in a run; a run is one training seed."
+    if table.omitted:
+        caption += f" Left out, because they did not run all {table.tasks} tasks: {', '.join(table.omitted)}."
     return {
         "track": table.track,
         "tasks": table.tasks,
-        "caption": f"{episodes} test episodes a run; runs (training seeds) {'–'.join(map(str, {runs[0]: 0, runs[-1]: 0}))}.{left_out}",
+        "caption": caption,
         "columns": columns,
         "groups": groups,
-        "raw_columns": [{"label": m.label, "unit": unit_of(m.name, table), "title": m.meaning} for m in raw],
+        "raw_columns": [{"label": _label(m.name), "unit": unit_of(m.name, table), "title": m.meaning} for m in raw],
         "raw_rows": [{"name": r.entrant, "cells": [_cell(r, m.name, table) for m in raw]} for r in table.rows],
     }
 
 
 def _label(name: str) -> str:
-    return next(m.label for m in METRICS if m.name == name)
+    return next(m.label for m in METRICS if m.name == name).replace(" %", "\N{NO-BREAK SPACE}%")
 
 
 def _meaning(name: str) -> str:
@@ -187,38 +198,59 @@ def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, m
         text = "–" if value is None else f"{value:.2f}".replace("-", "−")
         return {"text": text, "value": "nan" if value is None else value, "bad": value is not None and value < 0}
 
-    better = None if row.improvement is None else 100 * row.improvement
+    better = math.nan if row.improvement is None else 100 * row.improvement
     return {
         "name": row.entrant,
         "rank": row.rank,
         "bar": markup(_bar(row, style[row.entrant]["color"])),
         "cells": [
-            score(row.score.value if row.score else None), score(row.median), score(row.optimality_gap), score(row.worst_tenth),
-            {"text": "–" if better is None else f"{better:.0f}", "value": "nan" if better is None else better, "bad": False},
+            {"text": str(row.runs), "value": row.runs, "bad": False},
+            score(row.score.value if row.score else None),
+            score(row.median),
+            score(row.optimality_gap),
+            score(row.worst_tenth),
+            {"text": "–" if math.isnan(better) else f"{better:.0f}", "value": better, "bad": False},
             *(_cell(row, m, table) for m in metrics),
             {"text": f"{row.failures}/{row.runs * row.episodes}", "value": row.failures, "bad": row.failures > 0},
             *({"text": count(row.charged.get(k, 0)), "value": row.charged.get(k, 0), "bad": False} for k in BUDGETS),
         ],
-    }  # fmt: skip
+    }
 
 
-def _bar(row: Row, colour: str, width: int = 200, height: int = 20) -> str:
-    """The interval as a line with its point on an axis from -1 to 1.25; hollow where it is over episodes only."""
-    low, high = -1.0, 1.25
+_BAR = (-1.0, 1.25, 180, 20)
+"""Axis of the interval bars: lowest and highest score, width and height in pixels."""
+
+
+def _bar_x(score: float) -> float:
+    low, high, width, _ = _BAR
+    return round(8 + (width - 16) * (min(max(score, low), high) - low) / (high - low), 1)
+
+
+def _bar_axis() -> str:
+    """The axis of the bars, for the table's head."""
+    width = _BAR[2]
+    labels = "".join(
+        f'<text x="{_bar_x(v)}" y="10" text-anchor="middle" font-size="10" fill="#5b6770">{t}</text>'
+        for v, t in ((-1, "−1"), (0, "0"), (1, "1"))
+    )
+    return f'<svg width="{width}" height="13" viewBox="0 0 {width} 13" aria-hidden="true">{labels}</svg>'
+
+
+def _bar(row: Row, colour: str) -> str:
+    """The interval as a line with its point; hollow where it is over episodes of a single run."""
     if row.score is None:
         return ""
-
-    def x(value: float) -> float:
-        return round(4 + (width - 8) * (min(max(value, low), high) - low) / (high - low), 1)
-
-    s, y = row.score, height / 2
+    s, (_, _, width, height), x = row.score, _BAR, _bar_x
     ticks = "".join(
-        f'<line x1="{x(v)}" x2="{x(v)}" y1="1" y2="{height - 1}" stroke="{"#b9c1c7" if v in (0, 1) else "#e6eaed"}"/>' for v in (-1, -0.5, 0, 0.5, 1)
+        f'<line x1="{x(v)}" x2="{x(v)}" y1="1" y2="{height - 1}" stroke="{"#b9c1c7" if v in (0, 1) else "#e6eaed"}"/>'
+        for v in (-1, -0.5, 0, 0.5, 1)
     )
     fill = "#ffffff" if s.unit == "episodes" else colour
+    middle = height // 2
     return (
         f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img" '
         f'aria-label="{s.value:.2f}, interval {s.low:.2f} to {s.high:.2f}, over {s.unit}">{ticks}'
-        f'<line x1="{x(s.low)}" x2="{x(s.high)}" y1="{y}" y2="{y}" stroke="{colour}" stroke-width="3" stroke-linecap="round"/>'
-        f'<circle cx="{x(s.value)}" cy="{y}" r="4" fill="{fill}" stroke="{colour}" stroke-width="2"/></svg>'
+        f'<line x1="{x(s.low)}" x2="{x(s.high)}" y1="{middle}" y2="{middle}" stroke="{colour}" stroke-width="3" '
+        f'stroke-linecap="round"/>'
+        f'<circle cx="{x(s.value)}" cy="{middle}" r="4" fill="{fill}" stroke="{colour}" stroke-width="2"/></svg>'
     )

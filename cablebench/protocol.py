@@ -1,4 +1,4 @@
-"""The benchmark protocol as data: tasks, tracks, seeds, episodes, budgets. One YAML file (configs/protocols/) a board."""
+"""The benchmark protocol as data: tasks, tracks, seeds, episodes, budgets; one YAML file in configs/protocols/ each."""
 
 import hashlib
 import itertools
@@ -172,8 +172,21 @@ def configuration_hash(data: Any) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
-_KEYS = ("schema", "name", "title", "note", "tasks", "tracks", "run", "seeds", "episodes", "training_seeds", "budgets",
-         "score", "bootstrap")
+_KEYS = (
+    "schema",
+    "name",
+    "title",
+    "note",
+    "tasks",
+    "tracks",
+    "run",
+    "seeds",
+    "episodes",
+    "training_seeds",
+    "budgets",
+    "score",
+    "bootstrap",
+)
 
 
 def load_protocol(name: str | Path) -> Protocol:
@@ -271,7 +284,7 @@ def _seeds(data: Mapping[str, Any], source: str) -> dict[str, SeedRange]:
     ordered = sorted(ranges.items(), key=lambda item: item[1].first)
     for (name, a), (other, b) in itertools.pairwise(ordered):
         if b.first in a:
-            raise ConfigurationError(f"{source}: seeds.{name} and seeds.{other} overlap; test seeds are never trained on")
+            raise ConfigurationError(f"{source}: seeds.{name} and seeds.{other} overlap; they must be disjoint")
     return ranges
 
 
@@ -279,7 +292,7 @@ def _task(data: Any, source: str) -> Task:
     if isinstance(data, str):
         return Task(data)
     if not isinstance(data, Mapping) or "env" not in data:
-        raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', 'options'; got {data!r}")
+        raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', not {data!r}")
     require_known(f"key in a task of {source}", data, ("env", "options"))
     return Task(str(data["env"]), dict(data.get("options") or {}))
 

@@ -10,12 +10,12 @@ from cablebench.board import SCHEMA, Board, Row, Table
 from cablebench.entrants import BUDGETS
 from cablebench.metrics import METRICS
 from cablebench.store import jsonable, write_atomic
-from cablebench.units import count, number, shown, unit_of
+from cablebench.units import count, shown, unit_of
 
 Trajectories = Callable[[str], Mapping[str, Mapping[str, Any]]]
 """run key -> {"median": arrays by name, "worst": arrays by name}, empty where nothing was kept"""
 
-MAIN_METRICS = {True: ("rmse", "max_error", "settling_5", "overshoot"), False: ("rmse", "max_error", "reversal_error")}
+MAIN_METRICS = {True: ("rmse", "settling_5", "steady_state_error"), False: ("rmse", "max_error", "reversal_error")}
 """Raw metrics beside the score: for step tasks, for others."""
 
 
@@ -50,7 +50,7 @@ def heading(table: Table) -> str:
 
 
 def interval(row: Row) -> str:
-    """"0.91 [0.88, 0.94]", with * where the interval is over episodes of a single run; a dash without score."""
+    """ "0.91 [0.88, 0.94]", with * where the interval is over episodes of a single run; a dash without score."""
     if row.score is None:
         return "–"
     s = row.score
@@ -64,7 +64,14 @@ def cells(table: Table) -> tuple[list[str], list[list[str]]]:
     head += [f"{_label(m)} [{unit_of(m, table)}]" for m in metrics] + ["failed", "env steps", "trials", "ident."]
     body = []
     for row in table.rows:
-        line = [str(row.rank), row.entrant, row.information, interval(row), _two(row.worst_tenth), _percent(row.improvement)]
+        line = [
+            str(row.rank),
+            row.entrant,
+            row.information,
+            interval(row),
+            _two(row.worst_tenth),
+            _percent(row.improvement),
+        ]
         line += [_value(row, m, table) for m in metrics]
         line += [f"{row.failures}/{row.runs * row.episodes}", *(count(row.charged.get(k, 0)) for k in BUDGETS)]
         body.append(line)
@@ -101,7 +108,9 @@ def print_board(board: Board, console: Any) -> None:
 
     for table in (*board.overall, *board.tables):
         head, body = cells(table)
-        view = RichTable(title=heading(table), title_justify="left", title_style="bold", header_style="", box=None, pad_edge=False)
+        view = RichTable(
+            title=heading(table), title_justify="left", title_style="bold", header_style="", box=None, pad_edge=False
+        )
         for name in head:
             view.add_column(escape(name), justify="left" if name in ("controller", "class") else "right", no_wrap=True)
         previous = ""
@@ -125,7 +134,8 @@ def legend(board: Board) -> list[str]:
         f"Raw values: median over completed episodes; '>' marks a settling time that was not reached. "
         f"'> paper': probability of improvement over {_papers(board)}.",
     ]
-    return lines + list(board.notes) + [f"{board.protocol.name} protocol, configuration {board.configuration}, {board.created}"]
+    origin = f"{board.protocol.name} protocol, configuration {board.configuration}, {board.created}"
+    return [*lines, *board.notes, origin]
 
 
 def _papers(board: Board) -> str:
@@ -153,7 +163,7 @@ def render_markdown(board: Board) -> str:
 
 
 def seed_text(seeds: tuple[int, ...]) -> str:
-    """"2000000-2000009" for a run of seeds, otherwise all of them; "none" for none."""
+    """ "2000000-2000009" for a run of seeds, otherwise all of them; "none" for none."""
     if not seeds:
         return "none"
     if len(seeds) > 1 and seeds[-1] - seeds[0] == len(seeds) - 1:

@@ -122,9 +122,10 @@ class ResultStore:
         return found
 
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
-        """Save arrays by name for each of ``episodes`` (such as "median", "worst") of a run; replaces what was there."""
+        """Save arrays by name for each of ``episodes`` ("median", "worst") of a run; replaces what was there."""
         buffer = io.BytesIO()
-        np.savez_compressed(buffer, **{f"{kind}/{name}": v for kind, arrays in episodes.items() for name, v in arrays.items()})
+        flat = {f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()}
+        np.savez_compressed(buffer, **flat)
         return write_atomic(self.folder / f"{run}.npz", buffer.getvalue())
 
     def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:

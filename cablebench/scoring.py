@@ -1,0 +1,67 @@
+"""Scores of episodes: 0 is the open loop, 1 the oracle, both on the same episode.
+
+    score = (rmse_open_loop - rmse) / max(rmse_open_loop - rmse_oracle, GAP_FLOOR x their median distance)
+
+A failed episode gets the protocol's worst score, and no episode gets less. Where a reference failed on an episode, its
+mean over the completed episodes of the same condition stands in.
+"""
+
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from cablebench.protocol import Protocol
+
+GAP_FLOOR = 0.5
+"""Least denominator, as a share of the median distance between open loop and oracle in the condition: an open loop that
+is lucky on one episode must not blow up everyone's score there."""
+
+Record = Mapping[str, Any]
+
+
+def latest(records: Iterable[Record]) -> list[Record]:
+    """Each episode of each entrant and training seed once: where it was run again, the newest record counts."""
+    return list({(r["entrant"], r["training_seed"], *episode_key(r)): r for r in records}.values())
+
+
+def episode_key(record: Record) -> tuple[Any, ...]:
+    """What two records share when they are the same episode run by different entrants."""
+    return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]
+
+
+def score_episodes(records: list[Record], protocol: Protocol) -> list[float]:
+    """The score of each record; NaN where a reference is missing or the oracle's median advantage is not positive."""
+    worst = _reference_errors([r for r in records if r["entrant"] == protocol.open_loop])
+    best = _reference_errors([r for r in records if r["entrant"] == protocol.oracle])
+    gaps: dict[tuple[Any, ...], list[float]] = {}
+    for episode in worst.keys() & best.keys():
+        gaps.setdefault(episode[:-1], []).append(worst[episode] - best[episode])
+    floor = {condition: GAP_FLOOR * float(np.median(g)) for condition, g in gaps.items()}
+    return [_score(r, worst, best, floor, protocol.worst_score) for r in records]
+
+
+def _score(record: Record, worst: Mapping, best: Mapping, floor: Mapping, lowest: float) -> float:
+    episode = episode_key(record)
+    least = floor.get(episode[:-1], math.nan)
+    if not (episode in worst and episode in best and least > 0.0):
+        return math.nan
+    if record["metrics"]["failed"] or record["metrics"]["rmse"] is None:
+        return lowest
+    gap = max(worst[episode] - best[episode], least)
+    return max((worst[episode] - record["metrics"]["rmse"]) / gap, lowest)
+
+
+def _reference_errors(records: list[Record]) -> dict[tuple[Any, ...], float]:
+    """RMSE by episode; a failed episode takes the mean over the completed ones of its condition."""
+    done: dict[tuple[Any, ...], list[float]] = {}
+    for r in records:
+        if not r["metrics"]["failed"]:
+            done.setdefault(episode_key(r)[:-1], []).append(r["metrics"]["rmse"])
+    errors = {}
+    for r in records:
+        condition = done.get(episode_key(r)[:-1])
+        if condition:
+            errors[episode_key(r)] = float(np.mean(condition)) if r["metrics"]["failed"] else r["metrics"]["rmse"]
+    return errors
