@@ -2,7 +2,7 @@
 
 import math
 
-from cable_envs.kernels import JIT_DISABLED, inline, log, maximum, sqrt
+from cable_envs.kernels import JIT_DISABLED, inline, log, maximum, sine_cosine, sqrt
 
 _MASK = 0xFFFFFFFFFFFFFFFF
 
@@ -38,4 +38,4 @@ def uniform(key, counter, stream):
 def normal(key, counter, stream):
     """A standard normal number (Box-Muller); uses the streams 2 stream and 2 stream + 1."""
     radius = sqrt(-2.0 * log(maximum(uniform(key, counter, 2 * stream), 1e-300)))
-    return radius * math.cos(2.0 * math.pi * uniform(key, counter, 2 * stream + 1))
+    return radius * sine_cosine(2.0 * math.pi * uniform(key, counter, 2 * stream + 1))[1]

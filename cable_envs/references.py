@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.kernels import inline, jit
+from cable_envs.kernels import inline, jit, sine_cosine
 from cable_envs.noise import uniform
 
 KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
@@ -52,7 +52,7 @@ def signal(q, i, t):
         return offset + (amplitude if s < q[HOLD, i] else 0.0), 0.0, 0.0
     if kind == SINE:
         w = _TAU * q[FREQUENCY, i]
-        sine, cosine = math.sin(w * s + q[PHASE, i]), math.cos(w * s + q[PHASE, i])
+        sine, cosine = sine_cosine(w * s + q[PHASE, i])
         return offset + amplitude * sine, amplitude * w * cosine, -amplitude * w * w * sine
     if kind == RAMP:
         if s >= q[HOLD, i]:
@@ -71,9 +71,10 @@ def signal(q, i, t):
         for h in range(4):
             w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
             angle = w * s + _TAU * uniform(int(q[KEY, i]), h, 7)
-            r += part * math.sin(angle)
-            rate += part * w * math.cos(angle)
-            acceleration -= part * w * w * math.sin(angle)
+            sine, cosine = sine_cosine(angle)
+            r += part * sine
+            rate += part * w * cosine
+            acceleration -= part * w * w * sine
         return r, rate, acceleration
     level = 2.0 * uniform(int(q[KEY, i]), int(s / q[HOLD, i]), 9) - 1.0
     return offset + amplitude * level, 0.0, 0.0

@@ -56,6 +56,20 @@ class Setup:
     def output_unit(self) -> str:
         return self.plant.signals[self.plant.row(self.task.output)].unit
 
+    @property
+    def output_observed(self) -> bool:
+        return self.task.output in {c.name for c in self.channels}
+
+    @property
+    def proxy_row(self) -> int:
+        """Row of the signal whose measurement stands for the output in the channel "error"."""
+        return self.plant.row(self.task.output if self.output_observed else self.task.proxy)
+
+    def sensed(self) -> tuple[list[int], list[int]]:
+        """(source of each channel: place among the sensors, or its negative row; row of each sensor in x)."""
+        sensors = list(dict.fromkeys([c.row for c in self.channels if c.row >= 0] + [self.proxy_row]))
+        return [sensors.index(c.row) if c.row >= 0 else c.row for c in self.channels], sensors
+
 
 def make_setup(
     task: str,
@@ -125,7 +139,7 @@ def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None) -> Rig:
         chosen = load_rig(task.rig if rig is None else rig)
     wanted = _PLANT_OF_TASK[task.name.split("-")[0]]
     if chosen.plant != wanted:
-        raise ConfigurationError(f"task {task.name} needs a rig of plant '{wanted}', '{chosen.name}' is '{chosen.plant}'")
+        raise ConfigurationError(f"task {task.name} needs a rig of plant {wanted}; '{chosen.name}' is of {chosen.plant}")
     for need in {"tension": ("load_stiffness",), "torque": ("contact_stiffness",)}.get(task.kind, ()):
         if chosen.values[need] <= 0.0:
             raise ConfigurationError(f"task {task.name} needs a rig with {need} above 0; '{chosen.name}' has 0")
@@ -165,7 +179,7 @@ def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, A
     for name, spec in given.items():
         declared = plant.parameters[name]
         if not isinstance(spec, Mapping) or set(spec) not in ({"scale"}, {"low", "high"}):
-            raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, got {spec!r}")
+            raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, not {spec!r}")
         if "scale" in spec:
             a, b = (float(f) * rig.values[name] for f in spec["scale"])
         else:

@@ -1,15 +1,17 @@
 """The state of one or many environments of the same `Setup`: reset, step, delays. Knows no Gymnasium."""
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from cable_envs import references, steppers
 from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.plants.base import COMMAND, INPUTS, MODE
-from cable_envs.references import FIELDS, KEY, evaluate, pack_signal
+from cable_envs.plants.base import COMMAND, MODE
+from cable_envs.references import evaluate, pack_signal
 from cable_envs.setup import Setup
-from cable_envs.steppers import STEPPERS, Buffers, measure_all
 from cable_envs.tasks import INFO
 
 RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
@@ -29,49 +31,22 @@ class Simulation:
 
     def __init__(self, setup: Setup, n: int):
         self.setup, self.n = setup, n
-        plant, task = setup.plant, setup.task
+        plant = setup.plant
         self.info_names = (*INFO, *(s.name for s in plant.signals))
-        self._nominal = np.array([setup.rig.values[name] for name in plant.parameters.names])
-        self.values = np.repeat(self._nominal[:, None], n, axis=1)
-        p = plant.prepare(self.values)
-        channels = setup.channels
-        self.buffers = Buffers(
-            x=plant.rest(p, np.zeros(n)),
-            p=p,
-            u=np.zeros((len(INPUTS), n)),
-            reference=np.zeros((len(FIELDS), n)),
-            disturbance=np.zeros((len(FIELDS), n)),
-            limits=np.zeros((3, n)),
-            actions=np.zeros((2, n)),
-            steps=np.zeros(n, dtype=np.int64),
-            keys=np.zeros(n, dtype=np.int64),
-            obs=np.zeros((n, len(channels)), dtype=np.float32),
-            reward=np.zeros(n),
-            terminated=np.zeros(n, dtype=np.bool_),
-            truncated=np.zeros(n, dtype=np.bool_),
-            info=np.zeros((len(INFO), n)),
-            channel_rows=np.array([c.row for c in channels], dtype=np.int64),
-            channel_scales=np.array([c.scale for c in channels]),
-            noise=setup.noise,
-            output_row=plant.row(task.output),
-            peak_row=plant.row("peak_tension"),
-            proxy_row=plant.row(task.output if task.output in {c.name for c in channels} else task.proxy),
-            mode=float(setup.mode_index),
-            low=setup.low,
-            high=setup.high,
-            period=setup.control_period,
-            substeps=setup.substeps,
-            dt=setup.control_period / setup.substeps,
-            error_scale=float(task.error_scale),
-            effort_weight=float(task.effort_weight),
-            last_step=setup.steps,
-        )
-        self._observed_output = plant.row(task.output) == self.buffers.proxy_row
-        self._gain = 1.0 if self._observed_output else proxy_gain(setup)
-        self._step, self._step_threads = STEPPERS[plant.name]
-        self._late_actions = np.zeros((setup.action_delay, n))
-        self._late_obs = np.zeros((setup.sensor_delay, n, len(channels)), dtype=np.float32)
-        self._clock = 0
+        self.values = np.repeat(self._column(setup.rig.values), n, axis=1)
+        """True rig parameters [len(parameters), n], SI."""
+        self.buffers = s = steppers.Buffers.of(setup, n)
+        self._nominal = plant.prepare(self._column(setup.rig.values))
+        self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
+        self._reference = pack_signal("reference", setup.reference)
+        self._disturbance = pack_signal("disturbance", setup.disturbance)
+        step, step_threads = steppers.STEPPERS[plant.name]
+        self.advance: Callable[[], None] = partial(step, s.block, s.obs, s.common, 0, n)
+        """One control period for all environments, with the actions in ``asked``; results are in ``buffers``."""
+        self.advance_threads: Callable[[], None] = partial(step_threads, s.block, s.obs, s.common, 0, n)
+        """The same on several threads."""
+        self.asked = s.block[steppers.ASKED, :n]
+        """Actions to take, in [-1, 1], [n]; written by the caller."""
 
     def reset(
         self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
@@ -83,45 +58,63 @@ class Simulation:
         """
         options = dict(options or {})
         require_known("reset option", options, RESET_OPTIONS)
-        s, setup = self.buffers, self.setup
-        rig = setup.rig.replace(options["rig"]) if options.get("rig") else setup.rig
-        values = np.repeat(np.array([rig.values[n] for n in setup.plant.parameters.names])[:, None], len(lanes), axis=1)
-        reference = pack_signal("reference", options.get("reference") or setup.reference)
-        push = pack_signal("disturbance", options.get("disturbance") or setup.disturbance)
-        rows = [setup.plant.parameters.index(name) for name, _, _ in setup.randomize]
-        for k, (lane, rng) in enumerate(zip(lanes, generators, strict=True)):
-            key = int(rng.integers(1, 2**52))
-            draws = rng.random(len(rows))
-            for row, draw, (_, low, high) in zip(rows, draws, setup.randomize, strict=True):
+        signals, keys = self._signals(len(lanes), options), np.empty(len(lanes))
+        values, p = self._rigs(len(lanes), options.get("rig"))
+        parameters = self.setup.plant.parameters
+        rows = [parameters.index(name) for name, _, _ in self.setup.randomize]
+        for k, rng in enumerate(generators):
+            keys[k] = rng.integers(1, 2**52)
+            for row, draw, (_, low, high) in zip(rows, rng.random(len(rows)), self.setup.randomize, strict=True):
                 values[row, k] = low + draw * (high - low)
-            s.keys[lane] = key
-            s.reference[:, lane], s.disturbance[:, lane] = reference, push
-            s.reference[KEY, lane], s.disturbance[KEY, lane] = key, key + 1
-        self.values[:, lanes] = values
-        p = setup.plant.prepare(values)
-        s.p[:, lanes] = p
-        s.x[:, lanes] = setup.plant.rest(p, self._start(lanes, values, options.get("initial_position")))
-        self._rest_command(lanes)
-        index = setup.plant.parameters.index
-        s.limits[0, lanes] = values[index("tension_limit")]
-        s.limits[1, lanes] = values[index("breaking_tension")]
-        s.limits[2, lanes] = self._gain
-        s.steps[lanes] = 0
-        s.reward[lanes] = 0.0
-        s.terminated[lanes] = s.truncated[lanes] = False
-        measure_all(s, lanes)
-        if self._late_obs.size:
-            self._late_obs[:, lanes] = s.obs[lanes]
-        if self._late_actions.size:
-            self._late_actions[:, lanes] = s.actions[0, lanes]
+        reference, disturbance = signals
+        reference[references.KEY], disturbance[references.KEY] = keys, keys + 1.0
+        if rows:
+            p = self.setup.plant.prepare(values)
+        x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
-    def _start(self, lanes: np.ndarray, values: np.ndarray, position: float | None) -> np.ndarray:
-        """Output position at rest: as asked for, else where the output equals the reference at t = 0."""
+        s = self.buffers
+        self.values[:, lanes], s.p[:, lanes], s.x[:, lanes] = values, p, x
+        s.reference[:, lanes], s.disturbance[:, lanes] = reference, disturbance
+        s.block[steppers.KEY, lanes] = keys
+        s.block[steppers.TENSION_LIMIT, lanes] = values[parameters.index("tension_limit")]
+        s.block[steppers.BREAKING, lanes] = values[parameters.index("breaking_tension")]
+        s.block[steppers.PROXY_GAIN, lanes] = self._gain
+        s.block[steppers.STEP, lanes] = 0.0
+        s.block[steppers.REWARD : steppers.TRUNCATED + 1, lanes] = 0.0
+        self._hold_still(lanes, x)
+        steppers.begin(s.block, s.obs, s.common, lanes)
+
+    def _column(self, values: Mapping[str, float]) -> np.ndarray:
+        return np.array([[values[name]] for name in self.setup.plant.parameters.names])
+
+    def _signals(self, n: int, options: Mapping[str, Any]) -> list[np.ndarray]:
+        """Columns of reference and disturbance, [len(FIELDS), n] each."""
+        columns = []
+        for what, default in (("reference", self._reference), ("disturbance", self._disturbance)):
+            given = options.get(what)
+            columns.append(np.repeat((default if given is None else pack_signal(what, given))[:, None], n, axis=1))
+        return columns
+
+    def _rigs(self, n: int, changes: Any) -> tuple[np.ndarray, np.ndarray]:
+        """(parameter columns, coefficient columns) of the nominal rig, or of one with some parameters changed."""
+        if changes is None:
+            rig, p = self.setup.rig, self._nominal
+        elif isinstance(changes, Mapping):
+            rig = self.setup.rig.replace(changes)
+            p = self.setup.plant.prepare(self._column(rig.values))
+        else:
+            raise ConfigurationError(f"reset option 'rig': expected a mapping of parameters to change, got {changes!r}")
+        return np.repeat(self._column(rig.values), n, axis=1), np.repeat(p, n, axis=1)
+
+    def _start(self, reference: np.ndarray, values: np.ndarray, position: Any) -> np.ndarray:
+        """Output position at rest [n]: as asked for, else where the output equals the reference at t = 0."""
+        n = values.shape[1]
         if position is not None:
-            if not np.isfinite(position):
-                raise ConfigurationError(f"initial_position: expected a finite number, got {position!r}")
-            return np.full(len(lanes), float(position))
-        r = np.array([evaluate(self.buffers.reference, lane, 0.0)[0] for lane in lanes])
+            number = isinstance(position, (int, float, np.floating, np.integer)) and not isinstance(position, bool)
+            if not number or not math.isfinite(position):
+                raise ConfigurationError(f"reset option 'initial_position': expected a finite number, got {position!r}")
+            return np.full(n, float(position))
+        r = np.array([evaluate(reference, k, 0.0)[0] for k in range(n)])
         index = self.setup.plant.parameters.index
         if self.setup.task.kind == "tension":
             return r / values[index("load_stiffness")]
@@ -129,26 +122,15 @@ class Simulation:
             return values[index("contact_angle")] + r / values[index("contact_stiffness")]
         return r
 
-    def _rest_command(self, lanes: np.ndarray) -> None:
+    def _hold_still(self, lanes: np.ndarray, x: np.ndarray) -> None:
+        """The command, and the action, that keep mechanisms at rest with signals ``x``."""
         s, mode = self.buffers, self.setup.action_mode
-        held = s.x[self.setup.plant.row(mode.rest_signal)][lanes] if mode.rest_signal else 0.0
+        held = x[self.setup.plant.row(mode.rest_signal)] if mode.rest_signal else np.zeros(len(lanes))
         s.u[:, lanes] = 0.0
         s.u[COMMAND, lanes] = held
-        s.u[MODE, lanes] = s.mode
-        s.actions[:, lanes] = np.clip(2.0 * (held - s.low) / (s.high - s.low) - 1.0, -1.0, 1.0)
-
-    def step(self, actions: np.ndarray, threads: bool = False) -> None:
-        """Advance all environments by one control period; actions [n] in [-1, 1]. Results are in ``buffers``."""
-        if self._late_actions.size:
-            slot = self._clock % len(self._late_actions)
-            actions, self._late_actions[slot] = self._late_actions[slot].copy(), actions
-        (self._step_threads if threads else self._step)(self.buffers, actions, 0, self.n)
-        if self._late_obs.size:
-            slot = self._clock % len(self._late_obs)
-            late = self._late_obs[slot].copy()
-            self._late_obs[slot] = self.buffers.obs
-            self.buffers.obs[:] = late
-        self._clock += 1
+        s.u[MODE, lanes] = self.setup.mode_index
+        action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
+        s.block[steppers.ACTION : steppers.LAST_ACTION + 1, lanes] = np.clip(action, -1.0, 1.0)
 
     def lane_rig(self, lane: int = 0) -> dict[str, float]:
         """The true rig parameters of one environment in its present episode, SI."""

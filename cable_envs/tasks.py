@@ -93,51 +93,72 @@ def load_task(name: str) -> Task:
 
 
 @inline
-def before_step(u, disturbance, action, last, i, time, low, high, mode, period):
-    """Action in [-1, 1] -> command, its rate since the ``last`` command, and the disturbance at this time."""
+def before_step(u, disturbance, action, i, time, low, high, mode, period):
+    """Action in [-1, 1] -> command, its rate since the last one, and the disturbance at this time."""
     command = low + 0.5 * (action + 1.0) * (high - low)
-    u[COMMAND_RATE, i] = (command - last) / period
+    u[COMMAND_RATE, i] = (command - u[COMMAND, i]) / period
     u[COMMAND, i] = command
     u[MODE, i] = mode
     u[DISTURBANCE, i] = signal(disturbance, i, time)[0]
 
 
 @inline
-def observe(x, u, q, i, step, period, key, rows, scales, noise, proxy_row, proxy_gain, obs):
-    """Measure: signals with sensor noise, the reference and its derivatives; writes obs[i, :]."""
-    r, rate, acceleration = signal(q, i, step * period)
-    for c in range(rows.shape[0]):
-        row = rows[c]
-        if row >= 0:
-            value = x[row, i]
-            if noise[row] > 0.0:
-                value += noise[row] * normal(key, step, row)
-        elif row == REFERENCE:
-            value = r
-        elif row == REFERENCE_RATE:
-            value = rate
-        elif row == REFERENCE_ACCELERATION:
-            value = acceleration
-        elif row == ERROR:
-            value = x[proxy_row, i]
-            if noise[proxy_row] > 0.0:
-                value += noise[proxy_row] * normal(key, step, proxy_row)
-            value = r - value / proxy_gain
-        else:
-            value = u[COMMAND, i]
-        obs[i, c] = np.float32(clip(value / scales[c], -OBSERVATION_LIMIT, OBSERVATION_LIMIT))
+def target(q, steps, period, r, rate, acceleration, lo, hi):
+    """The reference and its derivatives at the present step."""
+    for i in range(lo, hi):
+        r[i], rate[i], acceleration[i] = signal(q, i, steps[i] * period)
 
 
 @inline
-def after_step(x, u, q, i, step, period, output_row, peak_row, tension_limit, info):
-    """Writes the six values of `INFO`; returns the tracking error (reference minus true output)."""
-    time = step * period
-    r = signal(q, i, time)[0]
-    error = r - x[output_row, i]
-    info[0, i] = time
-    info[1, i] = r
-    info[2, i] = x[output_row, i]
-    info[3, i] = error
-    info[4, i] = u[COMMAND, i]
-    info[5, i] = 1.0 if x[peak_row, i] > tension_limit else 0.0
-    return error
+def sense(x, sensor, deviation, sensors, steps, keys, ring, slots, lo, hi):
+    """Measure the signals ``sensor`` with their noise, into the ring [slots * sensors, environments]."""
+    for k in range(sensors):
+        row, spread = int(sensor[k]), deviation[k]
+        if spread > 0.0:
+            for i in range(lo, hi):
+                noise = spread * normal(int(keys[i]), int(steps[i]), row)
+                ring[int(steps[i]) % slots * sensors + k, i] = x[row, i] + noise
+        elif slots > 1:
+            for i in range(lo, hi):
+                ring[int(steps[i]) % slots * sensors + k, i] = x[row, i]
+        else:
+            for i in range(lo, hi):
+                ring[k, i] = x[row, i]
+
+
+@inline
+def refill(ring, sensors, slots, lo, hi):
+    """Before an episode nothing has changed: all slots of the ring hold the first measurement (step 0, slot 0)."""
+    for row in range(sensors, slots * sensors):
+        for i in range(lo, hi):
+            ring[row, i] = ring[row % sensors, i]
+
+
+@inline
+def observe(
+    channel, scale, ring, sensors, slots, proxy, steps, r, rate, acceleration, command, proxy_gain, obs, lo, hi
+):  # fmt: skip
+    """obs[i, c]: channel c over its scale. Measurements are the oldest of the ring; the reference is never late."""
+    for c in range(channel.shape[0]):
+        source, unit = int(channel[c]), scale[c]
+        for i in range(lo, hi):
+            oldest = int(steps[i] + 1.0) % slots * sensors if slots > 1 else 0
+            if source >= 0:
+                value = ring[oldest + source, i]
+            elif source == REFERENCE:
+                value = r[i]
+            elif source == REFERENCE_RATE:
+                value = rate[i]
+            elif source == REFERENCE_ACCELERATION:
+                value = acceleration[i]
+            elif source == ERROR:
+                value = r[i] - ring[oldest + proxy, i] / proxy_gain[i]
+            else:
+                value = command[i]
+            obs[i, c] = np.float32(clip(value / unit, -OBSERVATION_LIMIT, OBSERVATION_LIMIT))
+
+
+@inline
+def reward(error, change, error_scale, effort_weight):
+    """Reward for an absolute tracking error and a change of the action."""
+    return 1.0 / (1.0 + error / error_scale) - effort_weight * change * change

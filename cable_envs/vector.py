@@ -24,9 +24,9 @@ class CableVectorEnv(VectorEnv):
     Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``parallel`` (None: threads for
     ``num_envs >= 512`` when more than one core is there; False inside worker processes).
 
-    ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an array
-    [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and infos
-    of finished episodes are in ``final_obs`` [num_envs, channels] and ``final_info``.
+    ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an
+    array [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and
+    infos of finished episodes are in ``final_obs`` [num_envs, channels] and ``final_info``.
     """
 
     metadata = {**CableEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -118,18 +118,19 @@ class CableVectorEnv(VectorEnv):
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         if not self._running:
             raise gym.error.ResetNeeded("call reset() before the first step()")
-        flat = self._flat(actions)
+        self._ask(actions)
         s, mode = self.simulation.buffers, self.autoreset_mode
         if mode == AutoresetMode.DISABLED and self._finished.any():
             late = self._all[self._finished]
             raise gym.error.ResetNeeded(
                 f"environments {late[:5].tolist()} have finished: reset(options={{'reset_mask': ...}})"
             )
-        self.simulation.step(flat, self.threads)
+        (self.simulation.advance_threads if self.threads else self.simulation.advance)()
         if mode == AutoresetMode.NEXT_STEP and self._finished.any():
             # what the kernel did with finished environments is replaced by the reset; their action is ignored
             self._start(self._all[self._finished])
-        rewards, terminated, truncated = s.reward.copy(), s.terminated.copy(), s.truncated.copy()
+        rewards = s.outcome[0].copy()
+        terminated, truncated = s.outcome[1:3] > 0.0
         self._finished = terminated | truncated
         final: dict[str, Any] = {}
         if mode == AutoresetMode.SAME_STEP and self._finished.any():
@@ -141,19 +142,17 @@ class CableVectorEnv(VectorEnv):
         self._draw()
         return s.obs.copy(), rewards, terminated, truncated, infos
 
-    def _flat(self, actions: Any) -> np.ndarray:
-        actions = np.asarray(actions, dtype=np.float64)
+    def _ask(self, actions: Any) -> None:
+        actions = np.asarray(actions)
         if actions.shape != (self.num_envs, 1):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
-        flat = actions[:, 0]
-        if not np.isfinite(flat).all():
-            bad = self._all[~np.isfinite(flat)]
+        if not np.isfinite(actions).all():
+            bad = self._all[~np.isfinite(actions[:, 0])]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
-        return flat
+        self.simulation.asked[:] = actions[:, 0]
 
     def _infos(self, mask: np.ndarray) -> dict[str, Any]:
-        s = self.simulation.buffers
-        table = np.concatenate((s.info, s.x))
+        table = self.simulation.buffers.table.copy()
         if mask is not self._everyone:
             mask = mask.copy()
             table[:, ~mask] = 0.0
@@ -168,8 +167,7 @@ class CableVectorEnv(VectorEnv):
             from cable_envs.render import Renderer
 
             self._renderer = Renderer.for_setup(self.setup, self.render_mode)
-        s = self.simulation.buffers
-        first = dict(zip(self.simulation.info_names, s.info[:, 0].tolist() + s.x[:, 0].tolist(), strict=True))
+        first = dict(zip(self.simulation.info_names, self.simulation.buffers.table[:, 0].tolist(), strict=True))
         if first["time"] == 0.0:
             self._renderer.reset()
         self._renderer.push(first, first["time"], first["reference"], first["output"])

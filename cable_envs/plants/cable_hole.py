@@ -21,16 +21,17 @@ from functools import cache
 
 import numpy as np
 
-from cable_envs.contact import extrusion_coefficient, tension_ratio_and_slope, wrap_in_contact
+from cable_envs.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.errors import ConfigurationError
 from cable_envs.friction import stick_slip_step
-from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, select, sign, store, tile
+from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, power, select, sign, store, tile
 from cable_envs.params import Parameter, ParameterTable
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE, ActionMode, Plant, Signal
 
 MAX_HOLES = 4
 
 _TABLE_1 = "Table 2 / A1, Gu 2024"
+_TABLE_3 = "Table 3, Gu 2024"
 _LUMPED = "chosen: 1000 rad/s, above every motion of interest"
 
 PARAMETERS = ParameterTable(
@@ -51,8 +52,8 @@ PARAMETERS = ParameterTable(
     Parameter("extrusion_exponent", "1", 2.03, 0.2, 10.0, "omega in C = K v^omega", _TABLE_1),
     Parameter("drive_speed_limit", "m/s", 0.1, 1e-6, 10.0, "largest drive speed"),
     Parameter("drive_acceleration_limit", "m/s^2", 2.0, 1e-6, 1e3, "largest drive acceleration"),
-    Parameter("inner_kp", "m/(s N)", 0.1, 0.0, 100.0, "proportional gain of the inner tension loop", "Table 3, Gu 2024"),
-    Parameter("inner_kd", "m/N", 0.005, 0.0, 100.0, "derivative gain of the inner tension loop", "Table 3, Gu 2024"),
+    Parameter("inner_kp", "m/(s N)", 0.1, 0.0, 100.0, "proportional gain of the inner tension loop", _TABLE_3),
+    Parameter("inner_kd", "m/N", 0.005, 0.0, 100.0, "derivative gain of the inner tension loop", _TABLE_3),
     Parameter("tension_command_limit", "N", 120.0, 1e-3, 1e5, "largest driving tension that can be commanded"),
     Parameter("tension_limit", "N", 100.0, 1e-3, 1e6, "safety limit", "range of the tension sensor, 5.1, Gu 2024"),
     Parameter("breaking_tension", "N", 1000.0, 1e-3, 1e7, "the cable tears above this tension"),
@@ -63,7 +64,7 @@ _EXTRA_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient")
 
 def _series_parameters(holes: int) -> ParameterTable:
     extra = [
-        Parameter(f"{q.name}_{h}", q.unit, q.default, q.low, q.high, f"{q.meaning}, hole {h} (from the drive)", q.source)
+        Parameter(f"{q.name}_{h}", q.unit, q.default, q.low, q.high, f"{q.meaning}; hole {h} from the drive", q.source)
         for h in range(2, holes + 1)
         for q in (PARAMETERS[name] for name in _EXTRA_HOLE)
     ]
@@ -85,31 +86,29 @@ _SIGNALS = (
     Signal("peak_tension", "N", "largest drive-side tension within the last control step"),
 )
 
-_p = PARAMETERS.index
-MASS, GRAVITY, GRAVITY_SHARE, LOAD_K, LOAD_C = (
-    _p(n) for n in ("load_mass", "gravity", "load_gravity", "load_stiffness", "load_damping")
-)
-K_CABLE, C_CABLE, WRAP, RHO0, RADIUS, BENDING = (
-    _p(n) for n in ("cable_stiffness", "cable_damping", "wrap_angle", "radius_ratio", "cable_radius", "bending_rigidity")
-)
-MU, DELTA, GAIN, OMEGA = (
-    _p(n) for n in ("friction_coefficient", "extrusion_delta", "extrusion_gain", "extrusion_exponent")
-)
-V_MAX, A_MAX, KP, KD = (_p(n) for n in ("drive_speed_limit", "drive_acceleration_limit", "inner_kp", "inner_kd"))
-BASE_P = len(PARAMETERS)
+COEFFICIENTS = (
+    "speed_limit", "acceleration_limit", "inner_kp", "inner_kd", "cable_stiffness", "cable_damping",
+    "load_mass", "load_weight", "load_stiffness", "load_damping", "extrusion_gain", "extrusion_exponent",
+    "bending_rigidity", "span_stiffness", "guide_mass",
+)  # fmt: skip
+_OF_EACH_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient", "edge_radius")
+"""radius_ratio is rho0 (1 + delta), edge_radius is rho0 r in m."""
+(V_MAX, A_MAX, KP, KD, K_CABLE, C_CABLE, MASS, WEIGHT, LOAD_K, LOAD_C, GAIN, OMEGA, RIGIDITY, SPAN_K,
+ GUIDE) = range(len(COEFFICIENTS))  # fmt: skip
+BASE_P, HOLE_P = len(COEFFICIENTS), len(_OF_EACH_HOLE)
+
 X, VX, T1, Y, VY, T2, SLIDING, SLACK, PEAK = range(len(_SIGNALS))
-BASE_X = len(_SIGNALS)
-MAX_P, MAX_X, N_INPUTS = BASE_P + 3 * (MAX_HOLES - 1) + 2, BASE_X + 3 * (MAX_HOLES - 1), len(INPUTS)
+BASE_X, HOLE_X = len(_SIGNALS), 3
 
+(S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, K, C, BEHIND, BEHIND_K, BEHIND_C, INERTIA,
+ MIDDLE, FRICTION, GROWTH, WRAPPED, RATIO, SLOPE, FEED, CLOSED) = range(25)  # fmt: skip
+"""Rows of the scratch tile w, the hole that is being solved: its slip position and speed and the tension behind it; its
+geometry; the cable above it (position and speed before and after, stiffness, damping); what resists behind it; the
+tension above at the middle of the step, M = mu + C and its growth with speed, wrap in contact, n and dn/dM; and the
+gains of the drive's closed loop."""
 
-@inline
-def _ratio(speed, p, i, wrap, rho, mu, tension_a, tension_b):
-    """(n, dn/d|v|) of one hole at sliding speed |v|.  G17 with the exact solution of section 1."""
-    radius = p[RHO0, i] * p[RADIUS, i]
-    contact = wrap_in_contact(wrap, p[BENDING, i], radius, tension_a, tension_b)
-    c = extrusion_coefficient(p[GAIN, i], p[OMEGA, i], speed)
-    n, slope = tension_ratio_and_slope(rho * (1.0 + p[DELTA, i]), mu + c, contact)
-    return n, slope * p[OMEGA, i] * c / maximum(speed, 1e-12)
+ROWS_P, ROWS_X, ROWS_W = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1), 25
+ROWS_U = len(INPUTS)
 
 
 @inline
@@ -119,163 +118,240 @@ def _span(stiffness, damping, stretch, rate):
 
 
 @inline
-def _drive(x, p, u, i, v_cable, dt):
-    """Drive speed after dt, within its speed and acceleration limits.  G35 in tension mode.
+def _closed_loop(p, w, i, dt):
+    """The gains of `_drive` that do not change within a control step."""
+    feed = (p[KD, i] + 0.5 * dt * p[KP, i]) * p[K_CABLE, i]
+    w[FEED, i] = feed
+    w[CLOSED, i] = 1.0 / (1.0 + feed)
+
+
+@inline
+def _drive(x, p, u, w, i, dt):
+    """Drive within its speed and acceleration limits; it becomes what is above the first hole.  G35 in tension mode.
 
     The loop is closed on the tension half a step ahead and its derivative is the span's own, so that the algebraic
     loop through the cable's stiffness is solved and not sampled.
     """
-    k = select(x[T1, i] > 0.0, p[K_CABLE, i], 0.0)
-    closed = 1.0 + (p[KD, i] + 0.5 * dt * p[KP, i]) * k
     wanted = p[KP, i] * (u[COMMAND, i] - x[T1, i]) + p[KD, i] * u[COMMAND_RATE, i]
-    loop = (wanted + (p[KD, i] + 0.5 * dt * p[KP, i]) * k * v_cable) / closed
-    target = select(u[MODE, i] > 0.5, u[COMMAND, i], loop)
-    target = clip(target, -p[V_MAX, i], p[V_MAX, i])
-    change = p[A_MAX, i] * dt
-    return x[VX, i] + clip(target - x[VX, i], -change, change)
+    loop = select(x[T1, i] > 0.0, (wanted + w[FEED, i] * w[V, i]) * w[CLOSED, i], wanted)
+    target = clip(select(u[MODE, i] > 0.5, u[COMMAND, i], loop), -p[V_MAX, i], p[V_MAX, i])
+    most = p[A_MAX, i] * dt
+    old = x[VX, i]
+    new = old + clip(target - old, -most, most)
+    w[ABOVE_OLD, i] = x[X, i]
+    w[ABOVE_V, i] = 0.5 * (old + new)
+    w[ABOVE_V_NEW, i] = new
+    w[ABOVE_NEW, i] = x[X, i] + dt * w[ABOVE_V, i]
+    w[K, i], w[C, i] = p[K_CABLE, i], p[C_CABLE, i]
+    x[X, i], x[VX, i] = w[ABOVE_NEW, i], new
 
 
 @inline
-def _slip(v, mass, upstream, resist, n, slope, k_up, k_down, c_up, c_down, dt):
-    """One slip through a hole: upstream tension against what the cable or load behind it resists with."""
-    inv_n = 1.0 / n
-    up, down = upstream * inv_n - resist, upstream * n - resist
-    stiffness = k_down + k_up * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
-    damping_up = c_down + (c_up + upstream * slope * inv_n) * inv_n
-    damping_down = c_down + c_up * n + upstream * slope
-    return stick_slip_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+def _pull(p, w, i):
+    """Tension above at the middle of the step; M = mu + K |v|^omega and dM/d|v| at its start.  G17."""
+    v = w[V, i]
+    stretch = 0.5 * (w[ABOVE_OLD, i] + w[ABOVE_NEW, i]) - w[S, i]
+    w[MIDDLE, i] = _span(w[K, i], w[C, i], stretch, w[ABOVE_V, i] - v)
+    speed = abs(v)
+    steep = p[GAIN, i] * power(maximum(speed, 1e-12), p[OMEGA, i] - 1.0)
+    w[FRICTION, i] = w[MU, i] + steep * speed
+    w[GROWTH, i] = p[OMEGA, i] * steep
 
 
 @inline
-def _transmitted(v, upstream, n, resist):
+def _ratio(w, i):
+    """n and dn/dM with the exact solution of section 1 in docs/physics.md.  G9, G17."""
+    w[RATIO, i], w[SLOPE, i] = tension_ratio_and_slope(w[RHO, i], w[FRICTION, i], w[WRAPPED, i])
+
+
+@inline
+def _slip(w, i, dt):
+    """One slip through a hole, tension above against what resists behind it; the tension above after the step.  G28"""
+    v, middle, n = w[V, i], w[MIDDLE, i], w[RATIO, i]
+    inv_n, growth = 1.0 / n, middle * w[SLOPE, i] * w[GROWTH, i]
+    taut = middle > 0.0
+    k, c = select(taut, w[K, i], 0.0), select(taut, w[C, i], 0.0)
+    up, down = middle * inv_n - w[BEHIND, i], middle * n - w[BEHIND, i]
+    stiffness = w[BEHIND_K, i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
+    damping_up = w[BEHIND_C, i] + (c + growth * inv_n) * inv_n
+    damping_down = w[BEHIND_C, i] + c * n + growth
+    v_new = stick_slip_step(v, w[INERTIA, i], up, down, stiffness, damping_up, damping_down, dt)
+    s_new = w[S, i] + 0.5 * dt * (v + v_new)
+    tension = _span(w[K, i], w[C, i], w[ABOVE_NEW, i] - s_new, w[ABOVE_V_NEW, i] - v_new)
+    # what is above the next hole, if there is one
+    w[ABOVE_OLD, i], w[ABOVE_NEW, i] = w[S, i], s_new
+    w[ABOVE_V, i], w[ABOVE_V_NEW, i] = 0.5 * (v + v_new), v_new
+    w[S, i], w[V, i] = s_new, v_new
+    return tension, inv_n
+
+
+@inline
+def _transmitted(v, above, n, inv_n, resist):
     """Tension behind a hole: on the friction limit when sliding, what keeps the balance when stuck."""
-    low, high = upstream / n, upstream * n
+    low, high = above * inv_n, above * n
     return select(v > 0.0, low, select(v < 0.0, high, clip(resist, low, high)))
 
 
 @inline
 def _load_resistance(p, u, i, y, v):
-    weight = p[MASS, i] * p[GRAVITY, i] * p[GRAVITY_SHARE, i]
-    return weight + p[LOAD_K, i] * y + p[LOAD_C, i] * v - u[DISTURBANCE, i]
+    return p[WEIGHT, i] + p[LOAD_K, i] * y + p[LOAD_C, i] * v - u[DISTURBANCE, i]
 
 
 @inline
-def _record(x, i, tension, share):
-    x[SLACK, i] += select(tension <= 0.0, share, 0.0)
+def _record(x, i, tension):
+    x[T1, i] = tension
+    x[SLACK, i] += select(tension <= 0.0, 1.0, 0.0)
     x[PEAK, i] = maximum(x[PEAK, i], tension)
 
 
 @inline
-def _substep(x, p, u, i, dt, share):
-    """One hole."""
-    y, v = x[Y, i], x[VY, i]
-    vx = _drive(x, p, u, i, v, dt)
-    dx = 0.5 * dt * (x[VX, i] + vx)
-    k, c = p[K_CABLE, i], p[C_CABLE, i]
-    middle = _span(k, c, x[X, i] + 0.5 * dx - y, 0.5 * (x[VX, i] + vx) - v)
-    taut = select(middle > 0.0, 1.0, 0.0)
-    n, slope = _ratio(abs(v), p, i, p[WRAP, i], p[RHO0, i], p[MU, i], middle, x[T2, i])
-    resist = _load_resistance(p, u, i, y, v)
-    v_new = _slip(
-        v, p[MASS, i], middle, resist, n, slope, taut * k, p[LOAD_K, i], taut * c, p[LOAD_C, i], dt
-    )
-    y_new = y + 0.5 * dt * (v + v_new)
-    tension = _span(k, c, x[X, i] + dx - y_new, vx - v_new)
-    x[X, i] += dx
-    x[VX, i] = vx
-    x[Y, i] = y_new
-    x[VY, i] = v_new
-    x[T1, i] = tension
-    x[T2, i] = _transmitted(v_new, tension, n, _load_resistance(p, u, i, y_new, v_new))
-    x[SLIDING, i] = sign(v_new)
-    _record(x, i, tension, share)
+def _load_behind(p, u, w, i):
+    w[BEHIND, i] = _load_resistance(p, u, i, w[S, i], w[V, i])
+    w[BEHIND_K, i], w[BEHIND_C, i], w[INERTIA, i] = p[LOAD_K, i], p[LOAD_C, i], p[MASS, i]
 
 
 @inline
-def _substep_series(x, p, u, i, dt, share, holes):
-    """Several holes: slips are solved from the drive to the load, each with the newest state upstream."""
-    spans, mass = BASE_P + 3 * (holes - 1), p[BASE_P + 3 * (holes - 1) + 1, i]
-    vx = _drive(x, p, u, i, x[BASE_X + 1, i], dt)
-    dx = 0.5 * dt * (x[VX, i] + vx)
-    k, c = p[K_CABLE, i], p[C_CABLE, i]
-    up_old, up_new, vup = x[X, i], x[X, i] + dx, 0.5 * (x[VX, i] + vx)
-    x[X, i], x[VX, i] = up_new, vx
-    for h in range(holes):
-        last = h == holes - 1
-        row = Y if last else BASE_X + 3 * h
-        s, v = x[row, i], x[row + 1, i]
-        middle = _span(k, c, 0.5 * (up_old + up_new) - s, vup - v)
-        taut = select(middle > 0.0, 1.0, 0.0)
-        wrap = p[WRAP, i] if h == 0 else p[BASE_P + 3 * (h - 1), i]
-        rho = p[RHO0, i] if h == 0 else p[BASE_P + 3 * (h - 1) + 1, i]
-        mu = p[MU, i] if h == 0 else p[BASE_P + 3 * (h - 1) + 2, i]
-        n, slope = _ratio(abs(v), p, i, wrap, rho, mu, middle, x[row + 2, i])
-        if last:
-            resist = _load_resistance(p, u, i, s, v)
-            behind_k, behind_c, inertia = p[LOAD_K, i], p[LOAD_C, i], p[MASS, i]
-        else:
-            following = Y if h == holes - 2 else BASE_X + 3 * (h + 1)
-            resist = _span(p[spans, i], 0.0, s - x[following, i], 0.0)
-            behind_k, behind_c, inertia = select(resist > 0.0, p[spans, i], 0.0), 0.0, mass
-        v_new = _slip(v, inertia, middle, resist, n, slope, taut * k, behind_k, taut * c, behind_c, dt)
-        s_new = s + 0.5 * dt * (v + v_new)
-        tension = _span(k, c, up_new - s_new, 2.0 * vup - x[row + 1, i] - v_new if h else vx - v_new)
-        x[row, i], x[row + 1, i] = s_new, v_new
-        if h == 0:
-            x[T1, i] = tension
-            _record(x, i, tension, share)
-        after = _load_resistance(p, u, i, s_new, v_new) if last else resist
-        x[row + 2, i] = _transmitted(v_new, tension, n, after)
-        up_old, up_new, vup = s, s_new, 0.5 * (v + v_new)
-        k, c = p[spans, i], 0.0
-    x[SLIDING, i] = sign(x[VY, i])
+def _load_moved(x, p, u, w, i, tension, inv_n):
+    y, v = w[S, i], w[V, i]
+    x[Y, i], x[VY, i], x[SLIDING, i] = y, v, sign(v)
+    x[T2, i] = _transmitted(v, tension, w[RATIO, i], inv_n, _load_resistance(p, u, i, y, v))
+
+
+@inline
+def _take_hole(x, p, w, i, geometry, row):
+    """State and geometry of a hole; ``row``: where its slip position, speed and tension are in x."""
+    w[S, i], w[V, i], w[OUT, i] = x[row, i], x[row + 1, i], x[row + 2, i]
+    w[WRAP, i], w[RHO, i] = p[geometry, i], p[geometry + 1, i]
+    w[MU, i], w[EDGE, i] = p[geometry + 2, i], p[geometry + 3, i]
+
+
+@inline
+def _span_behind(x, p, w, i, following):
+    """A span to the next hole, whose slip position is row ``following`` of x, and the cable's own lumped mass."""
+    resist = _span(p[SPAN_K, i], 0.0, w[S, i] - x[following, i], 0.0)
+    w[BEHIND, i], w[BEHIND_C, i], w[INERTIA, i] = resist, 0.0, p[GUIDE, i]
+    w[BEHIND_K, i] = select(resist > 0.0, p[SPAN_K, i], 0.0)
+
+
+@inline
+def _guide_moved(x, p, w, i, row, tension, inv_n):
+    """An inner hole after its step; its span is above the next hole."""
+    x[row, i], x[row + 1, i] = w[S, i], w[V, i]
+    x[row + 2, i] = _transmitted(w[V, i], tension, w[RATIO, i], inv_n, w[BEHIND, i])
+    w[K, i], w[C, i] = p[SPAN_K, i], 0.0
+
+
+@inline
+def _wrapped(p, w, lanes, bends):
+    """Wrap that stays in contact; the loop is left out where no cable of the block is stiff.  G1"""
+    if bends:
+        for i in range(lanes):
+            w[WRAPPED, i] = wrap_in_contact(w[WRAP, i], p[RIGIDITY, i], w[EDGE, i], w[MIDDLE, i], w[OUT, i])
+    else:
+        for i in range(lanes):
+            w[WRAPPED, i] = w[WRAP, i]
+
+
+@inline
+def _any_stiff(p, lanes):
+    found = False
+    for i in range(lanes):
+        found = found or p[RIGIDITY, i] > 0.0
+    return found
+
+
+@inline
+def _substeps(x, p, u, w, lanes, holes, substeps, dt):
+    """A block of columns. Short loops, one for each stage: the processor then works on several columns at once, which
+    the long chain of dependent operations of a whole step would prevent."""
+    bends = _any_stiff(p, lanes)
+    for i in range(lanes):
+        _closed_loop(p, w, i, dt)
+        x[SLACK, i] = 0.0
+        x[PEAK, i] = 0.0
+    for _ in range(substeps):
+        for h in range(holes):
+            last = h == holes - 1
+            row = Y if last else BASE_X + HOLE_X * h
+            for i in range(lanes):
+                _take_hole(x, p, w, i, BASE_P + HOLE_P * h, row)
+            if h == 0:
+                for i in range(lanes):
+                    _drive(x, p, u, w, i, dt)
+            for i in range(lanes):
+                _pull(p, w, i)
+            _wrapped(p, w, lanes, bends)
+            for i in range(lanes):
+                _ratio(w, i)
+            if last:
+                for i in range(lanes):
+                    _load_behind(p, u, w, i)
+                    tension, inv_n = _slip(w, i, dt)
+                    _load_moved(x, p, u, w, i, tension, inv_n)
+                    if holes == 1:
+                        _record(x, i, tension)
+            else:
+                following = Y if h == holes - 2 else row + HOLE_X
+                for i in range(lanes):
+                    _span_behind(x, p, w, i, following)
+                    tension, inv_n = _slip(w, i, dt)
+                    _guide_moved(x, p, w, i, row, tension, inv_n)
+                    if h == 0:
+                        _record(x, i, tension)
+    for i in range(lanes):
+        x[SLACK, i] /= substeps
 
 
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
     """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
-    holes = 1 + (x.shape[0] - BASE_X) // 3
-    share = 1.0 / substeps
-    xt, pt, ut = tile(MAX_X), tile(MAX_P), tile(N_INPUTS)
+    holes = 1 + (x.shape[0] - BASE_X) // HOLE_X
+    xt, pt, ut, wt = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_W)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
         load(xt, x, first, lanes)
         load(pt, p, first, lanes)
         load(ut, u, first, lanes)
-        for i in range(lanes):
-            xt[SLACK, i] = 0.0
-            xt[PEAK, i] = 0.0
-        for _ in range(substeps):
-            if holes == 1:
-                for i in range(lanes):
-                    _substep(xt, pt, ut, i, dt, share)
-            else:
-                for i in range(lanes):
-                    _substep_series(xt, pt, ut, i, dt, share, holes)
+        _substeps(xt, pt, ut, wt, lanes, holes, substeps, dt)
         store(xt, x, first, lanes)
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
-    """The kernel reads the declared parameters as they are; checks what single bounds cannot."""
-    weight = values[MASS] * values[GRAVITY] * values[GRAVITY_SHARE]
-    if np.any((weight == 0.0) & (values[LOAD_K] == 0.0)):
+    """Coefficient rows [len(Plant.coefficients), n] of parameter columns [len(Plant.parameters), n].
+
+    Raises ConfigurationError for what the bounds of single parameters cannot exclude.
+    """
+    holes = 1 if len(values) == len(PARAMETERS) else 1 + (len(values) - len(PARAMETERS) - 2) // len(_EXTRA_HOLE)
+    value = dict(zip(_series_parameters(holes).names, values, strict=True))
+    weight = value["load_mass"] * value["gravity"] * value["load_gravity"]
+    if np.any((weight == 0.0) & (value["load_stiffness"] == 0.0)):
         raise ConfigurationError("the load is free: give it load_gravity > 0 or load_stiffness > 0")
-    if np.any(values[_p("breaking_tension")] < values[_p("tension_limit")]):
+    if np.any(value["breaking_tension"] < value["tension_limit"]):
         raise ConfigurationError("breaking_tension must not be below tension_limit")
-    return np.ascontiguousarray(values, dtype=np.float64)
+    none = np.zeros_like(weight)
+    rows = [
+        value["drive_speed_limit"], value["drive_acceleration_limit"], value["inner_kp"], value["inner_kd"],
+        value["cable_stiffness"], value["cable_damping"], value["load_mass"], weight, value["load_stiffness"],
+        value["load_damping"], value["extrusion_gain"], value["extrusion_exponent"], value["bending_rigidity"],
+        value.get("span_stiffness", none), value.get("guide_mass", none),
+    ]  # fmt: skip
+    for h in range(holes):
+        wrap, rho, mu = (value[name if h == 0 else f"{name}_{h + 1}"] for name in _EXTRA_HOLE)
+        rows += [wrap, rho * (1.0 + value["extrusion_delta"]), mu, rho * value["cable_radius"]]
+    return np.ascontiguousarray(rows, dtype=np.float64)
 
 
 def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Signals [len(signals), n] of mechanisms at rest with the load at ``position`` (m, [n]); equal tensions."""
-    holes = 1 + (p.shape[0] - BASE_P) // 3
-    x = np.zeros((BASE_X + 3 * (holes - 1), p.shape[1]))
-    tension = np.maximum(p[MASS] * p[GRAVITY] * p[GRAVITY_SHARE] + p[LOAD_K] * position, 0.0)
+    holes = (p.shape[0] - BASE_P) // HOLE_P
+    x = np.zeros((BASE_X + HOLE_X * (holes - 1), p.shape[1]))
+    tension = np.maximum(p[WEIGHT] + p[LOAD_K] * position, 0.0)
     x[Y] = position
     x[T1] = x[T2] = x[PEAK] = tension
     s = np.array(position, dtype=np.float64)
     for h in reversed(range(holes - 1)):
-        s = s + tension / p[BASE_P + 3 * (holes - 1)]
-        x[BASE_X + 3 * h], x[BASE_X + 3 * h + 2] = s, tension
+        s = s + tension / p[SPAN_K]
+        x[BASE_X + HOLE_X * h], x[BASE_X + HOLE_X * h + 2] = s, tension
     x[X] = s + tension / p[K_CABLE]
     return x
 
@@ -298,7 +374,7 @@ def cable_hole(holes: int = 1) -> Plant:
     return Plant(
         name="cable_hole",
         parameters=parameters,
-        coefficients=parameters.names,
+        coefficients=COEFFICIENTS + tuple(f"{name}_{h}" for h in range(1, holes + 1) for name in _OF_EACH_HOLE),
         signals=_SIGNALS + inner,
         action_modes=(
             ActionMode("tension", "N", "tension_command_limit", one_sided=True, rest_signal="drive_tension"),
