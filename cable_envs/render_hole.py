@@ -142,7 +142,7 @@ class HoleScene:
         inward = inward / max(np.hypot(*inward), 1e-9)
         style = {"closed": True, "ec": d.METAL_EDGE, "lw": 1.0, "hatch": "///", "zorder": 1}
         sheet.add(Polygon(self._edge(arc.centre, inward, 58.0 if len(self.wraps) < 3 else 44.0), fc=d.BODY, **style))
-        if len(self.wraps) < 3:  # else no room for the opposite edges
+        if len(self.wraps) == 1 and wrap < 2.2:  # else the opposite edge has no room
             opposite = arc.centre - (2.0 * self.radius + 10.0) * inward
             sheet.add(Polygon(self._edge(opposite, -inward, 26.0), fc=d.FILL, **style))
         ends = np.stack([arc.points[0], arc.centre, arc.points[-1]])
