@@ -8,6 +8,11 @@ from baselines.circuit_model import CircuitModel
 from baselines.parts import Pid, Smoother, follow_direction
 from cable_envs.params import Parameter, ParameterTable
 
+_EXCEEDED = 1.05
+"""share of the grasp limit above which the saturator gives way"""
+_RELEASE_TIME = 0.2
+"""s; afterwards it lets the torque rise again slowly, or the drive's inertia would carry it beyond the limit again"""
+
 
 def _gains(kp: tuple, ki: tuple, kd: tuple, filter_time: float, smooth_time: float) -> ParameterTable:
     """kp, ki, kd: (unit, default, high)."""
@@ -50,9 +55,7 @@ class _DrivePid(Controller):
     compensates: ClassVar[bool]
     gain_tables: ClassVar = {
         # the servo holds the angle by itself: a small correction
-        ("circuit", "position", "position"): _gains(
-            ("1", 0.1, 3.0), ("1/s", 1.0, 30.0), ("s", 0.0, 0.1), 0.02, 0.055
-        ),
+        ("circuit", "position", "position"): _gains(("1", 0.1, 3.0), ("1/s", 1.0, 30.0), ("s", 0.0, 0.1), 0.02, 0.055),
         # J omega^2 of drive and jaw at 60 rad/s: what a period of 10 ms allows; a larger ki winds up in a step
         ("circuit", "torque", "position"): _gains(
             ("N m/rad", 1.2, 10.0), ("N m/(rad s)", 1.0, 50.0), ("N m s/rad", 0.015, 0.3), 0.004, 0.05
@@ -61,9 +64,7 @@ class _DrivePid(Controller):
             ("rad/(N m)", 0.1, 10.0), ("rad/(N m s)", 0.8, 50.0), ("rad s/(N m)", 0.0, 0.1), 0.02, 0.025
         ),
         # motor inertia on the cables' stiffness swings at about 120 rad/s: out of reach, so nothing may excite it
-        ("circuit", "torque", "torque"): _gains(
-            ("1", 0.04, 5.0), ("1/s", 5.0, 60.0), ("s", 0.002, 0.2), 0.005, 0.05
-        ),
+        ("circuit", "torque", "torque"): _gains(("1", 0.04, 5.0), ("1/s", 5.0, 60.0), ("s", 0.002, 0.2), 0.005, 0.05),
     }
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
@@ -86,6 +87,8 @@ class _DrivePid(Controller):
         self.grasp: float | None = None
         """estimated grasp torque, N m; None before the first measurement"""
         self._smooth = 0.0
+        self._allowed = self._torque_range
+        """range of the drive torque that the saturator allows, N m"""
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
         self._direction = follow_direction(self._direction, self._last, ref)
@@ -132,15 +135,26 @@ class _DrivePid(Controller):
         return target, y["drive_torque"], ref[1] * model.ratio, angle if self.action_mode == "position" else target
 
     def _saturate(self, y: Mapping[str, float]) -> tuple[float, float]:
-        """Range of the command. At the limit a position command gives way by the cables' compliance."""
-        low, high = self._torque_range
-        if self.action_mode == "torque":
-            return max(low, self.low), min(high, self.high)
-        per_torque = self._model.drive_angle(self._model.phase(self._direction).compliance())
-        angle, torque, limit = y["drive_angle"], y["drive_torque"], self.gains["grasp_limit"]
-        top = angle + (high - torque) * per_torque if self._smooth >= limit else self.high
-        bottom = angle + (low - torque) * per_torque if self._smooth <= -limit else self.low
-        return max(bottom, self.low), min(top, self.high)
+        """Range of the command that keeps the estimated grasp torque within its limit.
+
+        The drive torque may reach the working line of the limit; once the limit is exceeded, only the other direction's
+        line brings the output back. A position command is held by the cables' compliance from half the limit on.
+        """
+        model, limit, grasp = self._model, self.gains["grasp_limit"], self.grasp or 0.0
+        share = self.dt / (self.dt + _RELEASE_TIME)
+        low, high = (
+            now + (free - now) * share for now, free in zip(self._allowed, self._torque_range, strict=True)
+        )  # fmt: skip
+        if grasp > _EXCEEDED * limit:
+            high = min(high, model.cw.drive_torque(limit))
+        elif grasp < -_EXCEEDED * limit:
+            low = max(low, model.ccw.drive_torque(-limit))
+        self._allowed = low, high
+        if self.action_mode == "position":
+            per_torque = model.drive_angle(model.phase(grasp).compliance())
+            high = y["drive_angle"] + (high - y["drive_torque"]) * per_torque if grasp > 0.5 * limit else self.high
+            low = y["drive_angle"] + (low - y["drive_torque"]) * per_torque if grasp < -0.5 * limit else self.low
+        return max(low, self.low), min(high, self.high)
 
 
 class FeedforwardPid(_DrivePid):

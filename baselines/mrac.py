@@ -216,12 +216,14 @@ class _Mrac(Controller):
 
 
 class MracG22(_Mrac):
-    __doc__ = "MRAC that compensates the tension ratio with lateral extrusion (G22)."
+    """MRAC that compensates the tension ratio with lateral extrusion (G22)."""
+
     name = "mrac-g22"
     ratio = "g22"
 
 
 class MracG9(_Mrac):
-    __doc__ = "MRAC that compensates the tension ratio without extrusion (G9), the paper's comparison."
+    """MRAC that compensates the tension ratio without extrusion (G9): the paper's comparison."""
+
     name = "mrac-g9"
     ratio = "g9"

@@ -20,7 +20,6 @@ def _hole_gains(output_gain: float, stretch_gain: float) -> ParameterTable:
     )
 
 
-
 def _circuit_gains(drive_gain: float, speed_gain: float, braking: float) -> ParameterTable:
     return ParameterTable(
         Parameter("drive_gain", "1/s", drive_gain, 0.1, 90.0, "drive speed wanted per drive angle error"),
