@@ -44,7 +44,7 @@ class Oracle(Controller):
         ("hole", "tension", "position"): _hole_gains(30.0, 55.0),
         ("hole", "speed", "position"): _hole_gains(30.0, 55.0),
         ("hole", "tension", "tension"): _hole_gains(20.0, 40.0),  # light carriage: the tension loop sets the pace
-        ("hole", "speed", "tension"): _hole_gains(20.0, 55.0),
+        ("hole", "speed", "tension"): _hole_gains(20.0, 40.0),
         ("circuit", "position", "position"): _circuit_gains(42.0, 80.0, 0.5),
         ("circuit", "position", "torque"): _circuit_gains(60.0, 90.0, 0.5),
         ("circuit", "torque", "position"): _circuit_gains(58.0, 98.0, 0.3),

@@ -54,7 +54,8 @@ class HoleOracle:
         n = hole.ratio(wanted, y["drive_tension"], y["load_tension"])
         force = min(max((resistance + push) * n**self._side, 0.0), self._force_limit)
         stretch = (force - y["drive_tension"]) / hole.cable_stiffness
-        speed = velocity + approach_speed(stretch, g["stretch_gain"], hole.acceleration_limit, limit)
+        growth = (hole.stiffness * rate + hole.damping * acceleration) * n**self._side / hole.cable_stiffness
+        speed = velocity + growth + approach_speed(stretch, g["stretch_gain"], hole.acceleration_limit, limit)
         far = min(max(abs(wanted - rate) / g["far_speed"] - 1.0, 0.0), 1.0)
         speed += far * (wanted - speed)  # far from the reference the drive goes ahead of the load, as far as
         room = (self._force_limit - y["drive_tension"]) / hole.cable_stiffness  # the tension limit has room
