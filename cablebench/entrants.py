@@ -105,8 +105,8 @@ def agent_entrant(
 ) -> Entrant:
     """One trained policy for one environment id.
 
-    ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are environment options that
-    shape its observation and action as in training (observe, action_mode); ``path`` is where it is saved, for the
+    ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are environment options
+    that shape its observation and action as in training (observe, action_mode); ``path`` is where it is saved, for the
     replay command; ``settings`` should hold a hash of the saved file.
     """
     shape = dict(options or {})

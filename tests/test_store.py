@@ -67,8 +67,8 @@ def test_appending_never_rewrites_what_is_there(tmp_path):
 
 
 def test_values_become_json_types(tmp_path):
-    values = {"x": np.float32(0.5), "n": np.int64(3), "bad": float("nan"), "inf": np.inf, "v": np.arange(3), "p": tmp_path,
-              "b": np.bool_(True), 7: None}  # fmt: skip
+    values = {"x": np.float32(0.5), "n": np.int64(3), "bad": float("nan"), "inf": np.inf, "v": np.arange(3)}
+    values |= {"p": tmp_path, "b": np.bool_(True), 7: None}
     text = json.dumps(jsonable(values), allow_nan=False)
     expected = {"x": 0.5, "n": 3, "bad": None, "inf": None, "v": [0, 1, 2], "p": str(tmp_path), "b": True, "7": None}
     assert json.loads(text) == expected
