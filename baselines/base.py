@@ -48,6 +48,8 @@ class Controller:
     tasks: ClassVar[tuple[str, ...]] = ("position", "tension", "torque")
     levels: ClassVar[Mapping[str, str]] = {HOLE: "output", **{c: "drive" for c in CIRCUITS}}
     """observation level needed on each plant: "drive" | "output" | "full" """
+    charged: ClassVar[Mapping[str, int]] = {}
+    """what finding the default gains cost, shown on boards: {"tuning_trials": most gain sets tried for one case}"""
     gain_tables: ClassVar[Mapping[tuple[str, str, str], ParameterTable]] = {}
     """(plant family, action mode, task) -> its tunable gains; a case that is missing has none"""
 

@@ -89,6 +89,8 @@ class _Mrac(Controller):
     """Model reference adaptive controller; `ratio` names the tension ratio it compensates: "g22" or "g9"."""
 
     information = "nominal"
+    charged: ClassVar = {"tuning_trials": 8}
+    """settings of direction and direction_speed tried; everything else is printed or reasoned above"""
     plants = (HOLE,)
     tasks = ("position", "tension")
     ratio: ClassVar[str]
