@@ -136,7 +136,7 @@ def test_step_halving_is_second_order_where_smooth():
     errors = np.array([np.abs(final_state(n) - exact) for n in (20, 40, 80, 160)])
     order = np.log2(errors[:-1] / errors[1:])
     assert order[-1] == pytest.approx(2.0, abs=0.15)
-    assert (errors[0] < 2e-3).all()  # 1 ms steps, SI units
+    assert (errors[0, [0, 3]] < 2e-4).all()  # rad, at 1 ms
 
 
 def test_scalar_column_equals_batch_column_bit_by_bit():

@@ -70,7 +70,7 @@ def chain_equilibrium(stretch, length, ratio):
                 new = -(b * la - lam * a * lb) / (la + lam * lb)
             y[k], y[k + 1] = a - new, b + new
             change, slip[k] = max(change, abs(new - slip[k])), new
-        if change <= 1e-17 * abs(y).max():
+        if change <= 1e-16 * abs(y).max():
             break
     return y / length, slip
 
@@ -102,6 +102,7 @@ class Chain:
             self.tension[side], slips[side] = chain_equilibrium(y, self.length[side], self.ratio[side])
         return slips
 
-    @property
-    def output_torque(self):
-        return R5 * (self.tension["t"][4] - self.tension["b"][4])
+    def slide(self, top, bottom, direction):
+        """Take the tensions of steady motion with ``top`` and ``bottom`` at the drive."""
+        for side, tension, sign in (("t", top, direction), ("b", bottom, -direction)):
+            self.tension[side] = tension * np.cumprod(np.append(1.0, self.ratio[side] ** -sign))
