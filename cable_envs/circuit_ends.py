@@ -136,11 +136,13 @@ def drive_step(x, p, u, i, torque, stiffness, damping, dt):
     k, d = p[SERVO_K, i], p[SERVO_D, i]
     rate = clip(u[COMMAND_RATE, i], -p[V_MAX, i], p[V_MAX, i])
     pull = k * (u[COMMAND, i] - x[THETA_IN, i] - 0.5 * dt * v) + d * (rate - v)
-    most = p[A_MAX, i] * dt
-    servo = clip(dt * pull / (1.0 + 0.5 * dt * d + 0.25 * dt * dt * k), -most, most)
     push = clip(u[COMMAND, i], -p[M_MAX, i], p[M_MAX, i]) - p[B_IN, i] * v - torque
-    free = dt * push / (p[J_IN, i] + 0.5 * dt * (p[B_IN, i] + damping) + 0.25 * dt * dt * stiffness)
-    return clip(v + select(u[MODE, i] > 0.5, free, servo), -p[V_MAX, i], p[V_MAX, i])
+    by_torque = u[MODE, i] > 0.5
+    k, d = select(by_torque, stiffness, k), select(by_torque, p[B_IN, i] + damping, d)
+    inertia = select(by_torque, p[J_IN, i], 1.0) + 0.5 * dt * d + 0.25 * dt * dt * k
+    most = select(by_torque, 2.0 * p[V_MAX, i], p[A_MAX, i] * dt)
+    change = clip(dt * select(by_torque, push, pull) / inertia, -most, most)
+    return clip(v + change, -p[V_MAX, i], p[V_MAX, i])
 
 
 @inline

@@ -254,8 +254,8 @@ def replay(statics: Statics, drive_angle, drive_torque, as_printed: bool = False
     torque_out = state.output_torque.copy()
     flag = hold_flag(direction, torque, state.tension_output_top, state.tension_output_bottom, as_printed)
     for k in range(1, len(angle)):
-        angle_out[k] += flag[k] * (angle_out[k - 1] - angle_out[k])
-        torque_out[k] += flag[k] * (torque_out[k - 1] - torque_out[k])
+        angle_out[k] = (1.0 - flag[k]) * angle_out[k] + flag[k] * angle_out[k - 1]
+        torque_out[k] = (1.0 - flag[k]) * torque_out[k] + flag[k] * torque_out[k - 1]
     return Replay(angle_out, torque_out, flag, state.out_of_range)
 
 

@@ -12,7 +12,7 @@ from cable_envs.errors import ConfigurationError
 from cablebench.entrants import INFORMATION
 from cablebench.metrics import METRICS
 from cablebench.protocol import Protocol
-from cablebench.scoring import Record, episode_key, latest, score_episodes
+from cablebench.scoring import Record, episode_key, latest, score_episodes, whole_runs
 from cablebench.statistics import (
     Interval,
     Scores,
@@ -116,10 +116,10 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
     """
     everything = list(records)
     configuration = protocol.hash()
-    own = latest([r for r in everything if r["protocol_hash"] == configuration])
+    own, incomplete = whole_runs(latest([r for r in everything if r["protocol_hash"] == configuration]))
     if not own:
         raise ConfigurationError(
-            f"the store has no record of protocol '{protocol.name}' (configuration {configuration}); "
+            f"the store has no whole run of protocol '{protocol.name}' (configuration {configuration}); "
             "run `cablebench evaluate`"
         )
     rng = np.random.default_rng(protocol.bootstrap_seed)
@@ -142,7 +142,7 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
         seeds=tuple(sorted({r["seed"] for r in own})),
         training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
         episodes=len(own),
-        notes=_notes(everything, own, tables, protocol),
+        notes=_notes(everything, own, incomplete, tables, protocol),
         sweeps=_sweeps(own),
     )
 
@@ -172,18 +172,11 @@ def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.rando
 
 
 def _score_array(items: list[tuple[Record, float]]) -> np.ndarray:
-    """Scores [runs, episodes]; runs by training seed, episodes by condition and seed. Incomplete runs are refused."""
-    runs: dict[Any, dict[tuple[Any, ...], float]] = {}
+    """Scores [runs, episodes]: runs by training seed, episodes in the same order for every entrant of a table."""
+    runs: dict[Any, dict[tuple[str, ...], float]] = {}
     for record, score in items:
         runs.setdefault(record["training_seed"] or 0, {})[tuple(map(str, episode_key(record)))] = score
-    episodes = sorted({e for run in runs.values() for e in run})
-    short = [k for k, run in runs.items() if len(run) < len(episodes)]
-    if short:
-        raise ConfigurationError(
-            f"run {short[0]} of '{items[0][0]['entrant']}' on {items[0][0]['task']} has {len(runs[short[0]])} of "
-            f"{len(episodes)} episodes; evaluate it again before ranking it"
-        )
-    return np.array([[runs[k][e] for e in episodes] for k in sorted(runs)])
+    return np.array([[runs[k][e] for e in sorted(runs[k])] for k in sorted(runs)])
 
 
 def _row(
@@ -317,7 +310,7 @@ def _sweeps(records: list[Record]) -> tuple[dict[str, Any], ...]:
 
 
 def _notes(
-    everything: list[Record], own: list[Record], tables: tuple[Table, ...], protocol: Protocol
+    everything: list[Record], own: list[Record], incomplete: list[str], tables: tuple[Table, ...], protocol: Protocol
 ) -> tuple[str, ...]:
     notes = [protocol.note] if protocol.note else []
     rows = [r for t in tables for r in t.rows]
@@ -332,6 +325,8 @@ def _notes(
             "No scores, because open loop or oracle are missing, or the oracle is no better: "
             f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
         )
+    if incomplete:
+        notes.append(f"Left out because some of their episodes are missing: {', '.join(incomplete)}.")
     others = len(everything) - sum(r["protocol_hash"] == own[0]["protocol_hash"] for r in everything)
     if others:
         notes.append(f"{others} records of other configurations in the store were left out.")

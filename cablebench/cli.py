@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def missing_extra(error: ModuleNotFoundError, extra: str) -> ConfigurationError:
-    """The one line that says how to install what is missing; other import errors (a broken checkout) are raised again."""
+    """How to install what is missing, in one line; import errors of our own packages are raised again."""
     own = ("cable_envs", "cablebench", "baselines", "agents")
     if (error.name or "").split(".")[0] in own:
         raise error

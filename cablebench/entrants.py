@@ -105,7 +105,7 @@ def agent_entrant(
 ) -> Entrant:
     """One trained policy for one environment id.
 
-    ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are the environment options
+    ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are environment options
     that shape its observation and action as in training (observe, action_mode); ``path`` is where it is saved, for the
     replay command; ``settings`` should hold a hash of the saved file.
     """

@@ -23,7 +23,7 @@ from cablebench.episode import Episode
 from cablebench.metrics import measure
 from cablebench.protocol import Cell, Protocol, configuration_hash
 from cablebench.provenance import machine, versions
-from cablebench.store import ResultStore
+from cablebench.store import ResultStore, jsonable
 
 TRAJECTORY_POINTS = 400
 """Samples kept of the median and the worst episode of a run, for drawing."""
@@ -99,38 +99,48 @@ def evaluate(
 ) -> list[dict[str, Any]]:
     """Run every entrant on every condition it enters; returns the new records and appends them to ``store`` one by one.
 
-    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, episodes that
-    the store already holds (same configuration, same source) are not run again. ``progress`` is called before each
-    episode and once at the end.
+    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, runs that the
+    store holds whole (same configuration, same source) are not run again; one that was stopped half-way is run anew and
+    its newer records count. ``progress`` is called before each episode and once at the end.
 
     Raises ConfigurationError for unknown names and where an entrant enters none of the chosen conditions.
     """
     plan = _plan(protocol, entrants, tasks, tracks)
-    known = {(r["run"], r["seed"]) for r in store.records()} if store is not None and resume else set()
+    known = _known(store) if store is not None and resume else {}
     total, done, records = sum(cell.episodes for cell, _, _ in plan), 0, []
     with _Environments() as environments:
         for cell, entrant, options in plan:
             run = run_key(protocol, cell, entrant, options)
+            seeds = protocol.seeds(cell.episodes)
+            if known.get(run, set()) >= set(seeds):
+                done += len(seeds)
+                continue
             env = environments.get(cell.task.env, options)
             actor = entrant.make(env.unwrapped.setup)
             kept: list[tuple[float, Episode]] = []
-            for seed in protocol.seeds(cell.episodes):
+            for seed in seeds:
                 if progress is not None:
                     progress(Progress(done, total, f"{entrant.title} on {cell.key}"))
                 done += 1
-                if (run, seed) in known:
-                    continue
                 episode = run_episode(env, actor, seed, _reset_options(cell, env.unwrapped.setup))
-                record = _record(protocol, cell, entrant, options, run, seed, episode)
+                record = jsonable(_record(protocol, cell, entrant, options, run, seed, episode))
                 records.append(record)
                 kept.append((math.inf if record["metrics"]["failed"] else record["metrics"]["rmse"], episode))
                 if store is not None:
                     store.append(record)
-            if store is not None and len(kept) == cell.episodes:
+            if store is not None:
                 store.keep_trajectories(run, _typical(kept))
     if progress is not None:
         progress(Progress(total, total, "done"))
     return records
+
+
+def _known(store: ResultStore) -> dict[str, set[int]]:
+    """The seeds that the store holds of every run."""
+    found: dict[str, set[int]] = {}
+    for record in store.records():
+        found.setdefault(record["run"], set()).add(record["seed"])
+    return found
 
 
 def _plan(
@@ -186,10 +196,17 @@ def _reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
 
 def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any]) -> str:
     """Names one run: everything that decides its numbers, the simulator's source included."""
-    return configuration_hash({
-        "protocol": protocol.hash(), "cell": cell.key, "env": cell.task.env, "options": options,
-        "entrant": entrant.name, "settings": entrant.settings, "training_seed": entrant.training_seed, "source": versions()["source"],
-    })  # fmt: skip
+    decides = {
+        "protocol": protocol.hash(),
+        "cell": cell.key,
+        "env": cell.task.env,
+        "options": options,
+        "entrant": entrant.name,
+        "settings": entrant.settings,
+        "training_seed": entrant.training_seed,
+        "source": versions()["source"],
+    }
+    return configuration_hash(decides)
 
 
 def _record(

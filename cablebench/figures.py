@@ -271,7 +271,8 @@ def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return _scoped(text[text.index("<svg") :])
+    # the metadata block names only matplotlib and licence vocabularies
+    return _scoped(re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL))
 
 
 def _scoped(svg: str) -> str:

@@ -158,7 +158,7 @@ def reversal_error(e: Episode) -> float:
         return math.nan
     inside = np.zeros(len(e.time), bool)
     for t in times:
-        inside |= (e.time > t) & (e.time <= t + REVERSAL_WINDOW)
+        inside |= (e.time > t + 1e-9) & (e.time <= t + REVERSAL_WINDOW + 1e-9)
     return float(np.sqrt(np.mean(e.error[inside] ** 2))) if inside.any() else math.nan
 
 

@@ -93,7 +93,7 @@ def _family(board: Board, family: str, style: figures.Style, trajectories: Any, 
         _task(board, [t for t in tables if t.task == name], style, trajectories, markup)
         for name in dict.fromkeys(t.task for t in tables)
     ]
-    scored = [t for t in overall if any(r.score for r in t.rows)]
+    scored = [t for t in overall or tables if any(r.score for r in t.rows)]
     return {
         "name": family,
         "title": TITLES.get(family, family),

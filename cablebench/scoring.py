@@ -26,6 +26,25 @@ def latest(records: Iterable[Record]) -> list[Record]:
     return list({(r["entrant"], r["training_seed"], *episode_key(r)): r for r in records}.values())
 
 
+def whole_runs(records: list[Record]) -> tuple[list[Record], list[str]]:
+    """Records of runs that have every episode their task and track was run on, and names of the runs that have not.
+
+    An evaluation that was stopped leaves such a run; ranking it on fewer episodes would compare unlike things.
+    """
+    episodes: dict[tuple[str, str], set[tuple[Any, ...]]] = {}
+    runs: dict[tuple[str, str, str, Any], list[Record]] = {}
+    for r in records:
+        episodes.setdefault((r["task"], r["track"]), set()).add(episode_key(r))
+        runs.setdefault((r["task"], r["track"], r["entrant"], r["training_seed"]), []).append(r)
+    short = {k: run for k, run in runs.items() if len(run) < len(episodes[k[:2]])}
+    names = [
+        f"{entrant}{'' if seed is None else f' seed {seed}'} on {task} {track} "
+        f"({len(run)} of {len(episodes[task, track])} episodes)"
+        for (task, track, entrant, seed), run in short.items()
+    ]
+    return [r for k, run in runs.items() if k not in short for r in run], names
+
+
 def episode_key(record: Record) -> tuple[Any, ...]:
     """What two records share when they are the same episode run by different entrants."""
     return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]

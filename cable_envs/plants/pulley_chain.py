@@ -10,8 +10,8 @@ reversal travels from idler to idler, so that delay, transition and working phas
     torques    M_in = R0 (T_0t - T_0b), M_out = R5 (T_4t - T_4b)                                            Z32, Z33
 
 Time step: half a step of motion, equilibrium of both chains there, the velocities by linearly implicit kicks with the
-chain's own tangents, the other half step: order 2 where nothing starts or stops. The signals show the equilibrium at
-the end of a control step.
+chain's own tangents, the other half step: order 2 where nothing starts or stops (cable damping, inside the equilibrium, is
+of order 1). The signals show the equilibrium at the end of a control step.
 
 phase: 0 rest: the drive stands and no contact next to the output slid within the control step; 1 delay: the front has
 reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
@@ -90,11 +90,11 @@ def _equilibrium(x, p, s, lanes, side, step, more):
 
 
 @inline
-def _watch(x, s, i, share):
+def _watch(x, s, i):
     """What the control step has seen of the tensions."""
     t0, t4 = s[S_T + T, i], s[S_T + T + 4, i]
     b0, b4 = s[S_B + T, i], s[S_B + T + 4, i]
-    x[SLACK, i] += select(minimum(t0, b0) <= 0.0, share, 0.0)
+    x[SLACK, i] += select(minimum(t0, b0) <= 0.0, 1.0, 0.0)
     x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t0, t4), maximum(b0, b4)))
 
 
@@ -136,7 +136,6 @@ def _report(x, p, s, i):
 
 @inline
 def _advance_tile(x, p, u, s, lanes, substeps, dt):
-    share = 1.0 / (substeps + 1)
     for i in range(lanes):
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
         s[SLID, i], s[SLID + 1, i] = 0.0, 0.0
@@ -147,11 +146,12 @@ def _advance_tile(x, p, u, s, lanes, substeps, dt):
         for side in range(2):
             _equilibrium(x, p, s, lanes, side, step, more)
         for i in range(lanes):
-            _watch(x, s, i, share)
+            _watch(x, s, i)
         if n < substeps:
             for i in range(lanes):
                 _kick(x, p, u, s, i, dt)
     for i in range(lanes):
+        x[SLACK, i] /= substeps + 1.0
         _report(x, p, s, i)
 
 

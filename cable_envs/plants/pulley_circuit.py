@@ -13,7 +13,8 @@ it holds its angle and its torque while the drive moves: delay and transition of
 ended by the balance and not by signs. The share of friction mobilised in the hold, sigma in [0, 1], is the one that
 makes M_out equal the load torque, and it sets M_in and all tensions, which are then continuous through every reversal.
 ``hold_rule`` 1 adds the paper's own rule: the output is also held while the flag of Eq. (47) is set
-(`circuit_statics.hold_flag`).
+(`circuit_statics.hold_flag`). Against a load that pushes back this holds too long: the output lets go only where M_in
+changes sign, and then follows the drive in small jumps along M_in = 0.
 
 Limits: tensions follow D without waves; friction inside the hold is stored as if elastic, so M_in traces no loop there
 (the chain plant does); with a slack cable the other one carries on, ``out_of_range`` says so.
@@ -22,9 +23,9 @@ Limits: tensions follow D without waves; friction inside the hold is stored as i
 import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
 
 from cable_envs.circuit_ends import (
-    ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T,
-    R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
-    drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
+    ACTION_MODES, B_OUT, BRAKE, C5, COEFFICIENTS, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE,
+    PEAK, PHASE, PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT,
+    V_IN, V_OUT, drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
@@ -35,10 +36,13 @@ from cable_envs.plants.base import INPUTS, Plant
 _OWN = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
     "output_top_ccw", "output_bottom_ccw", "output_top_cw", "output_bottom_cw",
-    "drive_stiffness", "drive_ratio_damping", "hold_rule", "length_top", "length_bottom",
+    "drive_stiffness", "drive_ratio_damping", "load_stiffness", "load_damping", "hold_rule", "length_top",
+    "length_bottom",
 )  # fmt: skip
-(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_IN, HOLD, LENGTH_T, LENGTH_B) = range(SHARED, SHARED + len(_OWN))
+(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_IN, K_OUT, C_OUT, HOLD, LENGTH_T,
+ LENGTH_B) = range(SHARED, SHARED + len(_OWN))  # fmt: skip
 ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
+GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
 
 
 @inline
@@ -88,19 +92,43 @@ def _held_by_flag(p, i, v_in, top, bottom):
 
 
 @inline
-def _substep(x, p, u, i, dt, share_of_step):
-    gear, r5 = p[GEAR, i], p[R5, i]
+def _substep(x, p, u, i, dt):
+    gear = p[GEAR, i]
     a, v_in, b, v = x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
 
     half = b + 0.5 * dt * v
     wanted, load_k, load_c = load_torque(p, u, i, half, v)
-    top, bottom = _stretched(p, i, gear * (a + 0.5 * dt * v_in) - half, gear * v_in - v)
+    d, rate = gear * (a + 0.5 * dt * v_in) - half, gear * v_in - v
+    top, bottom = _stretched(p, i, d, rate)
     ccw, cw = _output_torques(p, i, top, bottom)
-    m_in = _drive_torque(p, i, top, bottom, _share(v, ccw, cw, wanted))
+    share = _share(v, ccw, cw, wanted)
+    late = 0.5 * p[C5, i] * _guess(p, i, v, ccw - wanted, cw - wanted)
+    m_in = _drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
     v_in_new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C_IN, i], dt)
 
-    middle = a + 0.25 * dt * (v_in + v_in_new)
-    top, bottom = _stretched(p, i, gear * middle - half, 0.5 * gear * (v_in + v_in_new) - v)
+    change = 0.5 * (v_in_new - v_in)
+    top, bottom = _stretched(p, i, d + 0.5 * dt * gear * change, rate + gear * change)
+    v_new = _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt)
+    v_new = select(_held_by_flag(p, i, v_in_new, top, bottom), 0.0, v_new)
+
+    a += 0.5 * dt * (v_in + v_in_new)
+    b += 0.5 * dt * (v + v_new)
+    x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i] = a, v_in_new, b, v_new
+    _report(x, p, u, i, a, v_in_new, b, v_new)
+
+
+@inline
+def _guess(p, i, v, up, down):
+    """Change of the output's velocity in the step, roughly: the drive feels half of it through the cables' damping."""
+    up, down = up - p[BRAKE, i], down + p[BRAKE, i]
+    net = select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
+    return p[GAIN, i] * net
+
+
+@inline
+def _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt):
+    """Output velocity after dt, from the stretches and the load at the predicted middle of the step."""
+    r5 = p[R5, i]
     ccw, cw = _output_torques(p, i, top, bottom)
     up, down = ccw - wanted - p[BRAKE, i], cw - wanted + p[BRAKE, i]
     taut_t, taut_b = select(top > 0.0, r5, 0.0), select(bottom > 0.0, r5, 0.0)
@@ -108,21 +136,15 @@ def _substep(x, p, u, i, dt, share_of_step):
     slope_down = taut_t * p[OT2, i] + taut_b * p[OB2, i]
     slope = select(select(v == 0.0, up, v) > 0.0, slope_up, slope_down)
     stiffness = p[EA5, i] * slope + load_k
-    ahead = 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
-    v_new = stick_slip_step(
+    ahead = 0.5 * dt * stiffness * v  # what the step subtracts: these forces are those of the middle already
+    return stick_slip_step(
         v, p[J_OUT, i], up + ahead, down + ahead, stiffness,
         p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
     )  # fmt: skip
-    v_new = select(_held_by_flag(p, i, v_in_new, top, bottom), 0.0, v_new)
-
-    a += 0.5 * dt * (v_in + v_in_new)
-    b += 0.5 * dt * (v + v_new)
-    x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i] = a, v_in_new, b, v_new
-    _report(x, p, u, i, a, v_in_new, b, v_new, share_of_step)
 
 
 @inline
-def _report(x, p, u, i, a, v_in, b, v, share_of_step):
+def _report(x, p, u, i, a, v_in, b, v):
     """Torques and tensions of the new state."""
     top, bottom = _stretched(p, i, p[GEAR, i] * a - b, p[GEAR, i] * v_in - v)
     wanted, _, _ = load_torque(p, u, i, b, v)
@@ -135,7 +157,7 @@ def _report(x, p, u, i, a, v_in, b, v, share_of_step):
     x[M_OUT, i] = p[R5, i] * (t45_t - t45_b)
     slack = select(minimum(top, bottom) <= 0.0, 1.0, 0.0)
     x[OUT_OF_RANGE, i] = slack
-    x[SLACK, i] += slack * share_of_step
+    x[SLACK, i] += slack
     x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t01_t, t45_t), maximum(t01_b, t45_b)))
     x[PHASE, i] = select(v != 0.0, 3.0, select(abs(v_in) > STILL, 1.0, 0.0))
 
@@ -143,8 +165,7 @@ def _report(x, p, u, i, a, v_in, b, v, share_of_step):
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
     """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
-    share = 1.0 / substeps
-    xt, pt, ut = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U)
+    xt, pt, ut = tile(ROWS_X), tile(TILE_P), tile(ROWS_U)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
         load(xt, x, first, lanes)
@@ -153,9 +174,12 @@ def advance(x, p, u, lo, hi, substeps, dt):
         for i in range(lanes):
             xt[SLACK, i] = 0.0
             xt[PEAK, i] = 0.0
+            pt[GAIN, i] = dt / (pt[J_OUT, i] + 0.5 * dt * pt[C_OUT, i] + 0.25 * dt * dt * pt[K_OUT, i])
         for _ in range(substeps):
             for i in range(lanes):
-                _substep(xt, pt, ut, i, dt, share)
+                _substep(xt, pt, ut, i, dt)
+        for i in range(lanes):
+            xt[SLACK, i] /= substeps
         store(xt, x, first, lanes)
 
 
@@ -164,7 +188,8 @@ def _refresh(x, p):
     """What the kernel reports for states at rest without a disturbance."""
     u = np.zeros((ROWS_U, x.shape[1]))
     for i in range(x.shape[1]):
-        _report(x, p, u, i, x[THETA_IN, i], 0.0, x[THETA_OUT, i], 0.0, 0.0)
+        x[SLACK, i] = 0.0
+        _report(x, p, u, i, x[THETA_IN, i], 0.0, x[THETA_OUT, i], 0.0)
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
@@ -174,11 +199,14 @@ def prepare(values: np.ndarray) -> np.ndarray:
     per_t, per_b = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
     k_t, k_b = statics.product
     turn = statics.drive_radius * shared[GEAR] * (per_t + per_b).max(axis=0)
+    swing = statics.output_radius * np.maximum(per_t[0] / k_t + per_b[0] * k_b, per_t[1] * k_t + per_b[1] / k_b)
     own = np.array([
         per_t[0], per_b[0], per_t[1], per_b[1],
         per_t[0] / k_t, per_b[0] * k_b, per_t[1] * k_t, per_b[1] / k_b,
         1.5 * shared[EA5] * turn,  # in the hold M_in is steeper than on a branch; too much costs no accuracy
-        shared[C5] * turn, values[CIRCUIT.index("hold_rule")], *statics.length,
+        shared[C5] * turn,
+        shared[EA5] * swing + shared[CONTACT_K], shared[C5] * swing + shared[B_OUT] + shared[CONTACT_D],
+        values[CIRCUIT.index("hold_rule")], *statics.length,
     ])  # fmt: skip
     return np.ascontiguousarray(np.concatenate([shared, own]))
 

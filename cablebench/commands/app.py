@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cablebench.commands import envs
+from cablebench.commands import demo, envs, evaluate, leaderboard, run, train
 
 app = typer.Typer(
     name="cablebench",
@@ -25,9 +25,12 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def common(
-    version: Annotated[bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
 ) -> None:
     pass
 
 
-app.command("envs")(envs.envs)
+for _command in (envs.envs, run.run, train.train, evaluate.evaluate, leaderboard.leaderboard, demo.demo):
+    app.command(_command.__name__)(_command)

@@ -2,8 +2,9 @@
 
 import json
 import sys
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import yaml
@@ -19,7 +20,7 @@ ENVIRONMENT_OPTIONS = (
 
 
 def resolve_env(name: str) -> str:
-    """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest otherwise."""
+    """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name."""
     from cable_envs import ENV_IDS
 
     for env_id in ENV_IDS:
@@ -63,10 +64,8 @@ def parse_pairs(pairs: Sequence[str], flag: str) -> dict[str, Any]:
         except yaml.YAMLError as error:
             raise ConfigurationError(f"{flag} {key}: '{text}' is not valid YAML: {error}") from error
         if isinstance(value, str):
-            try:  # YAML 1.1 takes 1e-3 for a string
+            with suppress(ValueError):  # YAML 1.1 takes 1e-3 for a string
                 value = float(value)
-            except ValueError:
-                pass
         found[key] = value
     return found
 
@@ -104,16 +103,63 @@ def console(stderr: bool = False) -> Any:
     return Console(stderr=stderr, highlight=False, soft_wrap=True)
 
 
+PLAIN_INTERVAL = 15.0
+"""s between progress lines where standard error is no terminal."""
+
+
 @contextmanager
 def progress_bar() -> Iterator[Any]:
-    """A rich progress bar on standard error; yields ``update(done, total, text)``."""
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+    """Progress on standard error; yields ``update(name, done, total, text="")``, which makes a bar for each name.
 
-    columns = (BarColumn(30), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=console(stderr=True), transient=True) as bar:
-        task = bar.add_task("")
+    Where standard error is no terminal, a line now and then takes the place of the bars.
+    """
+    err = console(stderr=True)
+    bars = _bars(err) if err.is_terminal else None
+    known: dict[str, Any] = {}
 
-        def update(done: int, total: int, text: str) -> None:
-            bar.update(task, completed=done, total=total, description=text)
+    def draw(name: str, done: int, total: int, text: str = "") -> None:
+        if not known:
+            bars.start()
+        if name not in known:
+            known[name] = bars.add_task(name, total=total, text=text)
+        bars.update(known[name], completed=done, total=total, text=text)
 
-        yield update
+    def write(name: str, done: int, total: int, text: str = "") -> None:
+        now = time.monotonic()
+        if now - known.setdefault(name, now) >= PLAIN_INTERVAL:
+            known[name] = now
+            err.print(f"{name}: {done} of {total}, {text}", markup=False)
+
+    try:
+        yield write if bars is None else draw
+    finally:
+        if bars is not None and known:
+            bars.stop()
+
+
+def _bars(err: Any) -> Any:
+    from rich import progress
+
+    columns = (
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(24),
+        progress.TaskProgressColumn(),
+        progress.TimeElapsedColumn(),
+        progress.TimeRemainingColumn(),
+        progress.TextColumn("{task.fields[text]}", style="dim"),
+    )
+    return progress.Progress(*columns, console=err, transient=True)
+
+
+def policy_entrant(path: str) -> Any:
+    """The `cablebench.entrants.Entrant` of a saved policy, with what it was charged and how it was trained."""
+    require_ours("agents")
+    from agents.policy import load_policy
+    from cablebench.entrants import agent_entrant
+
+    policy = load_policy(path)
+    m = policy.metadata
+    settings = {"policy": policy.digest, "configuration": m.settings_hash, "complete": m.complete}
+    return agent_entrant(
+        m.name, policy, m.env_id, m.seed, m.steps, options=m.options, path=path, settings=settings, versions=m.versions
+    )

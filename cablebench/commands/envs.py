@@ -89,14 +89,16 @@ def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
     from rich.table import Table
 
     table = Table(title="Environments (cable_envs/...-v0)", title_justify="left", box=None, pad_edge=False)
-    for name in ("id", "output", "unit", "action (default first)", "observes", "rig"):
+    for name in ("id", "output", "unit", "action (default first)", "observes"):
         table.add_column(name, no_wrap=True)
     for e in listing:
         modes = sorted(e["action_modes"], key=lambda m: m["name"] != e["action_mode"])
         action = ", ".join(m["name"] for m in modes)
-        table.add_row(short_name(e["id"]), e["output"], e["unit"], action, e["observe"], e["rig"])
+        table.add_row(short_name(e["id"]), e["output"], e["unit"], action, e["observe"])
     out.print(table)
-    out.print("`cablebench envs ID` shows ranges, reference and observation channels; --json gives everything.\n", style="dim")
+    out.print(
+        "`cablebench envs ID` shows ranges, reference and observation channels; --json gives everything.\n", style="dim"
+    )
 
 
 def _print_one(e: dict[str, Any], out: Any) -> None:
@@ -105,7 +107,8 @@ def _print_one(e: dict[str, Any], out: Any) -> None:
     out.print(f"{e['id']}\n{e['description']}\n", markup=False)
     out.print(f"output     {e['output']} [{e['unit']}], success within {e['success_error']:g}", markup=False)
     out.print(f"reference  {_reference(e['reference'])}")
-    out.print(f"episode    {e['duration_s']:g} s in control steps of {e['control_period_s']:g} s, {e['substeps']} substeps each")
+    episode = f"{e['duration_s']:g} s in control steps of {e['control_period_s']:g} s, {e['substeps']} substeps each"
+    out.print(f"episode    {episode}")
     for m in e["action_modes"]:
         mark = "default" if m["name"] == e["action_mode"] else ""
         out.print(f"action     -1..1 is {m['low']:g}..{m['high']:g} {m['unit']} ({m['name']}) {mark}")

@@ -1,0 +1,168 @@
+"""The native batch as a stable-baselines3 VecEnv: one Python call per batch step, nothing per environment."""
+
+import time
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+
+from cable_envs.vector import CableVectorEnv
+
+
+class CableVecEnv(VecEnv):
+    """``num_envs`` environments of ``env_id`` for stable-baselines3 (a `CableVectorEnv` in SAME_STEP mode).
+
+    Environment i follows the trajectories of ``gymnasium.make(env_id)`` seeded with ``seed + i``. Where an episode
+    ends, its info holds "terminal_observation", "TimeLimit.truncated", "episode" {r: return, l: length, t: s since
+    construction} and the environment's own info; all other infos are empty dicts.
+
+    ``stagger``: the first episode of environment i is cut after (i + 1) / num_envs of its length (a truncation), so
+    that the environments are spread over the episode from then on. Without it the whole batch stands at the same time
+    of the same reference, and every rollout shows a short piece of the task only.
+
+    ``smoothing``: share of the last action that is kept, in [0, 1): the environment gets
+    ``smoothing last + (1 - smoothing) action``. A policy trained so must be run so (`agents.policy.Policy` does); the
+    last action is among the observations (channel "command").
+    """
+
+    def __init__(self, env_id: str, num_envs: int, *, stagger: bool = False, smoothing: float = 0.0, **options: Any):
+        made = gym.make_vec(
+            env_id, num_envs=num_envs, vectorization_mode="vector_entry_point",
+            autoreset_mode=AutoresetMode.SAME_STEP, **options,
+        )  # fmt: skip
+        self.batch: CableVectorEnv = made.unwrapped
+        self.env_id, self.render_mode = env_id, self.batch.render_mode
+        super().__init__(num_envs, self.batch.single_observation_space, self.batch.single_action_space)
+        self._spec = gym.spec(env_id)
+        self._started = time.monotonic()
+        self._returns = np.zeros(num_envs)
+        self._lengths = np.zeros(num_envs, dtype=np.int64)
+        horizon = self.batch.setup.steps
+        cuts = np.ceil(horizon * np.arange(1, num_envs + 1) / num_envs).astype(np.int64)
+        self._first_cuts = cuts if stagger and num_envs > 1 else None
+        self._cuts: np.ndarray | None = None
+        self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
+        self._actions: np.ndarray | None = None
+        self._smoothing = smoothing
+
+    def reset(self) -> np.ndarray:
+        seeds = None if all(s is None for s in self._seeds) else list(self._seeds)
+        if any(options != self._options[0] for options in self._options):
+            raise ValueError("reset options must be the same for all environments of a batch")
+        observation, infos = self.batch.reset(seed=seeds, options=self._options[0] or None)
+        self._reset_seeds()
+        self._reset_options()
+        self._returns[:], self._lengths[:] = 0.0, 0
+        self._cuts = None if self._first_cuts is None else self._first_cuts.copy()
+        self.reset_infos = [self._lane_info(infos, i) for i in range(self.num_envs)]
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        actions = self._actions
+        if self._smoothing:
+            last = self.batch.simulation.buffers.actions[0][:, None]
+            actions = self._smoothing * last + (1.0 - self._smoothing) * np.clip(actions, -1.0, 1.0)
+        observation, rewards, terminated, truncated, batch_infos = self.batch.step(actions)
+        self._returns += rewards
+        self._lengths += 1
+        dones = terminated | truncated
+        infos = self._blank_infos()
+        if dones.any():
+            self._finish(np.flatnonzero(dones), infos, batch_infos["final_obs"], batch_infos["final_info"], truncated)
+            self._renew(np.flatnonzero(dones), batch_infos)
+        if self._cuts is not None:
+            observation = self._cut(observation, dones, infos, batch_infos)
+        return observation, rewards.astype(np.float32), dones, infos
+
+    def _blank_infos(self) -> list[dict[str, Any]]:
+        """An empty dict for each environment: last step's, but for those that something was written to."""
+        if any(self._infos):
+            self._infos = [{} if info else info for info in self._infos]
+        return self._infos.copy()
+
+    def _finish(
+        self,
+        lanes: np.ndarray,
+        infos: list[dict[str, Any]],
+        final_obs: np.ndarray,
+        final_info: dict[str, Any],
+        truncated: np.ndarray,
+    ) -> None:
+        """Fill the infos of episodes that have ended, and start counting the next ones."""
+        elapsed = round(time.monotonic() - self._started, 6)
+        for i in lanes.tolist():
+            infos[i] = {
+                **self._lane_info(final_info, i),
+                "terminal_observation": final_obs[i].copy(),
+                "TimeLimit.truncated": bool(truncated[i]),
+                "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": elapsed},
+            }
+        self._returns[lanes], self._lengths[lanes] = 0.0, 0
+
+    def _renew(self, lanes: np.ndarray, batch_infos: dict[str, Any]) -> None:
+        for i in lanes.tolist():
+            self.reset_infos[i] = self._lane_info(batch_infos, i)
+
+    def _cut(
+        self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]], batch_infos: dict[str, Any]
+    ) -> np.ndarray:
+        """End first episodes that have reached their share (see ``stagger``); ``dones`` and ``infos`` are filled in."""
+        self._cuts[dones] = -1
+        cut = self._lengths == self._cuts
+        if cut.any():
+            lanes = np.flatnonzero(cut)
+            self._finish(lanes, infos, observation, batch_infos, cut)
+            dones |= cut
+            self._cuts[cut] = -1
+            observation, batch_infos = self.batch.reset(options={"reset_mask": cut})
+            self._renew(lanes, batch_infos)
+        if (self._cuts < 0).all():
+            self._cuts = None
+        return observation
+
+    @staticmethod
+    def _lane_info(infos: dict[str, Any], lane: int) -> dict[str, float]:
+        return {
+            name: float(values[lane])
+            for name, values in infos.items()
+            if not name.startswith("_") and isinstance(values, np.ndarray) and values.ndim == 1
+        }
+
+    def close(self) -> None:
+        self.batch.close()
+
+    def render(self, mode: str | None = None) -> np.ndarray | None:
+        """The first environment of the batch (``mode`` is ignored: it is chosen at construction)."""
+        return self.batch.render()
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        return [self.batch.render() if self.render_mode == "rgb_array" else None, *[None] * (self.num_envs - 1)]
+
+    # One batch stands for all environments: an attribute is the batch's own, the same for each.
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        value = self._spec if attr_name == "spec" else getattr(self.batch, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        if len(list(self._get_indices(indices))) != self.num_envs:
+            raise ValueError(f"'{attr_name}' belongs to the whole batch: it cannot be set for some environments only")
+        setattr(self.batch, attr_name, value)
+
+    def has_attr(self, attr_name: str) -> bool:
+        return attr_name == "spec" or hasattr(self.batch, attr_name)
+
+    def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the batch once; the result stands for every environment asked for."""
+        chosen: Iterable[int] = self._get_indices(indices)
+        result = getattr(self.batch, method_name)(*args, **kwargs)
+        return [result for _ in chosen]
+
+    def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+        return [False for _ in self._get_indices(indices)]

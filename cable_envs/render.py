@@ -1,0 +1,288 @@
+"""Pictures of a running mechanism: tensions in colour, and a live trace of reference, output and tension.
+
+`Renderer` knows no Gymnasium. It draws with matplotlib's Agg canvas (no pyplot, no display): what stands still is
+drawn once and kept, so that a frame costs only what moves. matplotlib is imported when a Renderer is made, pygame when
+its window is first shown; both come with the extra ``render``.
+"""
+
+import math
+import os
+import time as clock
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest
+
+if TYPE_CHECKING:
+    from cable_envs.setup import Setup
+
+MODES = ("rgb_array", "human")
+PLANTS = ("cable_hole", "pulley_circuit", "pulley_chain")
+
+_DISPLAY = {  # SI unit of the reference -> unit shown, factor, quantity, least range of the trace in the unit shown
+    "m": ("mm", 1e3, "load position", 1.0),
+    "N": ("N", 1.0, "load-side tension", 4.0),
+    "rad": ("rad", 1.0, "output angle", 0.05),
+    "N m": ("N m", 1.0, "output torque", 0.02),
+}
+_ROWS = 1500  # samples that the trace keeps
+
+
+class Renderer:
+    """Draws one mechanism.
+
+    Arguments:
+        plant: "cable_hole", "pulley_circuit" or "pulley_chain".
+        rig: parameter names to SI numbers; what is missing takes the plant's default look.
+        task: a line for the title.
+        reference_unit: "m", "N", "rad" or "N m", the SI unit of reference and output.
+        mode: "rgb_array" (frames only) or "human" (a window, too).
+        window: seconds of trace.
+        scale: 1 gives frames of 960 x 640 pixels, 2 twice that.
+        fps: how often the window is redrawn per simulated second.
+
+    Raises ConfigurationError for an unknown plant, unit or mode and for numbers out of range, ImportError when
+    matplotlib (or, showing, pygame) is missing.
+    """
+
+    def __init__(
+        self,
+        plant: str,
+        rig: Mapping[str, float],
+        task: str = "",
+        reference_unit: str = "m",
+        mode: str = "rgb_array",
+        *,
+        window: float = 12.0,
+        scale: float = 1.0,
+        fps: float = 30.0,
+    ):
+        for kind, value, valid in (("plant", plant, PLANTS), ("reference unit", reference_unit, _DISPLAY),
+                                   ("render mode", mode, MODES)):
+            if value not in valid:
+                raise ConfigurationError(f"unknown {kind} '{value}'; {nearest(value, valid)}")
+        for name, value, low, high in (("window", window, 0.1, 3600.0), ("scale", scale, 0.25, 8.0),
+                                       ("fps", fps, 1.0, 240.0)):
+            if not low <= value <= high:
+                raise ConfigurationError(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
+        self.mode, self.fps = mode, fps
+        self._picture = _Picture(plant, rig, task, reference_unit, window, scale)
+        self._window: _Window | None = None
+        self._history = _History(len(self._picture.curve_signals) + 2, window)
+        self._signals: dict[str, float] = dict.fromkeys(_signals_of(plant), 0.0)
+
+    @classmethod
+    def for_setup(cls, setup: "Setup", mode: str) -> "Renderer":
+        """The renderer of an environment's `cable_envs.setup.Setup`."""
+        kind = setup.reference.get("kind", "")
+        task = f"{setup.task.name}, {kind}, rig {setup.rig.name}"
+        return cls(setup.plant.name, setup.rig.values, task, setup.output_unit, mode)
+
+    def push(self, signals: Mapping[str, float], time: float, reference: float, output: float) -> None:
+        """Store the state after a control step (SI, names of the plant's signals). Time that goes back starts anew."""
+        self._signals.update(signals)
+        tensions = [self._signals[name] for name in self._picture.curve_signals]
+        self._history.add(time, (reference, output, *tensions))
+
+    def frame(self) -> np.ndarray:
+        """The present picture, uint8 [height, width, 3]; an array of its own at every call."""
+        return self._picture.draw(self._signals, self._history)
+
+    def show(self) -> None:
+        """Bring the window up to date, at most ``fps`` times per simulated second and no faster than real time.
+
+        Handles the window's events at every call. Once the user has closed the window, does nothing.
+        """
+        if self.mode != "human":
+            raise ConfigurationError("this renderer was made with mode 'rgb_array'; a window needs mode 'human'")
+        if self._window is None:
+            self._window = _Window(self._picture.caption, self.fps)
+        self._window.show(self._history.time, self.frame)
+
+    def reset(self) -> None:
+        """Forget the trace."""
+        self._history.clear()
+
+    def close(self) -> None:
+        """Close the window, if there is one. May be called more than once."""
+        if self._window is not None:
+            self._window.close()
+            self._window = None
+
+
+def _signals_of(plant: str) -> tuple[str, ...]:
+    """The signals that a scene cannot do without; they are zero until something is pushed."""
+    if plant == "cable_hole":
+        return "drive_position", "drive_tension", "load_position", "load_tension", "sliding"
+    ends = (f"tension_{end}_{side}" for end in ("drive", "output") for side in ("top", "bottom"))
+    return "drive_angle", "drive_torque", "output_angle", "output_torque", *ends
+
+
+class _History:
+    """A ring of the last samples: row 0 time, then reference, output and tensions."""
+
+    def __init__(self, width: int, window: float):
+        self._ring = np.full((width + 1, _ROWS), np.nan)
+        self._window, self._spacing = window, window / (_ROWS - 1)
+        self.clear()
+
+    def clear(self) -> None:
+        self._count, self.time = 0, 0.0
+
+    def add(self, time: float, values: tuple[float, ...]) -> None:
+        """Append; samples closer than the trace can show replace the newest one."""
+        if self._count and time < self.time:
+            self.clear()
+        self.time = time
+        last = self._ring[0]
+        if self._count < 2 or last[(self._count - 1) % _ROWS] - last[(self._count - 2) % _ROWS] >= self._spacing:
+            self._count += 1
+        column = self._ring[:, (self._count - 1) % _ROWS]
+        column[0], column[1:] = time, values
+
+    def latest(self) -> np.ndarray:
+        """The newest sample [rows]; zeros before the first."""
+        return self._ring[:, (self._count - 1) % _ROWS] if self._count else np.zeros(len(self._ring))
+
+    def visible(self) -> np.ndarray:
+        """Samples in the window, oldest first [rows, n]."""
+        stored = min(self._count, _ROWS)
+        order = np.arange(self._count - stored, self._count) % _ROWS
+        rows = self._ring[:, order]
+        return rows[:, rows[0] >= self.time - self._window]
+
+
+class _Picture:
+    """Scene, header and two traces; laid out anew when a ruler or the tension scale must grow."""
+
+    def __init__(self, plant: str, rig: Mapping[str, float], task: str, unit: str, window: float, scale: float):
+        try:
+            from cable_envs import render_draw, render_widgets
+            from cable_envs.render_circuit import CircuitScene
+            from cable_envs.render_hole import HoleScene
+        except ImportError as error:
+            raise ImportError("rendering needs matplotlib: pip install 'cable-envs[render]'") from error
+        self._draw, self._widgets = render_draw, render_widgets
+        self._scene = (HoleScene if plant == "cable_hole" else CircuitScene)(rig, unit)
+        self.curve_signals = self._scene.curve_signals
+        kind = f"{self._scene.title} (chain)" if plant == "pulley_chain" else self._scene.title
+        self.caption = f"{kind}: {task}" if task else kind
+        self._unit, self._factor, self._quantity, self._least = _DISPLAY[unit]
+        self._sheet = render_draw.Sheet(scale)
+        self._span = window
+        self._digits = {"mm": ".2f", "N": ".1f"}.get(self._unit, ".3f")
+        self._motion = render_draw.nice_range(0.0, 0.0, self._scene.least_motion)
+        self._tension = render_draw.nice_range(0.0, self._scene.first_tension, self._scene.least_tension)[1]
+        self._laid_out: Any = None
+
+    def draw(self, signals: Mapping[str, float], history: _History) -> np.ndarray:
+        """Frame uint8 [height, width, 3] of ``signals`` (values that are not finite are shown as zero)."""
+        shown = {k: float(v) if math.isfinite(v) else 0.0 for k, v in signals.items()}
+        _, reference, output, *_ = np.nan_to_num(history.latest(), posinf=0.0, neginf=0.0)
+        self._widen(shown, reference)
+        if self._laid_out != (self._motion, self._tension):
+            self._lay_out()
+        self._scene.update(shown, reference)
+        self._clock.set(f"t = {history.time:.2f} s")
+        samples = history.visible()
+        samples[~np.isfinite(samples)] = np.nan  # a gap in the line
+        age = samples[0] - history.time
+        error = self._widgets.number(self._factor * (reference - output), self._digits)
+        self._panels[0].set(age, self._factor * samples[1:3], f"error {error} {self._unit}")
+        self._panels[1].set(age, samples[3:], "")
+        return self._sheet.picture()
+
+    def _widen(self, signals: Mapping[str, float], reference: float) -> None:
+        """Rulers and tension scale hold what is to be shown; they never shrink, and grow with room to spare."""
+        scene, nice = self._scene, self._draw.nice_range
+        motion = list(scene.motion(signals))
+        if motion and self._unit == "mm":
+            motion.append(1e3 * reference)
+        if motion and (min(motion) < self._motion[0] or max(motion) > self._motion[1]):
+            self._motion = nice(min(1.5 * min(motion), self._motion[0]), max(1.5 * max(motion), self._motion[1]), 0.0)
+        highest = max(scene.tensions(signals))
+        if highest > self._tension:
+            self._tension = nice(0.0, 1.2 * highest, scene.least_tension)[1]
+
+    def _lay_out(self) -> None:
+        """Draw what stands still. Under matplotlib's own defaults, whatever style the user has set."""
+        import matplotlib
+
+        with matplotlib.rc_context():
+            matplotlib.rcdefaults()
+            matplotlib.rcParams.update({"hatch.linewidth": 0.6, "hatch.color": self._draw.METAL_EDGE})
+            self._sheet.clear()
+            self._scene.build(self._sheet, self._motion, self._tension)
+            self._build_header_and_traces()
+            self._sheet.keep()
+        self._laid_out = self._motion, self._tension
+
+    def _build_header_and_traces(self) -> None:
+        draw, widgets, scene, sheet = self._draw, self._widgets, self._scene, self._sheet
+        width, height = draw.SIZE
+        widgets.Label(sheet, 24, height - 28, self.caption, draw.LARGE, weight="bold")
+        self._clock = widgets.Label(sheet, width - 24, height - 28, "", draw.LARGE, ha="right", moving=True)
+        first = widgets.Curve("reference", draw.REFERENCE, (0, (4, 2))), widgets.Curve("output", draw.OUTPUT)
+        parts = ((first, f"{self._quantity} ({self._unit})", self._least),
+                 (scene.curves, "cable tension (N)", scene.least_tension))
+        self._panels = [
+            widgets.TracePanel(sheet, box, curves, label, self._span, least)
+            for box, (curves, label, least) in zip(scene.trace_boxes, parts, strict=True)
+        ]
+
+
+class _Window:
+    """A pygame window that keeps up with simulated time."""
+
+    def __init__(self, caption: str, fps: float):
+        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
+        try:
+            import pygame
+        except ImportError as error:
+            raise ImportError("a window needs pygame: pip install 'cable-envs[render]'") from error
+        self._pygame, self._caption, self._period = pygame, caption, 1.0 / fps
+        self._surface: Any = None
+        self._open = True
+        self._shown = self._origin = -math.inf  # simulated time of the last picture; wall clock minus simulated time
+
+    def show(self, time: float, frame: Any) -> None:
+        if not self._open:
+            return
+        due = not self._shown <= time < self._shown + self._period - 1e-9
+        if due:
+            self._put(frame())
+        self._handle_events()
+        if due and self._open:
+            self._wait(time)
+            self._shown = time
+
+    def _put(self, picture: np.ndarray) -> None:
+        pygame = self._pygame
+        size = picture.shape[1], picture.shape[0]
+        if self._surface is None:
+            pygame.display.init()
+            self._surface = pygame.display.set_mode(size)
+            pygame.display.set_caption(self._caption)
+        self._surface.blit(pygame.image.frombuffer(picture.tobytes(), size, "RGB"), (0, 0))
+        pygame.display.flip()
+
+    def _handle_events(self) -> None:
+        """Without this the window system takes the window for frozen."""
+        if self._surface is not None and any(e.type == self._pygame.QUIT for e in self._pygame.event.get()):
+            self.close()
+
+    def _wait(self, time: float) -> None:
+        """Sleep while simulated time is ahead of the wall clock; a late picture or a new episode sets a new origin."""
+        ahead = self._origin + time - clock.monotonic()
+        if 0.0 < ahead <= 2.0 * self._period and time > self._shown:
+            clock.sleep(ahead)
+        else:
+            self._origin = clock.monotonic() - time
+
+    def close(self) -> None:
+        if self._surface is not None:
+            self._pygame.display.quit()
+            self._surface = None
+        self._open = False

@@ -1,0 +1,131 @@
+"""``cablebench demo``: all references on all tasks, one freshly trained PPO agent on each plant, one ranked board.
+
+References are evaluated in this process while a second one trains the agents: one core each.
+"""
+
+import multiprocessing
+import time
+import traceback
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cable_envs.errors import ConfigurationError
+from cablebench.commands.common import (
+    console,
+    policy_entrant,
+    progress_bar,
+    require_ours,
+    short_name,
+)
+from cablebench.commands.evaluate import RECORDS
+from cablebench.commands.leaderboard import make_board
+
+TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
+"""One task of each plant to train an agent for."""
+
+
+def demo(
+    out: Annotated[Path, typer.Option(help="Folder for board, records and policies.")] = Path("results"),
+    protocol: Annotated[str, typer.Option(help="Protocol: a name in configs/protocols, or a YAML file.")] = "demo",
+    seed: Annotated[int, typer.Option(min=0, help="Training seed of the agents.")] = 0,
+    steps: Annotated[
+        int | None, typer.Option(min=1, help="Environment steps of each agent; default: its settings'.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
+) -> None:
+    """Rank every reference controller and a freshly trained PPO agent on both plants (within ten minutes)."""
+    started = time.monotonic()
+    require_ours("baselines", "agents")
+    from agents.settings import load_settings
+    from cablebench.entrants import reference_entrants
+    from cablebench.evaluate import evaluate
+    from cablebench.protocol import load_protocol
+    from cablebench.store import ResultStore
+
+    chosen = load_protocol(protocol)
+    listed = {task.env: task.options for task in chosen.tasks}
+    jobs = {
+        env: (load_settings("ppo", env, steps, listed[env]), out / "agents" / f"ppo-{short_name(env)}-{seed}")
+        for env in TRAINED if env in listed
+    }  # fmt: skip
+    store = ResultStore(out / RECORDS)
+    say = console(stderr=True)
+    say.print(
+        f"{len(listed)} tasks, {chosen.episodes} episodes each; training PPO for {', '.join(map(short_name, jobs))}"
+    )
+    with progress_bar() as update, _Training(jobs, chosen.train.seed(seed), update) as training:
+        names = "references"
+
+        def report(p: Any) -> None:
+            update(names, p.done, p.total, p.text)
+            training.listen()
+
+        evaluate(chosen, reference_entrants(), store=store, progress=report)
+        training.finish()
+        names = "agents"
+        agents = [policy_entrant(str(folder)) for _, folder in jobs.values()]
+        if agents:
+            evaluate(chosen, agents, store=store, progress=report)
+    make_board(chosen, store, store.records(), out, as_json)
+    say.print(f"done in {time.monotonic() - started:.0f} s; open {out / 'board.html'} in a browser", markup=False)
+
+
+class _Training:
+    """A second process that trains one agent after the other and reports through a pipe."""
+
+    def __init__(self, jobs: dict[str, tuple[Any, Path]], seed: int, update: Any):
+        context = multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe(duplex=False)
+        self._process = context.Process(target=_train_all, args=(list(jobs.values()), seed, other), daemon=True)
+        self._other, self._update, self._running = other, update, bool(jobs)
+
+    def __enter__(self) -> "_Training":
+        if self._running:
+            self._process.start()
+            self._other.close()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process.pid is not None:
+            self._process.join(timeout=10.0)  # after Ctrl-C it is saving
+            self._process.terminate()
+
+    def listen(self, wait: float = 0.0) -> None:
+        """Show what has arrived; raises ConfigurationError when the training failed."""
+        while self._running and self._pipe.poll(wait):
+            try:
+                kind, *content = self._pipe.recv()
+            except EOFError:
+                raise ConfigurationError(
+                    f"the training process ended with exit code {self._process.exitcode}"
+                ) from None
+            if kind == "progress":
+                self._update(*content)
+            elif kind == "failed":
+                raise RuntimeError(f"training failed in its process:\n{content[0]}")
+            self._running = kind != "done"
+
+    def finish(self) -> None:
+        """Wait until all agents are trained."""
+        while self._running:
+            self.listen(wait=0.2)
+
+
+def _train_all(jobs: list[tuple[Any, Path]], seed: int, pipe: Any) -> None:
+    """Body of the second process."""
+    from agents.train import Interrupted, train
+
+    try:
+        for settings, folder in jobs:
+            name = f"{settings.algo} on {short_name(settings.env_id)}"
+            train(
+                settings, seed, folder, overwrite=True,
+                progress=lambda done, total, text, name=name: pipe.send(("progress", name, done, total, text)),
+            )  # fmt: skip
+        pipe.send(("done",))
+    except (KeyboardInterrupt, Interrupted, BrokenPipeError):
+        pass
+    except Exception:
+        pipe.send(("failed", traceback.format_exc()))

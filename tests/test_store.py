@@ -1,0 +1,107 @@
+"""The results store survives crashes; results are replaced whole or not at all."""
+
+import json
+import os
+import stat
+
+import numpy as np
+import pytest
+
+from cable_envs.errors import ConfigurationError
+from cablebench.store import ResultStore, StoreWarning, jsonable, write_atomic
+
+
+def test_records_come_back_in_order_with_their_schema(tmp_path):
+    store = ResultStore(tmp_path / "new" / "r.jsonl")
+    assert store.records() == []
+    store.append({"a": 1})
+    store.append([{"a": 2}, {"a": 3}])
+    assert [r["a"] for r in store.records()] == [1, 2, 3]
+    assert {r["schema"] for r in store.records()} == {1}
+
+
+def test_a_torn_last_line_is_skipped_and_does_not_swallow_the_next_record(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append([{"a": 1}, {"a": 2}])
+    whole = store.path.read_bytes()
+    for cut in range(len(whole) - 1, whole.index(b"\n") + 1, -1):  # a crash at any byte of the second record
+        store.path.write_bytes(whole[:cut])
+        torn = whole[:cut].endswith(b"}")  # all of it but the newline: still a whole record
+        if torn:
+            assert [r["a"] for r in store.records()] == [1, 2]
+        else:
+            with pytest.warns(StoreWarning, match="r.jsonl:2"):
+                assert [r["a"] for r in store.records()] == [1]
+        store.append({"a": 9})
+        if torn:
+            assert [r["a"] for r in store.records()] == [1, 2, 9]
+        else:
+            with pytest.warns(StoreWarning):
+                assert [r["a"] for r in store.records()] == [1, 9]
+
+
+def test_binary_rubbish_in_the_middle_costs_one_line(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append({"a": 1})
+    with store.path.open("ab") as file:
+        file.write(b"\xff\xfe\x00\n[1, 2]\n")
+    store.append({"a": 2})
+    with pytest.warns(StoreWarning) as caught:
+        assert [r["a"] for r in store.records()] == [1, 2]
+    assert len(caught) == 2  # a list is no record either
+
+
+def test_a_newer_schema_is_refused(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append({"schema": 99, "a": 1})
+    with pytest.raises(ConfigurationError, match="schema 99"):
+        store.records()
+
+
+def test_appending_never_rewrites_what_is_there(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append({"a": 1})
+    before = store.path.read_bytes()
+    store.append({"a": 2})
+    assert store.path.read_bytes().startswith(before)
+
+
+def test_values_become_json_types(tmp_path):
+    values = {"x": np.float32(0.5), "n": np.int64(3), "bad": float("nan"), "inf": np.inf, "v": np.arange(3)}
+    values |= {"p": tmp_path, "b": np.bool_(True), 7: None}
+    text = json.dumps(jsonable(values), allow_nan=False)
+    expected = {"x": 0.5, "n": 3, "bad": None, "inf": None, "v": [0, 1, 2], "p": str(tmp_path), "b": True, "7": None}
+    assert json.loads(text) == expected
+
+
+def test_a_half_written_result_never_replaces_a_good_one(tmp_path, monkeypatch):
+    path = write_atomic(tmp_path / "board.json", "good")
+
+    def crash(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "fsync", crash)
+    with pytest.raises(OSError, match="disk full"):
+        write_atomic(path, "half")
+    assert path.read_text() == "good"
+    assert os.listdir(tmp_path) == ["board.json"]  # and no temporary file is left
+
+
+def test_written_files_have_the_usual_permissions(tmp_path):
+    old = os.umask(0o022)
+    try:
+        path = write_atomic(tmp_path / "a" / "x.txt", b"bytes")
+    finally:
+        os.umask(old)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o644 and path.read_bytes() == b"bytes"
+
+
+def test_trajectories_round_trip_and_lie_beside_the_records(tmp_path):
+    store = ResultStore(tmp_path / "quick.jsonl")
+    arrays = {"time": np.arange(5.0), "output": np.linspace(0, 1, 5, dtype=np.float32)}
+    path = store.keep_trajectories("abc", {"median": arrays, "worst": {"time": np.arange(2.0)}})
+    assert path == tmp_path / "quick" / "abc.npz"
+    found = store.trajectories("abc")
+    assert set(found) == {"median", "worst"}
+    np.testing.assert_array_equal(found["median"]["output"], arrays["output"])
+    assert store.trajectories("unknown") == {} and store.trajectories("") == {}
