@@ -139,7 +139,7 @@ def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None) -> Rig:
         chosen = load_rig(task.rig if rig is None else rig)
     wanted = _PLANT_OF_TASK[task.name.split("-")[0]]
     if chosen.plant != wanted:
-        raise ConfigurationError(f"task {task.name} needs a rig of plant {wanted}; '{chosen.name}' is of {chosen.plant}")
+        raise ConfigurationError(f"task {task.name} needs a rig of plant {wanted}; {chosen.name} is of {chosen.plant}")
     for need in {"tension": ("load_stiffness",), "torque": ("contact_stiffness",)}.get(task.kind, ()):
         if chosen.values[need] <= 0.0:
             raise ConfigurationError(f"task {task.name} needs a rig with {need} above 0; '{chosen.name}' has 0")
@@ -179,11 +179,11 @@ def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, A
     for name, spec in given.items():
         declared = plant.parameters[name]
         if not isinstance(spec, Mapping) or set(spec) not in ({"scale"}, {"low", "high"}):
-            raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, not {spec!r}")
-        if "scale" in spec:
-            a, b = (float(f) * rig.values[name] for f in spec["scale"])
-        else:
-            a, b = float(spec["low"]), float(spec["high"])
+            raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, got {spec}")
+        given_range = spec["scale"] if "scale" in spec else [spec["low"], spec["high"]]
+        if not (isinstance(given_range, (list, tuple)) and len(given_range) == 2 and all(map(_is_number, given_range))):
+            raise ConfigurationError(f"randomize.{name}: expected two finite numbers, got {spec}")
+        a, b = (float(v) * (rig.values[name] if "scale" in spec else 1.0) for v in given_range)
         if not a <= b:
             raise ConfigurationError(f"randomize.{name}: low {a:g} is above high {b:g}")
         ranges.append((name, declared.check(a), declared.check(b)))
@@ -195,19 +195,28 @@ def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, f
         known = [s.name for s in plant.signals]
         require_known("signal in sensor_noise", sensor_noise, known)
         given = dict(sensor_noise)
-    else:
+    elif isinstance(sensor_noise, bool) or (_is_number(sensor_noise) and sensor_noise >= 0.0):
         given = {name: float(std) * float(sensor_noise) for name, std in task.sensor_noise.items()}
+    else:
+        raise ConfigurationError(
+            f"sensor_noise: expected true, false, a factor >= 0 or {{signal: standard deviation}}, got {sensor_noise!r}"
+        )
     noise = np.zeros(len(plant.signals))
     for name, std in given.items():
-        if isinstance(std, bool) or not math.isfinite(std) or std < 0.0:
+        if not _is_number(std) or std < 0.0:
             raise ConfigurationError(f"sensor_noise.{name}: expected a standard deviation >= 0, got {std!r}")
         noise[plant.row(name)] = std
     return noise
 
 
+def _is_number(value: Any) -> bool:
+    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    return number and math.isfinite(value)
+
+
 def _positive(name: str, value: float | None, default: float) -> float:
     value = default if value is None else value
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value) or value <= 0.0:
+    if not _is_number(value) or value <= 0.0:
         raise ConfigurationError(f"{name}: expected seconds above 0, got {value!r}")
     return float(value)
 
