@@ -6,28 +6,43 @@ from collections.abc import Sequence
 from cable_envs.errors import ConfigurationError
 
 USAGE_ERROR = 2
-"""Exit code for input that cannot be used (also argparse's and typer's)."""
+"""Exit code for input that cannot be used (typer's own, too)."""
+
+EXTRAS = {
+    **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "matplotlib", "PIL"), "bench"),
+    **dict.fromkeys(("torch", "stable_baselines3", "tensorboard"), "agents"),
+}
+"""Module that may be missing -> the extra that brings it."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``cablebench``; ``arguments`` default to those of the process. Ends by SystemExit."""
     try:
-        try:
-            from cablebench.commands.app import app
-        except ModuleNotFoundError as error:
-            raise missing_extra(error, "bench") from error
+        from cablebench.commands.app import app
+
         app(args=None if arguments is None else list(arguments), prog_name="cablebench")
     except ConfigurationError as error:
-        print(f"cablebench: error: {error}", file=sys.stderr)
-        raise SystemExit(USAGE_ERROR) from None
+        _stop(str(error))
+    except ImportError as error:
+        hint = missing_extra(error)
+        if hint is None:
+            raise
+        _stop(hint)
 
 
-def missing_extra(error: ModuleNotFoundError, extra: str) -> ConfigurationError:
-    """How to install what is missing, in one line; import errors of our own packages are raised again."""
-    own = ("cable_envs", "cablebench", "baselines", "agents")
-    if (error.name or "").split(".")[0] in own:
-        raise error
-    return ConfigurationError(f"this command needs {error.name}: pip install 'cable-envs[{extra}]'")
+def missing_extra(error: ImportError) -> str | None:
+    """How to install what is missing, in one line; None where no extra would bring it (then it is a defect)."""
+    if "pip install 'cable-envs[" in str(error):
+        return str(error)
+    module = (error.name or "").split(".")[0]
+    if isinstance(error, ModuleNotFoundError) and module in EXTRAS:
+        return f"this command needs {module}: pip install 'cable-envs[{EXTRAS[module]}]'"
+    return None
+
+
+def _stop(message: str) -> None:
+    print(f"cablebench: error: {message}", file=sys.stderr)
+    raise SystemExit(USAGE_ERROR) from None
 
 
 if __name__ == "__main__":

@@ -160,6 +160,8 @@ ITEMS: tuple[Item, ...] = (
     Item("gu-fig12", "Tension ratio over wrap and speed (Fig. 12)", "gu_fig12", 10),
     Item("gu-fig13", "Compression and diameter over wrap and speed (Fig. 13, Table A1)", "gu_fig13", 20),
     Item("gu-fig15-17", "Sensitivity of the swarm to w, c1 and c2 (Figs. 15-17)", "gu_fig15_17", 60),
+    Item("zou-table3", "Slip angles and tension ratios of the idlers (Table 3)", "zou_table3", 3),
+    Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou_fig6", 5),
 )
 """In the order of the papers."""
 

@@ -10,7 +10,6 @@ from typing import Any
 import yaml
 
 from cable_envs.errors import ConfigurationError, nearest, require_known
-from cablebench.cli import missing_extra
 
 ENVIRONMENT_OPTIONS = (
     "rig", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise", "sensor_delay", "action_delay",
@@ -73,15 +72,12 @@ def parse_pairs(pairs: Sequence[str], flag: str) -> dict[str, Any]:
 def require_ours(*packages: str) -> None:
     """Check that the top-level packages found are this project's: other distributions install the same names.
 
-    Raises ConfigurationError that names the file found, or the extra that is missing.
+    Raises ConfigurationError that names the file found.
     """
     import importlib
 
     for name in packages:
-        try:
-            module = importlib.import_module(name)
-        except ModuleNotFoundError as error:
-            raise missing_extra(error, "agents" if name == "agents" else "bench") from error
+        module = importlib.import_module(name)
         if getattr(module, "CABLE_BENCHMARK", False) is not True:
             place = getattr(module, "__file__", None) or list(module.__path__)
             raise ConfigurationError(

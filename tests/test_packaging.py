@@ -1,0 +1,239 @@
+"""Package boundaries: imports point down, the core runs without extras, and importing it is quick."""
+
+import ast
+import json
+import os
+import subprocess
+import sys
+import tomllib
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
+EXTRAS = ("torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame")
+
+
+def _imports(path: Path) -> set[str]:
+    """Every absolute module name that a file imports, inside functions too; for ``from a import b`` also ``a.b``."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: relative import"
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def _files(package: str) -> list[Path]:
+    return sorted((ROOT / package).rglob("*.py"))
+
+
+def _module(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def _inside(name: str, *parents: str) -> bool:
+    return any(name == parent or name.startswith(parent + ".") for parent in parents)
+
+
+def _offences(files: list[Path], *forbidden: str) -> list[str]:
+    return [f"{_module(f)} imports {name}" for f in files for name in sorted(_imports(f)) if _inside(name, *forbidden)]
+
+
+def test_declared_packages():
+    assert {"cable_envs", "baselines", "agents", "cablebench"} <= set(PACKAGES)
+    assert not {"tests", "configs", "benchmarks", "docs"} & set(PACKAGES)
+
+
+def test_simulator_imports_nothing_above_it():
+    assert _offences(_files("cable_envs"), "baselines", "agents", "cablebench", "torch", "stable_baselines3") == []
+
+
+def test_controllers_know_no_environment():
+    above = [f"cable_envs.{m}" for m in ("envs", "vector", "simulation", "steppers", "setup", "tasks", "render")]
+    assert _offences(_files("baselines"), "gymnasium", "agents", "cablebench", "torch", "numba", *above) == []
+    third = {
+        name.split(".")[0]
+        for f in _files("baselines")
+        for name in _imports(f)
+        if name.split(".")[0] not in sys.stdlib_module_names
+    }
+    assert third <= {"baselines", "cable_envs", "numpy", "scipy"}
+
+
+def test_torch_only_in_agents():
+    files = [f for package in PACKAGES if package != "agents" for f in _files(package)]
+    assert _offences(files, "torch", "stable_baselines3") == []
+
+
+def test_benchmark_does_not_know_agents_or_its_command_line():
+    command_line = ("cablebench.cli", "cablebench.commands")
+    files = [f for f in _files("cablebench") if not _inside(_module(f), *command_line)]
+    assert _offences(files, "agents", "typer", *command_line) == []
+    assert _offences(_files("agents"), *command_line) == []
+
+
+# From top to bottom; a module imports only from its own row or below. What is not named is physics, below the plants.
+LAYERS = (
+    ("envs", "vector"),
+    ("simulation",),
+    ("steppers", "setup"),
+    ("tasks",),
+    ("rigs",),
+    ("references",),
+    ("plants",),
+)
+
+
+def _layer(module: str) -> int:
+    short = module.removeprefix("cable_envs").lstrip(".")
+    if _inside(short, "plants.base"):  # the interface that the plants' parts share
+        return len(LAYERS)
+    for depth, names in enumerate(LAYERS):
+        if _inside(short, *names):
+            return depth
+    return len(LAYERS)
+
+
+def test_simulator_imports_point_down():
+    files = [f for f in _files("cable_envs") if not _module(f).startswith("cable_envs.render")]
+    upward = [
+        f"{_module(f)} imports {name}"
+        for f in files
+        for name in sorted(_imports(f))
+        if _inside(name, "cable_envs") and name != "cable_envs" and _layer(name) < _layer(_module(f))
+    ]
+    assert upward == []
+
+
+def test_plants_never_import_siblings():
+    names = [f.stem for f in _files("cable_envs/plants") if f.stem not in ("__init__", "base")]
+    assert len(names) >= 2
+    for name in names:
+        siblings = [f"cable_envs.plants.{other}" for other in names if other != name]
+        assert _offences([ROOT / "cable_envs" / "plants" / f"{name}.py"], *siblings) == []
+
+
+WITHOUT_EXTRAS = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in BLOCKED:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+BLOCKED = set(sys.argv[1].split(","))
+sys.meta_path.insert(0, Blocked())
+import gymnasium, cable_envs, baselines
+for env_id in cable_envs.ENV_IDS:
+    env = gymnasium.make(env_id, duration=0.1, observe="full")
+    setup = env.unwrapped.setup
+    observation, _ = env.reset(seed=0)
+    for name, kind in baselines.CONTROLLERS.items():
+        case = setup.plant.name, setup.action_mode.name, setup.task.kind
+        if kind.applies(*case):
+            controller = kind(*case, setup.rig.values, setup.control_period)
+            measured = {c.name: float(v) * c.scale for c, v in zip(setup.channels, observation)}
+            assert setup.low <= controller.act(0.0, measured, (measured["reference"], 0.0, 0.0)) <= setup.high
+    env.step(env.action_space.sample())
+loaded = sorted(BLOCKED & set(sys.modules))
+assert not loaded, loaded
+print("environments", len(cable_envs.ENV_IDS), "controllers", len(baselines.CONTROLLERS), cable_envs.__file__)
+"""
+
+
+def _python(*arguments: str, **options) -> subprocess.CompletedProcess:
+    return subprocess.run([sys.executable, *arguments], capture_output=True, text=True, timeout=300, **options)
+
+
+def test_core_runs_without_extras():
+    """Environments and reference controllers work where torch, typer, rich, matplotlib, ... cannot be imported."""
+    done = _python("-c", WITHOUT_EXTRAS, ",".join(EXTRAS), cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("environments 8 controllers 7")
+
+
+def test_command_line_without_extras_says_what_to_install():
+    code = WITHOUT_EXTRAS.split("import gymnasium")[0] + "from cablebench.cli import main; main(['envs'])"
+    done = _python("-c", code, "typer", cwd=ROOT)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == "cablebench: error: this command needs typer: pip install 'cable-envs[bench]'\n"
+    code = code.replace("['envs']", "['train', '--env', 'CableHole-Position-Sine']")
+    done = _python("-c", code, "torch,stable_baselines3", cwd=ROOT)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.endswith("pip install 'cable-envs[agents]'\n") and done.stderr.count("\n") == 1
+
+
+def test_another_distributions_package_is_refused(tmp_path):
+    """`baselines` is also a name on PyPI: the one found must carry our marker."""
+    (tmp_path / "baselines").mkdir()
+    (tmp_path / "baselines" / "__init__.py").write_text("")
+    code = (
+        f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}];"
+        "from cablebench.cli import main; main(['evaluate'])"
+    )
+    done = _python("-c", code, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr.startswith("cablebench: error: the package 'baselines' at ") and str(tmp_path) in done.stderr
+
+
+def test_import_takes_less_than_a_second():
+    """Processor time of ``import cable_envs`` in a fresh interpreter (wall time depends on what else runs)."""
+    code = (
+        "import json, sys, time; t = time.process_time(); import cable_envs;"
+        "print(json.dumps([time.process_time() - t, 'numba' in sys.modules, 'torch' in sys.modules]))"
+    )
+    runs = [json.loads(_python("-c", code, cwd=ROOT).stdout) for _ in range(3)]
+    assert min(seconds for seconds, _, _ in runs) < 1.0
+    assert not any(numba or torch for _, numba, torch in runs)
+
+
+def test_help_loads_nothing_heavy():
+    code = (
+        "import sys; from cablebench.cli import main\n"
+        "try: main(['--help'])\nexcept SystemExit as e: assert not e.code\n"
+        "heavy = {'numba', 'scipy', 'torch', 'matplotlib', 'jinja2'} & set(sys.modules)\n"
+        "sys.exit(str(heavy) if heavy else 0)"
+    )
+    done = _python("-c", code, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo"):
+        assert f" {command} " in done.stdout
+
+
+def test_declared_dependencies():
+    project = PROJECT["project"]
+    core = {requirement.split(">")[0].split("[")[0] for requirement in project["dependencies"]}
+    assert core == {"gymnasium", "numpy", "numba", "scipy", "pyyaml"}
+    pinned = dict(
+        line.lower().replace("_", "-").split("==")
+        for line in (ROOT / "constraints.txt").read_text().splitlines()
+        if line and not line.startswith("#")
+    )
+    assert pinned["torch"] == "2.13.0"  # a local version (+cpu) would not be found elsewhere
+    wanted = {r.split(">")[0].split("[")[0] for extra in project["optional-dependencies"].values() for r in extra}
+    assert {name.lower() for name in wanted | core} - {"cable-envs"} <= set(pinned)
+
+
+@pytest.mark.slow
+def test_wheel_holds_packages_and_configuration_only(tmp_path):
+    """The built wheel runs from an empty folder, finds its YAML files, and brings no top-level tests or configs."""
+    wheels = tmp_path / "wheels"
+    done = _python("-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(wheels), str(ROOT))
+    assert done.returncode == 0, done.stderr
+    (wheel,) = wheels.glob("cable_envs-*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        names = archive.namelist()
+        archive.extractall(tmp_path / "site")
+    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(PACKAGES)
+    assert "cable_envs/configs/tasks/CableHole-Position.yaml" in names
+    assert "cablebench/templates/board.html.j2" in names
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
+    done = _python("-P", "-c", WITHOUT_EXTRAS, ",".join(EXTRAS), cwd=tmp_path, env=environment)
+    assert done.returncode == 0, done.stderr
+    assert str(tmp_path / "site") in done.stdout
