@@ -10,8 +10,8 @@ reversal travels from idler to idler, so that delay, transition and working phas
     torques    M_in = R0 (T_0t - T_0b), M_out = R5 (T_4t - T_4b)                                            Z32, Z33
 
 Time step: half a step of motion, equilibrium of both chains there, the velocities by linearly implicit kicks with the
-chain's own tangents, the other half step: order 2 where nothing starts or stops (cable damping, inside the equilibrium, is
-of order 1). The signals show the equilibrium at the end of a control step.
+chain's own tangents, the other half step: order 2 where nothing starts or stops (cable damping, inside the equilibrium,
+is of order 1). The signals show the equilibrium at the end of a control step.
 
 phase: 0 rest: the drive stands and no contact next to the output slid within the control step; 1 delay: the front has
 reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
@@ -20,9 +20,9 @@ reached the output on neither side; 2 transition: on one; 3 working: on both (a 
 import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
 
 from cable_envs.circuit_ends import (
-    ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T,
-    R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
-    drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
+    ACTION_MODES, BRAKE, C5, COEFFICIENTS, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE,
+    PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
+    drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT, SIDES
 from cable_envs.circuit_statics import Statics
@@ -135,8 +135,25 @@ def _report(x, p, s, i):
 
 
 @inline
+def _resolve(p, i, dt):
+    """`circuit_ends.resolve` with the stiffness of the whole cables and a quarter of that of the end spans alone.
+
+    All of the end spans' would be too careful: they are this stiff only until their contact slides.
+    """
+    per_in, per_out = 0.0, 0.0
+    for side in range(2):
+        c = SHARED + side * SIDE_P
+        whole = 1.0 / (p[c, i] + p[c + 1, i] + p[c + 2, i] + p[c + 3, i] + p[c + 4, i])
+        per_in += whole + 0.25 / p[c, i]
+        per_out += whole + 0.25 / p[c + 4, i]
+    turn = p[EA5, i] * p[GEAR, i] * p[R0, i]
+    resolve(p, i, turn * per_in, p[EA5, i] * p[R5, i] * per_out + p[CONTACT_K, i], dt)
+
+
+@inline
 def _advance_tile(x, p, u, s, lanes, substeps, dt):
     for i in range(lanes):
+        _resolve(p, i, dt)
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
         s[SLID, i], s[SLID + 1, i] = 0.0, 0.0
         s[D_IN, i], s[D_OUT, i] = 0.0, 0.0

@@ -25,7 +25,7 @@ import numpy as np  # noqa: I001 (the block below: one name a line would fill th
 from cable_envs.circuit_ends import (
     ACTION_MODES, B_OUT, BRAKE, C5, COEFFICIENTS, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE,
     PEAK, PHASE, PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT,
-    V_IN, V_OUT, drive_step, load_torque, rest_elongation, rest_signals, shared_coefficients,
+    V_IN, V_OUT, drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
@@ -36,10 +36,10 @@ from cable_envs.plants.base import INPUTS, Plant
 _OWN = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
     "output_top_ccw", "output_bottom_ccw", "output_top_cw", "output_bottom_cw",
-    "drive_stiffness", "drive_ratio_damping", "load_stiffness", "load_damping", "hold_rule", "length_top",
+    "drive_stiffness", "drive_slope", "load_stiffness", "output_slope", "hold_rule", "length_top",
     "length_bottom",
 )  # fmt: skip
-(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_IN, K_OUT, C_OUT, HOLD, LENGTH_T,
+(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_TURN, K_OUT, SWING, HOLD, LENGTH_T,
  LENGTH_B) = range(SHARED, SHARED + len(_OWN))  # fmt: skip
 ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
 GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
@@ -104,7 +104,7 @@ def _substep(x, p, u, i, dt):
     share = _share(v, ccw, cw, wanted)
     late = 0.5 * p[C5, i] * _guess(p, i, v, ccw - wanted, cw - wanted)
     m_in = _drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
-    v_in_new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C_IN, i], dt)
+    v_in_new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C5, i] * p[C_TURN, i], dt)
 
     change = 0.5 * (v_in_new - v_in)
     top, bottom = _stretched(p, i, d + 0.5 * dt * gear * change, rate + gear * change)
@@ -174,7 +174,9 @@ def advance(x, p, u, lo, hi, substeps, dt):
         for i in range(lanes):
             xt[SLACK, i] = 0.0
             xt[PEAK, i] = 0.0
-            pt[GAIN, i] = dt / (pt[J_OUT, i] + 0.5 * dt * pt[C_OUT, i] + 0.25 * dt * dt * pt[K_OUT, i])
+            resolve(pt, i, pt[K_IN, i], pt[K_OUT, i], dt)
+            c_out = pt[C5, i] * pt[SWING, i] + pt[B_OUT, i] + pt[CONTACT_D, i]
+            pt[GAIN, i] = dt / (pt[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * pt[K_OUT, i])
         for _ in range(substeps):
             for i in range(lanes):
                 _substep(xt, pt, ut, i, dt)
@@ -204,8 +206,7 @@ def prepare(values: np.ndarray) -> np.ndarray:
         per_t[0], per_b[0], per_t[1], per_b[1],
         per_t[0] / k_t, per_b[0] * k_b, per_t[1] * k_t, per_b[1] / k_b,
         1.5 * shared[EA5] * turn,  # in the hold M_in is steeper than on a branch; too much costs no accuracy
-        shared[C5] * turn,
-        shared[EA5] * swing + shared[CONTACT_K], shared[C5] * swing + shared[B_OUT] + shared[CONTACT_D],
+        turn, shared[EA5] * swing + shared[CONTACT_K], swing,
         values[CIRCUIT.index("hold_rule")], *statics.length,
     ])  # fmt: skip
     return np.ascontiguousarray(np.concatenate([shared, own]))
