@@ -19,10 +19,9 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.policies import BasePolicy
 
 from agents.settings import ALGORITHMS, Settings
+from agents.smoothing import Smoothing
 from cable_envs.envs import make_spaces
 from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.setup import Setup
-from cable_envs.tasks import LAST_COMMAND
 from cablebench.evaluate import setup_of
 from cablebench.store import jsonable, write_atomic
 
@@ -69,8 +68,7 @@ class Policy:
     path: str
     digest: str
     """first 12 hex digits of the file's SHA-256"""
-    command_to_action: tuple[int, float, float]
-    """channel of the last command, and (gain, offset) from its observed value to the action"""
+    smoothing: Smoothing
 
     def predict(
         self,
@@ -85,15 +83,12 @@ class Policy:
         ``episode_start`` is true, the action at rest is taken, which the first observation shows.
         """
         action, _ = self.network.predict(observation, deterministic=deterministic)
-        smoothing = self.metadata.settings["smoothing"]
-        if smoothing:
-            channel, gain, offset = self.command_to_action
-            rest = gain * observation[..., channel : channel + 1] + offset
-            if state is None:
-                state = rest
-            elif episode_start is not None and np.any(episode_start):
-                state = np.where(np.reshape(episode_start, np.shape(rest)), rest, state)
-            action = (smoothing * state + (1.0 - smoothing) * action).astype(np.float32)
+        rest = self.smoothing.rest(observation)
+        if state is None:
+            state = rest
+        elif episode_start is not None and np.any(episode_start):
+            state = np.where(np.reshape(episode_start, np.shape(rest)), rest, state)
+        action = self.smoothing.blend(state, action)
         return action, action
 
     @property
@@ -133,14 +128,8 @@ def load_policy(path: str | Path) -> Policy:
     with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open("policy.pth") as weights:
         network.load_state_dict(torch.load(weights, map_location="cpu", weights_only=True))
     network.set_training_mode(False)
-    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], _command_to_action(setup))
-
-
-def _command_to_action(setup: Setup) -> tuple[int, float, float]:
-    rows = [c.row for c in setup.channels]
-    channel = rows.index(LAST_COMMAND)
-    span = setup.high - setup.low
-    return channel, 2.0 * setup.channels[channel].scale / span, -2.0 * setup.low / span - 1.0
+    smoothing = Smoothing.of(setup, settings.smoothing)
+    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], smoothing)
 
 
 def policy_file(path: str | Path) -> Path:

@@ -153,7 +153,7 @@ class _Recorder(BaseCallback):
             channels=tuple(c.name for c in self._channels()),
             settings=asdict(self._settings),
             settings_hash=self._settings.hash(),
-            versions={name: packages.version(name) for name in ("torch", "stable_baselines3", "cable-envs")},
+            versions={name: packages.version(name) for name in ("torch", "stable_baselines3")},
             curve=tuple(self._curve),
         )
         save_policy(self.model, metadata, self._file)

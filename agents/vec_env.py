@@ -9,6 +9,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
+from agents.smoothing import Smoothing
 from cable_envs.vector import CableVectorEnv
 
 
@@ -23,9 +24,8 @@ class CableVecEnv(VecEnv):
     that the environments are spread over the episode from then on. Without it the whole batch stands at the same time
     of the same reference, and every rollout shows a short piece of the task only.
 
-    ``smoothing``: share of the last action that is kept, in [0, 1): the environment gets
-    ``smoothing last + (1 - smoothing) action``. A policy trained so must be run so (`agents.policy.Policy` does); the
-    last action is among the observations (channel "command").
+    ``smoothing``: share of the last action that is kept (see `agents.smoothing`). A policy trained so must be run so,
+    as `agents.policy.Policy` does.
     """
 
     def __init__(self, env_id: str, num_envs: int, *, stagger: bool = False, smoothing: float = 0.0, **options: Any):
@@ -46,7 +46,8 @@ class CableVecEnv(VecEnv):
         self._cuts: np.ndarray | None = None
         self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         self._actions: np.ndarray | None = None
-        self._smoothing = smoothing
+        self._smoothing = Smoothing.of(self.batch.setup, smoothing)
+        self._last = np.zeros((num_envs, 1), dtype=np.float32)
 
     def reset(self) -> np.ndarray:
         seeds = None if all(s is None for s in self._seeds) else list(self._seeds)
@@ -55,6 +56,7 @@ class CableVecEnv(VecEnv):
         observation, infos = self.batch.reset(seed=seeds, options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
+        self._last = self._smoothing.rest(observation)
         self._returns[:], self._lengths[:] = 0.0, 0
         self._cuts = None if self._first_cuts is None else self._first_cuts.copy()
         self.reset_infos = [self._lane_info(infos, i) for i in range(self.num_envs)]
@@ -64,11 +66,8 @@ class CableVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        actions = self._actions
-        if self._smoothing:
-            last = self.batch.simulation.buffers.actions[0][:, None]
-            actions = self._smoothing * last + (1.0 - self._smoothing) * np.clip(actions, -1.0, 1.0)
-        observation, rewards, terminated, truncated, batch_infos = self.batch.step(actions)
+        self._last = self._smoothing.blend(self._last, self._actions)
+        observation, rewards, terminated, truncated, batch_infos = self.batch.step(self._last)
         self._returns += rewards
         self._lengths += 1
         dones = terminated | truncated
@@ -78,6 +77,8 @@ class CableVecEnv(VecEnv):
             self._renew(np.flatnonzero(dones), batch_infos)
         if self._cuts is not None:
             observation = self._cut(observation, dones, infos, batch_infos)
+        if dones.any():
+            self._last[dones] = self._smoothing.rest(observation[dones])
         return observation, rewards.astype(np.float32), dones, infos
 
     def _blank_infos(self) -> list[dict[str, Any]]:

@@ -103,6 +103,8 @@ class _Training:
                 ) from None
             if kind == "progress":
                 self._update(*content)
+            elif kind == "refused":
+                raise ConfigurationError(content[0])
             elif kind == "failed":
                 raise RuntimeError(f"training failed in its process:\n{content[0]}")
             self._running = kind != "done"
@@ -127,5 +129,7 @@ def _train_all(jobs: list[tuple[Any, Path]], seed: int, pipe: Any) -> None:
         pipe.send(("done",))
     except (KeyboardInterrupt, Interrupted, BrokenPipeError):
         pass
+    except ConfigurationError as error:
+        pipe.send(("refused", str(error)))
     except Exception:
         pipe.send(("failed", traceback.format_exc()))

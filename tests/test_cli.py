@@ -1,0 +1,243 @@
+"""The command line: what it prints where, exit codes, files, and errors of one line."""
+
+import csv
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cable_envs
+from baselines import CONTROLLERS
+from cablebench.cli import main
+from cablebench.metrics import METRICS
+
+HOLE, CIRCUIT = "CableHole-Position-Sine", "PulleyCircuit-Position-Sine"
+QUICK = ("--option", "duration=0.5")
+
+
+@pytest.fixture
+def cli(capsys):
+    """Run a command: (exit code, standard output, standard error)."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as end:
+            main([str(a) for a in arguments])
+        out = capsys.readouterr()
+        return end.value.code or 0, out.out, out.err
+
+    return run
+
+
+@pytest.fixture
+def protocol(tmp_path):
+    """Two short tasks, two episodes each."""
+    path = tmp_path / "tiny.yaml"
+    path.write_text(
+        "schema: 1\nname: tiny\ntitle: Two short tasks\ntasks:\n"
+        f"  - {{env: cable_envs/{HOLE}-v0, options: {{duration: 0.5}}}}\n"
+        f"  - {{env: cable_envs/{CIRCUIT}-v0, options: {{duration: 0.5}}}}\n"
+        "tracks:\n  nominal: {options: {sensor_noise: true}}\n"
+        "seeds: {train: {first: 0, count: 1000}, tune: {first: 1000, count: 1000}, test: {first: 2000, count: 1000}}\n"
+        "episodes: 2\ntraining_seeds: 1\nbootstrap: {resamples: 50}\n"
+        "score: {paper: {CableHole: mrac-g22, PulleyCircuit: feedforward-pid}}\n"
+    )
+    return path
+
+
+def test_version_and_help(cli):
+    assert cli("--version") == (0, f"cablebench {cable_envs.__version__}\n", "")
+    code, out, _ = cli("--help")
+    assert code == 0
+    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo"):
+        assert cli(command, "--help")[0] == 0 and command in out
+
+
+def test_envs_lists_everything_with_units(cli):
+    code, out, err = cli("envs")
+    assert (code, err) == (0, "")
+    for env_id in cable_envs.ENV_IDS:
+        assert env_id.split("/")[1].removesuffix("-v0") in out
+    assert "zou-table2" in out
+    code, out, _ = cli("envs", CIRCUIT)
+    assert code == 0
+    assert "output     output_angle [rad]" in out and "-3..3 rad (position) default" in out
+    assert "drive_torque" in out and "gu-inferred" not in out
+
+
+def test_envs_json_agrees_with_the_environment(cli):
+    import gymnasium as gym
+
+    code, out, err = cli("envs", "--json")
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    assert [e["id"] for e in data["environments"]] == list(cable_envs.ENV_IDS)
+    for e in data["environments"]:
+        env = gym.make(e["id"]).unwrapped
+        declared = [{"name": c.name, "unit": c.unit, "scale": c.scale} for c in env.channels]
+        assert e["channels"][e["observe"]] == declared
+        mode = next(m for m in e["action_modes"] if m["name"] == e["action_mode"])
+        assert (mode["low"], mode["high"]) == (env.setup.low, env.setup.high)
+    assert {r["plant"] for r in data["rigs"]} == {"cable_hole", "pulley_circuit"}
+
+
+def test_run_prints_metrics_and_saves_the_episode(cli, tmp_path):
+    files = [tmp_path / "a.csv", tmp_path / "sub" / "a.npz"]
+    code, out, err = cli("run", HOLE, "--controller", "pid", "--save", files[0], *QUICK)
+    assert (code, err) == (0, "")
+    assert "50 steps, ran to its end" in out and "RMSE" in out and f"wrote {files[0]}" in out
+    arguments = ("run", HOLE, "--controller", "pid", "--seed", 3, "--save", files[1], "--json", *QUICK)
+    code, out, err = cli(*arguments, "--option", "sensor_noise=true", "--gain", "kp=2000")
+    assert (code, err) == (0, "")
+    result = json.loads(out)
+    assert result["env_id"] == f"cable_envs/{HOLE}-v0" and result["files"] == [str(files[1])]
+    assert set(result["metrics"]) == set(result["units"]) == {m.name for m in METRICS}
+    with np.load(files[1]) as data:
+        about = json.loads(str(data["about"]))
+        error = data["reference"] - data["output"]
+        assert result["metrics"]["rmse"] == float(np.sqrt(np.mean(error**2)))
+        assert about["seed"] == 3 and about["units"]["load_tension"] == "N"
+        assert about["options"]["sensor_noise"] is True
+    with open(files[0], newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 50
+    assert float(rows[-1]["time [s]"]) == 0.5 and "drive_tension [N]" in rows[0]
+
+
+def test_same_seed_same_episode(cli):
+    arguments = ("run", CIRCUIT, "--controller", "pid", "--json", *QUICK, "-o", "sensor_noise=true", "--seed")
+    runs = [json.loads(cli(*arguments, seed)[1])["metrics"]["rmse"] for seed in (1, 1, 2)]
+    assert runs[0] == runs[1] != runs[2]
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".gif", b"GIF89a")])
+def test_run_renders(cli, tmp_path, suffix, magic):
+    picture = tmp_path / f"picture{suffix}"
+    code, out, _ = cli("run", HOLE, "--controller", "open-loop", "--render", picture, *QUICK)
+    assert code == 0 and f"wrote {picture}" in out
+    assert picture.read_bytes().startswith(magic)
+
+
+BAD = {
+    "environment": (
+        ("run", "CableHole-Postion-Sine", "--controller", "pid"),
+        "did you mean 'CableHole-Position-Sine'?",
+    ),
+    "controller": (("run", HOLE, "--controller", "mrac-g23"), "did you mean 'mrac-g22'?"),
+    "not for this plant": (("run", HOLE, "--controller", "feedforward-pid"), "does not apply to"),
+    "gain": (("run", HOLE, "--controller", "pid", "--gain", "kpp=1"), "did you mean 'kp'?"),
+    "gain's value": (("run", HOLE, "--controller", "pid", "--gain", "kp=much"), "--gain kp: expected a number"),
+    "gain out of bounds": (("run", HOLE, "--controller", "pid", "--gain", "kp=-1"), "kp"),
+    "option": (("run", HOLE, "--controller", "pid", "-o", "obsrve=full"), "did you mean 'observe'?"),
+    "option's form": (
+        ("run", HOLE, "--controller", "pid", "-o", "observe"),
+        "--option expects KEY=VALUE, got 'observe'",
+    ),
+    "rig": (("run", HOLE, "--controller", "pid", "-o", "rig=gu-infered"), "did you mean 'gu-inferred"),
+    "rig's value": (("run", HOLE, "--controller", "pid", "-o", "rig={load_mass: -1}"), "load_mass"),
+    "needs": (("run", HOLE, "--controller", "pid", "-o", "observe=drive"), "needs observe=output, not drive"),
+    "nobody": (("run", HOLE), "name either --controller or --policy"),
+    "both": (("run", HOLE, "--controller", "pid", "--policy", "x"), "name either --controller or --policy"),
+    "policy": (("run", HOLE, "--policy", "nowhere"), "no policy at nowhere"),
+    "format": (("run", HOLE, "--controller", "pid", "--save", "a.xls"), "--save a.xls: unknown format '.xls'"),
+    "algorithm": (("train", "--env", HOLE, "--algo", "pppo"), "did you mean 'ppo'?"),
+    "protocol": (("evaluate", "--protocol", "quik"), "did you mean 'quick.yaml'?"),
+    "track": (("evaluate", "--protocol", "demo", "--track", "nominl"), "did you mean 'nominal'?"),
+    "gain for many": (("evaluate", "--gain", "kp=1"), "--gain needs exactly one --controller"),
+    "resume": (("evaluate", "--resume"), "--resume needs --results"),
+    "results": (("leaderboard", "--results", "nowhere"), "no records in nowhere"),
+    "demo's protocol": (("demo", "--protocol", "nothing"), "no protocols file 'nothing.yaml'"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2(cli, name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    arguments, expected = BAD[name]
+    code, out, err = cli(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("cablebench: error: ") and err.count("\n") == 1
+    assert expected in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unknown_command_is_named(cli):
+    code, out, err = cli("envz")
+    assert (code, out) == (2, "") and "Did you mean 'envs'" in err
+
+
+def test_file_that_cannot_be_written_is_an_error(cli, tmp_path):
+    (tmp_path / "file").write_text("not a folder")
+    code, _, err = cli("run", HOLE, "--controller", "pid", "--save", tmp_path / "file" / "a.csv", *QUICK)
+    assert code == 2 and err.startswith("cablebench: error: cannot write") and err.count("\n") == 1
+
+
+def test_train_run_evaluate_leaderboard(cli, tmp_path, protocol):
+    """The whole way of an agent: trained, run, evaluated beside the references, ranked."""
+    folder, results = tmp_path / "agent", tmp_path / "results"
+    train = ("train", "--env", HOLE, "--steps", 8192, "--seed", 1, "--out", folder)
+    code, out, _ = cli(*train, *QUICK, "--json")
+    trained = json.loads(out)
+    assert code == 0 and (trained["steps"], trained["seed"], trained["complete"]) == (8192, 1, True)
+    code, _, err = cli(*train, *QUICK)
+    assert code == 2 and "exists: choose another folder" in err
+    code, out, _ = cli("run", HOLE, "--policy", folder, *QUICK, "--json")
+    assert code == 0 and json.loads(out)["entrant"] == "ppo"
+    # references on both tasks, the agent on its own
+    code, out, _ = cli("evaluate", "--protocol", protocol, "--results", results)
+    assert code == 0 and "20 records added" in out  # 5 controllers at each plant, 2 episodes each
+    code, out, _ = cli("evaluate", "--protocol", protocol, "--results", results, "--policy", folder, "--json")
+    records = json.loads(out)
+    assert code == 0 and [r["entrant"] for r in records] == ["ppo", "ppo"]
+    assert records[0]["charged"]["environment_steps"] == 8192 and records[0]["training_seed"] == 1
+    # a row's own command gives the same episodes again
+    words = records[0]["replay"].split()
+    assert words[:2] == ["cablebench", "evaluate"]
+    words[words.index("--protocol") + 1] = str(protocol)
+    again = json.loads(cli(*words[1:], "--json")[1])
+    assert [r["metrics"]["rmse"] for r in again] == [r["metrics"]["rmse"] for r in records]
+    code, out, err = cli("leaderboard", "--results", results, "--protocol", protocol)
+    assert code == 0 and "mrac-g22" in out and "ppo" in out
+    assert sorted(p.name for p in results.iterdir() if p.name.startswith("board")) == [
+        "board.html", "board.json", "board.md",
+    ]  # fmt: skip
+    code, out, _ = cli("leaderboard", "--results", results, "--protocol", protocol, "--json", "--out", tmp_path / "b")
+    assert code == 0 and json.loads(out) == json.loads((tmp_path / "b" / "board.json").read_text())
+
+
+def test_demo_writes_the_board(tmp_path, protocol):
+    """The main job on a tiny protocol, as a process of its own: references and two trained agents, ranked."""
+    out = tmp_path / "out"
+    command = [sys.executable, "-m", "cablebench.cli", "demo", "--protocol", protocol, "--out", out, "--steps", "8192"]
+    done = subprocess.run([*map(str, command), "--json"], capture_output=True, text=True, timeout=400)
+    assert done.returncode == 0, done.stderr
+    board = json.loads(done.stdout)
+    assert "done in" in done.stderr
+    tables = {t["task"]: {row["entrant"]: row for row in t["rows"]} for t in board["tables"]}
+    assert set(tables) == {HOLE, CIRCUIT}
+    assert set(tables[HOLE]) | set(tables[CIRCUIT]) == {*CONTROLLERS, "ppo"}
+    for rows in tables.values():
+        assert rows["ppo"]["charged"]["environment_steps"] == 8192
+        assert rows["open-loop"]["score"]["value"] == 0.0 and rows["oracle"]["score"]["value"] == 1.0
+    page = (out / "board.html").read_text()
+    assert "<svg" in page and HOLE in page
+    assert (out / "board.md").read_text().startswith("# Two short tasks")
+    assert {p.parent.name for p in (out / "agents").rglob("policy.zip")} == {f"ppo-{HOLE}-0", f"ppo-{CIRCUIT}-0"}
+
+
+def test_help_is_quick():
+    """Processor time: what the machine does besides does not count."""
+    code = (
+        "import time\nfrom cablebench.cli import main\n"
+        "try: main(['--help'])\nexcept SystemExit: print(time.process_time())"
+    )
+    root = Path(__file__).parent.parent
+    spent = []
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100, cwd=root)
+        spent.append(float(done.stdout.split()[-1]))
+        time.sleep(0.05)
+    assert min(spent) < 1.5  # 0.45 s on two cores of 2024
