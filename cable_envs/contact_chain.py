@@ -75,7 +75,7 @@ def relax(x, p, s, i, q, c, r):
     l0, l1, l2, l3, l4 = p[c, i], p[c + 1, i], p[c + 2, i], p[c + 3, i], p[c + 4, i]
     y0, y1, y2, y3, y4 = s[r, i], s[r + 1, i], s[r + 2, i], s[r + 3, i], s[r + 4, i]
     a1, a2, a3, a4 = m1 != 0.0, m2 != 0.0, m3 != 0.0, m4 != 0.0
-    taut = y0 + y1 + y2 + y3 + y4 > 0.0
+    limp = y0 + y1 + y2 + y3 + y4 <= 0.0  # so asked, a NaN passes on
 
     w1 = select(a1, _falls(m1, p[c + RATIO, i], p[c + INVERSE, i]), 1.0)
     w2 = select(a2, w1 * _falls(m2, p[c + RATIO + 1, i], p[c + INVERSE + 1, i]), 1.0)
@@ -91,24 +91,24 @@ def relax(x, p, s, i, q, c, r):
     g2, v2 = select(a3, g3, g2), select(a3, v3, h2)
     g1, v1 = select(a2, g2, g1), select(a2, v2, h1)
     g0, v0 = select(a1, g1, y0), select(a1, v1, l0)
-    t0 = select(taut, g0 / v0, 0.0)
-    t1 = select(taut, g1 / v1 * w1, 0.0)
-    t2 = select(taut, g2 / v2 * w2, 0.0)
-    t3 = select(taut, g3 / v3 * w3, 0.0)
-    t4 = select(taut, g4 / h4 * w4, 0.0)
+    t0 = select(limp, 0.0, g0 / v0)
+    t1 = select(limp, 0.0, g1 / v1 * w1)
+    t2 = select(limp, 0.0, g2 / v2 * w2)
+    t3 = select(limp, 0.0, g3 / v3 * w3)
+    t4 = select(limp, 0.0, g4 / h4 * w4)
 
     s1 = y0 - l0 * t0
     s2 = select(a1, s1, 0.0) + y1 - l1 * t1
     s3 = select(a2, s2, 0.0) + y2 - l2 * t2
     s4 = select(a3, s3, 0.0) + y3 - l3 * t3
-    n1 = select(taut, _next(m1, s1, p[c + SMALL, i], t0, t1, p[c + RATIO, i]), 0.0)
-    n2 = select(taut, _next(m2, s2, p[c + SMALL + 1, i], t1, t2, p[c + RATIO + 1, i]), 0.0)
-    n3 = select(taut, _next(m3, s3, p[c + SMALL + 2, i], t2, t3, p[c + RATIO + 2, i]), 0.0)
-    n4 = select(taut, _next(m4, s4, p[c + SMALL + 3, i], t3, t4, p[c + RATIO + 3, i]), 0.0)
+    n1 = select(limp, 0.0, _next(m1, s1, p[c + SMALL, i], t0, t1, p[c + RATIO, i]))
+    n2 = select(limp, 0.0, _next(m2, s2, p[c + SMALL + 1, i], t1, t2, p[c + RATIO + 1, i]))
+    n3 = select(limp, 0.0, _next(m3, s3, p[c + SMALL + 2, i], t2, t3, p[c + RATIO + 2, i]))
+    n4 = select(limp, 0.0, _next(m4, s4, p[c + SMALL + 3, i], t3, t4, p[c + RATIO + 3, i]))
 
     s[r + T, i], s[r + T + 1, i], s[r + T + 2, i], s[r + T + 3, i], s[r + T + 4, i] = t0, t1, t2, t3, t4
-    s[r + TANGENT_0, i] = select(taut, 1.0 / v0, 0.0)
-    s[r + TANGENT_4, i] = select(taut, w4 / h4, 0.0)
+    s[r + TANGENT_0, i] = select(limp, 0.0, 1.0 / v0)
+    s[r + TANGENT_4, i] = select(limp, 0.0, w4 / h4)
     x[m, i], x[m + 1, i], x[m + 2, i], x[m + 3, i] = n1, n2, n3, n4
     changed = (n1 != m1) | (n2 != m2) | (n3 != m3) | (n4 != m4)
     s[r + PENDING, i] = select(changed, 1.0, 0.0)
@@ -120,7 +120,7 @@ def settle(x, p, s, i, q, c, r, eta):
     """Take the solution over: slips change the stretch of the spans they touch; a slack side's stretch is spread."""
     m = q + STATE
     m1, m2, m3, m4 = x[m, i] != 0.0, x[m + 1, i] != 0.0, x[m + 2, i] != 0.0, x[m + 3, i] != 0.0
-    taut = s[r, i] + s[r + 1, i] + s[r + 2, i] + s[r + 3, i] + s[r + 4, i] > 0.0
+    limp = s[r, i] + s[r + 1, i] + s[r + 2, i] + s[r + 3, i] + s[r + 4, i] <= 0.0
     share = 1.0 / (1.0 + eta)
     q0 = x[q, i] + select(m1, share * (p[c, i] * s[r + T, i] - s[r, i]), 0.0)
     q1 = x[q + 1, i] + select(m1 | m2, share * (p[c + 1, i] * s[r + T + 1, i] - s[r + 1, i]), 0.0)
@@ -130,11 +130,11 @@ def settle(x, p, s, i, q, c, r, eta):
     total = q0 + q1 + q2 + q3 + q4
     length = p[c, i] + p[c + 1, i] + p[c + 2, i] + p[c + 3, i] + p[c + 4, i]
     even = maximum(total, 0.0) / length
-    x[q, i] = select(taut, q0, p[c, i] * even + minimum(total, 0.0))
-    x[q + 1, i] = select(taut, q1, p[c + 1, i] * even)
-    x[q + 2, i] = select(taut, q2, p[c + 2, i] * even)
-    x[q + 3, i] = select(taut, q3, p[c + 3, i] * even)
-    x[q + 4, i] = select(taut, q4, p[c + 4, i] * even)
+    x[q, i] = select(limp, p[c, i] * even + minimum(total, 0.0), q0)
+    x[q + 1, i] = select(limp, p[c + 1, i] * even, q1)
+    x[q + 2, i] = select(limp, p[c + 2, i] * even, q2)
+    x[q + 3, i] = select(limp, p[c + 3, i] * even, q3)
+    x[q + 4, i] = select(limp, p[c + 4, i] * even, q4)
 
 
 @jit

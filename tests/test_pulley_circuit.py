@@ -177,6 +177,17 @@ def random_columns(rng: np.random.Generator, n: int):
 
 
 @pytest.mark.parametrize("plant", [PLANT, pulley_chain.PLANT], ids=lambda p: p.name)
+@pytest.mark.parametrize("mode", [0.0, 1.0])
+def test_a_nan_shows_in_the_peak_tension_and_stays_in_its_column(plant, mode):
+    p = plant.prepare(np.repeat(plant.parameters.pack({})[:, None], 3, axis=1))
+    x, u = plant.rest(p, np.zeros(3)), np.zeros((4, 3))
+    u[2], u[0, 1] = mode, np.nan
+    plant.advance(x, p, u, 0, 3, 10, 1e-3)
+    np.testing.assert_array_equal(np.isnan(x[plant.row("peak_tension")]), [False, True, False])
+    np.testing.assert_array_equal(x[:, 0], x[:, 2])
+
+
+@pytest.mark.parametrize("plant", [PLANT, pulley_chain.PLANT], ids=lambda p: p.name)
 def test_stiff_light_and_nearly_undamped_rigs_stay_bounded(plant):
     rng, n = np.random.default_rng(2), 128
     index = plant.parameters.index

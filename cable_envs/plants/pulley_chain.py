@@ -95,7 +95,7 @@ def _watch(x, s, i):
     t0, t4 = s[S_T + T, i], s[S_T + T + 4, i]
     b0, b4 = s[S_B + T, i], s[S_B + T + 4, i]
     x[SLACK, i] += select(minimum(t0, b0) <= 0.0, 1.0, 0.0)
-    x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t0, t4), maximum(b0, b4)))
+    x[PEAK, i] = maximum(maximum(maximum(t0, t4), maximum(b0, b4)), x[PEAK, i])
 
 
 @inline

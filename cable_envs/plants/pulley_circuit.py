@@ -52,8 +52,8 @@ def _stretched(p, i, d, rate):
     bottom = p[PRE_B, i] - p[EA5, i] * d
     damped = p[C5, i] * rate
     return (
-        select(top > 0.0, maximum(top + damped, 0.0), 0.0),
-        select(bottom > 0.0, maximum(bottom - damped, 0.0), 0.0),
+        select(top <= 0.0, 0.0, maximum(top + damped, 0.0)),  # so written, a NaN passes on
+        select(bottom <= 0.0, 0.0, maximum(bottom - damped, 0.0)),
     )
 
 
@@ -158,7 +158,7 @@ def _report(x, p, u, i, a, v_in, b, v):
     slack = select(minimum(top, bottom) <= 0.0, 1.0, 0.0)
     x[OUT_OF_RANGE, i] = slack
     x[SLACK, i] += slack
-    x[PEAK, i] = maximum(x[PEAK, i], maximum(maximum(t01_t, t45_t), maximum(t01_b, t45_b)))
+    x[PEAK, i] = maximum(maximum(maximum(t01_t, t45_t), maximum(t01_b, t45_b)), x[PEAK, i])
     x[PHASE, i] = select(v != 0.0, 3.0, select(abs(v_in) > STILL, 1.0, 0.0))
 
 
