@@ -162,6 +162,8 @@ ITEMS: tuple[Item, ...] = (
     Item("gu-fig15-17", "Sensitivity of the swarm to w, c1 and c2 (Figs. 15-17)", "gu_fig15_17", 60),
     Item("zou-table3", "Slip angles and tension ratios of the idlers (Table 3)", "zou_table3", 3),
     Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou_fig6", 5),
+    Item("zou-fig10", "Output angle and torque at three pretensions (Fig. 10)", "zou_fig10", 5),
+    Item("zou-table4", "Errors at three pretensions, and their minimum near 50 N (Table 4)", "zou_table4", 60),
 )
 """In the order of the papers."""
 

@@ -77,14 +77,14 @@ def reproduce(progress: Progress) -> Result:
     rows = [
         claim("phases after a reversal", "delay, transition, working", ", ".join(dict.fromkeys(order)),
               list(dict.fromkeys(order)) == list(PHASES.values()), "emerge in the chain: nothing in it knows of phases"),
-        claim("delay: output", "held", f"{found['delay']:.1e} of the working slope R0/R5", abs(found["delay"]) < 1e-3,
-              f"over {reach['delay']:.3f} rad of the drive", "R0/R5"),
+        claim("delay: output", "held", f"{found['delay']:.1e} of R0/R5", abs(found["delay"]) < 1e-3,
+              f"slope over {reach['delay']:.3f} rad of the drive"),
         claim("transition: slope of the output", "between zero and the working slope",
               f"{found['transition']:.3f}, working {found['working']:.3f}", 0 <= found["transition"] < found["working"],
-              f"mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5", "R0/R5"),
+              f"mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5"),
         claim("delay and transition lumped into one hold (Eq. 47)", "simplification",
               f"chain works after {held:.4f} rad of the drive, closed forms {predicted:.4f} rad", abs(held / predicted - 1) < 0.05,
-              "Eq. (45) in both directions at the torque of the reversal; the chain moves a little within the transition", "rad"),
+              "Eq. (45) in both directions at the torque of the reversal; the chain moves a little within the transition"),
         claim("working phase: Eqs. (44)-(46) against the chain", "the same",
               f"at most {max(apart.values()):.1e} of the range apart", max(apart.values()) < 1e-2,
               "angle, output torque, drive torque where both report the working phase; largest right after the high-load reversal, "
