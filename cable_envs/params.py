@@ -1,4 +1,4 @@
-"""Declared parameters: name, unit, default, bounds, source. What a rig file may hold is declared once, in the plant it belongs to.
+"""Declared parameters: name, unit, default, bounds, source. What a rig may hold is declared once, in its plant.
 
 A `ParameterTable` turns a mapping of values (numbers in SI, or ``{value, unit}``) into a float64 vector in table
 order, and refuses unknown names, wrong units and values outside the physical bounds.
@@ -39,9 +39,15 @@ def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
     return float(value) * factor
 
 
+def is_number(value: Any) -> bool:
+    """Whether ``value`` is a finite real number, of Python or NumPy (a bool is none)."""
+    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
+    return number and math.isfinite(value)
+
+
 @dataclass(frozen=True)
 class Parameter:
-    """One declared number: SI unit, default and inclusive physical bounds; ``source`` says where the default is from."""
+    """One declared number: SI unit, default, inclusive physical bounds; ``source`` says where the default is from."""
 
     name: str
     unit: str

@@ -24,6 +24,7 @@ import numpy as np
 from cable_envs.errors import ConfigurationError, nearest, require_known
 from cable_envs.kernels import inline, jit, sine_cosine
 from cable_envs.noise import uniform
+from cable_envs.params import is_number
 
 KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
 FIELDS = ("kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key")
@@ -104,7 +105,7 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
     column[KIND] = KINDS.index(kind)
     for field in FIELDS[1:-1]:
         value = spec.get(field, 0.0)
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        if not is_number(value):
             raise ConfigurationError(f"{what}.{field}: expected a finite number, got {value!r}")
         column[FIELDS.index(field)] = float(value)
     for field in ("frequency", "hold"):

@@ -1,6 +1,5 @@
 """From the keyword arguments of an environment to a validated, frozen `Setup`."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.params import is_number
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.references import pack_signal
 from cable_envs.rigs import Rig, load_rig
@@ -181,7 +181,7 @@ def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, A
         if not isinstance(spec, Mapping) or set(spec) not in ({"scale"}, {"low", "high"}):
             raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, got {spec}")
         given_range = spec["scale"] if "scale" in spec else [spec["low"], spec["high"]]
-        if not (isinstance(given_range, (list, tuple)) and len(given_range) == 2 and all(map(_is_number, given_range))):
+        if not (isinstance(given_range, (list, tuple)) and len(given_range) == 2 and all(map(is_number, given_range))):
             raise ConfigurationError(f"randomize.{name}: expected two finite numbers, got {spec}")
         a, b = (float(v) * (rig.values[name] if "scale" in spec else 1.0) for v in given_range)
         if not a <= b:
@@ -195,7 +195,7 @@ def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, f
         known = [s.name for s in plant.signals]
         require_known("signal in sensor_noise", sensor_noise, known)
         given = dict(sensor_noise)
-    elif isinstance(sensor_noise, bool) or (_is_number(sensor_noise) and sensor_noise >= 0.0):
+    elif isinstance(sensor_noise, bool) or (is_number(sensor_noise) and sensor_noise >= 0.0):
         given = {name: float(std) * float(sensor_noise) for name, std in task.sensor_noise.items()}
     else:
         raise ConfigurationError(
@@ -203,20 +203,15 @@ def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, f
         )
     noise = np.zeros(len(plant.signals))
     for name, std in given.items():
-        if not _is_number(std) or std < 0.0:
+        if not is_number(std) or std < 0.0:
             raise ConfigurationError(f"sensor_noise.{name}: expected a standard deviation >= 0, got {std!r}")
         noise[plant.row(name)] = std
     return noise
 
 
-def _is_number(value: Any) -> bool:
-    number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
-    return number and math.isfinite(value)
-
-
 def _positive(name: str, value: float | None, default: float) -> float:
     value = default if value is None else value
-    if not _is_number(value) or value <= 0.0:
+    if not is_number(value) or value <= 0.0:
         raise ConfigurationError(f"{name}: expected seconds above 0, got {value!r}")
     return float(value)
 

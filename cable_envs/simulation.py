@@ -1,6 +1,5 @@
 """The state of one or many environments of the same `Setup`: reset, step, delays. Knows no Gymnasium."""
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 
 from cable_envs import references, steppers
 from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.params import is_number
 from cable_envs.plants.base import COMMAND, MODE
 from cable_envs.references import evaluate, pack_signal
 from cable_envs.setup import Setup
@@ -110,8 +110,7 @@ class Simulation:
         """Output position at rest [n]: as asked for, else where the output equals the reference at t = 0."""
         n = values.shape[1]
         if position is not None:
-            number = isinstance(position, (int, float, np.floating, np.integer)) and not isinstance(position, bool)
-            if not number or not math.isfinite(position):
+            if not is_number(position):
                 raise ConfigurationError(f"reset option 'initial_position': expected a finite number, got {position!r}")
             return np.full(n, float(position))
         r = np.array([evaluate(reference, k, 0.0)[0] for k in range(n)])

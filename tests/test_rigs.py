@@ -1,0 +1,99 @@
+"""Rig files: every shipped one loads, names its sources and holds the papers' numbers; bad ones say what is wrong."""
+
+import numpy as np
+import pytest
+import yaml
+
+from cable_envs.config import config_root
+from cable_envs.errors import ConfigurationError
+from cable_envs.rigs import load_rig, rig_from_mapping
+
+PRESETS = sorted(path.stem for path in (config_root() / "rigs").glob("*.yaml"))
+
+TABLE_A1 = {  # delta, mu, K, omega of Table A1, Gu 2024
+    "gu-steel-1mm": (0.019, 0.283, 1192, 3.53), "gu-steel-2mm": (0.015, 0.274, 2643, 3.48),
+    "gu-steel-3mm": (0.009, 0.297, 3347, 3.44), "gu-braided-1mm": (0.028, 0.425, 3027, 2.02),
+    "gu-braided-2mm": (0.020, 0.430, 6574, 2.03), "gu-braided-3mm": (0.015, 0.427, 9982, 1.99),
+    "gu-rubber-1mm": (0.042, 0.328, 1918, 1.67), "gu-rubber-2mm": (0.033, 0.334, 4622, 1.66),
+    "gu-rubber-3mm": (0.027, 0.320, 6913, 1.71),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_preset_loads_and_every_number_has_a_source(name):
+    rig = load_rig(name)
+    given = yaml.safe_load((config_root() / "rigs" / f"{name}.yaml").read_text())["parameters"]
+    assert rig.name == name and rig.description
+    assert set(rig.sources) == set(given) and all(rig.sources.values())
+    plant = rig.simulated_by()
+    p = plant.prepare(np.array([[rig.values[n]] for n in plant.parameters.names]))
+    assert p.shape == (len(plant.coefficients), 1) and np.isfinite(p).all()
+    x = plant.rest(p, np.zeros(1))
+    assert x.shape == (len(plant.signals), 1) and np.isfinite(x).all()
+
+
+@pytest.mark.parametrize("name", TABLE_A1)
+def test_gu_table_a1(name):
+    values = load_rig(name).values
+    keys = ("extrusion_delta", "friction_coefficient", "extrusion_gain", "extrusion_exponent")
+    assert tuple(values[k] for k in keys) == TABLE_A1[name]
+    assert values["cable_radius"] == pytest.approx(float(name[-3]) * 0.5e-3, rel=1e-12)
+
+
+def test_zou_table_2():
+    values = load_rig("zou-table2").values
+    assert (values["tensile_stiffness"], values["drive_radius"], values["cable_friction"]) == (1.684e4, 7e-3, 0.54)
+
+
+def test_rig_by_path_and_from_mapping(tmp_path):
+    content = {"schema": "cable-rig/1", "name": "mine", "plant": "cable_hole", "parameters": {"load_mass": 7}}
+    path = tmp_path / "mine.yaml"
+    path.write_text(yaml.safe_dump(content))
+    assert load_rig(path).values == load_rig(content).values and load_rig(path).values["load_mass"] == 7.0
+    assert load_rig(load_rig(path)) is not None
+
+
+def test_replace_leaves_the_original():
+    rig = load_rig("gu-inferred")
+    heavier = rig.replace({"load_mass": {"value": 7000, "unit": "g"}})
+    assert heavier.values["load_mass"] == 7.0 and rig.values["load_mass"] == 5.0
+
+
+GOOD = {"schema": "cable-rig/1", "name": "mine", "plant": "cable_hole", "parameters": {}}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"schema": "cable-rig/2"}, "schema 'cable-rig/2' is not 'cable-rig/1'"),
+        ({"plant": "cable_whole"}, "did you mean 'cable_hole'"),
+        ({"plants": "cable_hole"}, "did you mean 'plant'"),
+        ({"holes": 9}, r"holes = 9 is outside \[1, 4\]"),
+        ({"holes": 1.5}, "holes must be a whole number"),
+        ({"plant": "pulley_circuit", "holes": 2}, "'holes' belongs to cable_hole"),
+        ({"parameters": [1, 2]}, "'parameters' must be a mapping"),
+        ({"parameters": {"friction_coeficient": 0.3}}, "did you mean 'friction_coefficient'"),
+        ({"parameters": {"load_mass": {"value": 5, "unit": "N"}}}, "unit 'N' does not fit; expected kg or g"),
+        ({"parameters": {"load_mass": {"unit": "kg"}}}, "needs 'value'"),
+        ({"parameters": {"load_mass": {"value": 5, "units": "kg"}}}, "did you mean 'unit'"),
+        ({"parameters": {"cable_stiffness": -60e3}}, r"cable_stiffness = -60000 N/m is outside its physical range"),
+        ({"parameters": {"wrap_angle_2": 0.3}}, "did you mean 'wrap_angle'"),
+    ],
+)
+def test_bad_rigs_name_the_key_and_what_would_be_right(changes, message):
+    with pytest.raises(ConfigurationError, match=message):
+        rig_from_mapping({**GOOD, **changes})
+
+
+def test_unknown_and_broken_files(tmp_path):
+    with pytest.raises(ConfigurationError, match=r"did you mean 'gu-steel-1mm\.yaml'"):
+        load_rig("gu-steel-1m")
+    with pytest.raises(ConfigurationError, match="cannot read"):
+        load_rig(tmp_path / "none.yaml")
+    broken = tmp_path / "broken.yaml"
+    broken.write_text("parameters: {load_mass: [")
+    with pytest.raises(ConfigurationError, match="not valid YAML"):
+        load_rig(broken)
+    broken.write_text("- 1\n- 2\n")
+    with pytest.raises(ConfigurationError, match="expected a mapping"):
+        load_rig(broken)
