@@ -30,7 +30,7 @@ ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {"ppo": PPO}
 
 ACTIVATIONS: Mapping[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
-_OWN = ("n_envs", "n_timesteps", "policy", "policy_kwargs", "env_options", "stagger", "smoothing")
+_OWN = ("n_envs", "n_timesteps", "policy", "policy_kwargs", "env_options", "stagger", "smoothing", "tuning_trials")
 _NOT_FOR_FILES = {"self", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model", *_OWN}
 
 
@@ -51,6 +51,8 @@ class Settings:
     """whether first episodes are cut short so that the environments spread over the episode (see `CableVecEnv`)"""
     smoothing: float = 0.0
     """share of the last action that is kept at every step (see `CableVecEnv`)"""
+    tuning_trials: int = 0
+    """trainings that were tried to find these settings; charged to the agent on the board"""
 
     def hash(self) -> str:
         """Twelve hex digits that change with any setting."""
@@ -132,6 +134,7 @@ def make_settings(algo: str, env_id: str, data: Mapping[str, Any], source: str =
         env_options=dict(data.get("env_options") or {}),
         stagger=bool(data.get("stagger", True)),
         smoothing=_share("smoothing", data.get("smoothing", 0.0)),
+        tuning_trials=_count("tuning_trials", data.get("tuning_trials", 0), 0),
     )
     settings.arguments()
     settings.policy_arguments()
@@ -145,12 +148,12 @@ def _share(name: str, value: Any) -> float:
     return float(value)
 
 
-def _count(name: str, value: Any) -> int:
-    """Whole numbers from 1; YAML's 2.0e+6 and 2e6 (a string in YAML 1.1) count as whole."""
+def _count(name: str, value: Any, least: int = 1) -> int:
+    """A whole number; YAML's 2.0e+6 and 2e6 (a string in YAML 1.1) count as whole."""
     try:
         number = float(value)
     except (TypeError, ValueError):
         number = 0.5
-    if isinstance(value, bool) or number != round(number) or number < 1:
-        raise ConfigurationError(f"{name}: expected a whole number of at least 1, got {value!r}")
+    if isinstance(value, bool) or not number.is_integer() or number < least:
+        raise ConfigurationError(f"{name}: expected a whole number of at least {least}, got {value!r}")
     return round(number)

@@ -137,7 +137,7 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
         overall=_overall(tables, protocol, rng),
         created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         configuration=configuration,
-        versions=own[-1]["versions"],
+        versions={name: version for r in own for name, version in r["versions"].items()},
         machine=own[-1].get("machine", ""),
         seeds=tuple(sorted({r["seed"] for r in own})),
         training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
@@ -330,7 +330,9 @@ def _notes(
     others = len(everything) - sum(r["protocol_hash"] == own[0]["protocol_hash"] for r in everything)
     if others:
         notes.append(f"{others} records of other configurations in the store were left out.")
-    versions = {tuple(sorted(r["versions"].items())) for r in own}
+    # an agent's records name further packages; what all name must agree
+    common = sorted(set.intersection(*(set(r["versions"]) for r in own)))
+    versions = {tuple(r["versions"][name] for name in common) for r in own}
     if len(versions) > 1:
         notes.append(f"The records come from {len(versions)} different sets of package versions; the newest is listed.")
     return tuple(notes)

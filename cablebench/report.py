@@ -101,8 +101,19 @@ def _percent(value: float | None) -> str:
     return "–" if value is None else f"{100 * value:.0f} %"
 
 
+def fitting(head: list[str], body: list[list[str]], width: int) -> list[int]:
+    """Columns that fit into ``width`` characters uncut: rank, name, class and score always, then the others from the left."""
+    wide = [max(len(name), *(len(line[k]) for line in body)) + 2 if body else len(name) + 2 for k, name in enumerate(head)]
+    kept, used = [0, 1, 2, 3], sum(wide[:4])
+    for k in range(4, len(head)):
+        if used + wide[k] <= width:
+            kept.append(k)
+            used += wide[k]
+    return kept
+
+
 def print_board(board: Board, console: Any) -> None:
-    """Print the tables on a ``rich.console.Console``."""
+    """Print the tables on a ``rich.console.Console``; columns that do not fit its width are in the files only."""
     from rich.markup import escape
     from rich.table import Table as RichTable
 
@@ -111,14 +122,15 @@ def print_board(board: Board, console: Any) -> None:
         view = RichTable(
             title=heading(table), title_justify="left", title_style="bold", header_style="", box=None, pad_edge=False
         )
-        for name in head:
+        kept = fitting(head, body, console.width)
+        for name in (head[k] for k in kept):
             view.add_column(escape(name), justify="left" if name in ("controller", "class") else "right", no_wrap=True)
         previous = ""
         for line, row in zip(body, table.rows, strict=True):
             if previous and previous != row.information:
                 view.add_section()
             previous = row.information
-            view.add_row(*line, style="bold" if row.rank == 1 else "")
+            view.add_row(*(line[k] for k in kept), style="bold" if row.rank == 1 else "")
         console.print(view)
         console.print()
     for line in legend(board):

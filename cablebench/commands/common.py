@@ -1,6 +1,7 @@
 """What the commands share: names and options from the command line, consoles, progress."""
 
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -92,11 +93,18 @@ def print_json(data: Any) -> None:
     sys.stdout.write(json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
 
 
+FILE_WIDTH = 160
+"""Columns of a table that goes to a file or a pipe; a terminal has its own width."""
+
+
 def console(stderr: bool = False) -> Any:
     """A rich console; results go to standard output, progress and remarks to standard error."""
     from rich.console import Console
 
-    return Console(stderr=stderr, highlight=False, soft_wrap=True)
+    made = Console(stderr=stderr, highlight=False, soft_wrap=True)
+    if not made.is_terminal and "COLUMNS" not in os.environ:
+        made.width = FILE_WIDTH
+    return made
 
 
 PLAIN_INTERVAL = 15.0
@@ -157,5 +165,14 @@ def policy_entrant(path: str) -> Any:
     m = policy.metadata
     settings = {"policy": policy.digest, "configuration": m.settings_hash, "complete": m.complete}
     return agent_entrant(
-        m.name, policy, m.env_id, m.seed, m.steps, options=m.options, path=path, settings=settings, versions=m.versions
+        m.name,
+        policy,
+        m.env_id,
+        m.seed,
+        m.steps,
+        options=m.options,
+        tuning_trials=m.settings["tuning_trials"],
+        path=path,
+        settings=settings,
+        versions=m.versions,
     )
