@@ -21,8 +21,9 @@ from cable_envs.tasks import INFO, before_step, observe, refill, reward, sense, 
 BLOCK = 128
 """Environments that a thread takes at a time, and whose numbers stay in the cache from action to reward."""
 
-(ASKED, ACTION, LAST_ACTION, TENSION_LIMIT, BREAKING, PROXY_GAIN, KEY, STEP, RATE, ACCELERATION) = range(10)
-U = 10
+(ASKED, ACTION, LAST_ACTION, TENSION_LIMIT, BREAKING, PROXY_GAIN, KEY, STEP, RATE, ACCELERATION,
+ SCRATCH) = range(11)  # fmt: skip
+U = 11
 Q = U + len(INPUTS)
 PUSH = Q + len(FIELDS)
 REWARD, TERMINATED, TRUNCATED = range(PUSH + len(FIELDS), PUSH + len(FIELDS) + 3)
@@ -145,7 +146,7 @@ def _measure(block, obs, common, fresh, lo, hi):
         refill(ring, sensors, slots, lo, hi)
     observe(
         channel, scale, ring, sensors, slots, int(common[PROXY]), block[STEP], r, rate, acceleration,
-        block[U + COMMAND], block[PROXY_GAIN], obs, lo, hi,
+        block[U + COMMAND], block[PROXY_GAIN], block[SCRATCH], obs, lo, hi,
     )  # fmt: skip
     for i in range(lo, hi):
         block[TIME, i] = block[STEP, i] * period

@@ -135,27 +135,44 @@ def refill(ring, sensors, slots, lo, hi):
 
 
 @inline
+def _scaled(row, unit, obs, c, lo, hi):
+    for i in range(lo, hi):
+        obs[i, c] = np.float32(clip(row[i] / unit, -OBSERVATION_LIMIT, OBSERVATION_LIMIT))
+
+
+@inline
+def _late(ring, sensors, slots, source, steps, row, lo, hi):
+    """The oldest measurement of a sensor in the ring, into ``row``."""
+    for i in range(lo, hi):
+        row[i] = ring[int(steps[i] + 1.0) % slots * sensors + source, i]
+
+
+@inline
 def observe(
-    channel, scale, ring, sensors, slots, proxy, steps, r, rate, acceleration, command, proxy_gain, obs, lo, hi
+    channel, scale, ring, sensors, slots, proxy, steps, r, rate, acceleration, command, proxy_gain, scratch, obs, lo, hi
 ):  # fmt: skip
     """obs[i, c]: channel c over its scale. Measurements are the oldest of the ring; the reference is never late."""
     for c in range(channel.shape[0]):
         source, unit = int(channel[c]), scale[c]
-        for i in range(lo, hi):
-            oldest = int(steps[i] + 1.0) % slots * sensors if slots > 1 else 0
-            if source >= 0:
-                value = ring[oldest + source, i]
-            elif source == REFERENCE:
-                value = r[i]
-            elif source == REFERENCE_RATE:
-                value = rate[i]
-            elif source == REFERENCE_ACCELERATION:
-                value = acceleration[i]
-            elif source == ERROR:
-                value = r[i] - ring[oldest + proxy, i] / proxy_gain[i]
+        if source == REFERENCE:
+            _scaled(r, unit, obs, c, lo, hi)
+        elif source == REFERENCE_RATE:
+            _scaled(rate, unit, obs, c, lo, hi)
+        elif source == REFERENCE_ACCELERATION:
+            _scaled(acceleration, unit, obs, c, lo, hi)
+        elif source == LAST_COMMAND:
+            _scaled(command, unit, obs, c, lo, hi)
+        else:
+            sensor = proxy if source == ERROR else source
+            if slots > 1:
+                _late(ring, sensors, slots, sensor, steps, scratch, lo, hi)
+            measured = scratch if slots > 1 else ring[sensor]
+            if source == ERROR:
+                for i in range(lo, hi):
+                    scratch[i] = r[i] - measured[i] / proxy_gain[i]
+                _scaled(scratch, unit, obs, c, lo, hi)
             else:
-                value = command[i]
-            obs[i, c] = np.float32(clip(value / unit, -OBSERVATION_LIMIT, OBSERVATION_LIMIT))
+                _scaled(measured, unit, obs, c, lo, hi)
 
 
 @inline
