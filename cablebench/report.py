@@ -102,8 +102,8 @@ def _percent(value: float | None) -> str:
 
 
 def fitting(head: list[str], body: list[list[str]], width: int) -> list[int]:
-    """Columns that fit into ``width`` characters uncut: rank, name, class and score always, then the others from the left."""
-    wide = [max(len(name), *(len(line[k]) for line in body)) + 2 if body else len(name) + 2 for k, name in enumerate(head)]
+    """Columns that fit into ``width`` characters uncut: rank, name, class and score always, then from the left."""
+    wide = [2 + max(map(len, column)) for column in zip(head, *body, strict=True)]
     kept, used = [0, 1, 2, 3], sum(wide[:4])
     for k in range(4, len(head)):
         if used + wide[k] <= width:
