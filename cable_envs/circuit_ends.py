@@ -16,7 +16,7 @@ import numpy as np
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
 from cable_envs.errors import ConfigurationError
-from cable_envs.kernels import clip, inline, maximum, select
+from cable_envs.kernels import clip, inline, maximum, select, sine_cosine
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE, ActionMode, Signal
 
 SIGNALS = (
@@ -107,24 +107,6 @@ def rest_signals(p: np.ndarray, rows: int, position: np.ndarray, elongation, top
 
 
 @inline
-def cosine(x):
-    """cos(x) without a library call; absolute error below 1e-12 for |x| < 1e4."""
-    turns = (x * 0.15915494309189535 + 6755399441055744.0) - 6755399441055744.0  # whole turns, see kernels.exp
-    y = x - turns * 6.283185307179586 - turns * 2.4492935982947064e-16
-    z = 0.25 * y * y  # cos y = 2 cos^2(y / 2) - 1, so the series needs |y / 2| <= pi / 2 only
-    s = 1.0 - z * (1.0 / 306.0) * (1.0 - z * (1.0 / 380.0))
-    s = 1.0 - z * (1.0 / 240.0) * s
-    s = 1.0 - z * (1.0 / 182.0) * s
-    s = 1.0 - z * (1.0 / 132.0) * s
-    s = 1.0 - z * (1.0 / 90.0) * s
-    s = 1.0 - z * (1.0 / 56.0) * s
-    s = 1.0 - z * (1.0 / 30.0) * s
-    s = 1.0 - z * (1.0 / 12.0) * s
-    c = 1.0 - z * 0.5 * s
-    return 2.0 * c * c - 1.0
-
-
-@inline
 def resolve(p, i, stiffness_in, stiffness_out, dt):
     """Make a column resolvable by steps of dt: raise its inertias and dampings where they are too small (in place).
 
@@ -162,14 +144,29 @@ def drive_step(x, p, u, i, torque, stiffness, damping, dt):
 
 
 @inline
-def load_torque(p, u, i, angle, v):
+def load_torque(p, u, i, angle, v, level):
     """(torque, stiffness, damping) of the load less its brake: viscous friction, grasped object, payload, disturbance.
 
     The object only pushes back, and only beyond the contact angle; the payload hangs at ``payload_arm`` from a
-    horizontal axis, level at angle 0. The disturbance helps positive motion.
+    horizontal axis, level at angle 0: ``level`` is cos(angle). The disturbance helps positive motion.
     """
     depth = angle - p[CONTACT, i]
     push = maximum(p[CONTACT_K, i] * depth + p[CONTACT_D, i] * v, 0.0)
     touching = select(depth > 0.0, select(push > 0.0, 1.0, 0.0), 0.0)
-    torque = p[B_OUT, i] * v + touching * push + p[PAYLOAD, i] * cosine(angle) - u[DISTURBANCE, i]
+    torque = p[B_OUT, i] * v + touching * push + p[PAYLOAD, i] * level - u[DISTURBANCE, i]
     return torque, touching * p[CONTACT_K, i], p[B_OUT, i] + touching * p[CONTACT_D, i]
+
+
+@inline
+def cosine(x):
+    """cos x, see `kernels.sine_cosine`."""
+    return sine_cosine(x)[1]
+
+
+@inline
+def any_payload(p, lanes):
+    """Whether one of the columns carries a payload; without, the cosine of its angle need not be known."""
+    found = False
+    for i in range(lanes):
+        found = found or p[PAYLOAD, i] != 0.0
+    return found

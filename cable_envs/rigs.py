@@ -27,7 +27,7 @@ _KEYS = ("schema", "name", "plant", "holes", "description", "parameters")
 
 @dataclass(frozen=True)
 class Rig:
-    """A validated rig: ``values`` holds every parameter of its plant in SI, ``sources`` where each given one is from."""
+    """A validated rig: ``values`` holds every parameter of its plant in SI, ``sources`` where given ones are from."""
 
     name: str
     plant: str
@@ -63,7 +63,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
         values = plant.parameters.unpack(plant.parameters.pack(given))
     except ConfigurationError as error:
         raise ConfigurationError(f"{origin}: {error}") from error
-    sources = {name: str(item["source"]) for name, item in given.items() if isinstance(item, Mapping) and "source" in item}
+    sources = {n: str(item["source"]) for n, item in given.items() if isinstance(item, Mapping) and "source" in item}
     return Rig(str(data.get("name", origin)), plant.name, holes, values, sources, str(data.get("description", "")))
 
 

@@ -22,7 +22,7 @@ import numpy as np  # noqa: I001 (the block below: one name a line would fill th
 from cable_envs.circuit_ends import (
     ACTION_MODES, BRAKE, C5, COEFFICIENTS, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE,
     PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
-    drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
+    cosine, drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT, SIDES
 from cable_envs.circuit_statics import Statics
@@ -109,7 +109,7 @@ def _kick(x, p, u, s, i, dt):
     v_in_new = drive_step(x, p, u, i, torque, tangent, late * tangent, dt)
 
     half = x[THETA_OUT, i] + 0.5 * dt * v
-    wanted, load_k, load_c = load_torque(p, u, i, half, v)
+    wanted, load_k, load_c = load_torque(p, u, i, half, v, cosine(half))
     net = r5 * (s[S_T + T + 4, i] - s[S_B + T + 4, i]) - wanted
     tangent = ea_out * (s[S_T + TANGENT_4, i] + s[S_B + TANGENT_4, i])
     stiffness, damping = tangent + load_k, late * tangent + load_c

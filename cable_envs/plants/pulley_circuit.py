@@ -25,7 +25,8 @@ import numpy as np  # noqa: I001 (the block below: one name a line would fill th
 from cable_envs.circuit_ends import (
     ACTION_MODES, B_OUT, BRAKE, C5, COEFFICIENTS, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE,
     PEAK, PHASE, PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT,
-    V_IN, V_OUT, drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
+    V_IN, V_OUT, any_payload, cosine, drive_step, load_torque, resolve, rest_elongation, rest_signals,
+    shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
@@ -43,6 +44,10 @@ _OWN = (
  LENGTH_B) = range(SHARED, SHARED + len(_OWN))  # fmt: skip
 ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
 GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
+D, RATE, WANTED, LOAD_K, LOAD_C, LEVEL = range(6)
+ROWS_W = 6
+"""Rows of the scratch tile w: elongation angle, its rate and the load's torque, stiffness and damping at the middle of
+the step; cosine of the output angle (0 where no column of the block has a payload)."""
 
 
 @inline
@@ -92,29 +97,33 @@ def _held_by_flag(p, i, v_in, top, bottom):
 
 
 @inline
-def _substep(x, p, u, i, dt):
+def _drive_part(x, p, u, w, i, dt):
+    """The drive's step, against what the cables pull at the predicted middle of it."""
     gear = p[GEAR, i]
     a, v_in, b, v = x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
-
     half = b + 0.5 * dt * v
-    wanted, load_k, load_c = load_torque(p, u, i, half, v)
+    wanted, load_k, load_c = load_torque(p, u, i, half, v, w[LEVEL, i])
     d, rate = gear * (a + 0.5 * dt * v_in) - half, gear * v_in - v
     top, bottom = _stretched(p, i, d, rate)
     ccw, cw = _output_torques(p, i, top, bottom)
     share = _share(v, ccw, cw, wanted)
     late = 0.5 * p[C5, i] * _guess(p, i, v, ccw - wanted, cw - wanted)
     m_in = _drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
-    v_in_new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C5, i] * p[C_TURN, i], dt)
+    new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C5, i] * p[C_TURN, i], dt)
+    change = 0.5 * (new - v_in)
+    w[D, i], w[RATE, i] = d + 0.5 * dt * gear * change, rate + gear * change
+    w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i] = wanted, load_k, load_c
+    x[THETA_IN, i], x[V_IN, i] = a + 0.5 * dt * (v_in + new), new
 
-    change = 0.5 * (v_in_new - v_in)
-    top, bottom = _stretched(p, i, d + 0.5 * dt * gear * change, rate + gear * change)
-    v_new = _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt)
-    v_new = select(_held_by_flag(p, i, v_in_new, top, bottom), 0.0, v_new)
 
-    a += 0.5 * dt * (v_in + v_in_new)
-    b += 0.5 * dt * (v + v_new)
-    x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i] = a, v_in_new, b, v_new
-    _report(x, p, u, i, a, v_in_new, b, v_new)
+@inline
+def _output_part(x, p, w, i, dt):
+    """The output's step, with the drive's motion known."""
+    v = x[V_OUT, i]
+    top, bottom = _stretched(p, i, w[D, i], w[RATE, i])
+    new = _output_step(p, i, v, top, bottom, w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i], dt)
+    new = select(_held_by_flag(p, i, x[V_IN, i], top, bottom), 0.0, new)
+    x[THETA_OUT, i], x[V_OUT, i] = x[THETA_OUT, i] + 0.5 * dt * (v + new), new
 
 
 @inline
@@ -144,10 +153,11 @@ def _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt):
 
 
 @inline
-def _report(x, p, u, i, a, v_in, b, v):
-    """Torques and tensions of the new state."""
-    top, bottom = _stretched(p, i, p[GEAR, i] * a - b, p[GEAR, i] * v_in - v)
-    wanted, _, _ = load_torque(p, u, i, b, v)
+def _report(x, p, u, i, level):
+    """Torques and tensions of the new state; ``level``: cosine of the output angle."""
+    v_in, b, v = x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
+    top, bottom = _stretched(p, i, p[GEAR, i] * x[THETA_IN, i] - b, p[GEAR, i] * v_in - v)
+    wanted, _, _ = load_torque(p, u, i, b, v, level)
     ccw, cw = _output_torques(p, i, top, bottom)
     share = _share(v, ccw, cw, wanted)
     t01_t, t01_b = top * _mix(share, p[DT1, i], p[DT2, i]), bottom * _mix(share, p[DB1, i], p[DB2, i])
@@ -162,26 +172,49 @@ def _report(x, p, u, i, a, v_in, b, v):
     x[PHASE, i] = select(v != 0.0, 3.0, select(abs(v_in) > STILL, 1.0, 0.0))
 
 
+@inline
+def _begin(x, p, w, i, dt):
+    x[SLACK, i] = 0.0
+    x[PEAK, i] = 0.0
+    w[LEVEL, i] = 0.0
+    resolve(p, i, p[K_IN, i], p[K_OUT, i], dt)
+    c_out = p[C5, i] * p[SWING, i] + p[B_OUT, i] + p[CONTACT_D, i]
+    p[GAIN, i] = dt / (p[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * p[K_OUT, i])
+
+
+@inline
+def _substeps(x, p, u, w, lanes, substeps, dt):
+    """A block of columns, in short loops: so the processor works on several columns at once (see cable_hole)."""
+    payload = any_payload(p, lanes)
+    for i in range(lanes):
+        _begin(x, p, w, i, dt)
+    for _ in range(substeps):
+        if payload:
+            for i in range(lanes):
+                w[LEVEL, i] = cosine(x[THETA_OUT, i] + 0.5 * dt * x[V_OUT, i])
+        for i in range(lanes):
+            _drive_part(x, p, u, w, i, dt)
+        for i in range(lanes):
+            _output_part(x, p, w, i, dt)
+        if payload:
+            for i in range(lanes):
+                w[LEVEL, i] = cosine(x[THETA_OUT, i])
+        for i in range(lanes):
+            _report(x, p, u, i, w[LEVEL, i])
+    for i in range(lanes):
+        x[SLACK, i] /= substeps
+
+
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
     """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
-    xt, pt, ut = tile(ROWS_X), tile(TILE_P), tile(ROWS_U)
+    xt, pt, ut, wt = tile(ROWS_X), tile(TILE_P), tile(ROWS_U), tile(ROWS_W)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
         load(xt, x, first, lanes)
         load(pt, p, first, lanes)
         load(ut, u, first, lanes)
-        for i in range(lanes):
-            xt[SLACK, i] = 0.0
-            xt[PEAK, i] = 0.0
-            resolve(pt, i, pt[K_IN, i], pt[K_OUT, i], dt)
-            c_out = pt[C5, i] * pt[SWING, i] + pt[B_OUT, i] + pt[CONTACT_D, i]
-            pt[GAIN, i] = dt / (pt[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * pt[K_OUT, i])
-        for _ in range(substeps):
-            for i in range(lanes):
-                _substep(xt, pt, ut, i, dt)
-        for i in range(lanes):
-            xt[SLACK, i] /= substeps
+        _substeps(xt, pt, ut, wt, lanes, substeps, dt)
         store(xt, x, first, lanes)
 
 
@@ -191,7 +224,7 @@ def _refresh(x, p):
     u = np.zeros((ROWS_U, x.shape[1]))
     for i in range(x.shape[1]):
         x[SLACK, i] = 0.0
-        _report(x, p, u, i, x[THETA_IN, i], 0.0, x[THETA_OUT, i], 0.0)
+        _report(x, p, u, i, cosine(x[THETA_OUT, i]))
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
