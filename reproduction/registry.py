@@ -164,6 +164,9 @@ ITEMS: tuple[Item, ...] = (
     Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou_fig6", 5),
     Item("zou-fig10", "Output angle and torque at three pretensions (Fig. 10)", "zou_fig10", 5),
     Item("zou-table4", "Errors at three pretensions, and their minimum near 50 N (Table 4)", "zou_table4", 60),
+    Item("zou-fig11", "Estimated output at 25 N (Fig. 11)", "zou_fig11", 10),
+    Item("zou-fig12", "Backlash compensation at 25 N (Fig. 12)", "zou_fig12", 20),
+    Item("zou-fig14", "Surgical instrument with compensation (Fig. 14)", "zou_fig14", 20),
 )
 """In the order of the papers."""
 
