@@ -370,3 +370,19 @@ def test_policy_for_other_channels_is_refused(tmp_path):
             archive.writestr(name, text)
     with pytest.raises(ConfigurationError, match="was trained on the channels load_velocity"):
         load_policy(file)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("env_id", "share"), [(HOLE, 0.1), ("cable_envs/PulleyCircuit-Position-Sine-v0", 0.5)])
+def test_ppo_learns_to_track(env_id, share, tmp_path):
+    """With configs/agents/ppo.yaml and under half its steps: the error is a share of the open loop's."""
+    from cablebench.actors import PolicyActor
+    from cablebench.entrants import controller_entrant
+    from cablebench.evaluate import run_episode
+
+    policy = train(load_settings("ppo", env_id, 400_000), 0, tmp_path)
+    env = gym.make(env_id, sensor_noise=True)
+    learned = run_episode(env, PolicyActor(policy), seed=0)
+    open_loop = run_episode(env, controller_entrant("open-loop").make(env.unwrapped.setup), seed=0)
+    assert learned.complete
+    assert np.sqrt(np.mean(learned.error**2)) < share * np.sqrt(np.mean(open_loop.error**2))
