@@ -11,6 +11,8 @@ USAGE_ERROR = 2
 EXTRAS = {
     **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "matplotlib", "PIL"), "bench"),
     **dict.fromkeys(("torch", "stable_baselines3", "tensorboard"), "agents"),
+    "cma": "identification",
+    "pyarrow": "parquet",
 }
 """Module that may be missing -> the extra that brings it."""
 

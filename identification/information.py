@@ -44,7 +44,7 @@ class Information:
 
     @property
     def covariance(self) -> np.ndarray:
-        """[n, n]; a parameter with a share in an undetermined direction: infinite variance, NaN elsewhere in its row."""
+        """[n, n]; for a parameter with a share in an undetermined direction: infinite variance, NaN beside it."""
         scale, values, vectors = self._eigen
         good = values > _SINGULAR * values[-1]
         inverse = (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale)
@@ -82,7 +82,9 @@ class Information:
 
 
 def fisher(
-    problem: RatioProblem, parameters: Mapping[str, float], names: Sequence[str] | None = None,
+    problem: RatioProblem,
+    parameters: Mapping[str, float],
+    names: Sequence[str] | None = None,
     prior_std: Mapping[str, float] | None = None,
 ) -> Information:
     """Information of the problem's points on ``names`` (default: its free parameters) at ``parameters``.
@@ -128,12 +130,12 @@ def profile_interval(
     values, floor = problem.named(best.x), 2.0 * best.cost
     limit = float(chi2.ppf(level, 1))
     std = fisher(problem, values).std[name]
-    curve = [(values[name], 0.0)]
+    curve = {values[name]: 0.0}
     ends = []
     for sign, bound in zip((-1.0, 1.0), problem.box[name], strict=True):
         ends.append(_end(problem, values, name, sign, bound, std, floor, limit, curve))
     (low, low_open), (high, high_open) = ends
-    return Interval(name, values[name], low, high, low_open, high_open, np.array(sorted(curve)).T)
+    return Interval(name, values[name], low, high, low_open, high_open, np.array(sorted(curve.items())).T)
 
 
 def _end(problem, values, name, sign, bound, std, floor, limit, curve):
@@ -145,7 +147,7 @@ def _end(problem, values, name, sign, bound, std, floor, limit, curve):
         found = refine(inner, inner.unit(state["start"]))
         state["start"] = inner.named(found.x)
         rise = 2.0 * found.cost - floor
-        curve.append((value, rise))
+        curve[value] = rise
         return rise - limit
 
     step = std if np.isfinite(std) and std > 0 else 0.1 * abs(bound - values[name])
@@ -188,8 +190,13 @@ class Experiment:
 
 
 def delta_experiments(
-    problem: RatioProblem, parameters: Mapping[str, float], *, cable_radius: float, camera_std: float = 0.01e-3,
-    other_load: float = 2.0, other_hole: float = 2.0,
+    problem: RatioProblem,
+    parameters: Mapping[str, float],
+    *,
+    cable_radius: float,
+    camera_std: float = 0.01e-3,
+    other_load: float = 2.0,
+    other_hole: float = 2.0,
 ) -> list[Experiment]:
     """Standard deviations of delta and rho0 after the problem's points and one more measurement each.
 
@@ -226,7 +233,12 @@ def delta_experiments(
         entry("ratios again in a second hole", two_holes, "each hole brings its own rho0, times the same factor"),
         entry("rho0 from diameters outside", base, "R and r measured unloaded", {r: rho0_std}),
         entry(
-            "compressed diameter in the hole", base, "R, r and r - eps measured: delta itself", {r: rho0_std, d: relative}
+            "compressed diameter in the hole",
+            base,
+            "R, r and r - eps measured: delta itself",
+            {r: rho0_std, d: relative},
         ),
-        entry("ratios again under another load", np.vstack([base, loaded]), "delta follows the load (G4), rho0 does not"),
+        entry(
+            "ratios again under another load", np.vstack([base, loaded]), "delta follows the load (G4), rho0 does not"
+        ),
     ]

@@ -72,7 +72,9 @@ class RatioProblem:
         if not self.free:
             raise ConfigurationError("every parameter is fixed: nothing to identify")
         if count < len(self.free):
-            raise ConfigurationError(f"{count} points cannot determine {len(self.free)} parameters: {', '.join(self.free)}")
+            raise ConfigurationError(
+                f"{count} points cannot determine {len(self.free)} parameters: {', '.join(self.free)}"
+            )
         for name in self.free:
             low, high = self.box[name]
             if not (math.isfinite(low) and math.isfinite(high) and low < high):

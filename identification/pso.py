@@ -68,6 +68,21 @@ def growth(w: float, c1: float, c2: float) -> tuple[float, float]:
     return tuple(float(np.max(np.abs(np.linalg.eigvals(m)))) for m in (first, second))
 
 
+def typical_growth(w: float, c1: float, c2: float, rng: np.random.Generator, steps: int = 20000) -> float:
+    """Factor by which a particle's distance changes in an iteration, in the long run (exp of Lyapunov's exponent).
+
+    Same recursion as `growth`, followed along one path. It can be below 1 where the second moments grow: nearly every
+    particle then comes to rest, and the mean square is carried by rare far excursions.
+    """
+    x, y, total = 1.0, 0.5, 0.0
+    for r1, r2 in rng.random((steps, 2)):
+        x, y = (1.0 + w - c1 * r1 - c2 * r2) * x - w * y, x
+        size = abs(x) + abs(y)
+        total += np.log(size)
+        x, y = x / size, y / size
+    return float(np.exp(total / steps))
+
+
 def swarm(problem: RatioProblem, rng: np.random.Generator, settings: SwarmSettings | None = None) -> Fit:
     """Identify with the swarm. ``details``: "best", "median" (cost of all particles now) and "spread" [iterations + 1].
 

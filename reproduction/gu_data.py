@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_envs.extrusion import ExtrudedContact, nonlinear_tension_ratio
-from identification.problem import PAPER_RHO0, RatioProblem
+from cable_envs.extrusion import ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
+from identification.problem import PAPER_RHO0, RatioProblem, ratio_at
 
 WEIGHT = 49.05
 """N; 5 kg, inferred from the tensions of section 5.3 (docs/physics.md)"""
@@ -73,26 +73,33 @@ def grid_points(top_speed: float) -> tuple[np.ndarray, np.ndarray]:
     return wrap.ravel(), speed.ravel()
 
 
-def simulated_ratios(
-    cable: Cable, wrap: np.ndarray, speed: np.ndarray, contact: ExtrudedContact | None = None
-) -> np.ndarray:
-    """Ratios [points] by the numerical solution of Eq. (13) with the load on the high side of the lowered cable.
+def simulated_ratios(cable: Cable, top_speed: float) -> np.ndarray:
+    """Ratios [75] by the numerical solution of Eq. (13) with area proportional to line force, as C = K v^omega assumes.
 
-    Without ``contact`` the contact area is proportional to the line force, as the paper's C = K v^omega assumes; with
-    it the exact area of Eq. (6) is used, which needs the drive-side tension: found by iterating the ratio.
+    The modulus drops out then, and one solution up to 90 degrees serves all wraps.
     """
-    linear = contact is None
-    contact = contact or ExtrudedContact(PAPER_RHO0 * cable.diameter / 2, cable.diameter / 2, 1e9)
-    law = "linear" if linear else "exact"
-    found = np.empty(len(wrap))
+    found = []
+    for v in np.unique(grid_points(top_speed)[1]):
+        _, tension, _ = nonlinear_tension_profile(
+            lateral_contact(cable, 1e9), cable.mu, cable.K, cable.omega, v, WRAPS[-1], 1.0,
+            delta=cable.delta, law="linear", points=7,
+        )  # fmt: skip
+        found.append(tension[2:])  # 30, 45, ... degrees
+    return np.array(found).T.ravel()
+
+
+def simulated_ratios_exact_area(
+    cable: Cable, contact: ExtrudedContact, wrap: np.ndarray, speed: np.ndarray, accuracy: float = 1e-5
+) -> np.ndarray:
+    """Ratios [points] of Eq. (13) with the area of Eq. (6): they depend on the tension, whose high end is the load."""
+    found, n = np.empty(len(wrap)), 1.3
     for i, (phi, v) in enumerate(zip(wrap, speed, strict=True)):
-        n = 1.0 if linear else found[i - 1] if i else 1.3
-        for _ in range(1 if linear else 12):
+        for _ in range(12):
             before = n
             n = nonlinear_tension_ratio(
-                contact, cable.mu, cable.K, cable.omega, v, phi, WEIGHT / n, delta=cable.delta, law=law
+                contact, cable.mu, cable.K, cable.omega, v, phi, WEIGHT / n, delta=cable.delta, law="exact"
             )
-            if abs(n - before) < 1e-7:
+            if abs(n - before) < accuracy:
                 break
         found[i] = n
     return found
@@ -104,11 +111,16 @@ def measured(ratio: np.ndarray, rng: np.random.Generator | None, std: float = SE
     return WEIGHT / (WEIGHT / ratio + noise), ratio**2 * std / WEIGHT
 
 
-def problem(cable: Cable, top_speed: float, rng: np.random.Generator | None, model: str = "g22") -> RatioProblem:
-    """Identification of one cable from its 75 points."""
+def problem(cable: Cable, top_speed: float, rng: np.random.Generator | None) -> RatioProblem:
+    """Identification of one cable from its 75 points, made by the numerical solution of Eq. (13)."""
     wrap, speed = grid_points(top_speed)
-    ratio, std = measured(simulated_ratios(cable, wrap, speed), rng)
-    return RatioProblem(wrap, speed, ratio, std, model=model)
+    return RatioProblem(wrap, speed, *measured(simulated_ratios(cable, top_speed), rng))
+
+
+def design(cable: Cable, top_speed: float) -> RatioProblem:
+    """The same points with closed-form ratios: for questions about the experiment that need no data."""
+    wrap, speed = grid_points(top_speed)
+    return RatioProblem(wrap, speed, *measured(ratio_at(cable.parameters, wrap, speed), None))
 
 
 def lateral_contact(cable: Cable, modulus: float) -> ExtrudedContact:

@@ -26,34 +26,52 @@ def reproduce(progress: Progress) -> Result:
     falls = [100 * found[f"fall_{angle}"] for angle in (30, 60, 90)]
     rows = [
         not_reproducible(
-            "ratios of the 75 points", None, f"{n.min():.3f} to {n.max():.3f}", "",
+            "ratios of the 75 points",
+            None,
+            f"{n.min():.3f} to {n.max():.3f}",
+            "",
             "shown as a contour plot without readable numbers; speeds, hole and load are not printed",
         ),
         claim(
-            "speed matters little at 30-60°", "contours almost straight", f"+{rise[30]:.0f} % at 30°, +{rise[60]:.0f} % at 60°",
+            "speed matters little at 30-60°",
+            "contours almost straight",
+            f"+{rise[30]:.0f} % at 30°, +{rise[60]:.0f} % at 60°",
             False,
-            f"n(60°) rises by {rise[60]:.0f} % from rest to {1e3 * PEAK_SPEED:g} mm/s, and section 5.3 needs it to: sqrt(73/33) "
-            f"= 1.487 against sqrt(62/40) = 1.245 are at 60°. The statement holds up to {1e3 * quiet_speed(0.02):.1f} mm/s "
+            f"n(60°) rises by {rise[60]:.0f} % from rest to {1e3 * PEAK_SPEED:g} mm/s, and section 5.3 needs it to: "
+            "sqrt(73/33) "
+            f"= 1.487 against sqrt(62/40) = 1.245 are at 60°. The statement holds up to {1e3 * quiet_speed(0.02):.1f} "
+            "mm/s "
             f"(2 %): Fig. 12 was taken slower than section 5.3, or the two do not belong to one cable",
         ),
         Row(
-            "speed at 60-90°", "n rises, then falls", f"only rises (by {rise[90]:.0f} % at 90°)", "", DIFFERS,
-            "n grows with M = mu + C at every wrap, and C = K v^omega with v: no K, omega > 0 makes it fall. A friction that "
+            "speed at 60-90°",
+            "n rises, then falls",
+            f"only rises (by {rise[90]:.0f} % at 90°)",
+            "",
+            DIFFERS,
+            "n grows with M = mu + C at every wrap, and C = K v^omega with v: no K, omega > 0 makes it fall. A "
+            "friction that "
             f"weakens at some speed does: the example below falls by {falls[0]:.1f} % at 30°, {falls[1]:.1f} % at 60°, "
             f"{falls[2]:.1f} % at 90°, so that contours of small wraps stay nearly straight. See {SECTION}",
         ),
         claim(
-            "Eq. (22) approximates G17", "approximate", f"{np.max(np.abs(n / exact - 1)):.1e} off at most", True,
+            "Eq. (22) approximates G17",
+            "approximate",
+            f"{np.max(np.abs(n / exact - 1)):.1e} off at most",
+            True,
             "delta 0.02, over the whole map",
         ),
-    ]  # fmt: skip
+    ]
     note = (
-        "A Stribeck term of Gauss' form (exponent 2) on top of Table 2 makes the ratio fall with speed from the start and rise "
+        "A Stribeck term of Gauss' form (exponent 2) on top of Table 2 makes the ratio fall with speed from the start "
+        "and rise "
         "later, never the other way round: K v^2.03 and the Gaussian both start with v^2. With exponent 4, a drop of "
-        f"{found['drop']:.2f} and a Stribeck speed of {1e3 * found['speed']:.1f} mm/s the ratio rises, falls and rises again, at "
-        f"all wraps at the same speeds since dn/dv = (dn/dM) M'(v), but {falls[2] / falls[0]:.0f} times less at 30° than at 90°."
+        f"{found['drop']:.2f} and a Stribeck speed of {1e3 * found['speed']:.1f} mm/s the ratio rises, falls and "
+        "rises again, at "
+        f"all wraps at the same speeds since dn/dv = (dn/dM) M'(v), but {falls[2] / falls[0]:.0f} times less at 30° "
+        "than at 90°."
     )
-    why = "The map follows from Table 2. That n falls again with speed at 60-90° takes a friction that weakens with speed."
+    why = "The map follows from Table 2. That n falls again with speed at 60-90° takes a friction that weakens."
     return Result(rows, figures(wraps, speeds, n, found), notes=(note,), why=why)
 
 

@@ -8,6 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from cable_envs.errors import ConfigurationError
 from cablebench.units import number
 from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
 
@@ -25,8 +26,7 @@ def in_order(results: Sequence[Result]) -> list[Result]:
 
 def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
     """``rows.json``, ``index.html`` and ``figures/<item>-<name>.svg`` in ``folder``; the paths by kind."""
-    folder = Path(folder)
-    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    folder = prepare(folder)
     for result in results:
         for figure in result.figures:
             path = folder / "figures" / f"{result.item}-{figure.name}.svg"
@@ -35,6 +35,16 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
     paths["json"].write_text(json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     paths["html"].write_text(render_html(results), encoding="utf-8")
     return paths
+
+
+def prepare(folder: Path | str) -> Path:
+    """Make the folder; ConfigurationError where that is not possible."""
+    folder = Path(folder)
+    try:
+        (folder / "figures").mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigurationError(f"cannot write to {folder}: {error.strerror or error}") from error
+    return folder
 
 
 def standalone(svg: str) -> str:
@@ -50,7 +60,7 @@ def render_html(results: Sequence[Result]) -> str:
     from cablebench.provenance import machine, versions
 
     results = in_order(results)
-    titles = {item.name: item.title for item in ITEMS}
+    titles = {result.item: result.item for result in results} | {item.name: item.title for item in ITEMS}
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["number"] = shown
     environment.filters["percent"] = percent

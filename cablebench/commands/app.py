@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cablebench.commands import demo, envs, evaluate, leaderboard, run, train
+from cablebench.commands import demo, envs, evaluate, identify, leaderboard, reproduce, run, train
 
 app = typer.Typer(
     name="cablebench",
@@ -32,5 +32,8 @@ def common(
     pass
 
 
-for _command in (envs.envs, run.run, train.train, evaluate.evaluate, leaderboard.leaderboard, demo.demo):
+for _command in (
+    envs.envs, run.run, train.train, evaluate.evaluate, leaderboard.leaderboard, demo.demo, identify.identify,
+    reproduce.reproduce,
+):  # fmt: skip
     app.command(_command.__name__)(_command)

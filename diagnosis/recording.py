@@ -1,0 +1,284 @@
+"""Recordings of one rig: a YAML file that names its records, channels, known and nominal parameters.
+
+```yaml
+schema: cable-recording/1
+system: cable_hole              # cable_hole | pulley_circuit | linear_drive
+rig: gu-inferred                # optional: a preset, or a rig file relative to this one
+known:   {wrap_angle: {value: 60, unit: deg}}                      # measured and trusted
+nominal: {friction_coefficient: {value: 0.43, std: 0.05}}          # believed, to be refitted
+records:
+  - {data: run_01.csv, use: fit}                                   # CSV with a header row, or Parquet
+  - {data: run_02.csv, use: heldout}
+channels:
+  time:          {column: t, unit: s}
+  drive_tension: {column: F, unit: N, noise_std: 0.05, scale: 1, offset: 0}
+```
+
+A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset``; ``noise_std`` is in that unit too.
+Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_envs.config import read_yaml
+from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.params import Parameter, ParameterTable, to_si
+from cable_envs.rigs import Rig, load_rig
+from diagnosis.tables import read_columns
+
+SCHEMA = "cable-recording/1"
+USES = ("fit", "heldout")
+_KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description")
+_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std")
+_VALUE_KEYS = ("value", "unit", "std", "source", "note")
+
+CHANNELS: Mapping[str, Mapping[str, str]] = {
+    "cable_hole": {
+        "time": "s", "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
+        "load_tension": "N", "wrap_angle": "rad", "drive_velocity_command": "m/s", "position_reference": "m",
+    },
+    "pulley_circuit": {
+        "time": "s", "drive_angle": "rad", "drive_torque": "N m", "drive_current": "A", "output_angle": "rad",
+        "output_torque": "N m", "tension_top": "N", "tension_bottom": "N", "angle_reference": "rad",
+    },
+    "linear_drive": {
+        "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
+    },
+}  # fmt: skip
+"""SI unit of every channel, by system. Positive signs as in the plants: hauling in, lifting, counter-clockwise."""
+
+_HOLE_RADIUS = Parameter("hole_radius", "m", 1.5e-3, 1e-6, 1.0, "radius R of the hole's edge")
+_LINEAR_DRIVE = ParameterTable(
+    Parameter("load_mass", "kg", 1.0, 1e-6, 1e5, "moving mass"),
+    Parameter("gravity", "m/s^2", 9.81, 0.0, 30.0, "gravitational acceleration"),
+    Parameter("viscous_friction", "N s/m", 0.0, 0.0, 1e6, "viscous friction"),
+    Parameter("coulomb_friction", "N", 0.0, 0.0, 1e6, "Coulomb friction"),
+    Parameter("belt_stiffness", "N/m", 1e6, 1.0, 1e12, "stiffness between motor and load"),
+    Parameter("belt_damping", "N s/m", 0.0, 0.0, 1e9, "damping between motor and load"),
+    Parameter("motor_mass", "kg", 0.0, 0.0, 1e5, "inertia of the motor, as a mass"),
+    Parameter("force_constant", "N/V", 1.0, 0.0, 1e6, "force for each volt, where the force is not measured"),
+)
+
+
+@cache
+def parameters_of(system: str) -> ParameterTable:
+    """Parameters that ``known`` and ``nominal`` of a recording may name: those of the plant and measured radii."""
+    if system == "linear_drive":
+        return _LINEAR_DRIVE
+    from cable_envs.plants import plant_for
+
+    table = plant_for(system).parameters
+    return ParameterTable(*table, _HOLE_RADIUS) if system == "cable_hole" else table
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter's value and standard deviation in SI; the latter is None where none was given."""
+
+    value: float
+    std: float | None = None
+
+
+@dataclass(frozen=True)
+class Channel:
+    """How a channel is read; ``noise_std`` in SI, None where not given."""
+
+    name: str
+    column: str
+    unit: str
+    si_unit: str
+    scale: float = 1.0
+    offset: float = 0.0
+    noise_std: float | None = None
+
+    def to_si(self, raw: np.ndarray) -> np.ndarray:
+        """Raw numbers of the column as SI."""
+        return (raw * self.scale + self.offset) * to_si(1.0, self.unit, self.si_unit, self.name)
+
+
+@dataclass(frozen=True)
+class Record:
+    """One data file: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time."""
+
+    name: str
+    use: str
+    data: Mapping[str, np.ndarray]
+
+    @property
+    def time(self) -> np.ndarray:
+        """s, strictly increasing [samples]."""
+        return self.data["time"]
+
+
+@dataclass(frozen=True)
+class Recording:
+    """A validated recording."""
+
+    path: Path
+    system: str
+    rig: Rig | None
+    known: Mapping[str, Quantity]
+    nominal: Mapping[str, Quantity]
+    channels: Mapping[str, Channel]
+    records: tuple[Record, ...]
+    description: str = ""
+
+    def used_for(self, use: str) -> tuple[Record, ...]:
+        """Records for "fit" or "heldout"."""
+        return tuple(record for record in self.records if record.use == use)
+
+    def value(self, name: str) -> float | None:
+        """A parameter in SI: known, else nominal, else the rig's, else None."""
+        for source in (self.known, self.nominal):
+            if name in source:
+                return source[name].value
+        return self.rig.values.get(name) if self.rig else None
+
+    def require(self, *channels: str, purpose: str) -> None:
+        """ConfigurationError that names the channels which ``purpose`` needs and the recording lacks."""
+        missing = [name for name in channels if name not in self.channels]
+        if missing:
+            raise ConfigurationError(
+                f"{self.path}: {purpose} needs the channel{'s' if len(missing) > 1 else ''} {', '.join(missing)}; "
+                f"the recording has {', '.join(self.channels)}"
+            )
+
+
+def load_recording(path: Path | str) -> Recording:
+    """The recording in a YAML file, or in a folder that holds exactly one. Raises ConfigurationError."""
+    path = _yaml_of(Path(path))
+    data = read_yaml(path)
+    require_known(f"key in {path.name}", data, _KEYS)
+    if data.get("schema") != SCHEMA:
+        raise ConfigurationError(f"{path}: 'schema' must be '{SCHEMA}', found {data.get('schema')!r}")
+    system = str(data.get("system"))
+    if system not in CHANNELS:
+        raise ConfigurationError(f"{path}: unknown system '{system}'; {nearest(system, CHANNELS)}")
+    rig = _rig(data.get("rig"), system, path)
+    known = _quantities(data.get("known"), system, f"{path.name}: known")
+    nominal = _quantities(data.get("nominal"), system, f"{path.name}: nominal")
+    for name in nominal:
+        if name in known:
+            raise ConfigurationError(f"{path.name}: '{name}' is both known and nominal; it can be only one")
+    channels = _channels(data.get("channels"), system, path.name)
+    entries = data.get("records")
+    if not isinstance(entries, list) or not entries:
+        raise ConfigurationError(f"{path.name}: 'records' must be a list of {{data: FILE, use: fit or heldout}}")
+    records = tuple(_record(entry, k, channels, path) for k, entry in enumerate(entries))
+    names = [record.name for record in records]
+    if len(set(names)) < len(names):
+        raise ConfigurationError(f"{path.name}: a data file is listed twice in 'records'")
+    if not any(record.use == "fit" for record in records):
+        raise ConfigurationError(f"{path.name}: no record has 'use: fit'")
+    return Recording(path, system, rig, known, nominal, channels, records, str(data.get("description", "")))
+
+
+def _yaml_of(path: Path) -> Path:
+    if not path.is_dir():
+        return path
+    found = sorted(p for p in path.iterdir() if p.suffix in (".yaml", ".yml"))
+    if len(found) != 1:
+        listed = ", ".join(p.name for p in found) or "none"
+        raise ConfigurationError(f"{path}: a recording's folder holds exactly one YAML file, found {listed}")
+    return found[0]
+
+
+def _rig(entry: Any, system: str, path: Path) -> Rig | None:
+    if entry is None:
+        return None
+    if not isinstance(entry, str):
+        raise ConfigurationError(f"{path.name}: 'rig' must be a preset's name or a file, got {entry!r}")
+    beside = path.parent / entry
+    rig = load_rig(beside if beside.is_file() else Path(entry) if Path(entry).is_file() else Path(entry).stem)
+    if rig.plant != system:
+        raise ConfigurationError(f"{path.name}: rig '{entry}' belongs to {rig.plant}, the recording to {system}")
+    return rig
+
+
+def _quantities(entries: Any, system: str, origin: str) -> dict[str, Quantity]:
+    if entries is None:
+        return {}
+    if not isinstance(entries, Mapping):
+        raise ConfigurationError(f"{origin}: expected a mapping of name: {{value, unit, std}}")
+    table, found = parameters_of(system), {}
+    require_known(f"parameter in {origin}", entries, table.names)
+    for name, entry in entries.items():
+        given = dict(entry) if isinstance(entry, Mapping) else {"value": entry}
+        require_known(f"key in {origin}: {name}", given, _VALUE_KEYS)
+        std, unit = given.pop("std", None), str(given.get("unit", table[name].unit))
+        try:
+            value = table[name].check(given)
+        except ConfigurationError as error:
+            raise ConfigurationError(f"{origin}: {error}") from error
+        if std is not None:
+            std = to_si(_number(std, f"{origin}: std of {name}", positive=True), unit, table[name].unit, name)
+        found[name] = Quantity(value, std)
+    return found
+
+
+def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
+    if not isinstance(entries, Mapping) or "time" not in entries:
+        raise ConfigurationError(f"{origin}: 'channels' must be a mapping of name: {{column, unit}} and hold 'time'")
+    units, found = CHANNELS[system], {}
+    require_known(f"channel in {origin}", entries, units)
+    for name, entry in entries.items():
+        where = f"{origin}: channel {name}"
+        if not isinstance(entry, Mapping) or "column" not in entry or "unit" not in entry:
+            raise ConfigurationError(f"{where}: expected {{column: NAME, unit: {units[name]}}}, got {entry!r}")
+        require_known(f"key in {where}", entry, _CHANNEL_KEYS)
+        numbers = {k: _number(entry[k], f"{where}: {k}") for k in ("scale", "offset", "noise_std") if k in entry}
+        if numbers.get("scale") == 0.0:
+            raise ConfigurationError(f"{where}: scale 0 would make every sample equal")
+        factor = to_si(1.0, str(entry["unit"]), units[name], where)
+        noise = numbers.pop("noise_std", None)
+        if noise is not None and noise <= 0:
+            raise ConfigurationError(f"{where}: noise_std must be positive, got {noise:g}")
+        noise = None if noise is None else noise * factor
+        found[name] = Channel(name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise)
+    return found
+
+
+def _number(value: Any, where: str, positive: bool = False) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
+        raise ConfigurationError(f"{where}: expected a number, got {value!r}")
+    if positive and value <= 0:
+        raise ConfigurationError(f"{where}: must be positive, got {value:g}")
+    return float(value)
+
+
+def _record(entry: Any, index: int, channels: Mapping[str, Channel], path: Path) -> Record:
+    where = f"{path.name}: record {index + 1}"
+    if not isinstance(entry, Mapping) or "data" not in entry:
+        raise ConfigurationError(f"{where}: expected {{data: FILE, use: fit or heldout}}, got {entry!r}")
+    require_known(f"key in {where}", entry, ("data", "use"))
+    use = str(entry.get("use", "fit"))
+    if use not in USES:
+        raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
+    file = path.parent / str(entry["data"])
+    raw = read_columns(file, {name: channel.column for name, channel in channels.items()})
+    data = {name: channel.to_si(raw[name]) for name, channel in channels.items()}
+    _check_time(data["time"], file.name, channels["time"].column)
+    for name, values in data.items():
+        if np.isnan(values).all():
+            raise ConfigurationError(f"{file.name}, channel {name} (column '{channels[name].column}'): no values")
+    return Record(str(entry["data"]), use, data)
+
+
+def _check_time(time: np.ndarray, file: str, column: str) -> None:
+    where = f"{file}, channel time (column '{column}')"
+    if len(time) < 2:
+        raise ConfigurationError(f"{where}: a record needs at least two samples, found {len(time)}")
+    if np.isnan(time).any():
+        raise ConfigurationError(f"{where}, row {1 + int(np.argmax(np.isnan(time)))}: no time")
+    falling = np.diff(time) <= 0
+    if falling.any():
+        row = 2 + int(np.argmax(falling))
+        raise ConfigurationError(
+            f"{where}, row {row}: time must increase, {time[row - 2]:g} s is followed by {time[row - 1]:g} s"
+        )
