@@ -4,7 +4,7 @@ from cable_envs.kernels import inline, select
 
 
 @inline
-def stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
+def stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt, theta=0.5):
     """Velocity after dt of a mass whose net force depends on the direction of motion.
 
     symbol       | meaning                                                                    | unit
@@ -15,16 +15,18 @@ def stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, dampin
     force_down   | the same for down; force_up <= force_down (friction takes energy)          | N (N m)
     stiffness    | -dF/dposition >= 0 of the direction that applies                           | N/m
     damping_up   | -dF/dv >= 0 moving up (damping_down: moving down)                          | N s/m
+    theta        | weight of the end of the step: 1/2 trapezoidal, 1 backward Euler           | 1
 
     The mass stays at exactly zero while force_up <= 0 <= force_down. It stops at exactly zero when its velocity would
     change sign within the step; whether it starts the other way is decided in the next step. Where it slides, the
-    step is the linearly implicit trapezoidal rule (order 2, stable for any stiffness and damping); the caller moves
-    the position by dt (v + v_new) / 2.
+    step is linearly implicit and stable for any stiffness and damping: trapezoidal (order 2), or backward Euler (order
+    1, damps what the step cannot resolve). The caller moves the position by dt ((1 - theta) v + theta v_new).
     """
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     down = (v < 0.0) | ((v == 0.0) & (force_down < 0.0))
     force = select(up, force_up, force_down)
     damping = select(up, damping_up, damping_down)
-    gain = dt / (mass + 0.5 * dt * damping + 0.25 * dt * dt * stiffness)
-    v_new = v + gain * (force - 0.5 * dt * stiffness * v)
+    part = theta * dt
+    gain = dt / (mass + part * (damping + part * stiffness))
+    v_new = v + gain * (force - part * stiffness * v)
     return select(up & (v_new > 0.0), v_new, select(down & (v_new < 0.0), v_new, 0.0))

@@ -16,8 +16,12 @@ calls, so this module offers
 With ``NUMBA_DISABLE_JIT=1`` everything runs as plain Python (slow; for tests and debugging).
 """
 
+import hashlib
 import math
+import os
+import shutil
 import struct
+import time
 from pathlib import Path
 
 import numba
@@ -30,39 +34,54 @@ LANES = 32
 """Columns of a tile: small enough for the first-level cache, a multiple of every vector width."""
 
 
-def _drop_stale_caches() -> None:
-    """Delete compiled kernels when any source file of the package changed.
+def _cache_folder() -> str:
+    """Folder of the compiled kernels of exactly these sources; empty (numba's own choice) where it cannot be written.
 
-    numba's on-disk cache looks only at the file a function is defined in, not at the files it calls into.
+    numba's on-disk cache looks only at the file a function is defined in, not at the files it calls into. So the folder
+    is named after all sources, and a process that still runs older ones keeps to its own. Folders that were not used
+    for a day are deleted.
     """
-    import hashlib
-
     root = Path(__file__).parent
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(root.rglob("*.py")):
         digest.update(source.name.encode())
         digest.update(source.read_bytes())
-    stamp = root / "__pycache__" / "kernels.sha256"
+    parent = Path(numba.config.CACHE_DIR or root / "__pycache__")
+    folder = parent / f"kernels-{digest.hexdigest()[:16]}"
     try:
-        if stamp.is_file() and stamp.read_text() == digest.hexdigest():
-            return
-        for pattern in ("*.nbi", "*.nbc"):
-            for stale in root.rglob(f"__pycache__/{pattern}"):
-                stale.unlink(missing_ok=True)
-        stamp.parent.mkdir(exist_ok=True)
-        stamp.write_text(digest.hexdigest())
-    except OSError:  # a read-only installation: its sources do not change either
-        return
+        if not folder.is_dir():
+            folder.mkdir(parents=True, exist_ok=True)
+            for old in parent.glob("kernels-*"):
+                if time.time() - old.stat().st_mtime > 86_400:
+                    shutil.rmtree(old, ignore_errors=True)
+        os.utime(folder)
+    except OSError:
+        return ""
+    return str(folder)
 
 
-if not JIT_DISABLED:
-    _drop_stale_caches()
+_FOLDER = "" if JIT_DISABLED else _cache_folder()
 
-jit = njit(cache=True, error_model="numpy", nogil=True)
-"""Decorator of kernels called from Python."""
 
-jit_parallel = njit(cache=True, error_model="numpy", nogil=True, parallel=True)
-"""Decorator of drivers that spread blocks of columns over threads with ``prange``."""
+def _cached(function, **options):
+    """``njit`` with this package's cache folder (numba picks the folder when the decorator runs)."""
+    before = numba.config.CACHE_DIR
+    numba.config.CACHE_DIR = _FOLDER or before
+    try:
+        return njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+    finally:
+        numba.config.CACHE_DIR = before
+
+
+def jit(function):
+    """Decorator of kernels called from Python."""
+    return _cached(function)
+
+
+def jit_parallel(function):
+    """Decorator of drivers that spread blocks of columns over threads with ``prange``."""
+    return _cached(function, parallel=True)
+
 
 inline = njit(forceinline=True, error_model="numpy")
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
