@@ -63,24 +63,17 @@ def _cache_folder() -> str:
 _FOLDER = "" if JIT_DISABLED else _cache_folder()
 
 
-def _cached(function, **options):
-    """``njit`` with this package's cache folder (numba picks the folder when the decorator runs)."""
+def jit(function):
+    """Decorator of kernels called from Python; they hold no lock of the interpreter.
+
+    numba picks the folder of its cache when the decorator runs.
+    """
     before = numba.config.CACHE_DIR
     numba.config.CACHE_DIR = _FOLDER or before
     try:
-        return njit(cache=True, error_model="numpy", nogil=True, **options)(function)
+        return njit(cache=True, error_model="numpy", nogil=True)(function)
     finally:
         numba.config.CACHE_DIR = before
-
-
-def jit(function):
-    """Decorator of kernels called from Python."""
-    return _cached(function)
-
-
-def jit_parallel(function):
-    """Decorator of drivers that spread blocks of columns over threads with ``prange``."""
-    return _cached(function, parallel=True)
 
 
 inline = njit(forceinline=True, error_model="numpy")

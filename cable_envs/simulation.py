@@ -8,11 +8,13 @@ import numpy as np
 
 from cable_envs import references, steppers
 from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.kernels import LANES
 from cable_envs.params import is_number
 from cable_envs.plants.base import COMMAND, MODE
 from cable_envs.references import evaluate, pack_signal
 from cable_envs.setup import Setup
 from cable_envs.tasks import INFO
+from cable_envs.team import Team
 
 RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
 
@@ -40,11 +42,8 @@ class Simulation:
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
-        step, step_threads = steppers.STEPPERS[plant.name]
-        self.advance: Callable[[], None] = partial(step, s.block, s.obs, s.common, 0, n)
+        self.advance: Callable[[], None] = partial(steppers.STEPPERS[plant.name], s.block, s.obs, s.common, 0, n)
         """One control period for all environments, with the actions in ``asked``; results are in ``buffers``."""
-        self.advance_threads: Callable[[], None] = partial(step_threads, s.block, s.obs, s.common, 0, n)
-        """The same on several threads."""
         self.asked = s.block[steppers.ASKED, :n]
         """Actions to take, in [-1, 1], [n]; written by the caller."""
 
@@ -130,6 +129,12 @@ class Simulation:
         s.u[MODE, lanes] = self.setup.mode_index
         action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
         s.block[steppers.ACTION : steppers.LAST_ACTION + 1, lanes] = np.clip(action, -1.0, 1.0)
+
+    def team(self, size: int) -> Team:
+        """`advance` on ``size`` threads."""
+        s = self.buffers
+        kernel = steppers.STEPPERS[self.setup.plant.name]
+        return Team(kernel, (s.block, s.obs, s.common), self.n, size, LANES)
 
     def lane_rig(self, lane: int = 0) -> dict[str, float]:
         """The true rig parameters of one environment in its present episode, SI."""

@@ -9,9 +9,8 @@ cached on disk.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import prange
 
-from cable_envs.kernels import clip, inline, jit, jit_parallel, select
+from cable_envs.kernels import clip, inline, jit, select
 from cable_envs.plants import cable_hole, pulley_chain, pulley_circuit
 from cable_envs.plants.base import COMMAND, INPUTS
 from cable_envs.references import FIELDS
@@ -19,7 +18,7 @@ from cable_envs.setup import Setup
 from cable_envs.tasks import INFO, before_step, observe, refill, reward, sense, target
 
 BLOCK = 128
-"""Environments that a thread takes at a time, and whose numbers stay in the cache from action to reward."""
+"""Environments whose numbers stay in the cache from action to reward."""
 
 (ASKED, ACTION, LAST_ACTION, TENSION_LIMIT, BREAKING, PROXY_GAIN, KEY, STEP, RATE, ACCELERATION,
  SCRATCH) = range(11)  # fmt: skip
@@ -216,27 +215,9 @@ def step_pulley_chain(block, obs, common, lo, hi):
         _judge(block, common, first, last)
 
 
-@jit_parallel
-def step_cable_hole_threads(block, obs, common, lo, hi):
-    for part in prange((hi - lo + BLOCK - 1) // BLOCK):
-        step_cable_hole(block, obs, common, lo + part * BLOCK, min(hi, lo + (part + 1) * BLOCK))
-
-
-@jit_parallel
-def step_pulley_circuit_threads(block, obs, common, lo, hi):
-    for part in prange((hi - lo + BLOCK - 1) // BLOCK):
-        step_pulley_circuit(block, obs, common, lo + part * BLOCK, min(hi, lo + (part + 1) * BLOCK))
-
-
-@jit_parallel
-def step_pulley_chain_threads(block, obs, common, lo, hi):
-    for part in prange((hi - lo + BLOCK - 1) // BLOCK):
-        step_pulley_chain(block, obs, common, lo + part * BLOCK, min(hi, lo + (part + 1) * BLOCK))
-
-
 STEPPERS = {
-    "cable_hole": (step_cable_hole, step_cable_hole_threads),
-    "pulley_circuit": (step_pulley_circuit, step_pulley_circuit_threads),
-    "pulley_chain": (step_pulley_chain, step_pulley_chain_threads),
+    "cable_hole": step_cable_hole,
+    "pulley_circuit": step_pulley_circuit,
+    "pulley_chain": step_pulley_chain,
 }
-"""plant name -> (one thread, several threads); both take (block, obs, common, lo, hi)"""
+"""plant name -> kernel (block, obs, common, lo, hi)"""

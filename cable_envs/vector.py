@@ -1,6 +1,5 @@
 """Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
 
-import os
 from collections.abc import Mapping
 from typing import Any
 
@@ -12,17 +11,15 @@ from gymnasium.vector.utils import batch_space
 from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.setup import make_setup
 from cable_envs.simulation import Simulation
-
-THREADS_FROM = 512
-"""Smallest batch that is spread over threads by default (below, one thread is faster)."""
+from cable_envs.team import WORTHWHILE, available_cores
 
 
 class CableVectorEnv(VectorEnv):
     """``num_envs`` environments of `CableEnv`, simulated together; same options, same trajectories to the bit.
 
     Environment i seeded with ``reset(seed=s)`` equals the single environment seeded with ``s + i``.
-    Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``parallel`` (None: threads for
-    ``num_envs >= 512`` when more than one core is there; False inside worker processes).
+    Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``threads`` (default: as many as there are
+    cores, with at least 256 environments for each; give 1 inside worker processes).
 
     ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an
     array [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and
@@ -38,7 +35,7 @@ class CableVectorEnv(VectorEnv):
         num_envs: int = 1,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
-        parallel: bool | None = None,
+        threads: int | None = None,
         render_mode: str | None = None,
         **options: Any,
     ):
@@ -56,7 +53,11 @@ class CableVectorEnv(VectorEnv):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.channels = self.setup.channels
         self.simulation = Simulation(self.setup, num_envs)
-        self.threads = parallel if parallel is not None else num_envs >= THREADS_FROM and (os.cpu_count() or 1) > 1
+        size = max(min(available_cores(), num_envs // WORTHWHILE), 1) if threads is None else threads
+        if isinstance(size, bool) or not isinstance(size, int) or size < 1:
+            raise ValueError(f"threads: expected a whole number >= 1, got {threads!r}")
+        self._team = self.simulation.team(size) if size > 1 else None
+        self._advance = self._team or self.simulation.advance
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds = [-1] * num_envs
         self._all = np.arange(num_envs)
@@ -125,7 +126,7 @@ class CableVectorEnv(VectorEnv):
             raise gym.error.ResetNeeded(
                 f"environments {late[:5].tolist()} have finished: reset(options={{'reset_mask': ...}})"
             )
-        (self.simulation.advance_threads if self.threads else self.simulation.advance)()
+        self._advance()
         if mode == AutoresetMode.NEXT_STEP and self._finished.any():
             # what the kernel did with finished environments is replaced by the reset; their action is ignored
             self._start(self._all[self._finished])
@@ -181,6 +182,8 @@ class CableVectorEnv(VectorEnv):
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **kwargs: Any) -> None:
+        if self._team is not None:
+            self._team.close()
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cable_envs.errors import ConfigurationError
-from cable_envs.plants.base import COMMAND, INPUTS, MODE
+from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, MODE
 from cable_envs.plants.cable_hole import PLANT, cable_hole
 from tests.reference.hole_reference import HoleReference, ratio
 
@@ -252,6 +252,55 @@ def test_columns_of_a_batch_equal_single_runs_bit_for_bit(holes):
             v[COMMAND] = command[k]
             plant.advance(single, column, v, 0, 1, 10, 1e-3)
         assert np.array_equal(single[:, 0], x[:, k])
+
+
+@pytest.mark.parametrize("dt", [1e-3, 2e-3])
+def test_gu_eq1_bending_stiffness_takes_wrap_away(dt):
+    rig = Rig(bending_rigidity=1e-5)
+    rig.move(0.01, 1.0, 2.0, dt)
+    t1, t2 = rig.get("drive_tension"), rig.get("load_tension")
+    lost = math.sqrt(1e-5) / (2 * 1.5e-3) * (1 / math.sqrt(t1) + 1 / math.sqrt(t2))
+    m = 0.43 + 6574.0 * 0.01**2.03
+    # 1e-9: steady motion, so the tensions of the last step are those of the present one whatever the step
+    assert t1 / t2 == pytest.approx(ratio(1.5 * 1.02, m, math.pi / 3 - lost), rel=1e-9)
+    assert t1 / t2 < ratio(1.5 * 1.02, m, math.pi / 3)
+
+
+@pytest.mark.parametrize("dt", [2e-3, 1e-3])
+def test_series_of_stiff_spans_is_steady_whatever_the_step(dt):
+    """The spans' vibration is far above what the step resolves: it must die out, not ring."""
+    rig = Rig(holes=4, span_stiffness=1e6, guide_mass=1e-3)
+    rig.move(0.01, 1.0, 3.0, dt)
+    n = ratio(1.5 * 1.02, 0.43 + 6574.0 * 0.01**2.03, math.pi / 3)
+    # three seconds leave a ten-thousandth of the slow approach that the speed-dependent friction of four holes makes
+    assert rig.get("drive_tension") == pytest.approx(WEIGHT * n**4, rel=2e-4)
+    assert [rig.get(f"slip_velocity_{h}") for h in (1, 2, 3)] == pytest.approx([0.01] * 3, rel=2e-4)
+
+
+def test_disturbance_lifts_the_load():
+    rig = Rig()
+    rig.u[DISTURBANCE] = 40.0  # N, more than friction holds
+    rig.move(0.0, 1.0, 0.5)
+    assert rig.get("load_position") > 0.0
+
+
+def test_drive_keeps_its_limits():
+    rig = Rig(drive_speed_limit=0.05, drive_acceleration_limit=1.0)
+    speed = rig.move(10.0, 1.0, 0.2)[:, ROW["drive_velocity"]]
+    assert np.diff(speed).max() <= 1e-3 * (1 + 1e-12)  # rounding of a sum
+    assert speed.max() == 0.05
+
+
+def test_gu_eq35_inner_loop_has_the_time_constant_of_its_gains():
+    rig = Rig()
+    trace = rig.move(55.0, 0.0, 1.0)[:, ROW["drive_tension"]]  # within the friction cone: only the span stretches
+    k, kp, kd = (rig.values[name] for name in ("cable_stiffness", "inner_kp", "inner_kd"))
+    rate = kp * k / (1 + kd * k)  # T' = k v, v = kp (F - T) - kd T'
+    times = np.arange(1, 1001) * 1e-3
+    expected = 55.0 + (WEIGHT - 55.0) * np.exp(-rate * times)
+    # the span's damper and the drive's limited acceleration delay the start by a few ms: 6 N * 20 / s * 5 ms
+    assert np.abs(trace - expected).max() < 0.6
+    assert trace[-1] == pytest.approx(55.0, abs=1e-6)
 
 
 _WITHOUT_JIT = """

@@ -1,5 +1,10 @@
 """The native batch: lanes equal single environments to the bit; Gymnasium's semantics of the autoreset modes."""
 
+import os
+import signal
+import threading
+import time
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -7,15 +12,16 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import cable_envs
 from cable_envs.errors import ConfigurationError
+from cable_envs.vector import CableVectorEnv
 from tests.test_envs import CIRCUIT, HOLE, OPTIONS
 
 LANES = 5  # not a multiple of any vector width
 
 
 def native(env_id, n=LANES, mode=AutoresetMode.NEXT_STEP, **options):
-    options = {"duration": 0.15, **options}
+    options = {"duration": 0.15, "threads": 1, **options}
     return gym.make_vec(
-        env_id, num_envs=n, vectorization_mode="vector_entry_point", autoreset_mode=mode, parallel=False, **options
+        env_id, num_envs=n, vectorization_mode="vector_entry_point", autoreset_mode=mode, **options
     )
 
 
@@ -46,11 +52,10 @@ def test_lane_equals_single_environment_bit_for_bit(env_id, options):
 
 
 @pytest.mark.parametrize("env_id", [HOLE, CIRCUIT])
-@pytest.mark.parametrize("n", [1, 3, 33, 300])
+@pytest.mark.parametrize("n", [1, 33, 300])
 def test_batch_size_and_threads_change_no_bit(env_id, n):
     actions = actions_of(4, n)
-    serial, threads = native(env_id, n, sensor_noise=True), native(env_id, n, sensor_noise=True)
-    threads.unwrapped.threads = True
+    serial, threads = native(env_id, n, sensor_noise=True), native(env_id, n, sensor_noise=True, threads=3)
     alone = native(env_id, 1, sensor_noise=True)
     serial.reset(seed=9), threads.reset(seed=9), alone.reset(seed=9 + n - 1)
     for action in actions:
@@ -188,11 +193,42 @@ def test_step_before_reset_is_refused():
 
 
 @pytest.mark.parametrize("n", [0, -1, 2.5, True])
-def test_number_of_environments_is_checked(n):
-    from cable_envs.vector import CableVectorEnv
-
+def test_numbers_of_environments_and_threads_are_checked(n):
     with pytest.raises(ValueError, match="num_envs"):
         CableVectorEnv("CableHole-Position", "Sine", n)
+    with pytest.raises(ValueError, match="threads"):
+        CableVectorEnv("CableHole-Position", "Sine", 4, threads=n)
+
+
+def test_closing_ends_the_threads():
+    batch = CableVectorEnv("CableHole-Position", "Sine", 100, threads=2)
+    batch.reset(seed=0)
+    before = threading.active_count()
+    batch.step(np.zeros((100, 1)))
+    assert threading.active_count() == before + 1
+    batch.close()
+    assert threading.active_count() == before
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+@pytest.mark.filterwarnings("ignore:This process .* is multi-threaded")
+def test_a_forked_process_starts_its_own_threads():
+    batch = CableVectorEnv("CableHole-Position", "Sine", 100, threads=2)
+    batch.reset(seed=0)
+    batch.step(np.zeros((100, 1)))
+    child = os.fork()
+    if child == 0:
+        batch.step(np.zeros((100, 1)))
+        os._exit(0)
+    for _ in range(200):
+        done, status = os.waitpid(child, os.WNOHANG)
+        if done:
+            break
+        time.sleep(0.05)
+    else:
+        os.kill(child, signal.SIGKILL)
+    batch.close()
+    assert done == child and status == 0
 
 
 def test_bad_options_are_refused_as_by_the_single_environment():

@@ -11,7 +11,8 @@ Gu et al. 2024 (equations G), with the reading of docs/physics.md: friction is d
 
 Holes in series (the paper's future work): between two holes the cable is a spring again and its slip through the
 earlier hole is a state of its own, with the lumped mass of the cable there (``guide_mass``). Every hole is the same
-contact, every slip the same `stick_slip_step`.
+contact, every slip the same `stick_slip_step`: trapezoidal for the load, backward Euler for the lumped masses, whose
+vibration no step resolves and no measurement shows.
 
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
 """
@@ -100,14 +101,14 @@ BASE_P, HOLE_P = len(COEFFICIENTS), len(_OF_EACH_HOLE)
 X, VX, T1, Y, VY, T2, SLIDING, SLACK, PEAK = range(len(_SIGNALS))
 BASE_X, HOLE_X = len(_SIGNALS), 3
 
-(S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, K, C, BEHIND, BEHIND_K, BEHIND_C, INERTIA,
- MIDDLE, FRICTION, GROWTH, WRAPPED, RATIO, SLOPE, FEED, LATE, CLOSED, PER_MASS) = range(27)  # fmt: skip
+(S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, ABOVE_T, K, C, BEHIND, BEHIND_K, BEHIND_C,
+ INERTIA, MIDDLE, FRICTION, GROWTH, WRAPPED, RATIO, SLOPE, FEED, LATE, CLOSED, PER_MASS) = range(28)  # fmt: skip
 """Rows of the scratch tile w, the hole that is being solved: its slip position and speed and the tension behind it; its
-geometry; the cable above it (position and speed before and after, stiffness, damping); what resists behind it; the
-tension above at the middle of the step, M = mu + C and its growth with speed, wrap in contact, n and dn/dM; and the
-gains of the drive's closed loop."""
+geometry; the cable above it (position and speed before and after, tension, stiffness, damping); what resists behind it;
+the tension above with which the step is made, M = mu + C and its growth with speed, wrap in contact, n and dn/dM; and
+the gains of the drive's closed loop."""
 
-ROWS_P, ROWS_X, ROWS_W = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1), 27
+ROWS_P, ROWS_X, ROWS_W = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1), 28
 ROWS_U = len(INPUTS)
 
 
@@ -157,7 +158,7 @@ def _drive(x, p, u, w, i, ahead, dt):
     w[ABOVE_V, i] = 0.5 * (old + new)
     w[ABOVE_V_NEW, i] = new
     w[ABOVE_NEW, i] = x[X, i] + dt * w[ABOVE_V, i]
-    w[K, i], w[C, i] = p[K_CABLE, i], p[C_CABLE, i]
+    w[ABOVE_T, i], w[K, i], w[C, i] = x[T1, i], p[K_CABLE, i], p[C_CABLE, i]
     x[X, i], x[VX, i] = w[ABOVE_NEW, i], new
 
 
@@ -253,7 +254,7 @@ def _guide_moved(x, p, w, i, row, tension, inv_n):
     """An inner hole after its step; its span is above the next hole."""
     x[row, i], x[row + 1, i] = w[S, i], w[V, i]
     x[row + 2, i] = _transmitted(w[V, i], tension, w[RATIO, i], inv_n, w[BEHIND, i])
-    w[K, i], w[C, i] = p[SPAN_K, i], 0.0
+    w[ABOVE_T, i], w[K, i], w[C, i] = x[row + 2, i], p[SPAN_K, i], 0.0
 
 
 @inline
@@ -261,7 +262,7 @@ def _wrapped(p, w, lanes, bends):
     """Wrap that stays in contact; the loop is left out where no cable of the block is stiff.  G1"""
     if bends:
         for i in range(lanes):
-            w[WRAPPED, i] = wrap_in_contact(w[WRAP, i], p[RIGIDITY, i], w[EDGE, i], w[MIDDLE, i], w[OUT, i])
+            w[WRAPPED, i] = wrap_in_contact(w[WRAP, i], p[RIGIDITY, i], w[EDGE, i], w[ABOVE_T, i], w[OUT, i])
     else:
         for i in range(lanes):
             w[WRAPPED, i] = w[WRAP, i]
