@@ -74,7 +74,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | action_delay   | control steps until an action acts                                                   |
     | disturbance    | a reference-like mapping: force on the load [N] or torque on the output [N m]        |
     | control_period | s, default 0.01                                                                      |
-    | substeps       | integration steps in a control period, default 10                                    |
+    | substeps       | integration steps in a control period, default 20 (0.5 ms)                           |
     | duration       | s, default 20 (hole) and 25 (circuit)                                                |
     | render_mode    | "rgb_array" or "human"                                                               |
 

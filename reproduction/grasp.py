@@ -1,9 +1,9 @@
 """The grasp at 25 N (sections 3.2 and 3.3 of Zou 2022): contact, true mechanisms, estimate and compensated drive.
 
-The sensor's stiffness and position are not printed. They are chosen here such that the chain with Table 2, driven without
-compensation, has the two printed errors, 13.96 degrees and 0.215 N m: two conditions, two numbers, nothing left to fit. All
-other errors are then predictions. "Simulated truth" is the chain with other parameters than the estimator and the
-compensation believe in (`truths`) and with sensor noise.
+The sensor's stiffness and position are not printed. They are chosen here such that the chain with Table 2, driven
+without compensation, has the two printed errors, 13.96 degrees and 0.215 N m: two conditions, two numbers, nothing left
+to fit. All other errors are then predictions. "Simulated truth" is the chain with other parameters than the estimator
+and the compensation believe in (`truths`) and with sensor noise.
 """
 
 import math
@@ -46,8 +46,13 @@ class Contact(NamedTuple):
 
     def parameters(self, pretension: float = GRASP_PRETENSION) -> dict[str, float]:
         """Rig parameters: Table 2 with this contact."""
-        return {"contact_stiffness": self.stiffness, "contact_angle": self.angle, "contact_damping": CONTACT_DAMPING,
-                "pretension_top": pretension, "pretension_bottom": pretension}  # fmt: skip
+        return {
+            "contact_stiffness": self.stiffness,
+            "contact_angle": self.angle,
+            "contact_damping": CONTACT_DAMPING,
+            "pretension_top": pretension,
+            "pretension_bottom": pretension,
+        }
 
 
 @cache
@@ -72,14 +77,23 @@ def truths(nominal: Mapping[str, float], spread: float, count: int = TRUTHS, see
     """``count`` rigs whose uncertain parameters are drawn uniformly within +/- ``spread`` of the nominal ones."""
     rng = np.random.default_rng(seed)
     factors = 1.0 + spread * rng.uniform(-1.0, 1.0, (count, len(UNCERTAIN)))
-    return [{**nominal, **{name: nominal.get(name, CIRCUIT[name].default) * f for name, f in zip(UNCERTAIN, row, strict=True)}}
-            for row in factors]  # fmt: skip
+    return [
+        {
+            **nominal,
+            **{name: nominal.get(name, CIRCUIT[name].default) * f for name, f in zip(UNCERTAIN, row, strict=True)},
+        }
+        for row in factors
+    ]
 
 
 def noisy(run: Run, rng: np.random.Generator) -> Run:
     """The run as the sensors of the position task see it."""
     std = load_task("PulleyCircuit-Position").sensor_noise
-    return Run(run.time, {n: v + std[n] * rng.standard_normal(v.shape) if n in std else v for n, v in run.signals.items()}, run.rigs)
+    return Run(
+        run.time,
+        {n: v + std[n] * rng.standard_normal(v.shape) if n in std else v for n, v in run.signals.items()},
+        run.rigs,
+    )
 
 
 class Sine(NamedTuple):
@@ -106,16 +120,19 @@ class Estimate(NamedTuple):
 def estimate(nominal: Mapping[str, float], run: Run, hold: str = "band") -> Estimate:
     """Eqs. (44)-(47) with nominal parameters on recorded drive signals.
 
-    ``hold``: how delay and transition end. "printed": flag of Eq. (47) as it stands, which never holds; "minus": with its lost
-    minus, which holds until the drive's torque changes sign; "band": for the drive's distance between the two working lines,
-    Eq. (45) in both directions, as both plants do (`zou_fig6`).
+    ``hold``: how delay and transition end. "printed": flag of Eq. (47) as it stands, which never holds; "minus": with
+    its lost minus, which holds until the drive's torque changes sign; "band": for the drive's distance between the two
+    working lines, Eq. (45) in both directions, as both plants do (`zou_fig6`).
     """
     statics = Statics.from_rig(nominal)
     columns = range(run["drive_angle"].shape[1])
     if hold == "band":
         found = [_by_band(statics, run["drive_angle"][:, j], run["drive_torque"][:, j]) for j in columns]
     else:
-        found = [replay(statics, run["drive_angle"][:, j], run["drive_torque"][:, j], hold == "printed", DEADBAND)[:2] for j in columns]
+        found = [
+            replay(statics, run["drive_angle"][:, j], run["drive_torque"][:, j], hold == "printed", DEADBAND)[:2]
+            for j in columns
+        ]
     angle, torque = (np.stack(v, axis=1) for v in zip(*found, strict=True))
     return Estimate(angle, torque)
 
@@ -146,19 +163,29 @@ def largest(values: np.ndarray) -> np.ndarray:
 
 
 def compensated(
-    name: str, nominal: Mapping[str, float], rigs: Sequence[Mapping[str, float]], reference: Sine, cycles: float = 1.5,
-    seed: int | None = 11, **gains: float,
+    name: str,
+    nominal: Mapping[str, float],
+    rigs: Sequence[Mapping[str, float]],
+    reference: Sine,
+    cycles: float = 1.5,
+    seed: int | None = 11,
+    **gains: float,
 ) -> Run:
-    """The chain with every rig under a reference controller that knows ``nominal``; position servo, noisy drive signals.
+    """The chain with every rig under a reference controller that knows ``nominal``; position servo, noisy drive
+    signals.
 
-    ``name`` is "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid". The wanted output angle is added to the signals as
-    "reference". The torque saturator is set out of reach unless ``grasp_limit`` is given. ``seed`` None: no noise.
+    ``name`` is "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid". The wanted output angle is added to the
+    signals as "reference". The torque saturator is set out of reach unless ``grasp_limit`` is given. ``seed`` None: no
+    noise.
     """
     plant = plant_for("pulley_circuit", "chain")
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(rigs)))
     u = np.zeros((len(INPUTS), len(rigs)))
-    drives = [make_controller(name, "pulley_chain", "position", "position", nominal, DT, **{"grasp_limit": 5.0, **gains}) for _ in rigs]
+    drives = [
+        make_controller(name, "pulley_chain", "position", "position", nominal, DT, **{"grasp_limit": 5.0, **gains})
+        for _ in rigs
+    ]
     rows = {n: plant.row(n) for n in ("drive_angle", "drive_velocity", "drive_torque")}
     std = load_task("PulleyCircuit-Position").sensor_noise
     rng = np.random.default_rng(seed)
@@ -170,7 +197,9 @@ def compensated(
     for k in range(steps):
         ref = reference.at(k * DT)
         seen = {n: x[row] + scale * std[n] * rng.standard_normal(len(rigs)) for n, row in rows.items()}
-        command = np.array([c.act(k * DT, {n: float(v[j]) for n, v in seen.items()}, ref) for j, c in enumerate(drives)])
+        command = np.array(
+            [c.act(k * DT, {n: float(v[j]) for n, v in seen.items()}, ref) for j, c in enumerate(drives)]
+        )
         u[COMMAND_RATE] = 0.0 if k == 0 else (command - u[COMMAND]) / DT
         u[COMMAND] = command
         plant.advance(x, p, u, 0, len(rigs), SUBSTEPS, DT / SUBSTEPS)
@@ -181,14 +210,22 @@ def compensated(
 
 def tracking_errors(run: Run) -> Estimate:
     """Wanted less actual angle and torque; the wanted torque is the contact's answer at the wanted angle."""
-    return Estimate(run["reference"] - run["output_angle"],
-                    run.contact_torque(run["reference"]) - run.contact_torque(run["output_angle"]))  # fmt: skip
+    return Estimate(
+        run["reference"] - run["output_angle"],
+        run.contact_torque(run["reference"]) - run.contact_torque(run["output_angle"]),
+    )
 
 
 def within(quantity: str, published: float, values: np.ndarray, unit: str, what: str, differs: str = "") -> Row:
-    """A printed number against an ensemble: reproduced when it lies between its 5 and 95 % quantiles; computed: the median."""
+    """A printed number against an ensemble: reproduced when between its 5 and 95 % quantiles; computed: the median."""
     low, high = np.quantile(values, (0.05, 0.95))
     inside = bool(low <= published <= high)
     why = f"{what}: 5 to 95 % of {len(values)} truths are {low:.3g} to {high:.3g} {unit}"
-    return Row(quantity, published, float(np.median(values)), unit, REPRODUCED if inside else DIFFERS,
-               why if inside else f"{why}; {differs or 'reason not found'}")  # fmt: skip
+    return Row(
+        quantity,
+        published,
+        float(np.median(values)),
+        unit,
+        REPRODUCED if inside else DIFFERS,
+        why if inside else f"{why}; {differs or 'reason not found'}",
+    )

@@ -151,6 +151,18 @@ def statement_rows(fits: Sequence[Fitted], grid: dict[str, Any]) -> list[Row]:
             absolute=True,
             why="0.125 mm over the diameter of 1.5 mm",
         ),
+        compare(
+            "extrusion ratio from the identification (5.2)",
+            0.061,
+            TABLE_2.delta,
+            "1",
+            0.05,
+            differs="Table 2 says delta = 0.02, and delta enters Eq. (16) as the change of R / r. No quantity of the "
+            "paper gives 0.061: "
+            "the measured compressions over the diameter are 0.12 to 0.49. Numerically 1.02^3 - 1 = 0.0612, the "
+            "change of a volume, "
+            "but the paper has no such step. See docs/mismatches/extrusion-ratio.md",
+        ),
         claim(
             "largest compression in Fig. 13",
             "0.125 mm",
@@ -264,7 +276,7 @@ def figures(fits: Sequence[Fitted], grid: dict[str, Any]) -> list[Figure]:
                 )
             ax.set(title=material, xlabel="wrap angle θ [°]", xticks=(30, 45, 60, 75, 90))
             ax.set_ylim(bottom=0)
-            ax.legend(title="diameter", loc="upper left")
+            ax.legend(title="diameter", loc="lower right" if material == "steel wire" else "upper left")
         axes[0].set_ylabel("compression ε [mm]")
         style.letters(axes)
 
@@ -283,7 +295,34 @@ def figures(fits: Sequence[Fitted], grid: dict[str, Any]) -> list[Figure]:
         left.set_ylabel("wrap angle θ [°]")
         style.letters((left, right))
 
+    def draw_ratio(figure: Any) -> None:
+        ax = figure.subplots()
+        ax.axhspan(1e-3, 0.083, color=style.GRID, label="Fig. 13: 0 to 0.083")
+        ax.axhline(0.061, **style.PUBLISHED_LINE, label="section 5.2: 0.061")
+        for k, cable in enumerate(CABLES.values()):
+            share = np.array(cable.compression) / cable.diameter
+            ax.plot(
+                [k] * 3,
+                share,
+                "_",
+                color=style.COLOURS[0],
+                markersize=9,
+                label=None if k else "compression / diameter, 30 to 90°",
+            )
+            ax.plot(k, cable.delta, **style.PUBLISHED, label=None if k else "identified δ")
+        ax.set(yscale="log", ylabel="ratio [1]", ylim=(5e-3, 3))
+        ax.set_xticks(range(9), ["steel 1", "2", "3 mm", "fibre 1", "2", "3 mm", "rubber 1", "2", "3 mm"])
+        ax.grid(visible=False, axis="x")
+        ax.legend(ncols=2, loc="upper center")
+
     return [
+        Figure(
+            "ratio",
+            "Three printed measures of one extrusion: identified δ and measured compression of Table A1, the "
+            "extrusion ratio of section "
+            "5.2, and the range of Fig. 13.",
+            style.svg(draw_ratio, style.PAGE, 2.7),
+        ),
         Figure(
             "cables",
             "Compression of the nine cables (open circles: Table A1) and Eqs. (3), (4) with one lateral "

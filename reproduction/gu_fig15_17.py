@@ -216,17 +216,18 @@ def figures(settings: Sequence[Setting]) -> list[Figure]:
         for column, name in enumerate(VALUES):
             for k, s in enumerate(s for s in settings if s.constant == name):
                 dash = (0, (1, 1)) if s.diverged else "-"
+                shown = np.unique(np.geomspace(1, s.best.shape[1], 160).astype(int))
                 for row, curves in enumerate((s.best, s.median)):
                     axes[row, column].plot(
-                        1 + np.arange(curves.shape[1]),
-                        np.median(curves, axis=0),
+                        shown,
+                        np.median(curves, axis=0)[shown - 1],
                         color=style.COLOURS[k],
                         linestyle=dash,
                         label=f"{s.value:g}",
                     )
             axes[0, column].set(title=f"Fig. {FIGURE[name]}: {_symbol(name)}", xscale="log", yscale="log")
             axes[0, column].axhline(1e-6, **style.PUBLISHED_LINE)
-            axes[1, column].set(yscale="log", xlabel="iteration [1]")
+            axes[1, column].set(yscale="log", xlabel="iteration [1]", ylim=(1e-11, 1e4))
             axes[0, column].legend(title=_symbol(name), fontsize=6.5, title_fontsize=7, loc="lower left")
         axes[0, 0].set_ylabel("best cost so far g [1]")
         axes[1, 0].set_ylabel("median cost of the particles [1]")

@@ -191,7 +191,8 @@ def figures(slow: Runs, clean: Runs, sizes: Sequence[tuple], runs: Sequence[Runs
         ),
         (
             "valley",
-            "(a) Cost above the optimum over K and omega, the others refitted: one narrow valley; every circle "
+            "(a) Cost above the optimum over K and omega, the others refitted: one narrow valley (grey: 95 %); every "
+            "circle "
             "is where one of the 20 "
             "swarms stopped, the cross is where all 20 least-squares runs did. (b) Profile of delta for three "
             "values of rho0: the same curve, shifted.",

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from cablebench.units import number
 from identification.information import delta_experiments, fisher, profile_interval, speed_shares
 from reproduction.gu_data import PEAK_SPEED, TABLE_2, design
 from reproduction.gu_table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed
@@ -47,7 +48,7 @@ def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: d
         ("Table 1", n, "for each coordinate" if c else "for each particle", f"{hits} of {SEEDS}", int(e), x)
         for n, c, hits, e, x in sizes
     ]
-    line = (f"{standard['hits']} of {SEEDS}", int(standard["evaluations"]), standard["excess"])
+    line = (f"{standard['hits']} of {SEEDS}", int(standard["evaluations"]), max(standard["excess"], 0.0))
     size_lines.append(("0.729, 1.494, 1.494", STANDARD.particles, "for each particle", *line))
     return [
         Extra(
@@ -89,7 +90,9 @@ def information_tables(runs: Sequence[Runs], slow: Runs) -> list[Extra]:
     for run in runs:
         for top in (run.top_speed, PEAK_SPEED):
             std = fisher(design(run.cable, top), run.cable.parameters).std
-            lines.append((run.cable.name, 1e3 * top, *(f"{100 * std[n] / getattr(run.cable, n):.2g} %" for n in NAMES)))
+            lines.append(
+                (run.cable.name, 1e3 * top, *(f"{number(100 * std[n] / getattr(run.cable, n), 2)} %" for n in NAMES))
+            )
     found = fisher(slow.data, TABLE_2.parameters)
     matrix = [
         (a, *(f"{v:+.3f}".replace("-", "−") for v in line)) for a, line in zip(NAMES, found.correlation, strict=True)
@@ -135,9 +138,7 @@ def notes(slow: Runs, runs: Sequence[Runs]) -> list[str]:
     high = f"{interval.high:.4f}" + (" (its bound)" if interval.high_open else "")
     return [
         f"Table 2's cable up to 10.8 mm/s: the 95 % profile interval of delta is {low} to {high}, with rho0 taken as "
-        "exactly 1.5. If rho0 is "
-        f"off by 1 %, delta is off by 0.01: 75 ratios only determine rho0 (1 + delta).",
-        "Success means a cost at the noise floor, not a delta: points of equal cost differ in delta by more than its "
-        "printed value.",
+        f"exactly 1.5. If rho0 is off by 1 %, delta is off by 0.01: 75 ratios only determine rho0 (1 + delta).",
+        "Success means a cost at the noise floor, not a delta: within that floor delta is anywhere in its interval.",
         "The speed whose loss costs most: " + ", ".join(f"{v:.1f} mm/s for {n}" for n, v in key.items()) + ".",
     ]

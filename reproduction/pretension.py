@@ -1,8 +1,8 @@
 """Twelve numbers against pretension (Table 4, Zou 2022): four models, their few free conditions fitted.
 
-Free is what the paper does not print: contact_stiffness (N m/rad) and contact_angle (rad) of the sensor that the grasper
-touches. What "torque error" is measured against and over which part of the cycle the means are taken is not printed either:
-two readings each (`Reading`). The misfit is the root mean square of the twelve relative errors.
+Free is what the paper does not print: contact_stiffness (N m/rad) and contact_angle (rad) of the sensor that the
+grasper touches. What "torque error" is measured against and over which part of the cycle the means are taken is not
+printed either: two readings each (`Reading`). The misfit is the root mean square of the twelve relative errors.
 
 printed   Eqs. (42)-(47) as they stand: no cable goes slack (tensions may be negative), no inertia; fitted nothing else
 analytic  the analytic plant: the same closed forms, a slack cable carries nothing
@@ -86,7 +86,8 @@ class Reading:
 
 READINGS = tuple(Reading(expected, half) for expected in EXPECTED for half in (True, False))
 CHOSEN = READINGS[0]
-"""torque: see `zou_runs`; half: "can only measure the output displacement and output torque in every half cycle", section 3.2"""
+"""torque: see `zou_runs`; half: "can only measure the output displacement and output torque in every half cycle",
+section 3.2"""
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,10 @@ class Fitted:
         return PRETENSIONS[int(np.argmin(self.errors[:, 0]))]
 
 
+Fits = Mapping[tuple[str, Reading], Fitted]
+"""by model's name and reading"""
+
+
 def misfit(errors: np.ndarray) -> np.ndarray:
     """Root mean square of the relative errors  [k, 3, 4] -> [k]."""
     return np.sqrt(np.mean((errors / TABLE_4 - 1.0) ** 2, axis=(1, 2)))
@@ -120,11 +125,14 @@ def rig(conditions: Mapping[str, float], pretension: float) -> dict[str, float]:
     friction = MU_S * (pretension / 50.0) ** exponent
     pretension = pretension + conditions.get("preload", 0.0)
     return {
-        "contact_stiffness": conditions["contact_stiffness"], "contact_angle": conditions["contact_angle"],
-        "contact_damping": CONTACT_DAMPING, "pretension_top": pretension, "pretension_bottom": pretension,
+        "contact_stiffness": conditions["contact_stiffness"],
+        "contact_angle": conditions["contact_angle"],
+        "contact_damping": CONTACT_DAMPING,
+        "pretension_top": pretension,
+        "pretension_bottom": pretension,
         "shaft_friction": friction,
         "brake_torque": conditions.get("output_arm", 0.0) * 2 * pretension,  # the sum of both tensions, nearly constant
-    }  # fmt: skip
+    }
 
 
 def simulate(model: Model, conditions: Sequence[Mapping[str, float]], dt: float = COARSE) -> Run:
@@ -139,7 +147,9 @@ def simulate(model: Model, conditions: Sequence[Mapping[str, float]], dt: float 
     return last_cycle(run, PERIOD)
 
 
-def errors_of(model: Model, conditions: Sequence[Mapping[str, float]], reading: Reading, dt: float = COARSE) -> np.ndarray:
+def errors_of(
+    model: Model, conditions: Sequence[Mapping[str, float]], reading: Reading, dt: float = COARSE
+) -> np.ndarray:
     """The twelve numbers  [conditions, 3, 4]."""
     arm = np.repeat([c.get("drive_arm", 0.0) for c in conditions], len(PRETENSIONS))
     run = simulate(model, conditions, dt)
@@ -155,18 +165,28 @@ def fit(model: Model, reading: Reading, generations: int = 30, seed: int = 1) ->
         return misfit(errors_of(model, [dict(zip(names, x, strict=True)) for x in columns.T], reading))
 
     found = differential_evolution(
-        cost, list(bounds.values()), vectorized=True, updating="deferred", popsize=6 * max(len(names) - 1, 1),
-        maxiter=generations, rng=np.random.default_rng(seed), polish=False, tol=1e-4,
-    )  # fmt: skip
+        cost,
+        list(bounds.values()),
+        vectorized=True,
+        updating="deferred",
+        popsize=6 * max(len(names) - 1, 1),
+        maxiter=generations,
+        rng=np.random.default_rng(seed),
+        polish=False,
+        tol=1e-4,
+    )
     conditions = {name: float(v) for name, v in zip(names, found.x, strict=True)}
     return Fitted(model, reading, conditions, errors_of(model, [conditions], reading, 0.01)[0])
 
 
 def landscape(model: Model, reading: Reading, stiffness: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Misfit over the two conditions of the contact  [angles, stiffnesses]."""
-    return np.stack([
-        misfit(errors_of(model, [{"contact_stiffness": k, "contact_angle": c} for k in stiffness], reading)) for c in angle
-    ])  # fmt: skip
+    return np.stack(
+        [
+            misfit(errors_of(model, [{"contact_stiffness": k, "contact_angle": c} for k in stiffness], reading))
+            for c in angle
+        ]
+    )
 
 
 def printed_equations(rigs: Sequence[Mapping[str, Any]], angle: np.ndarray, dt: float) -> Run:
@@ -208,5 +228,13 @@ def printed_equations(rigs: Sequence[Mapping[str, Any]], angle: np.ndarray, dt: 
         t, b = ((1 - share) * x + share * y for x, y in zip(tensions(d, 0), tensions(d, 1), strict=True))
         speed = np.full(len(rigs), (drive - angle[k]) / dt)
         kept[:, k] = np.full(len(rigs), drive), speed, s.drive_radius * (t - b), output, load, t, b
-    names = ("drive_angle", "drive_velocity", "drive_torque", "output_angle", "output_torque", "tension_drive_top", "tension_drive_bottom")
+    names = (
+        "drive_angle",
+        "drive_velocity",
+        "drive_torque",
+        "output_angle",
+        "output_torque",
+        "tension_drive_top",
+        "tension_drive_bottom",
+    )
     return Run(dt * np.arange(1, len(angle)), dict(zip(names, kept, strict=True)), rigs)

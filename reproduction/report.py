@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.errors import ConfigurationError
+from cablebench.store import jsonable
 from cablebench.units import number
 from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
 
@@ -25,13 +26,30 @@ def in_order(results: Sequence[Result]) -> list[Result]:
 
 
 def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
-    """``rows.json``, ``index.html`` and ``figures/<item>-<name>.svg`` in ``folder``; the paths by kind."""
+    """``rows.json``, ``tables.json`` (beyond the paper), ``index.html``, ``figures/<item>-<name>.svg``; the paths."""
     folder = prepare(folder)
     for result in results:
         for figure in result.figures:
             path = folder / "figures" / f"{result.item}-{figure.name}.svg"
             path.write_text(standalone(figure.svg), encoding="utf-8")
-    paths = {"json": folder / "rows.json", "html": folder / "index.html", "figures": folder / "figures"}
+    paths = {
+        "json": folder / "rows.json",
+        "tables": folder / "tables.json",
+        "html": folder / "index.html",
+        "figures": folder / "figures",
+    }
+    tables = [
+        {
+            "item": r.item,
+            "title": t.title,
+            "note": t.note,
+            "columns": list(t.columns),
+            "rows": [list(line) for line in t.rows],
+        }
+        for r in in_order(results)
+        for t in r.tables
+    ]
+    paths["tables"].write_text(json.dumps(jsonable(tables), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     paths["json"].write_text(json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
     paths["html"].write_text(render_html(results), encoding="utf-8")
     return paths
@@ -64,6 +82,7 @@ def render_html(results: Sequence[Result]) -> str:
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters["number"] = shown
     environment.filters["percent"] = percent
+    environment.filters["words"] = lambda cell: Markup(' class="words"') if _wordy(cell) else ""
     environment.filters["inline"] = Markup
     environment.filters["plain"] = lambda text: re.sub(r"\s+", " ", text)
     source = files("reproduction").joinpath("templates/reproduction.html.j2").read_text(encoding="utf-8")
@@ -89,6 +108,11 @@ def shown(value: Any) -> str:
     if isinstance(value, int) and abs(value) < 10**6:
         return f"{value}"
     return number(value, 4)
+
+
+def _wordy(cell: Any) -> bool:
+    """Whether a cell reads as text and goes to the left."""
+    return isinstance(cell, str) and len(re.findall(r"[^\W\d_]{2,}", cell)) > 1
 
 
 def percent(value: float | None) -> str:

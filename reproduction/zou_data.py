@@ -23,11 +23,15 @@ class Idler(NamedTuple):
 
 
 TABLE_3 = {
-    "1t": Idler(0.051, 1.006, 1.098, 0.279), "1b": Idler(0.051, 1.006, 1.098, 0.279),
-    "2t": Idler(0.129, 1.047, 2.130, 1.571), "2b": Idler(0.206, 1.072, 2.025, 1.571),
-    "3t": Idler(0.291, 1.115, 4.213, 3.141), "3b": Idler(0.182, 1.074, 4.622, 3.141),
-    "4t": Idler(0.182, 1.074, 4.796, 3.217), "4b": Idler(0.290, 1.114, 4.739, 3.390),
-}  # fmt: skip
+    "1t": Idler(0.051, 1.006, 1.098, 0.279),
+    "1b": Idler(0.051, 1.006, 1.098, 0.279),
+    "2t": Idler(0.129, 1.047, 2.130, 1.571),
+    "2b": Idler(0.206, 1.072, 2.025, 1.571),
+    "3t": Idler(0.291, 1.115, 4.213, 3.141),
+    "3b": Idler(0.182, 1.074, 4.622, 3.141),
+    "4t": Idler(0.182, 1.074, 4.796, 3.217),
+    "4b": Idler(0.290, 1.114, 4.739, 3.390),
+}
 EXACT_WRAPS = {1.571: math.pi / 2, 3.141: math.pi}
 """Table 2 rounds or cuts right and straight angles; Table 3 was computed with the angles themselves"""
 RADII = {"1t": 4e-3, "1b": 4e-3, "2t": 8e-3, "2b": 5e-3, "3t": 5e-3, "3b": 8e-3, "4t": 8e-3, "4b": 5e-3}
@@ -35,7 +39,8 @@ RADII = {"1t": 4e-3, "1b": 4e-3, "2t": 8e-3, "2b": 5e-3, "3t": 5e-3, "3b": 8e-3,
 
 
 def idler(name: str, support: str = "shaft", wrap: float | None = None) -> Pulley:
-    """An idler of Table 2 on its shaft, or "fixed"; the cable's 0.56 mm taken as a radius. ``wrap`` (rad) replaces its own."""
+    """An idler of Table 2 on its shaft, or "fixed"; the cable's 0.56 mm taken as a radius. ``wrap`` (rad) replaces
+    its own."""
     printed = TABLE_3[name].wrap if wrap is None else wrap
     return Pulley(RADII[name], 0.56e-3, EXACT_WRAPS.get(printed, printed), 0.54, support, 2.5e-3, 0.157)
 

@@ -1,4 +1,5 @@
-"""Fig. 10: output angle and output torque at three pretensions, free in one half cycle, against the sensor in the other."""
+"""Fig. 10: output angle and output torque at three pretensions, free in one half cycle, against the sensor in the
+other."""
 
 from typing import Any
 
@@ -24,23 +25,48 @@ def reproduce(progress: Progress) -> Result:
     apart = float(np.max(np.abs(chain["output_angle"] - analytic["output_angle"])))
     slack = chain["slack_fraction"].mean(axis=0)
     rows = [
-        claim("backlash is large, with all three pretensions", "very large", f"{', '.join(f'{v:.2f}' for v in errors)} of {turning:.2f} rad",
-              bool(errors.min() > 0.05 * turning), "largest differences between expected and output angle at 12.5, 50, 150 N"),
-        claim("where it is largest", "where the direction of the drive's torque changes", f"at {', '.join(f'{v:.2f}' for v in at)} of {turning:.2f} rad",
-              bool(np.all(at > 0.97 * turning)), "at the reversal in contact, where the drive's torque is largest and begins to fall"),
-        claim("output torque closer to the expected with more pretension", "in theory, not observed",
-              ", ".join(f"{v:.3f}" for v in fitted.errors[:, 2]) + " N m", not bool(np.all(np.diff(fitted.errors[:, 2]) < 0)),
-              f"largest torque errors at 12.5, 50, 150 N; see {SECTION}"),
-        not_reproducible("curves of Fig. 10", None, None, "", "drawn without numbers that the text gives; stiffness and position of the sensor are not printed: "
-                         + conditions(fitted)),
-    ]  # fmt: skip
+        claim(
+            "backlash is large, with all three pretensions",
+            "very large",
+            f"{', '.join(f'{v:.2f}' for v in errors)} of {turning:.2f} rad",
+            bool(errors.min() > 0.05 * turning),
+            "largest differences between expected and output angle at 12.5, 50, 150 N",
+        ),
+        claim(
+            "where it is largest",
+            "where the direction of the drive's torque changes",
+            f"at {', '.join(f'{v:.2f}' for v in at)} of {turning:.2f} rad",
+            bool(np.all(at > 0.97 * turning)),
+            "at the reversal in contact, where the drive's torque is largest and begins to fall",
+        ),
+        claim(
+            "output torque closer to the expected with more pretension",
+            "in theory, not observed",
+            ", ".join(f"{v:.3f}" for v in fitted.errors[:, 2]) + " N m",
+            not bool(np.all(np.diff(fitted.errors[:, 2]) < 0)),
+            f"largest torque errors at 12.5, 50, 150 N; see {SECTION}",
+        ),
+        not_reproducible(
+            "curves of Fig. 10",
+            None,
+            None,
+            "",
+            "drawn without numbers that the text gives; stiffness and position of the sensor are not printed: "
+            + conditions(fitted),
+        ),
+    ]
     return Result(
-        rows, (figure(chain, fitted),),
-        notes=(f"Slack share of the cycle at 12.5, 50, 150 N: {', '.join(f'{100 * v:.0f} %' for v in slack)}. Chain and analytic plant are within "
-               f"{apart:.4f} rad of each other.",
-               f"Largest tensions: {', '.join(f'{v:.0f}' for v in chain['peak_tension'].max(axis=0))} N; the rope is good for about 223 N."),
+        rows,
+        (figure(chain, fitted),),
+        notes=(
+            f"Slack share of the cycle at 12.5, 50, 150 N: {', '.join(f'{100 * v:.0f} %' for v in slack)}. Chain and "
+            "analytic plant are within "
+            f"{apart:.4f} rad of each other.",
+            f"Largest tensions: {', '.join(f'{v:.0f}' for v in chain['peak_tension'].max(axis=0))} N; the rope is "
+            "good for about 223 N.",
+        ),
         why="Loops as described: large errors at all three pretensions, largest at the reversal in contact.",
-    )  # fmt: skip
+    )
 
 
 def figure(chain: Run, fitted: Fitted) -> Figure:
@@ -50,10 +76,34 @@ def figure(chain: Run, fitted: Fitted) -> Figure:
         axes = fig.subplots(2, 2)
         time = chain.time - chain.time[0]
         panels = (
-            (axes[0, 0], chain["drive_angle"], chain["output_angle"], "drive angle θ_in [rad]", "output angle θ_out [rad]"),
-            (axes[0, 1], chain["drive_angle"], chain["output_torque"], "drive angle θ_in [rad]", "output torque M_out [N m]"),
-            (axes[1, 0], time[:, None] + 0 * chain.position_error, chain.position_error, "time [s]", "position error [rad]"),
-            (axes[1, 1], time[:, None] + 0 * chain.position_error, chain.torque_error(), "time [s]", "torque error [N m]"),
+            (
+                axes[0, 0],
+                chain["drive_angle"],
+                chain["output_angle"],
+                "drive angle θ_in [rad]",
+                "output angle θ_out [rad]",
+            ),
+            (
+                axes[0, 1],
+                chain["drive_angle"],
+                chain["output_torque"],
+                "drive angle θ_in [rad]",
+                "output torque M_out [N m]",
+            ),
+            (
+                axes[1, 0],
+                time[:, None] + 0 * chain.position_error,
+                chain.position_error,
+                "time [s]",
+                "position error [rad]",
+            ),
+            (
+                axes[1, 1],
+                time[:, None] + 0 * chain.position_error,
+                chain.torque_error(),
+                "time [s]",
+                "torque error [N m]",
+            ),
         )
         for ax, x, y, xlabel, ylabel in panels:
             for k, pretension in enumerate(PRETENSIONS):
@@ -62,7 +112,12 @@ def figure(chain: Run, fitted: Fitted) -> Figure:
         drive = chain["drive_angle"][:, 0]
         order = np.argsort(drive)
         axes[0, 0].plot(drive[order], 1.4 * drive[order], **style.PUBLISHED_LINE, label="rigid cable")
-        axes[0, 1].plot(drive[order], chain.contact_torque(chain.expected_angle)[order, 0], **style.PUBLISHED_LINE, label="rigid cable")
+        axes[0, 1].plot(
+            drive[order],
+            chain.contact_torque(chain.expected_angle)[order, 0],
+            **style.PUBLISHED_LINE,
+            label="rigid cable",
+        )
         axes[0, 0].set(xlim=(0.8, 1.78), ylim=(1.0, 2.5))
         axes[0, 1].set(xlim=(0.8, 1.78))
         axes[0, 0].legend(loc="upper left")
@@ -71,5 +126,10 @@ def figure(chain: Run, fitted: Fitted) -> Figure:
         style.letters(axes.ravel())
 
     k, c = fitted.conditions["contact_stiffness"], fitted.conditions["contact_angle"]
-    return Figure("cycle", f"One cycle of 1.74 sin(2πt/12.5 s) at the drive, from the chain; contact from {c:.2f} rad with {k:.2f} N m/rad. "
-                           "(a), (b) the part of the loops near the contact, (c), (d) errors against a rigid cable.", style.svg(draw, style.PAGE, 4.6))
+    return Figure(
+        "cycle",
+        f"One cycle of 1.74 sin(2πt/12.5 s) at the drive, from the chain; contact from {c:.2f} rad with {k:.2f} N "
+        "m/rad. "
+        "(a), (b) the part of the loops near the contact, (c), (d) errors against a rigid cable.",
+        style.svg(draw, style.PAGE, 4.6),
+    )

@@ -6,8 +6,20 @@ import numpy as np
 
 from reproduction import style
 from reproduction.grasp import (
-    SPREAD, SPREADS, TRUTHS, Estimate, Sine, compensated, contact, estimate, largest, noisy, tracking_errors, truths, within,
-)  # fmt: skip
+    SPREAD,
+    SPREADS,
+    TRUTHS,
+    Estimate,
+    Sine,
+    compensated,
+    contact,
+    estimate,
+    largest,
+    noisy,
+    tracking_errors,
+    truths,
+    within,
+)
 from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
 from reproduction.zou_data import AMPLITUDE, COMPENSATED, GRASPER_LENGTH, PERIOD, UNCOMPENSATED
 from reproduction.zou_runs import Run
@@ -48,35 +60,86 @@ def reproduce(progress: Progress) -> Result:
         for j, controller in enumerate(("feedforward-pid", "uncompensated-pid")):
             progress(0.1 + 0.85 * (2 * k + j) / 10, f"{controller}, truths within ±{100 * spread:.0f} %")
             cases[controller, spread] = case(controller, spread)
-    main, plain, exact = cases["feedforward-pid", SPREAD], cases["uncompensated-pid", SPREAD], cases["feedforward-pid", 0.0]
+    main, plain, exact = (
+        cases["feedforward-pid", SPREAD],
+        cases["uncompensated-pid", SPREAD],
+        cases["feedforward-pid", 0.0],
+    )
     angle, torque = np.degrees(largest(main.errors.angle)), largest(main.errors.torque)
     wide = cases["feedforward-pid", SPREADS[-1]]
     grasp, best = closing(main), closing(exact)
     at = np.argmax(np.abs(main.errors.angle), axis=0)
     near = float(np.mean(main.run["reference"][at, 0] > 0.9 * REFERENCE.amplitude))
     after = float(np.mean(np.diff(main.run["reference"][:, 0], prepend=0.0)[at] <= 0.0))
-    what = f"desired less actual, compensation with Table 2 on truths within ±{100 * SPREAD:.0f} %, contact as in Fig. 11"
+    what = (
+        f"desired less actual, compensation with Table 2 on truths within ±{100 * SPREAD:.0f} %, contact as in Fig. 11"
+    )
     gain = np.degrees(np.median(largest(plain.errors.angle))) / np.median(angle)
     rows = [
         within("max position error, compensated", COMPENSATED.degrees, angle, "deg", what),
-        within("max torque error, compensated", COMPENSATED.torque, torque, "N m", what,
-               f"truths within ±30 % reach {np.quantile(largest(wide.errors.torque), 0.95):.3f} N m"),
-        not_reproducible("mean position error, compensated", None, float(np.median(np.degrees(np.abs(main.errors.angle)).mean(axis=0))), "deg", "not printed"),
-        not_reproducible("mean torque error, compensated", None, float(np.median(np.abs(main.errors.torque).mean(axis=0))), "N m", "not printed"),
-        claim("compensation: factor of the position error", f"{UNCOMPENSATED.degrees / COMPENSATED.degrees:.1f}", float(gain), bool(gain > 1.5),
-              f"medians; {np.degrees(largest(exact.errors.angle))[0]:.2f} deg are left where the model is exact: delay of the direction's change"),
-        claim("largest error at the change of direction", "during the release", f"{100 * near:.0f} % of the truths within a tenth of the top, {100 * after:.0f} % after it",
-              near > 0.5 and after > 0.5, "with wrong parameters the error grows with the load, so it is largest near the top; with exact ones where a cable goes slack"),
-        within("force error of the estimate while grasping, 15 mm", 0.53, grasp, "N", "estimate less measured torque while the jaw closes",
-               f"exact parameters leave {np.median(best):.2f} N: so close was the paper's model while grasping, closer than its 0.109 N m elsewhere says"),
-    ]  # fmt: skip
+        within(
+            "max torque error, compensated",
+            COMPENSATED.torque,
+            torque,
+            "N m",
+            what,
+            f"truths within ±30 % reach {np.quantile(largest(wide.errors.torque), 0.95):.3f} N m",
+        ),
+        not_reproducible(
+            "mean position error, compensated",
+            None,
+            float(np.median(np.degrees(np.abs(main.errors.angle)).mean(axis=0))),
+            "deg",
+            "not printed",
+        ),
+        not_reproducible(
+            "mean torque error, compensated",
+            None,
+            float(np.median(np.abs(main.errors.torque).mean(axis=0))),
+            "N m",
+            "not printed",
+        ),
+        claim(
+            "compensation: factor of the position error",
+            f"{UNCOMPENSATED.degrees / COMPENSATED.degrees:.1f}",
+            float(gain),
+            bool(gain > 1.5),
+            f"medians; {np.degrees(largest(exact.errors.angle))[0]:.2f} deg are left where the model is exact: delay "
+            "of the direction's change",
+        ),
+        claim(
+            "largest error at the change of direction",
+            "during the release",
+            f"{100 * near:.0f} % of the truths within a tenth of the top, {100 * after:.0f} % after it",
+            near > 0.5 and after > 0.5,
+            "with wrong parameters the error grows with the load, so it is largest near the top; with exact ones "
+            "where a cable goes slack",
+        ),
+        within(
+            "force error of the estimate while grasping, 15 mm",
+            0.53,
+            grasp,
+            "N",
+            "estimate less measured torque while the jaw closes",
+            f"exact parameters leave {np.median(best):.2f} N: so close was the paper's model while grasping, closer "
+            "than its 0.109 N m elsewhere says",
+        ),
+    ]
     return Result(
-        rows, (figure(cases),), (table(cases),),
-        notes=(f"Reference: {REFERENCE.amplitude:.3f} rad, 12.5 s at the output. Controllers: feedforward-pid and uncompensated-pid of this package with "
-               "default gains, position servo, noisy drive signals; torque saturator out of reach (its limit is not printed).",
-               "4.84 deg and 0.081 N m are in the ratio 0.96 N m/rad, 13.96 deg and 0.215 N m in the ratio 0.88: one sensor, nearly."),
-        why="Compensation leaves what the parameters are wrong by; the printed errors are those of parameters wrong by 20 to 30 %.",
-    )  # fmt: skip
+        rows,
+        (figure(cases),),
+        (table(cases),),
+        notes=(
+            f"Reference: {REFERENCE.amplitude:.3f} rad, 12.5 s at the output. Controllers: feedforward-pid and "
+            "uncompensated-pid of this package with "
+            "default gains, position servo, noisy drive signals; torque saturator out of reach (its limit is not "
+            "printed).",
+            "4.84 deg and 0.081 N m are in the ratio 0.96 N m/rad, 13.96 deg and 0.215 N m in the ratio 0.88: one "
+            "sensor, nearly.",
+        ),
+        why="Compensation leaves what the parameters are wrong by; the printed errors are those of parameters wrong "
+        "by 20 to 30 %.",
+    )
 
 
 def closing(found: Case) -> np.ndarray:
@@ -90,9 +153,21 @@ def table(cases: dict[tuple[str, float], Case]) -> Extra:
     rows = []
     for (controller, spread), c in cases.items():
         angle, torque = np.degrees(largest(c.errors.angle)), largest(c.errors.torque)
-        rows.append((controller, f"±{100 * spread:.0f} %", float(np.median(angle)), float(np.quantile(angle, 0.95)), float(np.median(torque)),
-                     float(np.quantile(torque, 0.95))))  # fmt: skip
-    return Extra("Largest errors of the output", ("controller", "truths within", "max deg, median", "max deg, 95 %", "max N m, median", "max N m, 95 %"), rows)
+        rows.append(
+            (
+                controller,
+                f"±{100 * spread:.0f} %",
+                float(np.median(angle)),
+                float(np.quantile(angle, 0.95)),
+                float(np.median(torque)),
+                float(np.quantile(torque, 0.95)),
+            )
+        )
+    return Extra(
+        "Largest errors of the output",
+        ("controller", "truths within", "max deg, median", "max deg, 95 %", "max N m, median", "max N m, 95 %"),
+        rows,
+    )
 
 
 def figure(cases: dict[tuple[str, float], Case]) -> Figure:
@@ -108,7 +183,13 @@ def figure(cases: dict[tuple[str, float], Case]) -> Figure:
         ):
             ax.plot(main.run.time, wanted[:, example], color=style.INK, linewidth=2.2, alpha=0.35, label="desired")
             ax.plot(main.run.time, main.run[name][:, example], color=style.COLOURS[0], label="compensated")
-            ax.plot(plain.run.time, plain.run[name][:, example], color=style.COLOURS[1], linestyle=style.DASHES[1], label="not compensated")
+            ax.plot(
+                plain.run.time,
+                plain.run[name][:, example],
+                color=style.COLOURS[1],
+                linestyle=style.DASHES[1],
+                label="not compensated",
+            )
             ax.set(xlabel="time [s]", ylabel=label, xlim=(12.5, 18.75))
         axes[0, 0].set_ylim(-0.2, 2.7)
         axes[0, 0].legend(loc="lower center")
@@ -118,10 +199,21 @@ def figure(cases: dict[tuple[str, float], Case]) -> Figure:
         ):
             for k, controller in enumerate(("feedforward-pid", "uncompensated-pid")):
                 spreads = (0.0, *SPREADS)
-                q = np.array([np.quantile(factor * largest(getattr(cases[controller, s].errors, field)), (0.05, 0.5, 0.95)) for s in spreads])
+                q = np.array(
+                    [
+                        np.quantile(factor * largest(getattr(cases[controller, s].errors, field)), (0.05, 0.5, 0.95))
+                        for s in spreads
+                    ]
+                )
                 x = 100 * np.array(spreads)
                 ax.fill_between(x, q[:, 0], q[:, 2], color=style.COLOURS[k], alpha=0.18, linewidth=0)
-                ax.plot(x, q[:, 1], color=style.COLOURS[k], linestyle=style.DASHES[k], label=("compensated", "not compensated")[k])
+                ax.plot(
+                    x,
+                    q[:, 1],
+                    color=style.COLOURS[k],
+                    linestyle=style.DASHES[k],
+                    label=("compensated", "not compensated")[k],
+                )
             for k, level in enumerate(printed):
                 ax.axhline(level, **style.PUBLISHED_LINE, label=None if k else "printed")
             ax.set(xlabel="parameters of the truth within ± [%]", ylabel=label, xlim=(0, 30))
@@ -129,6 +221,10 @@ def figure(cases: dict[tuple[str, float], Case]) -> Figure:
         axes[1, 0].legend(loc="center left")
         style.letters(axes.ravel())
 
-    return Figure("compensation", "Backlash compensation at 25 N. (a), (b) one truth with parameters within ±20 %, the contact's half of a cycle; (c), (d) "
-                                  "largest errors over 40 truths, median and 5 to 95 %; dashed: printed for both cases.",
-                  style.svg(draw, style.PAGE, 5.0))  # fmt: skip
+    return Figure(
+        "compensation",
+        "Backlash compensation at 25 N. (a), (b) one truth with parameters within ±20 %, the contact's half of a "
+        "cycle; (c), (d) "
+        "largest errors over 40 truths, median and 5 to 95 %; dashed: printed for both cases.",
+        style.svg(draw, style.PAGE, 5.0),
+    )

@@ -1,8 +1,8 @@
 """Fig. 14: the surgical instrument at 25 N with compensation.
 
-The paper gives its pretension and three errors: no amplitude, no period, no object, no cable run. Chosen: the cable run of
-Table 2, the period of 12.5 s, and the amplitudes and objects of `AMPLITUDES` and `STIFFNESSES`; the jaw closes on the object at
-half of the swing. Truths as in Fig. 11.
+The paper gives its pretension and three errors: no amplitude, no period, no object, no cable run. Chosen: the cable run
+of Table 2, the period of 12.5 s, and the amplitudes and objects of `AMPLITUDES` and `STIFFNESSES`; the jaw closes on
+the object at half of the swing. Truths as in Fig. 11.
 """
 
 from typing import Any, NamedTuple
@@ -44,8 +44,13 @@ def case(amplitude: float, stiffness: float) -> Case:
     late = whole.time > 0.25 * PERIOD + 1e-9
     angle = np.degrees(np.abs(run["reference"] - run["output_angle"]))
     torque = found.torque[late] - run.contact_torque(run["reference"])
-    return Case(run, float(np.median(angle.max(axis=0))), float(np.median(angle.mean(axis=0))), float(np.median(largest(torque))),
-                float(run["output_torque"].max()))  # fmt: skip
+    return Case(
+        run,
+        float(np.median(angle.max(axis=0))),
+        float(np.median(angle.mean(axis=0))),
+        float(np.median(largest(torque))),
+        float(run["output_torque"].max()),
+    )
 
 
 def reproduce(progress: Progress) -> Result:
@@ -56,29 +61,50 @@ def reproduce(progress: Progress) -> Result:
         cases[amplitude, stiffness] = case(amplitude, stiffness)
     shown = cases[SHOWN]
     reach = {name: [getattr(c, name) for c in cases.values()] for name in ("max_angle", "mean_angle", "max_torque")}
-    missing = f"amplitude, period, object and cable run are not printed; chosen {SHOWN[0]:g} rad, 12.5 s, {SHOWN[1]:g} N m/rad, Table 2"
+    chosen = f"chosen {SHOWN[0]:g} rad, 12.5 s, {SHOWN[1]:g} N m/rad, Table 2"
+    missing = f"amplitude, period, object and cable run are not printed; {chosen}"
     rows = [
-        not_reproducible(label, printed, getattr(shown, name), unit,
-                         f"{missing}; over amplitudes 0.3 to 1 rad and objects 0.05 to 0.5 N m/rad: {min(reach[name]):.3g} to {max(reach[name]):.3g} {unit}")
+        not_reproducible(
+            label,
+            printed,
+            getattr(shown, name),
+            unit,
+            f"{missing}; over amplitudes 0.3 to 1 rad and objects 0.05 to 0.5 N m/rad: {min(reach[name]):.3g} to "
+            f"{max(reach[name]):.3g} {unit}",
+        )
         for label, printed, name, unit in (
             ("max position error, compensated", INSTRUMENT.degrees, "max_angle", "deg"),
             ("mean position error, compensated", INSTRUMENT_MEAN, "mean_angle", "deg"),
             ("max torque error, estimated less desired", INSTRUMENT.torque, "max_torque", "N m"),
         )
-    ]  # fmt: skip
-    rows.append(not_reproducible("force error for 0.025 N m, 15 mm grasper", 1.47, INSTRUMENT.torque / GRASPER_LENGTH, "N",
-                                 "0.025 N m over 15 mm is 1.67 N, as the conclusions say; 1.47 N would need 0.022 N m or 17 mm"))
+    ]
+    rows.append(
+        not_reproducible(
+            "force error for 0.025 N m, 15 mm grasper",
+            1.47,
+            INSTRUMENT.torque / GRASPER_LENGTH,
+            "N",
+            "0.025 N m over 15 mm is 1.67 N, as the conclusions say; 1.47 N would need 0.022 N m or 17 mm",
+        )
+    )
     return Result(
-        rows, (figure(cases),), (table(cases),),
-        why="The torque error comes out as printed for most of what is not printed; the position errors are smaller than printed in all nine cases. Neither "
-            "can be checked.",
-    )  # fmt: skip
+        rows,
+        (figure(cases),),
+        (table(cases),),
+        why="The torque error comes out as printed for most of what is not printed; the position errors are smaller "
+        "than printed in all nine cases. Neither "
+        "can be checked.",
+    )
 
 
 def table(cases: dict[tuple[float, float], Case]) -> Extra:
     """Medians over the truths."""
-    return Extra("Instrument at 25 N, truths within ±20 %", ("amplitude rad", "object N m/rad", "max deg", "mean deg", "max N m", "largest grasp N m"),
-                 [(a, s, c.max_angle, c.mean_angle, c.max_torque, c.peak) for (a, s), c in cases.items()], "Medians over 20 truths.")  # fmt: skip
+    return Extra(
+        "Instrument at 25 N, truths within ±20 %",
+        ("amplitude rad", "object N m/rad", "max deg", "mean deg", "max N m", "largest grasp N m"),
+        [(a, s, c.max_angle, c.mean_angle, c.max_torque, c.peak) for (a, s), c in cases.items()],
+        "Medians over 20 truths.",
+    )
 
 
 def figure(cases: dict[tuple[float, float], Case]) -> Figure:
@@ -92,12 +118,20 @@ def figure(cases: dict[tuple[float, float], Case]) -> Figure:
         axes[0].plot(time, run["output_angle"][:, 0], color=style.COLOURS[0], label="actual")
         axes[0].set(xlabel="time [s]", ylabel="output angle θ_out [rad]", xlim=(0, 12.5), ylim=(-0.75, 1.05))
         axes[0].legend(loc="upper center")
-        for ax, name, printed, label in ((axes[1], "max_angle", INSTRUMENT.degrees, "max angle error [°]"),
-                                         (axes[2], "mean_angle", INSTRUMENT_MEAN, "mean angle error [°]"),
-                                         (axes[3], "max_torque", INSTRUMENT.torque, "max torque error [N m]")):  # fmt: skip
+        for ax, name, printed, label in (
+            (axes[1], "max_angle", INSTRUMENT.degrees, "max angle error [°]"),
+            (axes[2], "mean_angle", INSTRUMENT_MEAN, "mean angle error [°]"),
+            (axes[3], "max_torque", INSTRUMENT.torque, "max torque error [N m]"),
+        ):
             for k, s in enumerate(STIFFNESSES):
-                ax.plot(AMPLITUDES, [getattr(cases[a, s], name) for a in AMPLITUDES], color=style.COLOURS[k], linestyle=style.DASHES[k], marker=".",
-                        label=f"{s:g} N m/rad")
+                ax.plot(
+                    AMPLITUDES,
+                    [getattr(cases[a, s], name) for a in AMPLITUDES],
+                    color=style.COLOURS[k],
+                    linestyle=style.DASHES[k],
+                    marker=".",
+                    label=f"{s:g} N m/rad",
+                )
             ax.axhline(printed, **style.PUBLISHED_LINE, label="printed")
             ax.set(xlabel="amplitude [rad]", ylabel=label)
             ax.set_ylim(0, 1.25 * max(printed, max(getattr(c, name) for c in cases.values())))
@@ -105,5 +139,10 @@ def figure(cases: dict[tuple[float, float], Case]) -> Figure:
         fig.legend(handles, labels, loc="outside lower right", ncols=4)
         style.letters(axes)
 
-    return Figure("instrument", "Instrument at 25 N with compensation, truths within ±20 %. (a) one truth, 0.6 rad on an object of 0.2 N m/rad; (b)-(d) median "
-                                "errors over amplitude for three objects.", style.svg(draw, style.PAGE, 2.7))  # fmt: skip
+    return Figure(
+        "instrument",
+        "Instrument at 25 N with compensation, truths within ±20 %. (a) one truth, 0.6 rad on an object of 0.2 N "
+        "m/rad; (b)-(d) median "
+        "errors over amplitude for three objects.",
+        style.svg(draw, style.PAGE, 2.7),
+    )

@@ -1,10 +1,11 @@
 """Fig. 6: the transmission characteristic and its phases, from the analytic plant and from the chain.
 
-The paper draws Fig. 6 without numbers; what can be checked is what sections 2.3.1-2.3.2 say of the phases. Chosen: 50 N, a
-contact of 0.57 N m/rad (the ratio of torque and position errors of Table 4) that is touched over the whole motion, 0.2 rad at
-the drive in the paper's period: no cable goes slack.
+The paper draws Fig. 6 without numbers; what can be checked is what sections 2.3.1-2.3.2 say of the phases. Chosen: 50
+N, a contact of 0.57 N m/rad (the ratio of torque and position errors of Table 4) that is touched over the whole motion,
+0.2 rad at the drive in the paper's period: no cable goes slack.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def strokes(run: Run) -> list[np.ndarray]:
     """Samples of each whole stroke between two reversals of the drive, the reversal first."""
     drive = run["drive_angle"][:, 0]
     turns = np.flatnonzero(np.diff(np.sign(np.diff(drive)))) + 1
-    pairs = zip(turns[:-1], turns[1:], strict=True)
+    pairs = pairwise(turns)
     # a control step that contains the reversal may still report the phase before it
     return [np.arange(a + (1 if run["phase"][a, 0] == 3 else 0), b) for a, b in pairs]
 
@@ -65,7 +66,9 @@ def reproduce(progress: Progress) -> Result:
     found = slopes(chain, stroke)
     phases = chain["phase"][stroke, 0]
     drive = chain["drive_angle"][stroke, 0]
-    reach = {name: float(np.ptp(drive[phases == number])) for number, name in PHASES.items() if np.any(phases == number)}
+    reach = {
+        name: float(np.ptp(drive[phases == number])) for number, name in PHASES.items() if np.any(phases == number)
+    }
     held = float(abs(drive[0] - drive[np.argmax(phases == 3)]))  # from the reversal to the first sample that works
     predicted = dead_band(float(chain["output_torque"][top, 0]))
     working = (chain["phase"][:, 0] == 3) & (analytic["phase"][:, 0] == 3)
@@ -75,28 +78,58 @@ def reproduce(progress: Progress) -> Result:
     }
     order = [PHASES[int(p)] for p in phases[np.flatnonzero(np.diff(phases, prepend=0.0))] if p]
     rows = [
-        claim("phases after a reversal", "delay, transition, working", ", ".join(dict.fromkeys(order)),
-              list(dict.fromkeys(order)) == list(PHASES.values()), "emerge in the chain: nothing in it knows of phases"),
-        claim("delay: output", "held", f"{found['delay']:.1e} of R0/R5", abs(found["delay"]) < 1e-3,
-              f"slope over {reach['delay']:.3f} rad of the drive"),
-        claim("transition: slope of the output", "between zero and the working slope",
-              f"{found['transition']:.3f}, working {found['working']:.3f}", 0 <= found["transition"] < found["working"],
-              f"mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5"),
-        claim("delay and transition lumped into one hold (Eq. 47)", "simplification",
-              f"chain works after {held:.4f} rad of the drive, closed forms {predicted:.4f} rad", abs(held / predicted - 1) < 0.05,
-              "Eq. (45) in both directions at the torque of the reversal; the chain moves a little within the transition"),
-        claim("working phase: Eqs. (44)-(46) against the chain", "the same",
-              f"at most {max(apart.values()):.1e} of the range apart", max(apart.values()) < 1e-2,
-              "angle, output torque, drive torque where both report the working phase; largest right after the high-load reversal, "
-              "where the chain has moved a little in its transition"),
-        not_reproducible("curve of Fig. 6", None, None, "", "drawn without numbers; pretension, load and amplitude are not named"),
-    ]  # fmt: skip
+        claim(
+            "phases after a reversal",
+            "delay, transition, working",
+            ", ".join(dict.fromkeys(order)),
+            list(dict.fromkeys(order)) == list(PHASES.values()),
+            "emerge in the chain: nothing in it knows of phases",
+        ),
+        claim(
+            "delay: output",
+            "held",
+            f"{found['delay']:.1e} of R0/R5",
+            abs(found["delay"]) < 1e-3,
+            f"slope over {reach['delay']:.3f} rad of the drive",
+        ),
+        claim(
+            "transition: slope of the output",
+            "between zero and the working slope",
+            f"{found['transition']:.3f}, working {found['working']:.3f}",
+            0 <= found["transition"] < found["working"],
+            f"mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5",
+        ),
+        claim(
+            "delay and transition lumped into one hold (Eq. 47)",
+            "simplification",
+            f"chain works after {held:.4f} rad of the drive, closed forms {predicted:.4f} rad",
+            abs(held / predicted - 1) < 0.05,
+            "Eq. (45) in both directions at the torque of the reversal; the chain moves a little within the transition",
+        ),
+        claim(
+            "working phase: Eqs. (44)-(46) against the chain",
+            "the same",
+            f"at most {max(apart.values()):.1e} of the range apart",
+            max(apart.values()) < 1e-2,
+            "angle, output torque, drive torque where both report the working phase; largest right after the "
+            "high-load reversal, "
+            "where the chain has moved a little in its transition",
+        ),
+        not_reproducible(
+            "curve of Fig. 6", None, None, "", "drawn without numbers; pretension, load and amplitude are not named"
+        ),
+    ]
     return Result(
-        rows, figures(analytic, chain),
-        notes=("Eq. (47) with its lost minus restored would hold the output until M_in changes sign; against a load that pushes back it "
-               "never does within a stroke. The analytic plant therefore ends the hold by the balance of torques.",),
-        why="Four phases emerge from spans and friction contacts; the hold of Eq. (47) is as long as they take together.",
-    )  # fmt: skip
+        rows,
+        figures(analytic, chain),
+        notes=(
+            "Eq. (47) with its lost minus restored would hold the output until M_in changes sign; against a load that "
+            "pushes back it "
+            "never does within a stroke. The analytic plant therefore ends the hold by the balance of torques.",
+        ),
+        why="Four phases emerge from spans and friction contacts; the hold of Eq. (47) is as long as they take "
+        "together.",
+    )
 
 
 def figures(analytic: Run, chain: Run) -> tuple[Figure, ...]:
@@ -113,27 +146,52 @@ def figures(analytic: Run, chain: Run) -> tuple[Figure, ...]:
         for name, label, ax in curves:
             for number, phase in PHASES.items():
                 inside = chain["phase"][:, 0] == number
-                ax.plot(drive, np.where(inside, chain[name][:, 0], np.nan), color=_COLOUR[phase], linewidth=2.6, alpha=0.55,
-                        label=f"chain: {phase}")
-            ax.plot(analytic["drive_angle"][:, 0], analytic[name][:, 0], color=style.INK, linewidth=0.9, linestyle=style.DASHES[1],
-                    label="analytic plant")
+                ax.plot(
+                    drive,
+                    np.where(inside, chain[name][:, 0], np.nan),
+                    color=_COLOUR[phase],
+                    linewidth=2.6,
+                    alpha=0.55,
+                    label=f"chain: {phase}",
+                )
+            ax.plot(
+                analytic["drive_angle"][:, 0],
+                analytic[name][:, 0],
+                color=style.INK,
+                linewidth=0.9,
+                linestyle=style.DASHES[1],
+                label="analytic plant",
+            )
             ax.set(xlabel="drive angle θ_in [rad]", ylabel=label)
         axes[0, 0].legend(loc="upper left")
         _loop_arrows(axes[0, 0], chain)
         ax = axes[1, 1]
         time = chain.time - chain.time[0]
         ax.plot(time, chain.position_error[:, 0], color=style.COLOURS[0], label="chain")
-        ax.plot(time, analytic.position_error[:, 0], color=style.INK, linewidth=0.9, linestyle=style.DASHES[1], label="analytic plant")
+        ax.plot(
+            time,
+            analytic.position_error[:, 0],
+            color=style.INK,
+            linewidth=0.9,
+            linestyle=style.DASHES[1],
+            label="analytic plant",
+        )
         _phase_bands(ax, time, chain["phase"][:, 0])
         ax.set(xlabel="time [s]", ylabel="elongation angle D [rad]", xlim=(0, PERIOD))
         ax.legend(loc="upper left")
         style.letters(axes.ravel())
 
     return (
-        Figure("characteristic", "Transmission characteristic at 50 N against a contact of 0.57 N m/rad: (a) output angle, (b) output torque, "
-               "(c) drive torque over the drive angle, the chain coloured by its phases; (d) the angle that the cables take up, with "
-               "the chain's delay and transition shaded.", style.svg(draw, style.PAGE, 4.8)),
-    )  # fmt: skip
+        Figure(
+            "characteristic",
+            "Transmission characteristic at 50 N against a contact of 0.57 N m/rad: (a) output angle, (b) output "
+            "torque, "
+            "(c) drive torque over the drive angle, the chain coloured by its phases; (d) the angle that the cables "
+            "take up, with "
+            "the chain's delay and transition shaded.",
+            style.svg(draw, style.PAGE, 4.8),
+        ),
+    )
 
 
 def _phase_bands(ax: Any, time: np.ndarray, phase: np.ndarray) -> None:
@@ -148,5 +206,9 @@ def _loop_arrows(ax: Any, run: Run) -> None:
     x, y = run["drive_angle"][:, 0], run["output_angle"][:, 0]
     middle = strokes(run)[0][len(strokes(run)[0]) // 2]
     for k in (middle, middle - len(x) // 2):
-        ax.annotate("", (x[k + 40], y[k + 40]), (x[k - 40], y[k - 40]),
-                    arrowprops={"arrowstyle": "-|>", "color": style.INK, "linewidth": 0.8})
+        ax.annotate(
+            "",
+            (x[k + 40], y[k + 40]),
+            (x[k - 40], y[k - 40]),
+            arrowprops={"arrowstyle": "-|>", "color": style.INK, "linewidth": 0.8},
+        )

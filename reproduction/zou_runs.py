@@ -65,13 +65,15 @@ class Run:
     def torque_error(self, expected: str = "contact", bearing_arm: float | np.ndarray = 0.0) -> np.ndarray:
         """Expected less actual torque, N m; ``expected`` is one of `EXPECTED`.
 
-        ``bearing_arm`` (m, friction coefficient times radius of the bearing) is the friction of the driving pulley's bearing
-        per tension on it. It reaches only what a motor current measures: the drive's angle is given.
+        ``bearing_arm`` (m, friction coefficient times radius of the bearing) is the friction of the driving pulley's
+        bearing per tension on it. It reaches only what a motor current measures: the drive's angle is given.
         """
         if expected == "contact":
             return self.contact_torque(self.expected_angle) - self.contact_torque(self["output_angle"])
         if expected != "drive":
-            raise ConfigurationError(f"unknown reading '{expected}' of the expected torque; one of {', '.join(EXPECTED)}")
+            raise ConfigurationError(
+                f"unknown reading '{expected}' of the expected torque; one of {', '.join(EXPECTED)}"
+            )
         load = self["tension_drive_top"] + self["tension_drive_bottom"]
         motor = self["drive_torque"] + bearing_arm * load * np.sign(self["drive_velocity"])
         return motor * self.rig("output_radius") / self.rig("drive_radius") - self["output_torque"]
@@ -82,7 +84,9 @@ def sinusoid(cycles: float = 1.25, dt: float = DT, amplitude: float = AMPLITUDE,
     return amplitude * np.sin(2 * np.pi / period * dt * np.arange(round(cycles * period / dt) + 1))
 
 
-def follow(variant: str, rigs: Sequence[Mapping[str, float]], angle: np.ndarray, dt: float = DT, substeps: int = SUBSTEPS) -> Run:
+def follow(
+    variant: str, rigs: Sequence[Mapping[str, float]], angle: np.ndarray, dt: float = DT, substeps: int = SUBSTEPS
+) -> Run:
     """Drive every mechanism along ``angle`` (rad, [samples + 1], the first is the start) through its position servo.
 
     ``variant`` "analytic" or "chain". A mechanism starts at rest at output angle 0 unless its contact is below that.
@@ -105,7 +109,9 @@ def last_cycle(run: Run, period: float = PERIOD) -> Run:
     return run.part(run.time[-1] - period)
 
 
-def four_errors(run: Run, expected: str = "contact", half: bool = False, bearing_arm: float | np.ndarray = 0.0) -> np.ndarray:
+def four_errors(
+    run: Run, expected: str = "contact", half: bool = False, bearing_arm: float | np.ndarray = 0.0
+) -> np.ndarray:
     """Max and mean of position error (rad) and torque error (N m), the columns of Table 4  [mechanisms, 4].
 
     ``half``: only over the half cycle in which the drive is on the contact's side (theta_in > 0).

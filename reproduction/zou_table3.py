@@ -46,7 +46,7 @@ def _misprint(name: str, key: str) -> str:
         return "reason not found"
     wrap = TABLE_3[name].wrap
     low, high = (computed(name, wrap + shift)[key] for shift in (-LAST_DIGIT, LAST_DIGIT))
-    return (f"misprint: the wraps that round to {wrap:.3f} give {low:.4f} to {high:.4f}, and the other 22 values agree")
+    return f"misprint: the wraps that round to {wrap:.3f} give {low:.4f} to {high:.4f}, and the other 22 values agree"
 
 
 def reproduce(progress: Progress) -> Result:
@@ -54,12 +54,18 @@ def reproduce(progress: Progress) -> Result:
     progress(0.0, "eight idlers")
     found = rows()
     return Result(
-        found, (figure(),),
-        notes=("The ratio of the rotatable column is Eq. (12) over the capstan's slip angle. The support's own ratio, Eq. (30), "
-               "is larger: 1.028 on P1 against 1.006, because the capstan equation has no bending and Eq. (12) has.",
-               "The radius r = 0.560 mm of Table 2 is used as a radius; Table 1 gives 0.54 mm as the diameter. Half of it misses the table."),
-        why="22 of 24 values to the last printed digit; the other two, both of pulley 4b, follow from no wrap that rounds to the printed one.",
-    )  # fmt: skip
+        found,
+        (figure(),),
+        notes=(
+            "The ratio of the rotatable column is Eq. (12) over the capstan's slip angle. The support's own ratio, "
+            "Eq. (30), "
+            "is larger: 1.028 on P1 against 1.006, because the capstan equation has no bending and Eq. (12) has.",
+            "The radius r = 0.560 mm of Table 2 is used as a radius; Table 1 gives 0.54 mm as the diameter. Half of "
+            "it misses the table.",
+        ),
+        why="22 of 24 values to the last printed digit; the other two, both of pulley 4b, follow from no wrap that "
+        "rounds to the printed one.",
+    )
 
 
 def figure() -> Figure:
@@ -80,5 +86,9 @@ def figure() -> Figure:
         axes[0].set_ylim(0, 0.42)
         style.letters(axes)
 
-    return Figure("idlers", "Slip angle and tension ratio of the eight idlers: computed (bars) and printed (circles). "
-                            "Only 4b is off, in (a) by 0.0009 and in (c) by 0.009.", style.svg(draw, style.PAGE, 2.4))
+    return Figure(
+        "idlers",
+        "Slip angle and tension ratio of the eight idlers: computed (bars) and printed (circles). "
+        "Only 4b is off, in (a) by 0.0009 and in (c) by 0.009.",
+        style.svg(draw, style.PAGE, 2.4),
+    )

@@ -21,7 +21,7 @@ def test_task_file_is_consistent(name):
         assert set(task.observed(LEVELS[max(k - 1, 0)])) <= set(task.observed(level)) <= signals
         assert set(task.observed(level)) <= set(task.scales)
     assert task.output in task.observed("output") and task.output not in task.observed("drive")
-    assert task.control_period == 0.01 and task.substeps >= 10
+    assert (task.control_period, task.substeps) == (0.01, 20)
     assert set(task.randomize) <= set(setup.plant.parameters.names)
     assert make_setup(name, "Step", randomize=True).randomize
 
