@@ -34,5 +34,5 @@ class Smoothing:
 
     def blend(self, last: np.ndarray, action: np.ndarray) -> np.ndarray:
         """What the environment gets when ``action`` is asked for after ``last``; clipped to [-1, 1], float32."""
-        clipped = np.clip(action, -1.0, 1.0)
+        clipped = np.minimum(np.maximum(action, -1.0), 1.0)  # np.clip takes twice as long
         return np.asarray(self.share * last + (1.0 - self.share) * clipped, dtype=np.float32)

@@ -31,7 +31,7 @@ class CableVecEnv(VecEnv):
     def __init__(self, env_id: str, num_envs: int, *, stagger: bool = False, smoothing: float = 0.0, **options: Any):
         made = gym.make_vec(
             env_id, num_envs=num_envs, vectorization_mode="vector_entry_point",
-            autoreset_mode=AutoresetMode.SAME_STEP, **options,
+            autoreset_mode=AutoresetMode.SAME_STEP, step_infos=False, **options,
         )  # fmt: skip
         self.batch: CableVectorEnv = made.unwrapped
         self.env_id, self.render_mode = env_id, self.batch.render_mode
@@ -72,11 +72,11 @@ class CableVecEnv(VecEnv):
         self._lengths += 1
         dones = terminated | truncated
         infos = self._blank_infos()
-        if dones.any():
+        if batch_infos:
             self._finish(np.flatnonzero(dones), infos, batch_infos["final_obs"], batch_infos["final_info"], truncated)
-            self._renew(np.flatnonzero(dones), batch_infos)
+            self._renew(np.flatnonzero(dones), self.batch.infos())
         if self._cuts is not None:
-            observation = self._cut(observation, dones, infos, batch_infos)
+            observation = self._cut(observation, dones, infos)
         if dones.any():
             self._last[dones] = self._smoothing.rest(observation[dones])
         return observation, rewards.astype(np.float32), dones, infos
@@ -110,15 +110,13 @@ class CableVecEnv(VecEnv):
         for i in lanes.tolist():
             self.reset_infos[i] = self._lane_info(batch_infos, i)
 
-    def _cut(
-        self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]], batch_infos: dict[str, Any]
-    ) -> np.ndarray:
+    def _cut(self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]]) -> np.ndarray:
         """End first episodes that have reached their share (see ``stagger``); ``dones`` and ``infos`` are filled in."""
         self._cuts[dones] = -1
         cut = self._lengths == self._cuts
         if cut.any():
             lanes = np.flatnonzero(cut)
-            self._finish(lanes, infos, observation, batch_infos, cut)
+            self._finish(lanes, infos, observation, self.batch.infos(), cut)
             dones |= cut
             self._cuts[cut] = -1
             observation, batch_infos = self.batch.reset(options={"reset_mask": cut})

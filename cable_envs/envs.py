@@ -109,11 +109,12 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         substeps: int | None = None,
         duration: float | None = None,
         render_mode: str | None = None,
+        **unknown: Any,
     ):
         self.setup = make_setup(
             task, reference, rig=rig, plant=plant, action_mode=action_mode, observe=observe, randomize=randomize,
             sensor_noise=sensor_noise, sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance,
-            control_period=control_period, substeps=substeps, duration=duration,
+            control_period=control_period, substeps=substeps, duration=duration, **unknown,
         )  # fmt: skip
         self.render_mode = render_mode
         self.observation_space, self.action_space = make_spaces(self.setup)

@@ -1,5 +1,6 @@
 """From the keyword arguments of an environment to a validated, frozen `Setup`."""
 
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -87,11 +88,13 @@ def make_setup(
     control_period: float | None = None,
     substeps: int | None = None,
     duration: float | None = None,
+    **unknown: Any,
 ) -> Setup:
     """Validate the options of an environment; see `cable_envs.envs.CableEnv` for their meaning.
 
     Raises ConfigurationError that names the option and what would be right.
     """
+    require_known("option", unknown, OPTIONS)
     declared = load_task(task)
     chosen = _choose_rig(declared, rig)
     simulator = chosen.simulated_by(plant)
@@ -129,6 +132,10 @@ def make_setup(
         substeps=_count("substeps", declared.substeps if substeps is None else substeps, 1, 10_000),
         steps=round(length / period),
     )
+
+
+OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.items() if p.kind is p.KEYWORD_ONLY)
+"""Names of the options of an environment."""
 
 
 def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None) -> Rig:

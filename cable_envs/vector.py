@@ -19,7 +19,8 @@ class CableVectorEnv(VectorEnv):
 
     Environment i seeded with ``reset(seed=s)`` equals the single environment seeded with ``s + i``.
     Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``threads`` (default: as many as there are
-    cores, with at least 256 environments for each; give 1 inside worker processes).
+    cores, with at least 256 environments for each; give 1 inside worker processes), ``step_infos`` (False: a step
+    returns the infos of finished episodes only; `infos` gives the others when asked).
 
     ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an
     array [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and
@@ -36,6 +37,7 @@ class CableVectorEnv(VectorEnv):
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
+        step_infos: bool = True,
         render_mode: str | None = None,
         **options: Any,
     ):
@@ -46,7 +48,7 @@ class CableVectorEnv(VectorEnv):
         super().__init__()
         self.setup = make_setup(task, reference, **options)
         self.num_envs, self.render_mode = num_envs, render_mode
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.autoreset_mode, self.step_infos = AutoresetMode(autoreset_mode), step_infos
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
         self.single_observation_space, self.single_action_space = make_spaces(self.setup)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -62,8 +64,14 @@ class CableVectorEnv(VectorEnv):
         self._seeds = [-1] * num_envs
         self._all = np.arange(num_envs)
         self._everyone = np.ones(num_envs, dtype=np.bool_)
+        self._everyone.flags.writeable = False  # handed out as the mask of every info
         self._finished = np.zeros(num_envs, dtype=np.bool_)
+        self._any_finished = False
         self._running = False
+        self._names = self.simulation.info_names
+        self._masks = tuple(f"_{name}" for name in self._names)
+        self._obs, self._table = self.simulation.buffers.obs, self.simulation.buffers.table
+        self._reward, *self._flags = self.simulation.buffers.outcome[:3]
         self._renderer = None
 
     @property
@@ -99,10 +107,11 @@ class CableVectorEnv(VectorEnv):
                 self._generators[lane], self._seeds[lane] = gym.utils.seeding.np_random(seeds[lane])
         self._start(lanes, options)
         self._finished[mask] = False
+        self._any_finished = bool(self._finished.any())
         self._running = True
-        infos = self._infos(mask)
-        self._draw()
-        return self.simulation.buffers.obs.copy(), infos
+        if self.render_mode is not None:
+            self._draw()
+        return self._obs.copy(), self.infos(None if mask is self._everyone else mask)
 
     def _mask(self, mask: Any) -> np.ndarray:
         if mask is None:
@@ -120,55 +129,56 @@ class CableVectorEnv(VectorEnv):
         if not self._running:
             raise gym.error.ResetNeeded("call reset() before the first step()")
         self._ask(actions)
-        s, mode = self.simulation.buffers, self.autoreset_mode
-        if mode == AutoresetMode.DISABLED and self._finished.any():
+        if self._any_finished and self.autoreset_mode == AutoresetMode.DISABLED:
             late = self._all[self._finished]
             raise gym.error.ResetNeeded(
                 f"environments {late[:5].tolist()} have finished: reset(options={{'reset_mask': ...}})"
             )
         self._advance()
-        if mode == AutoresetMode.NEXT_STEP and self._finished.any():
-            # what the kernel did with finished environments is replaced by the reset; their action is ignored
+        if self._any_finished:  # NEXT_STEP: what the kernel did with them is replaced by the reset
             self._start(self._all[self._finished])
-        rewards = s.outcome[0].copy()
-        terminated, truncated = s.outcome[1:3] > 0.0
-        self._finished = terminated | truncated
+        rewards, terminated, truncated = self._reward.copy(), self._flags[0] > 0.0, self._flags[1] > 0.0
+        finished = terminated | truncated
+        self._finished, ended = finished, bool(finished.any())
         final: dict[str, Any] = {}
-        if mode == AutoresetMode.SAME_STEP and self._finished.any():
-            final = {"final_obs": s.obs.copy(), "final_info": self._infos(self._finished)}
-            self._start(self._all[self._finished])
-        infos = self._infos(self._everyone)
-        for name, value in final.items():
-            infos[name], infos[f"_{name}"] = value, self._finished.copy()
-        self._draw()
-        return s.obs.copy(), rewards, terminated, truncated, infos
+        if ended and self.autoreset_mode == AutoresetMode.SAME_STEP:
+            final = {
+                "final_obs": self._obs.copy(), "_final_obs": finished.copy(),
+                "final_info": self.infos(finished), "_final_info": finished.copy(),
+            }  # fmt: skip
+            self._start(self._all[finished])
+        self._any_finished = ended and self.autoreset_mode != AutoresetMode.SAME_STEP
+        infos = {**self.infos(), **final} if self.step_infos else final
+        if self.render_mode is not None:
+            self._draw()
+        return self._obs.copy(), rewards, terminated, truncated, infos
 
     def _ask(self, actions: Any) -> None:
         actions = np.asarray(actions)
         if actions.shape != (self.num_envs, 1):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
-        if not np.isfinite(actions).all():
-            bad = self._all[~np.isfinite(actions[:, 0])]
+        flat = actions[:, 0]
+        if not np.isfinite(flat).all():
+            bad = self._all[~np.isfinite(flat)]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
-        self.simulation.asked[:] = actions[:, 0]
+        self.simulation.asked[:] = flat
 
-    def _infos(self, mask: np.ndarray) -> dict[str, Any]:
-        table = self.simulation.buffers.table.copy()
-        if mask is not self._everyone:
+    def infos(self, mask: np.ndarray | None = None) -> dict[str, Any]:
+        """The infos of the present state, [num_envs] each, their masks as ``_name``; zero where ``mask`` is false."""
+        table = self._table.copy()
+        if mask is None:
+            mask = self._everyone
+        else:
             mask = mask.copy()
             table[:, ~mask] = 0.0
-        infos: dict[str, Any] = dict(zip(self.simulation.info_names, table, strict=True))
-        infos.update({f"_{name}": mask for name in self.simulation.info_names})
-        return infos
+        return {**dict(zip(self._names, table, strict=True)), **dict.fromkeys(self._masks, mask)}
 
     def _draw(self) -> None:
-        if self.render_mode is None:
-            return
         if self._renderer is None:
             from cable_envs.render import Renderer
 
             self._renderer = Renderer.for_setup(self.setup, self.render_mode)
-        first = dict(zip(self.simulation.info_names, self.simulation.buffers.table[:, 0].tolist(), strict=True))
+        first = dict(zip(self._names, self._table[:, 0].tolist(), strict=True))
         if first["time"] == 0.0:
             self._renderer.reset()
         self._renderer.push(first, first["time"], first["reference"], first["output"])

@@ -151,6 +151,17 @@ def test_results_are_the_callers_own():
     assert np.all(later[4]["time"] == 0.01)
 
 
+def test_infos_on_demand_are_those_of_the_step():
+    every, few = (native(HOLE, mode=AutoresetMode.SAME_STEP, duration=0.05, step_infos=s) for s in (True, False))
+    every.reset(seed=0), few.reset(seed=0)
+    for action in actions_of(7):
+        *a, infos = every.step(action)
+        *b, rest = few.step(action)
+        assert all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+        assert set(rest) == ({"final_obs", "_final_obs", "final_info", "_final_info"} if b[3].any() else set())
+        same({k: v for k, v in infos.items() if "final" not in k}, few.unwrapped.infos())
+
+
 @pytest.mark.parametrize("mode", list(AutoresetMode))
 def test_spaces_and_metadata(mode):
     batch = native(CIRCUIT, mode=mode)
@@ -232,6 +243,8 @@ def test_a_forked_process_starts_its_own_threads():
 
 
 def test_bad_options_are_refused_as_by_the_single_environment():
+    with pytest.raises(ConfigurationError, match="did you mean 'substeps'"):
+        native(HOLE, substep=10)
     with pytest.raises(ConfigurationError, match="did you mean 'load_mass'"):
         native(HOLE, rig={"load_mas": 1.0})
     with pytest.raises(ValueError, match="seeds"):

@@ -239,6 +239,12 @@ def _take_hole(x, p, w, i, geometry, row):
 
 
 @inline
+def _keep_hole(x, w, i):
+    """The only hole after its step: its geometry is in place already."""
+    w[OUT, i] = x[T2, i]
+
+
+@inline
 def _span_behind(x, p, w, i, following, ahead):
     """A span to the next hole, whose slip position is row ``following`` of x, and the cable's own lumped mass.
 
@@ -283,6 +289,7 @@ def _substeps(x, p, u, w, lanes, holes, substeps, dt):
     bends = _any_stiff(p, lanes)
     for i in range(lanes):
         _closed_loop(p, w, i, dt)
+        _take_hole(x, p, w, i, BASE_P, Y)
         x[SLACK, i] = 0.0
         x[PEAK, i] = 0.0
     for _ in range(substeps):
@@ -290,8 +297,12 @@ def _substeps(x, p, u, w, lanes, holes, substeps, dt):
             last = h == holes - 1
             row = Y if last else BASE_X + HOLE_X * h
             theta = 0.5 if last else 1.0  # the lumped masses of the cable are no part of the motion of interest
-            for i in range(lanes):
-                _take_hole(x, p, w, i, BASE_P + HOLE_P * h, row)
+            if holes == 1:
+                for i in range(lanes):
+                    _keep_hole(x, w, i)
+            else:
+                for i in range(lanes):
+                    _take_hole(x, p, w, i, BASE_P + HOLE_P * h, row)
             if h == 0:
                 for i in range(lanes):
                     _drive(x, p, u, w, i, _ahead(p, u, w, i, dt) if holes == 1 else w[V, i], dt)
