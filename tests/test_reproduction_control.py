@@ -47,8 +47,9 @@ def test_zou_eq44_eq45_printed_equations_are_the_plant_where_no_cable_is_slack()
     run = follow("analytic", rigs, sinusoid())
     drive = np.concatenate([[0.0], run["drive_angle"][:, 0]])  # as the servo did it
     plant, printed = last_cycle(run), last_cycle(printed_equations(rigs, drive, 0.01))
-    # the plant has damping: 1.2e-3 N m s in contact at 1.7 rad/s, over 2 N m/rad: 1e-3 rad, and a little of the cables
-    for name, size in (("output_angle", 2e-3), ("output_torque", 3e-3), ("drive_torque", 3e-3)):
+    # the plant has damping: 1.2e-3 N m s in contact at 1.7 rad/s, over 2 N m/rad: 1e-3 rad, and
+    # a little of the cables; torques: times 2 and 3 N m/rad
+    for name, size in (("output_angle", 2e-3), ("output_torque", 4e-3), ("drive_torque", 6e-3)):
         assert np.max(np.abs(printed[name] - plant[name])) < size, name
 
 
