@@ -1,7 +1,7 @@
 # make demo and make test set up everything by themselves: a virtual environment in .venv with the tested versions.
 PYTHON ?= python3
 BIN := .venv/bin
-PYTEST := $(BIN)/python -m pytest
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
 .PHONY: demo test test-slow bench lint clean
 

@@ -100,8 +100,8 @@ def reproduce(progress: Progress) -> Result:
             main.torque,
             "N m",
             what,
-            f"truths within ±30 % reach {np.quantile(widest.torque, 0.95):.3f} N m. It takes a hold after the "
-            "reversal that ends at the wrong time: "
+            f"truths within ±30 % reach {np.quantile(widest.torque, 0.95):.3f} N m. What gets there is a hold "
+            "after the reversal that ends at the wrong time: "
             f"no hold at all, the flag of Eq. (47) as printed, gives {np.median(no_hold.torque):.3f} N m and "
             f"{np.median(no_hold.angle):.2f} deg",
         ),
