@@ -163,9 +163,7 @@ def start_up(pairs: int, seconds: float) -> Iterator[Result]:
         f"{median[0] * 1e3:.0f} ms against {median[1] * 1e3:.0f} ms",
     )  # fmt: skip
     quartiles = tuple(np.quantile(times[:, 2], [0.25, 0.75]).tolist())
-    yield Result(
-        "import to first step, s", "", float(median[2]), quartiles, None, {}, pairs, "kernels compiled before"
-    )
+    yield Result("import to first step, s", "", float(median[2]), quartiles, None, {}, pairs, "kernels compiled before")
 
 
 def memory(pairs: int, seconds: float) -> Iterator[Result]:

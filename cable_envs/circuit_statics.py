@@ -114,11 +114,19 @@ class Statics:
         fall = span[:, 0] + (span[:, 1:] / after + radius * phi / after).sum(axis=1)
         rise = span[:, 0] + (span[:, 1:] * after + radius * phi * before).sum(axis=1)
         return cls(
-            rho, shaft, slip, lam, phi, radius, span, after[:, -1],
+            rho,
+            shaft,
+            slip,
+            lam,
+            phi,
+            radius,
+            span,
+            after[:, -1],
             kappa=np.array([[fall[0], rise[1]], [rise[0], fall[1]]]),
             length=span.sum(axis=1) + (radius * slip).sum(axis=1),
             pretension=np.array([row["pretension_top"], row["pretension_bottom"]]),
-            drive_radius=row["drive_radius"], output_radius=row["output_radius"],
+            drive_radius=row["drive_radius"],
+            output_radius=row["output_radius"],
             tensile_stiffness=row["tensile_stiffness"],
         )
 
@@ -182,8 +190,16 @@ class Statics:
             )
         _, _, gain_t, gain_b = self._direction(direction)
         out_t, out_b = top * gain_t, bottom * gain_b
-        return Working((top - bottom) * self.drive_radius, (out_t - out_b) * self.output_radius,
-                       np.asarray(elongation, dtype=float) + np.zeros_like(top), top, bottom, out_t, out_b, slack)
+        return Working(
+            (top - bottom) * self.drive_radius,
+            (out_t - out_b) * self.output_radius,
+            np.asarray(elongation, dtype=float) + np.zeros_like(top),
+            top,
+            bottom,
+            out_t,
+            out_b,
+            slack,
+        )
 
     def output_angle(self, drive_angle, drive_torque, direction, strict: bool = False):
         """theta_out in the working phase, rad.  Eq. (46), Zou 2022."""
@@ -220,6 +236,7 @@ def hold_flag(drive_velocity, drive_torque, output_top, output_bottom, as_printe
     against its own torque and against the difference of the output tensions, as after a reversal. That reading is the
     default.
     """
+
     def ssgn(x):
         return 0.5 + 0.5 * np.sign(x)
 

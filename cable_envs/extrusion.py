@@ -155,8 +155,17 @@ def _line_force_from_friction(contact: ExtrudedContact, mu: float, drag: float, 
 
 
 def nonlinear_tension_profile(
-    contact: ExtrudedContact, mu: float, gain: float, exponent: float, speed: float, wrap: float, inlet_tension: float,
-    *, delta: float = 0.0, law: str = "exact", points: int = 101,
+    contact: ExtrudedContact,
+    mu: float,
+    gain: float,
+    exponent: float,
+    speed: float,
+    wrap: float,
+    inlet_tension: float,
+    *,
+    delta: float = 0.0,
+    law: str = "exact",
+    points: int = 101,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(phi [points] rad, T [points] N, N' [points] N/rad) along the contact.  Eq. (13), Gu 2024, solved numerically.
 
@@ -207,8 +216,16 @@ def nonlinear_tension_profile(
 
 
 def nonlinear_tension_ratio(
-    contact: ExtrudedContact, mu: float, gain: float, exponent: float, speed: float, wrap: float, inlet_tension: float,
-    *, delta: float = 0.0, law: str = "exact",
+    contact: ExtrudedContact,
+    mu: float,
+    gain: float,
+    exponent: float,
+    speed: float,
+    wrap: float,
+    inlet_tension: float,
+    *,
+    delta: float = 0.0,
+    law: str = "exact",
 ) -> float:
     """T(wrap)/T(0) >= 1 of Eq. (13), Gu 2024, with N' varying along the contact.
 

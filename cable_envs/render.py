@@ -59,12 +59,18 @@ class Renderer:
         scale: float = 1.0,
         fps: float = 30.0,
     ):
-        for kind, value, valid in (("plant", plant, PLANTS), ("reference unit", reference_unit, _DISPLAY),
-                                   ("render mode", mode, MODES)):
+        for kind, value, valid in (
+            ("plant", plant, PLANTS),
+            ("reference unit", reference_unit, _DISPLAY),
+            ("render mode", mode, MODES),
+        ):
             if value not in valid:
                 raise ConfigurationError(f"unknown {kind} '{value}'; {nearest(value, valid)}")
-        for name, value, low, high in (("window", window, 0.1, 3600.0), ("scale", scale, 0.25, 8.0),
-                                       ("fps", fps, 1.0, 240.0)):
+        for name, value, low, high in (
+            ("window", window, 0.1, 3600.0),
+            ("scale", scale, 0.25, 8.0),
+            ("fps", fps, 1.0, 240.0),
+        ):
             if not low <= value <= high:
                 raise ConfigurationError(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
         self.mode, self.fps = mode, fps
@@ -225,8 +231,10 @@ class _Picture:
         widgets.Label(sheet, 24, height - 28, self.caption, draw.LARGE, weight="bold")
         self._clock = widgets.Label(sheet, width - 24, height - 28, "", draw.LARGE, ha="right", moving=True)
         first = widgets.Curve("reference", draw.REFERENCE, (0, (4, 2))), widgets.Curve("output", draw.OUTPUT)
-        parts = ((first, f"{self._quantity} ({self._unit})", self._least),
-                 (scene.curves, "cable tension (N)", scene.least_tension))
+        parts = (
+            (first, f"{self._quantity} ({self._unit})", self._least),
+            (scene.curves, "cable tension (N)", scene.least_tension),
+        )
         self._panels = [
             widgets.TracePanel(sheet, box, curves, label, self._span, least)
             for box, (curves, label, least) in zip(scene.trace_boxes, parts, strict=True)

@@ -39,8 +39,10 @@ class CircuitScene:
         self.limit = self.rig["tension_limit"]
         self.first_tension = 1.6 * max(self.rig["pretension_top"], self.rig["pretension_bottom"])
         self.curves = (
-            w.Curve("t drive", d.FIRST), w.Curve("t output", d.FIRST, (0, (3, 1.5))),
-            w.Curve("b drive", d.SECOND), w.Curve("b output", d.SECOND, (0, (3, 1.5))),
+            w.Curve("t drive", d.FIRST),
+            w.Curve("t output", d.FIRST, (0, (3, 1.5))),
+            w.Curve("b drive", d.SECOND),
+            w.Curve("b output", d.SECOND, (0, (3, 1.5))),
         )
         ends = ("drive", "output")
         self.curve_signals = tuple(f"tension_{end}_{side}" for side in SIDES for end in ends)
@@ -84,8 +86,12 @@ class CircuitScene:
         pieces = self._walk(start, heading, radii, turns, (_FIRST, second, third, _BACK * last, last))
         flip = np.array([1.0, 1.0 if side == "top" else -1.0])
         return [
-            d.Piece(_DRIVE + flip * p.points, None if p.centre is None else _DRIVE + flip * p.centre, p.radius,
-                    p.turn * flip[1])
+            d.Piece(
+                _DRIVE + flip * p.points,
+                None if p.centre is None else _DRIVE + flip * p.centre,
+                p.radius,
+                p.turn * flip[1],
+            )
             for p in pieces
         ]
 
@@ -112,8 +118,17 @@ class CircuitScene:
             ends = self.paths[side][4].points
             along = (ends[-1] - ends[0]) / np.hypot(*(ends[-1] - ends[0]))
             at = ends.mean(axis=0) + (15.0 if side == "top" else -15.0) * d.left_of(along)
-            w.Label(sheet, *at, f"cable {side[0]}", d.NORMAL, _COLOURS[side], weight="bold", ha="center", va="center",
-                    turn=math.atan2(along[1], along[0]))
+            w.Label(
+                sheet,
+                *at,
+                f"cable {side[0]}",
+                d.NORMAL,
+                _COLOURS[side],
+                weight="bold",
+                ha="center",
+                va="center",
+                turn=math.atan2(along[1], along[0]),
+            )
         self._draw_end_pulleys(sheet)
         names = ("t drive", "t output", "b drive", "b output")
         self.bar = w.ColourBar(sheet, 54, 318, 240, tension, names, upright=True)
@@ -138,8 +153,19 @@ class CircuitScene:
             far = self.rig["contact_angle"] + 0.42
             inner, outer = (_OUTPUT + r * d.unit_vector(far) for r in (30.0, _JAW + 14.0))
             middle, axis = 0.5 * (inner + outer), d.unit_vector(far)
-            sheet.add(d.block(middle + 16.0 * d.left_of(axis), axis, np.hypot(*(outer - inner)), 8.0,
-                                fc=d.FILL, ec=d.METAL_EDGE, lw=0.8, hatch="////", zorder=1))
+            sheet.add(
+                d.block(
+                    middle + 16.0 * d.left_of(axis),
+                    axis,
+                    np.hypot(*(outer - inner)),
+                    8.0,
+                    fc=d.FILL,
+                    ec=d.METAL_EDGE,
+                    lw=0.8,
+                    hatch="////",
+                    zorder=1,
+                )
+            )
 
     def _make_moving(self, sheet: d.Sheet) -> None:
         self.cables = {side: d.Cable(sheet, 3.6) for side in SIDES}
@@ -199,8 +225,10 @@ class CircuitScene:
                 e = d.unit_vector(angle + 2 * math.pi * k / 3)
                 lines += [centre + np.outer([7.5, size - 5.0], e), gap]
         self.spokes.set_data(*np.vstack(lines).T)
-        ends = [self.wheels[k][0] + np.outer([9.0, _MM * 1e3 * self.wheels[k][1] - 5.0], d.unit_vector(angles[k]))
-                for k in range(2)]
+        ends = [
+            self.wheels[k][0] + np.outer([9.0, _MM * 1e3 * self.wheels[k][1] - 5.0], d.unit_vector(angles[k]))
+            for k in range(2)
+        ]
         self.pointers.set_data(*np.vstack([ends[0], gap, ends[1]]).T)
 
     def _set_cable(self, side: str, signals: Mapping[str, float], pulled: Mapping[str, float]) -> None:

@@ -50,8 +50,21 @@ class Label:
     ``ha`` left, center or right; ``va`` baseline, center or top; ``turn`` rad, counter-clockwise.
     """
 
-    def __init__(self, sheet: Sheet, x: float, y: float, text: str, size: float = SMALL, colour: str = INK, *,
-                 weight="normal", ha="left", va="baseline", turn: float = 0.0, moving: bool = False):
+    def __init__(
+        self,
+        sheet: Sheet,
+        x: float,
+        y: float,
+        text: str,
+        size: float = SMALL,
+        colour: str = INK,
+        *,
+        weight="normal",
+        ha="left",
+        va="baseline",
+        turn: float = 0.0,
+        moving: bool = False,
+    ):
         self._size, self._weight, self._turn = size, weight, turn
         self._share = {"left": 0.0, "center": -0.5, "right": -1.0}[ha]
         self._drop = {"baseline": 0.0, "center": -0.36, "top": -0.76}[va] * size * _PIXELS  # heights of a digit
@@ -92,8 +105,12 @@ def number(value: float, form: str = "g") -> str:
 def rounded(x: float, y: float, width: float, height: float) -> np.ndarray:
     """Outline [n, 2] of a bar with round ends; (x, y) is the middle of its left end."""
     r = 0.5 * height
-    return np.vstack([arc_points((x + r, y), r, math.pi / 2, 1.5 * math.pi),
-                      arc_points((x + width - r, y), r, -math.pi / 2, math.pi / 2)])
+    return np.vstack(
+        [
+            arc_points((x + r, y), r, math.pi / 2, 1.5 * math.pi),
+            arc_points((x + width - r, y), r, -math.pi / 2, math.pi / 2),
+        ]
+    )
 
 
 class Pill:
@@ -115,8 +132,17 @@ class Pill:
 class ColourBar:
     """The tension scale from (x, y) on, with a pointer for each named tension and a diamond for a tension reference."""
 
-    def __init__(self, sheet: Sheet, x: float, y: float, length: float, limit: float, names: Sequence[str], *,
-                 upright: bool = False):
+    def __init__(
+        self,
+        sheet: Sheet,
+        x: float,
+        y: float,
+        length: float,
+        limit: float,
+        names: Sequence[str],
+        *,
+        upright: bool = False,
+    ):
         self.origin, self.length, self.limit, self.upright = (x, y), length, limit, upright
         edges = np.linspace(0.0, limit, 161)
         strips = [[self._at(a, 0), self._at(b, 0), self._at(b, 11), self._at(a, 11)] for a, b in pairwise(edges)]
@@ -186,8 +212,15 @@ class TracePanel:
     ``box``: left, bottom, width, height of the plotting area; ``least``: smallest range of the ordinate.
     """
 
-    def __init__(self, sheet: Sheet, box: tuple[float, float, float, float], curves: Sequence[Curve], label: str,
-                 window: float, least: float):
+    def __init__(
+        self,
+        sheet: Sheet,
+        box: tuple[float, float, float, float],
+        curves: Sequence[Curve],
+        label: str,
+        window: float,
+        least: float,
+    ):
         self.box, self.window, self.least = box, window, least
         self.limits: tuple[float, float] | None = None
         x, y, width, height = box

@@ -272,10 +272,10 @@ def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     # the metadata block names only matplotlib and licence vocabularies
-    return _scoped(re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL))
+    return scoped(re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL))
 
 
-def _scoped(svg: str) -> str:
+def scoped(svg: str) -> str:
     """Prefix every id by a hash of the figure: several figures share one HTML page."""
     import hashlib
 

@@ -169,7 +169,7 @@ ITEMS: tuple[Item, ...] = (
     Item("gu-fig12", "Tension ratio over wrap and speed (Fig. 12)", "gu_fig12", 5),
     Item("gu-fig13", "Compression and diameter over wrap and speed (Fig. 13, Table A1)", "gu_fig13", 5),
     Item("gu-fig15-17", "Sensitivity of the swarm to w, c1 and c2 (Figs. 15-17)", "gu_fig15_17", 65),
-    Item("gu-fig20-25", "Step and sinusoid under adaptive control, with and without extrusion (Figs. 20-25)", "gu_fig20_25", 15),
+    Item("gu-fig20-25", "Step and sinusoid under MRAC, with and without extrusion (Figs. 20-25)", "gu_fig20_25", 15),
     Item("gu-tableA1", "Tracking error of nine cables under adaptive control (Table A1)", "gu_table_a1", 50),
     Item("zou-table3", "Slip angles and tension ratios of the idlers (Table 3)", "zou_table3", 3),
     Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou_fig6", 5),

@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cablebench.figures import _scoped
+from cablebench.figures import scoped
 
 COLUMN, PAGE = 3.4, 7.0
 """widths of a figure in one column and over the page, in"""
@@ -53,7 +53,7 @@ def svg(draw: Callable[[Any], None], width: float, height: float) -> str:
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
-    return _scoped(text[text.index("<svg") :])
+    return scoped(text[text.index("<svg") :])
 
 
 def letters(axes: Any) -> None:

@@ -138,10 +138,12 @@ def test_gu_eq17_delta_and_rho0_enter_as_a_product_only():
 def test_gu_table_a1_ratio_grows_with_wrap_and_speed(cable):
     delta, mu, gain, exponent = NINE_CABLES[cable]
     wraps, speeds = np.radians([30, 45, 60, 75, 90]), np.linspace(0, 0.015, 15)  # 75 pairs as in section 4.2
-    ratios = np.array([
-        [tension_ratio(1.5 * (1 + delta), mu + extrusion_coefficient(gain, exponent, v), wrap) for v in speeds]
-        for wrap in wraps
-    ])
+    ratios = np.array(
+        [
+            [tension_ratio(1.5 * (1 + delta), mu + extrusion_coefficient(gain, exponent, v), wrap) for v in speeds]
+            for wrap in wraps
+        ]
+    )
     assert np.all(np.diff(ratios, axis=0) > 0) and np.all(np.diff(ratios, axis=1) > 0)
     assert ratios.min() > 1.0 and ratios.max() < math.exp((mu + gain * 0.015**exponent) * math.pi / 2)
 

@@ -14,7 +14,9 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
-EXTRAS = ("torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame")
+EXTRAS = (
+    "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow"
+)  # fmt: skip
 
 
 def _imports(path: Path) -> set[str]:
@@ -76,6 +78,14 @@ def test_benchmark_does_not_know_agents_or_its_command_line():
     files = [f for f in _files("cablebench") if not _inside(_module(f), *command_line)]
     assert _offences(files, "agents", "typer", *command_line) == []
     assert _offences(_files("agents"), *command_line) == []
+
+
+def test_tools_above_the_simulator_stay_below_the_command_line():
+    assert _offences(_files("identification"), "cablebench", "agents", "baselines", "reproduction", "gymnasium") == []
+    assert _offences(_files("diagnosis"), "cablebench", "agents", "baselines", "reproduction") == []
+    assert _offences(_files("reproduction"), "agents", "typer", "cablebench.cli", "cablebench.commands") == []
+    below = [f for p in ("cable_envs", "baselines", "agents") for f in _files(p)]
+    assert _offences(below, "identification", "diagnosis", "reproduction") == []
 
 
 # From top to bottom; a module imports only from its own row or below. What is not named is physics, below the plants.

@@ -111,8 +111,12 @@ def test_every_signal_is_visible(make, signals, changes):
 
 def test_reference_is_visible():
     position, tension, angle, torque = hole(), hole(ANCHORED, "N"), circuit(), circuit(unit="N m")
-    cases = ((position, HOLE, 0.0, 0.0015), (tension, HOLE, 30.0, 45.0), (angle, CIRCUIT, 0.5, 0.9),
-             (torque, CIRCUIT, 0.02, 0.1))
+    cases = (
+        (position, HOLE, 0.0, 0.0015),
+        (tension, HOLE, 30.0, 45.0),
+        (angle, CIRCUIT, 0.5, 0.9),
+        (torque, CIRCUIT, 0.02, 0.1),
+    )
     for renderer, signals, one, other in cases:
         before, after = (picture(renderer, signals, reference=r) for r in (one, other))
         mechanism = np.s_[:, :600] if signals is HOLE else np.s_[:390]

@@ -20,9 +20,7 @@ LANES = 5  # not a multiple of any vector width
 
 def native(env_id, n=LANES, mode=AutoresetMode.NEXT_STEP, **options):
     options = {"duration": 0.15, "threads": 1, **options}
-    return gym.make_vec(
-        env_id, num_envs=n, vectorization_mode="vector_entry_point", autoreset_mode=mode, **options
-    )
+    return gym.make_vec(env_id, num_envs=n, vectorization_mode="vector_entry_point", autoreset_mode=mode, **options)
 
 
 def actions_of(steps, n=LANES, seed=0):

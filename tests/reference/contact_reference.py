@@ -92,7 +92,9 @@ def lift_off_turn_by_elastica(rigidity, tension, radius):
     solution = solve_bvp(
         lambda _, y: np.array([y[1], u * u * np.sin(y[0])]),
         lambda near, far: np.array([near[1] + 1 / radius, far[0]]),
-        x, guess, tol=1e-8,
+        x,
+        guess,
+        tol=1e-8,
     )
     return solution.y[0, 0]
 

@@ -55,7 +55,7 @@ class HoleReference:
                 events = [lambda s, z: self.force(s, z[0], 0.0, 1), lambda s, z: -self.force(s, z[0], 0.0, -1)]
                 rates = lambda s, z: [0.0, 0.0]  # noqa: E731
             else:
-                events = [lambda s, z, m=mode: m * z[1] + (1.0 if s <= t + 1e-9 else 0.0)]
+                events = [lambda s, z, m=mode, t=t: m * z[1] + (1.0 if s <= t + 1e-9 else 0.0)]
                 rates = lambda s, z, m=mode: [z[1], self.force(s, z[0], z[1], m) / self.rig["load_mass"]]  # noqa: E731
             for k, event in enumerate(events):
                 event.terminal, event.direction = True, (1 if mode == 0 else -1) if k < 2 else 0
