@@ -44,6 +44,7 @@ class CableVecEnv(VecEnv):
         cuts = np.ceil(horizon * np.arange(1, num_envs + 1) / num_envs).astype(np.int64)
         self._first_cuts = cuts if stagger and num_envs > 1 else None
         self._cuts: np.ndarray | None = None
+        self._ticks = self._next_cut = 0
         self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         self._actions: np.ndarray | None = None
         self._smoothing = Smoothing.of(self.batch.setup, smoothing)
@@ -59,6 +60,8 @@ class CableVecEnv(VecEnv):
         self._last = self._smoothing.rest(observation)
         self._returns[:], self._lengths[:] = 0.0, 0
         self._cuts = None if self._first_cuts is None else self._first_cuts.copy()
+        self._ticks = 0
+        self._plan_cut()
         self.reset_infos = [self._lane_info(infos, i) for i in range(self.num_envs)]
         return observation
 
@@ -72,11 +75,15 @@ class CableVecEnv(VecEnv):
         self._lengths += 1
         dones = terminated | truncated
         infos = self._blank_infos()
-        if batch_infos:
+        if batch_infos:  # some have ended
             self._finish(np.flatnonzero(dones), infos, batch_infos["final_obs"], batch_infos["final_info"], truncated)
             self._renew(np.flatnonzero(dones), self.batch.infos())
+            if self._cuts is not None:
+                self._cuts[dones] = -1
         if self._cuts is not None:
-            observation = self._cut(observation, dones, infos)
+            self._ticks += 1
+            if self._ticks == self._next_cut:
+                observation = self._cut(observation, dones, infos)
         if dones.any():
             self._last[dones] = self._smoothing.rest(observation[dones])
         return observation, rewards.astype(np.float32), dones, infos
@@ -112,7 +119,6 @@ class CableVecEnv(VecEnv):
 
     def _cut(self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]]) -> np.ndarray:
         """End first episodes that have reached their share (see ``stagger``); ``dones`` and ``infos`` are filled in."""
-        self._cuts[dones] = -1
         cut = self._lengths == self._cuts
         if cut.any():
             lanes = np.flatnonzero(cut)
@@ -121,9 +127,16 @@ class CableVecEnv(VecEnv):
             self._cuts[cut] = -1
             observation, batch_infos = self.batch.reset(options={"reset_mask": cut})
             self._renew(lanes, batch_infos)
-        if (self._cuts < 0).all():
-            self._cuts = None
+        self._plan_cut()
         return observation
+
+    def _plan_cut(self) -> None:
+        """When to look for the next first episode to cut."""
+        left = None if self._cuts is None else self._cuts[self._cuts > self._ticks]
+        if left is None or not left.size:
+            self._cuts = None
+        else:
+            self._next_cut = int(left.min())
 
     @staticmethod
     def _lane_info(infos: dict[str, Any], lane: int) -> dict[str, float]:

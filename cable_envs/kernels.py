@@ -94,13 +94,13 @@ if JIT_DISABLED:
     def _fma(a, b, c):
         return a * b + c
 
-    def _to_bits(x):
+    def to_bits(x):
         return struct.unpack("<q", struct.pack("<d", x))[0]
 
     def _shift_right_52(n):
         return n >> 52
 
-    def _from_bits(n):
+    def from_bits(n):
         return struct.unpack("<d", struct.pack("<q", n))[0]
 
 else:
@@ -145,7 +145,7 @@ else:
         return types.float64(types.float64, types.float64, types.float64), codegen
 
     @intrinsic
-    def _to_bits(typingctx, x):
+    def to_bits(typingctx, x):
         def codegen(context, builder, signature, args):
             return builder.bitcast(args[0], ir.IntType(64))
 
@@ -159,7 +159,7 @@ else:
         return types.int64(types.int64), codegen
 
     @intrinsic
-    def _from_bits(typingctx, n):
+    def from_bits(typingctx, n):
         def codegen(context, builder, signature, args):
             return builder.bitcast(args[0], ir.DoubleType())
 
@@ -229,7 +229,7 @@ def _exp_parts(x):
         _fma(0.00019841269506578723, r, 0.0013888888943630134),
     )
     p = _fma(_fma(_fma(2.500006162553128e-08, r, 2.763024838532302e-07), r4, high), r4, low)
-    return _from_bits((_to_bits(shifted) - 0x4338000000000000 + 1023) << 52), _fma(r2, p, r)
+    return from_bits((to_bits(shifted) - 0x4338000000000000 + 1023) << 52), _fma(r2, p, r)
 
 
 @inline
@@ -249,11 +249,11 @@ def expm1(x):
 @inline
 def log(x):
     """Natural logarithm of a positive normal number."""
-    bits = _to_bits(x)
+    bits = to_bits(x)
     # biased exponent that leaves a mantissa in [sqrt(1/2), sqrt(2)]; kept positive, vector units have no signed shift
     e = _shift_right_52(bits + (0x3FF0000000000000 - 0x3FE6A09E667F3BCD))
-    m = _from_bits(bits - ((e - 1023) << 52))
-    ef = _from_bits(e + 0x4330000000000000) - 4503599627371519.0  # 2**52 + 1023
+    m = from_bits(bits - ((e - 1023) << 52))
+    ef = from_bits(e + 0x4330000000000000) - 4503599627371519.0  # 2**52 + 1023
     f = (m - 1.0) / (m + 1.0)
     s = f * f  # artanh f = f + f s (1/3 + s / 5 + ...), |f| <= 0.1716
     s2 = s * s
@@ -287,7 +287,7 @@ def sine_cosine(x):
     low = _fma(2.4801587289394926e-05, s, -0.001388888888887399)
     p = _fma(_fma(2.0875719558851413e-09, s, -2.755731432603134e-07), s2, low)
     cosine = _fma(s2, _fma(_fma(-1.1359448689984626e-11, s2 * s2, p), s, 0.0416666666666666), _fma(-0.5, s, 1.0))
-    quarter = _to_bits(shifted)
+    quarter = to_bits(shifted)
     odd = (quarter & 1) == 1
     a, b = select(odd, cosine, sine), select(odd, sine, cosine)
     return select((quarter & 2) == 2, -a, a), select(((quarter + 1) & 2) == 2, -b, b)

@@ -71,13 +71,13 @@ def signal(q, i, t):
         part = 0.25 * amplitude
         for h in range(4):
             w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
-            angle = w * s + _TAU * uniform(int(q[KEY, i]), h, 7)
+            angle = w * s + _TAU * uniform(q[KEY, i], float(h), 7)
             sine, cosine = sine_cosine(angle)
             r += part * sine
             rate += part * w * cosine
             acceleration -= part * w * w * sine
         return r, rate, acceleration
-    level = 2.0 * uniform(int(q[KEY, i]), int(s / q[HOLD, i]), 9) - 1.0
+    level = 2.0 * uniform(q[KEY, i], math.floor(s / q[HOLD, i]), 9) - 1.0
     return offset + amplitude * level, 0.0, 0.0
 
 

@@ -169,6 +169,18 @@ def _judge(block, common, lo, hi):
 
 
 @jit
+def ask(block, actions):
+    """Put ``actions`` [n, 1] into the row ASKED; returns the first environment whose action is not finite, or -1."""
+    bad = -1
+    for i in range(actions.shape[0] - 1, -1, -1):
+        value = float(actions[i, 0])
+        block[ASKED, i] = value
+        if not abs(value) < 1e300:
+            bad = i
+    return bad
+
+
+@jit
 def begin(block, obs, common, lanes):
     """First observation and info of the environments ``lanes``, just reset; actions on their way are those at rest."""
     first = X + int(common[SIGNALS]) + int(common[COEFFICIENTS]) + int(common[SLOTS]) * int(common[SENSORS])

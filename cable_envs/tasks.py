@@ -114,13 +114,13 @@ def sense(x, sensor, deviation, sensors, steps, keys, ring, slots, lo, hi):
     """Measure the signals ``sensor`` with their noise, into the ring [slots * sensors, environments]."""
     for k in range(sensors):
         row, spread = int(sensor[k]), deviation[k]
-        if spread > 0.0:
+        if slots > 1:
             for i in range(lo, hi):
-                noise = spread * normal(int(keys[i]), int(steps[i]), row)
+                noise = spread * normal(keys[i], steps[i], row) if spread > 0.0 else 0.0
                 ring[int(steps[i]) % slots * sensors + k, i] = x[row, i] + noise
-        elif slots > 1:
+        elif spread > 0.0:
             for i in range(lo, hi):
-                ring[int(steps[i]) % slots * sensors + k, i] = x[row, i]
+                ring[k, i] = x[row, i] + spread * normal(keys[i], steps[i], row)
         else:
             for i in range(lo, hi):
                 ring[k, i] = x[row, i]

@@ -11,6 +11,7 @@ from gymnasium.vector.utils import batch_space
 from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.setup import make_setup
 from cable_envs.simulation import Simulation
+from cable_envs.steppers import ask
 from cable_envs.team import WORTHWHILE, available_cores
 
 
@@ -157,11 +158,11 @@ class CableVectorEnv(VectorEnv):
         actions = np.asarray(actions)
         if actions.shape != (self.num_envs, 1):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
-        flat = actions[:, 0]
-        if not np.isfinite(flat).all():
-            bad = self._all[~np.isfinite(flat)]
+        if actions.dtype != np.float32 or not actions.flags.c_contiguous:  # two versions are compiled
+            actions = np.ascontiguousarray(actions, dtype=np.float64)
+        if ask(self.simulation.buffers.block, actions) >= 0:
+            bad = self._all[~np.isfinite(actions[:, 0])]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
-        self.simulation.asked[:] = flat
 
     def infos(self, mask: np.ndarray | None = None) -> dict[str, Any]:
         """The infos of the present state, [num_envs] each, their masks as ``_name``; zero where ``mask`` is false."""
