@@ -168,8 +168,8 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
         "of section 5.3 "
         "lie on the curves of 5 kg, not of the printed 10 kg.",
         "Ratio at 60° without extrusion against the size of the hole, with both readings of ρ (Eq. 2). With the "
-        "printed one the ratio falls to 1 in a wide hole, where it must become the capstan's, and the measured 1.245 is "
-        "out of reach for any cable that fits into its hole.",
+        "printed one the ratio falls to 1 in a wide hole, where it must become the capstan's, and the measured 1.245 "
+        "is out of reach for any cable that fits into its hole.",
     )
 
     def draw_load(figure: Any) -> None:
