@@ -167,6 +167,9 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
         "Tension of raising (upper branch) and lowering (lower branch) a load against the ratio. The tension ranges "
         "of section 5.3 "
         "lie on the curves of 5 kg, not of the printed 10 kg.",
+        "Ratio at 60° without extrusion against the size of the hole, with both readings of ρ (Eq. 2). With the "
+        "printed one the ratio falls to 1 in a wide hole, where it must become the capstan's, and the measured 1.245 "
+        "is out of reach for any cable that fits into its hole.",
     )
 
     def draw_load(figure: Any) -> None:
@@ -184,8 +187,27 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
         ax.set(xlabel="tension ratio n [1]", ylabel="drive-side tension [N]", xlim=(1.0, 1.6), ylim=(0, 165))
         ax.legend(loc="lower left", ncols=3)
 
+    def draw_misprint(figure: Any) -> None:
+        ax = figure.subplots()
+        size = np.geomspace(0.05, 100.0, 300)  # hole radius over cable radius
+        readings = (("ρ = R/r (derived, used)", size), ("ρ = r/R (printed)", 1.0 / size))
+        for k, (label, rho) in enumerate(readings):
+            y = [tension_ratio(value, TABLE_2.mu, math.pi / 3) for value in rho]
+            ax.plot(size, y, color=style.COLOURS[k], linestyle=style.DASHES[k], label=label)
+        ax.axvline(1.0, color=style.SOFT, linewidth=0.6)
+        ax.text(1.06, 1.61, "from here on the cable fits into the hole", fontsize=7)
+        ax.axhline(math.exp(TABLE_2.mu * math.pi / 3), **style.PUBLISHED_LINE)
+        ax.text(0.055, math.exp(TABLE_2.mu * math.pi / 3) + 0.008, "capstan, $e^{μθ}$", fontsize=7)
+        low, high = RANGES[1]
+        ax.plot([1.5], [math.sqrt(high / low)], **style.PUBLISHED, label="40-62 N (section 5.3)")
+        ax.set(
+            xscale="log", xlabel="hole radius over cable radius R/r [1]", ylabel="tension ratio n [1]", ylim=(1.0, 1.82)
+        )
+        ax.legend(loc="upper right")
+
     return (
         Figure("map", captions[0], style.svg(draw_map, 4.6, 3.1), wide=False),
         Figure("stribeck", captions[1], style.svg(draw_laws, style.PAGE, 2.7)),
         Figure("load", captions[2], style.svg(draw_load, 4.6, 2.9), wide=False),
+        Figure("misprint", captions[3], style.svg(draw_misprint, 4.6, 2.9), wide=False),
     )
