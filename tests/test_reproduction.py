@@ -82,7 +82,7 @@ def test_report_needs_nothing_else(fig12, tmp_path):
     assert page.count("<figure") == len(fig12.figures) and "differs" in page
     assert json.loads(paths["json"].read_text(encoding="utf-8")) == report.as_rows([fig12])
     files = sorted(p.name for p in paths["figures"].iterdir())
-    assert files == ["gu-fig12-load.svg", "gu-fig12-map.svg", "gu-fig12-stribeck.svg"]
+    assert files == [f"gu-fig12-{name}.svg" for name in ("load", "map", "misprint", "stribeck")]
     (tmp_path / "file").write_text("")
     with pytest.raises(ConfigurationError, match="cannot write to"):
         report.write([fig12], tmp_path / "file")
