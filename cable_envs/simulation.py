@@ -46,6 +46,8 @@ class Simulation:
         """One control period for all environments, with the actions in ``asked``; results are in ``buffers``."""
         self.asked = s.block[steppers.ASKED, :n]
         """Actions to take, in [-1, 1], [n]; written by the caller."""
+        self.spread = 1.0
+        """Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from."""
 
     def reset(
         self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
@@ -64,6 +66,8 @@ class Simulation:
         for k, rng in enumerate(generators):
             keys[k] = rng.integers(1, 2**52)
             for row, draw, (_, low, high) in zip(rows, rng.random(len(rows)), self.setup.randomize, strict=True):
+                if self.spread != 1.0:
+                    low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
                 values[row, k] = low + draw * (high - low)
         reference, disturbance = signals
         reference[references.KEY], disturbance[references.KEY] = keys, keys + 1.0
@@ -129,6 +133,17 @@ class Simulation:
         s.u[MODE, lanes] = self.setup.mode_index
         action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
         s.block[steppers.ACTION : steppers.LAST_ACTION + 1, lanes] = np.clip(action, -1.0, 1.0)
+
+    def state(self) -> dict[str, Any]:
+        """All that changes, as copies: what `restore` takes."""
+        s = self.buffers
+        return {"block": s.block.copy(), "obs": s.obs.copy(), "values": self.values.copy(), "spread": self.spread}
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go back to a `state` of a simulation with the same setup and number of environments."""
+        s = self.buffers
+        s.block[...], s.obs[...], self.values[...] = state["block"], state["obs"], state["values"]
+        self.spread = state["spread"]
 
     def team(self, size: int) -> Team:
         """`advance` on ``size`` threads."""

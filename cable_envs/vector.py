@@ -164,6 +164,27 @@ class CableVectorEnv(VectorEnv):
             bad = self._all[~np.isfinite(actions[:, 0])]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
 
+    def state(self) -> dict[str, Any]:
+        """All that changes, generators included, as copies: what `restore` takes."""
+        return {
+            "simulation": self.simulation.state(),
+            "generators": [None if g is None else g.bit_generator.state for g in self._generators],
+            "seeds": list(self._seeds),
+            "finished": self._finished.copy(),
+            "running": self._running,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state` of a batch with the same options: the same trajectories to the bit."""
+        self.simulation.restore(state["simulation"])
+        self._generators = [None] * self.num_envs
+        for lane, found in enumerate(state["generators"]):
+            if found is not None:
+                self._generators[lane], _ = gym.utils.seeding.np_random(0)
+                self._generators[lane].bit_generator.state = found
+        self._seeds, self._finished = list(state["seeds"]), state["finished"].copy()
+        self._any_finished, self._running = bool(self._finished.any()), state["running"]
+
     def infos(self, mask: np.ndarray | None = None) -> dict[str, Any]:
         """The infos of the present state, [num_envs] each, their masks as ``_name``; zero where ``mask`` is false."""
         table = self._table.copy()
