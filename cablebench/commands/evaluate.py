@@ -69,14 +69,14 @@ def evaluate(
 def choose_entrants(controllers: Iterable[str], gains: Iterable[str], policies: Iterable[str]) -> tuple[Any, ...]:
     """The entrants that the flags name: all references when they name none."""
     require_ours("baselines")
-    from cablebench.entrants import controller_entrant, reference_entrants
+    from cablebench.entrants import named_entrant, reference_entrants
 
     names, given = list(controllers), list(gains)
     agents = tuple(policy_entrant(path) for path in policies)
     if given and len(names) != 1:
         raise ConfigurationError("--gain needs exactly one --controller")
     if given:
-        return (controller_entrant(names[0], parse_gains(given)), *agents)
+        return (named_entrant(names[0], parse_gains(given)), *agents)
     return (reference_entrants(names) if names or not agents else ()) + agents
 
 

@@ -29,7 +29,9 @@ FRAMES_PER_SECOND = 10
 
 def run(
     env: Annotated[str, typer.Argument(help="Environment, by full or short id.")],
-    controller: Annotated[str | None, typer.Option(help="Reference controller, by name.")] = None,
+    controller: Annotated[
+        str | None, typer.Option(help="Controller: a reference, a controller file, a .py file.")
+    ] = None,
     policy: Annotated[str | None, typer.Option(help="Trained policy: its file or folder.")] = None,
     gain: Annotated[list[str] | None, typer.Option(help="Gain of the controller, NAME=NUMBER; repeatable.")] = None,
     option: Annotated[
@@ -62,9 +64,9 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
             raise ConfigurationError("--gain belongs to --controller: a trained policy has no gains")
         return policy_entrant(policy)
     require_ours("baselines")
-    from cablebench.entrants import controller_entrant
+    from cablebench.entrants import named_entrant
 
-    return controller_entrant(controller, parse_gains(gains))
+    return named_entrant(controller, parse_gains(gains))
 
 
 def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render: Path | None, update: Any) -> Any:
