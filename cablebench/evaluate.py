@@ -214,6 +214,7 @@ def _record(
 ) -> dict[str, Any]:
     return {
         "protocol": protocol.name,
+        "protocol_version": protocol.version,
         "protocol_hash": protocol.hash(),
         "run": run,
         "env_id": cell.task.env,

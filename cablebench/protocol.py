@@ -112,6 +112,8 @@ class Protocol:
     train: SeedRange
     tune: SeedRange
     test: SeedRange
+    version: int = 1
+    """raised when the same name comes to mean other episodes or scores; boards rank one version only"""
     note: str = ""
     run: tuple[str, ...] = ()
     """tracks that a board runs unless asked otherwise; empty: all"""
@@ -175,6 +177,7 @@ def configuration_hash(data: Any) -> str:
 _KEYS = (
     "schema",
     "name",
+    "version",
     "title",
     "note",
     "tasks",
@@ -214,6 +217,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
     protocol = Protocol(
         name=str(data["name"]),
         title=str(data.get("title", data["name"])),
+        version=_count(data.get("version", 1), "version", source),
         note=" ".join(str(data.get("note", "")).split()),
         tasks=tuple(_task(t, source) for t in data["tasks"]),
         tracks=tuple(_track(n, t or {}, source) for n, t in data["tracks"].items()),
