@@ -1,11 +1,13 @@
 """The results store: append-only JSON Lines, one record for each episode. A crash leaves it readable."""
 
+import gzip
 import io
 import json
 import math
 import os
 import tempfile
 import warnings
+import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -62,15 +64,36 @@ def jsonable(value: Any) -> Any:
     return value
 
 
+def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
+    """The record in a line; None, with a warning, where there is none."""
+    try:
+        record = json.loads(line)
+    except ValueError:  # JSON and UTF-8 errors both are
+        record = None
+    if not isinstance(record, dict):
+        warnings.warn(f"{path}:{number}: not a whole record, skipped", StoreWarning, stacklevel=3)
+        return None
+    schema = record.get("schema")
+    if not isinstance(schema, int) or schema > SCHEMA:
+        raise ConfigurationError(
+            f"{path}:{number}: schema {schema!r}; this version reads up to {SCHEMA}. Upgrade cable-envs."
+        )
+    return record
+
+
 class ResultStore:
     """Records in one ``.jsonl`` file: appended, never rewritten.
 
     Reading skips a line that cannot be parsed and says so (`StoreWarning`); a torn last line, as a crash leaves it, is
     closed with a newline before the next record is appended, so it never swallows that record.
+
+    A compressed part, ``<path>.gz``, may hold older records: it is read first, and only `pack` writes it.
     """
 
     def __init__(self, path: str | Path):
         self.path = Path(path)
+        self.packed = self.path.with_name(self.path.name + ".gz")
+        """the compressed part, for committing"""
         self.folder = self.path.with_suffix("")
         """where the trajectories of median and worst episodes lie, one file for each run"""
 
@@ -100,26 +123,37 @@ class ResultStore:
 
         Raises ConfigurationError when a record has a schema newer than this program knows.
         """
-        if not self.path.exists():
-            return []
-        found = []
-        for number, line in enumerate(self.path.read_bytes().split(b"\n"), start=1):
-            if not line.strip():
-                continue
-            try:
-                record = json.loads(line)
-            except ValueError:  # JSON and UTF-8 errors both are
-                record = None
-            if not isinstance(record, dict):
-                warnings.warn(f"{self.path}:{number}: not a whole record, skipped", StoreWarning, stacklevel=2)
-                continue
-            schema = record.get("schema")
-            if not isinstance(schema, int) or schema > SCHEMA:
-                raise ConfigurationError(
-                    f"{self.path}:{number}: schema {schema!r}; this version reads up to {SCHEMA}. Upgrade cable-envs."
-                )
-            found.append(record)
+        found: list[dict[str, Any]] = []
+        for path, content in ((self.packed, self._unpacked()), (self.path, self._plain())):
+            for number, line in enumerate(content.split(b"\n"), start=1):
+                if line.strip() and (record := _parse(path, number, line)) is not None:
+                    found.append(record)
         return found
+
+    def pack(self) -> Path:
+        """Move everything into the compressed part, whole or not at all; returns its path.
+
+        Repeated lines are kept once, lines that cannot be read are left out (`StoreWarning`). The same records give the
+        same bytes. A crash in between leaves records in both parts, which the next `pack` puts right.
+        """
+        lines: dict[str, None] = {}
+        for record in self.records():
+            lines[json.dumps(record, allow_nan=False, separators=(",", ":"))] = None
+        content = "".join(line + "\n" for line in lines).encode()
+        path = write_atomic(self.packed, gzip.compress(content, 9, mtime=0))
+        self.path.unlink(missing_ok=True)
+        return path
+
+    def _plain(self) -> bytes:
+        return self.path.read_bytes() if self.path.exists() else b""
+
+    def _unpacked(self) -> bytes:
+        if not self.packed.exists():
+            return b""
+        try:
+            return gzip.decompress(self.packed.read_bytes())
+        except (OSError, EOFError, zlib.error) as error:
+            raise ConfigurationError(f"{self.packed} is damaged ({error}): restore it from version control") from None
 
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
         """Save arrays by name for each of ``episodes`` ("median", "worst") of a run; replaces what was there."""

@@ -105,3 +105,44 @@ def test_trajectories_round_trip_and_lie_beside_the_records(tmp_path):
     assert set(found) == {"median", "worst"}
     np.testing.assert_array_equal(found["median"]["output"], arrays["output"])
     assert store.trajectories("unknown") == {} and store.trajectories("") == {}
+
+
+def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append([{"a": 1}, {"a": 2}])
+    before = store.records()
+    assert store.pack() == tmp_path / "r.jsonl.gz" and not store.path.exists()
+    first = store.packed.read_bytes()
+    assert store.records() == before
+    store.append({"a": 3})
+    assert [r["a"] for r in store.records()] == [1, 2, 3] and store.packed.read_bytes() == first
+    store.pack()
+    assert [r["a"] for r in ResultStore(tmp_path / "r.jsonl").records()] == [1, 2, 3]
+    store.pack()  # the same records, the same bytes: nothing for version control to see
+    again = store.packed.read_bytes()
+    store.pack()
+    assert store.packed.read_bytes() == again
+
+
+def test_a_crash_while_packing_loses_and_repeats_nothing(tmp_path, monkeypatch):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append([{"a": 1, "x": 0.1 + 0.2}, {"a": 2}])
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
+        with pytest.raises(OSError, match="disk full"):
+            store.pack()
+    assert [r["a"] for r in store.records()] == [1, 2]
+    plain = store.path.read_bytes()
+    store.pack()
+    store.path.write_bytes(plain)  # the crash came between writing the one and removing the other
+    store.pack()
+    assert [r["a"] for r in store.records()] == [1, 2] and store.records()[0]["x"] == 0.1 + 0.2
+
+
+def test_a_damaged_compressed_part_is_named(tmp_path):
+    store = ResultStore(tmp_path / "r.jsonl")
+    store.append({"a": 1})
+    store.pack()
+    store.packed.write_bytes(store.packed.read_bytes()[:-6])
+    with pytest.raises(ConfigurationError, match=r"r\.jsonl\.gz is damaged"):
+        store.records()
