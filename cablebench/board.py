@@ -1,6 +1,7 @@
 """From store records to a ranked board: plain data that every report (terminal, JSON, Markdown, HTML) is drawn from."""
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -11,6 +12,7 @@ import numpy as np
 from cable_envs.errors import ConfigurationError
 from cablebench.entrants import INFORMATION
 from cablebench.metrics import METRICS
+from cablebench.notes import notes
 from cablebench.protocol import Protocol
 from cablebench.scoring import Record, episode_key, latest, score_episodes, whole_runs
 from cablebench.statistics import (
@@ -92,7 +94,26 @@ class Board:
     episodes: int
     notes: tuple[str, ...]
     sweeps: tuple[Mapping[str, Any], ...] = ()
-    """stress results: {task, sweep, unit, entrant, values, rmse} with the median RMSE at each swept value"""
+    """stress results: {task, sweep, unit, entrant, values, rmse, score} with the median RMSE and the mean score at each
+    swept value, and `robustness`, the mean of those scores (the area under their line, with values evenly spaced)"""
+    remarks: str = ""
+    """what people say about it, in Markdown: NOTES.md of its folder"""
+    place: str = ""
+    """where its records lie, as flags of the command line: "--board quick" or "--results DIR" """
+
+    @property
+    def version(self) -> int:
+        """The protocol's version: boards of different versions cannot be compared."""
+        return self.protocol.version
+
+    def replay(self, table: "Table", row: "Row") -> str:
+        """The command that runs a row's episodes again and compares them with the records."""
+        if not self.place:
+            return row.replay
+        return (
+            f"cablebench replay {self.place} --entrant {shlex.quote(row.entrant)} --env {table.task} "
+            f"--track {table.track}"
+        )
 
     @property
     def entrants(self) -> tuple[str, ...]:
@@ -108,9 +129,10 @@ class Board:
         raise ConfigurationError(f"the board has no table for task '{task}' on track '{track}'")
 
 
-def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
+def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = "", place: str = "") -> Board:
     """The board of ``protocol`` from store records; those of other configurations are left out, counted in the notes.
 
+    ``remarks`` (Markdown) and ``place`` (flags that name the store) are shown on it, see `Board`.
     The intervals draw from ``default_rng(protocol.bootstrap_seed)``, so a board repeats exactly from the same records.
     Raises ConfigurationError when no record belongs to the protocol.
     """
@@ -142,8 +164,10 @@ def build_board(protocol: Protocol, records: Iterable[Record]) -> Board:
         seeds=tuple(sorted({r["seed"] for r in own})),
         training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
         episodes=len(own),
-        notes=_notes(everything, own, incomplete, tables, protocol),
-        sweeps=_sweeps(own),
+        notes=notes(everything, own, incomplete, tables, protocol),
+        sweeps=_sweeps(scored),
+        remarks=remarks,
+        place=place,
     )
 
 
@@ -288,51 +312,24 @@ def _merge(rows: list[Row], scores: Scores, paper: Scores, protocol: Protocol, r
     return _scored(row, scores, paper, protocol, rng)
 
 
-def _sweeps(records: list[Record]) -> tuple[dict[str, Any], ...]:
-    """Median RMSE against the swept value for every task, sweep and entrant of a stress track; NaN where it failed."""
-    found: dict[tuple[str, str, str, str], dict[float, list[float]]] = {}
-    for r in records:
+def _sweeps(scored: list[tuple[Record, float]]) -> tuple[dict[str, Any], ...]:
+    """RMSE and score against the swept value for every task, sweep and entrant of a stress track.
+
+    RMSE is NaN where all episodes failed; a failed episode has its worst score.
+    """
+    found: dict[tuple[str, str, str, str], dict[float, list[tuple[float, float]]]] = {}
+    for r, score in scored:
         if r.get("sweep"):
             key = (r["task"], r["sweep"], r.get("sweep_unit", "1"), r["entrant"])
             rmse = math.nan if r["metrics"]["failed"] else r["metrics"]["rmse"]
-            found.setdefault(key, {}).setdefault(r["sweep_value"], []).append(rmse)
-    return tuple(
-        {
-            "task": t,
-            "sweep": s,
-            "unit": u,
-            "entrant": e,
-            "values": sorted(points),
-            "rmse": [_median(points[v]) for v in sorted(points)],
-        }
-        for (t, s, u, e), points in sorted(found.items())
-    )
-
-
-def _notes(
-    everything: list[Record], own: list[Record], incomplete: list[str], tables: tuple[Table, ...], protocol: Protocol
-) -> tuple[str, ...]:
-    notes = [protocol.note] if protocol.note else []
-    rows = [r for t in tables for r in t.rows]
-    few = sorted({r.entrant for r in rows if r.charged.get("environment_steps") and r.runs < protocol.training_seeds})
-    if few:
-        notes.append(f"Fewer than the protocol's {protocol.training_seeds} training seeds: {', '.join(few)}.")
-    if any(r.score is not None and r.score.unit == "episodes" for r in rows):
-        notes.append("Rows with a single run have intervals over test episodes only: they say nothing about training.")
-    missing = [f"{t.task} ({t.track})" for t in tables if t.rows and t.rows[0].score is None]
-    if missing:
-        notes.append(
-            "No scores, because open loop or oracle are missing, or the oracle is no better: "
-            f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
-        )
-    if incomplete:
-        notes.append(f"Left out because some of their episodes are missing: {', '.join(incomplete)}.")
-    others = len(everything) - sum(r["protocol_hash"] == own[0]["protocol_hash"] for r in everything)
-    if others:
-        notes.append(f"{others} records of other configurations in the store were left out.")
-    # an agent's records name further packages; what all name must agree
-    common = sorted(set.intersection(*(set(r["versions"]) for r in own)))
-    versions = {tuple(r["versions"][name] for name in common) for r in own}
-    if len(versions) > 1:
-        notes.append(f"The records come from {len(versions)} different sets of package versions; the newest is listed.")
-    return tuple(notes)
+            found.setdefault(key, {}).setdefault(r["sweep_value"], []).append((rmse, score))
+    result = []
+    for (task, sweep, unit, entrant), points in sorted(found.items()):
+        values = sorted(points)
+        means = [float(np.mean([s for _, s in points[v]])) for v in values]
+        result.append({
+            "task": task, "sweep": sweep, "unit": unit, "entrant": entrant, "values": values,
+            "rmse": [_median([e for e, _ in points[v]]) for v in values],
+            "score": means, "robustness": float(np.mean(means)),
+        })  # fmt: skip
+    return tuple(result)
