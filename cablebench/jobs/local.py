@@ -1,0 +1,153 @@
+"""Worker processes on this machine, started by spawn: nothing of the caller's threads, locks or loaded libraries."""
+
+import multiprocessing
+import os
+import pickle
+import signal
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from multiprocessing import connection, resource_tracker
+from typing import Any
+
+from cablebench.jobs.driver import Died, Event
+from cablebench.jobs.work import (
+    Context,
+    Done,
+    Job,
+    Progress,
+    Reporter,
+    interrupt_once,
+    perform,
+    portable,
+    single_thread,
+)  # fmt: skip
+
+GRACE = 20.0
+"""s that workers have to save their work when the caller ends early."""
+
+
+@dataclass
+class _Worker:
+    process: Any
+    pipe: Any
+    job: Job | None = None
+    attempt: int = 0
+
+
+class LocalCrew:
+    """Up to ``size`` worker processes, started when they are needed and kept for further jobs."""
+
+    def __init__(self, size: int):
+        self._size = size
+        self._workers: list[_Worker] = []
+
+    def free(self) -> bool:
+        return len(self._workers) < self._size or any(w.job is None for w in self._workers)
+
+    def start(self, job: Job, attempt: int) -> None:
+        content = pickle.dumps((job, attempt))
+        for worker in [w for w in self._workers if w.job is None]:
+            try:
+                worker.pipe.send_bytes(content)
+            except OSError:  # it died while it had nothing to do
+                self._remove(worker)
+                continue
+            worker.job, worker.attempt = job, attempt
+            return
+        worker = self._hire()
+        worker.job, worker.attempt = job, attempt
+        with suppress(OSError):  # `events` finds it dead
+            worker.pipe.send_bytes(content)
+
+    def _hire(self) -> _Worker:
+        context = multiprocessing.get_context("spawn")
+        ours, theirs = context.Pipe()
+        process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        # Ctrl-C in a terminal goes to every process: a worker must not hear it before it can handle it. A child
+        # inherits the signal mask; the tracker's start would change it, so that one comes first.
+        resource_tracker.ensure_running()
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            with single_thread():
+                process.start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        theirs.close()
+        worker = _Worker(process, ours)
+        self._workers.append(worker)
+        return worker
+
+    def events(self, timeout: float) -> Iterable[Event]:
+        busy = {w.pipe: w for w in self._workers if w.job is not None}
+        for pipe in connection.wait(list(busy), timeout):
+            worker = busy[pipe]
+            job, attempt = worker.job, worker.attempt
+            try:
+                kind, content = pipe.recv()
+            except (EOFError, OSError):
+                yield Died(job, attempt, self._remove(worker))
+                continue
+            if kind == "progress":
+                yield Progress(job.key, *content)
+            else:
+                worker.job = None
+                yield Done(job, *content, attempts=attempt)
+
+    def _remove(self, worker: _Worker) -> str:
+        """Forget a worker that has ended; how it ended, in words."""
+        self._workers.remove(worker)
+        worker.pipe.close()
+        worker.process.join()
+        code = worker.process.exitcode
+        worker.process.close()
+        return f"killed by signal {-code} ({signal.Signals(-code).name})" if code < 0 else f"exit code {code}"
+
+    def interrupt(self) -> None:
+        for worker in self._workers:
+            if worker.job is not None:
+                with suppress(ProcessLookupError):
+                    os.kill(worker.process.pid, signal.SIGINT)
+
+    def close(self) -> None:
+        self.interrupt()
+        for worker in self._workers:
+            worker.pipe.close()  # one without a job ends by it
+        for worker in self._workers:
+            worker.process.join(GRACE)
+            worker.process.kill()
+            worker.process.join()
+            worker.process.close()
+        self._workers.clear()
+
+
+def _serve(pipe: Any) -> None:
+    """Body of a worker: one job after the other until the pipe is closed."""
+    try:
+        interrupt_once()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+        while True:
+            content = pipe.recv_bytes()
+            outcome = _run(content, pipe)
+            try:
+                pipe.send(("done", outcome))
+            except (pickle.PicklingError, TypeError, AttributeError) as error:  # a result that cannot travel
+                pipe.send(("done", (None, portable(error))))
+    except (EOFError, BrokenPipeError, ConnectionResetError, KeyboardInterrupt):
+        pass  # the caller has ended, or wants this worker to
+
+
+def _run(content: bytes, pipe: Any) -> Any:
+    def send(*report: Any) -> None:
+        try:
+            pipe.send(("progress", report))
+        except OSError:
+            raise KeyboardInterrupt from None  # the caller has gone: the job saves its work
+
+    interrupt_once()
+    try:
+        job, attempt = pickle.loads(content)
+    except Exception as error:  # its module cannot be imported here
+        return None, portable(error)
+    result, error = perform(job, Context(Reporter(send), job.folders, attempt))
+    return result, portable(error)
