@@ -1,8 +1,8 @@
 """Fingerprints of the plants' kernels: what effects that are switched off must leave as it is, to the bit.
 
-The coefficients and the state at rest are rounded to ten digits, so that the fingerprints do not depend on the platform's
-mathematical library; the kernels themselves use none. ``python -m tests.golden_kernels`` writes tests/golden/kernels.json
-(made from the commit before the first effect).
+The coefficients and the state at rest are rounded to ten digits, so that the fingerprints do not depend on the
+platform's mathematical library; the kernels themselves use none. ``python -m tests.golden_kernels`` writes
+tests/golden/kernels.json (made from the commit before the first effect).
 """
 
 import hashlib
@@ -63,7 +63,7 @@ def commands(size: float, n: int, held: np.ndarray):
 
 
 def fingerprint(case: str, mode: str, effects: bool = False) -> str:
-    """SHA-256 over all signals after every control step; with ``effects`` the rows of all effects are present, at null."""
+    """SHA-256 over all signals after every control step; ``effects``: with the rows of all effects, at null."""
     plant, values = columns(case)
     if effects:
         null = [p.default for p in plant.table][len(plant.parameters) :]
