@@ -13,6 +13,7 @@ EXTRAS = {
     **dict.fromkeys(("torch", "stable_baselines3", "tensorboard"), "agents"),
     "cma": "identification",
     "pyarrow": "parquet",
+    **dict.fromkeys(("minari", "h5py"), "offline"),
 }
 """Module that may be missing -> the extra that brings it."""
 

@@ -41,11 +41,13 @@ _VALUE_KEYS = ("value", "unit", "std", "source", "note")
 CHANNELS: Mapping[str, Mapping[str, str]] = {
     "cable_hole": {
         "time": "s", "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
-        "load_tension": "N", "wrap_angle": "rad", "drive_velocity_command": "m/s", "position_reference": "m",
+        "load_tension": "N", "wrap_angle": "rad", "drive_velocity_command": "m/s", "drive_tension_command": "N",
+        "position_reference": "m", "tension_reference": "N",
     },
     "pulley_circuit": {
         "time": "s", "drive_angle": "rad", "drive_torque": "N m", "drive_current": "A", "output_angle": "rad",
-        "output_torque": "N m", "tension_top": "N", "tension_bottom": "N", "angle_reference": "rad",
+        "output_torque": "N m", "tension_top": "N", "tension_bottom": "N", "drive_angle_command": "rad",
+        "drive_torque_command": "N m", "angle_reference": "rad", "torque_reference": "N m",
     },
     "linear_drive": {
         "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",

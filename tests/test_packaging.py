@@ -15,7 +15,8 @@ ROOT = Path(__file__).parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 EXTRAS = (
-    "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow"
+    "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
+    "minari", "h5py",
 )  # fmt: skip
 
 
@@ -78,6 +79,13 @@ def test_benchmark_does_not_know_agents_or_its_command_line():
     files = [f for f in _files("cablebench") if not _inside(_module(f), *command_line)]
     assert _offences(files, "agents", "typer", *command_line) == []
     assert _offences(_files("agents"), *command_line) == []
+
+
+def test_only_export_and_its_command_know_recordings_and_minari():
+    files = [f for f in _files("cablebench") if not _inside(_module(f), "cablebench.export", "cablebench.commands")]
+    assert _offences(files, "diagnosis", "minari", "cablebench.export") == []
+    others = [f for package in PACKAGES for f in _files(package) if _module(f) != "cablebench.export.minari"]
+    assert _offences(others, "minari", "h5py") == []
 
 
 def test_tools_above_the_simulator_stay_below_the_command_line():
@@ -212,7 +220,7 @@ def test_help_loads_nothing_heavy():
     )
     done = _python("-c", code, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo"):
+    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo", "export"):
         assert f" {command} " in done.stdout
 
 

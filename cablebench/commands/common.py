@@ -4,7 +4,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
 
@@ -153,6 +153,19 @@ def _bars(err: Any) -> Any:
         progress.TextColumn("{task.fields[text]}", style="dim"),
     )
     return progress.Progress(*columns, console=err, transient=True)
+
+
+def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:
+    """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
+    from cablebench.evaluate import setup_of
+
+    needs = entrant.needs(env_id, setup_of(env_id, options))
+    if needs is None:
+        raise ConfigurationError(f"'{entrant.title}' does not apply to {env_id} with these options")
+    for key, value in needs.items():
+        if options.get(key, value) != value:
+            raise ConfigurationError(f"'{entrant.title}' needs {key}={value}, not {options[key]}")
+    return {**options, **needs}
 
 
 def policy_entrant(path: str) -> Any:

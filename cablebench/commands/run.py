@@ -11,6 +11,7 @@ import typer
 from cable_envs.errors import ConfigurationError, nearest
 from cablebench.commands.common import (
     console,
+    options_for,
     parse_gains,
     parse_options,
     policy_entrant,
@@ -73,24 +74,15 @@ def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render:
     """(episode, frames): frames is empty unless a picture is wanted."""
     import gymnasium as gym
 
-    from cablebench.evaluate import run_episode, setup_of
+    from cablebench.evaluate import run_episode
 
-    needs = entrant.needs(env_id, setup_of(env_id, options))
-    if needs is None:
-        raise ConfigurationError(f"'{entrant.title}' does not apply to {env_id} with these options")
-    for key, value in needs.items():
-        if options.get(key, value) != value:
-            raise ConfigurationError(f"'{entrant.title}' needs {key}={value}, not {options[key]}")
-    made = gym.make(
-        env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **{**options, **needs}
-    )
+    options = options_for(entrant, env_id, options)
+    made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)
     film: list[Any] = []
     watched = _watch(made, film, render is not None and render.suffix == ".gif", update)
     try:
         actor = entrant.make(made.unwrapped.setup)
-        episode = run_episode(
-            watched, actor, seed, settings={"controller": entrant.title, "options": {**options, **needs}}
-        )
+        episode = run_episode(watched, actor, seed, settings={"controller": entrant.title, "options": options})
         if render is not None:
             film.append(made.render())
     finally:

@@ -1,0 +1,1 @@
+"""Episodes as data: Minari datasets for offline learning (`minari`), recordings for diagnosis (`recording`)."""

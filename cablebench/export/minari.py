@@ -1,0 +1,144 @@
+"""Episodes as a Minari dataset (https://minari.farama.org): HDF5 below ``root``, read by ``minari.load_dataset``.
+
+Besides what Minari itself asks for, the dataset's metadata name the observation's channels and the infos with their
+units; each episode's metadata hold its seed and the true parameters of its rig. ``recover_environment()`` gives the
+environment with the same options: reset with an episode's seed and given its actions, it repeats it to the bit.
+"""
+
+import json
+import os
+import shutil
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+import cable_envs
+from cable_envs.errors import ConfigurationError
+from cablebench.entrants import Entrant
+from cablebench.export.trace import Trace
+from cablebench.provenance import versions
+
+ROOT_VARIABLE = "MINARI_DATASETS_PATH"
+"""Where Minari looks for datasets; its functions know no argument for it."""
+
+_EXAMPLE = "cable/CableHole-Position-Sine/pid-v0"
+
+
+def check_dataset_id(dataset_id: str, root: Path) -> None:
+    """ConfigurationError unless ``dataset_id`` is like ``cable/NAME-v0`` and ``root`` holds no such dataset."""
+    import h5py  # noqa: F401 (Minari's own message for a missing h5py would name another extra)
+    from minari.dataset.minari_dataset import parse_dataset_id
+
+    try:
+        parse_dataset_id(dataset_id)
+    except (ValueError, TypeError) as error:  # TypeError: Minari 0.5 turns a missing version into int(None)
+        raise ConfigurationError(
+            f"dataset id '{dataset_id}': expected NAMESPACE/NAME-vN, such as {_EXAMPLE}"
+        ) from error
+    if (root / dataset_id).exists():
+        raise ConfigurationError(
+            f"{root / dataset_id} exists: choose another folder, or a dataset id with a higher version"
+        )
+
+
+def write_dataset(
+    traces: Sequence[Trace],
+    env: gym.Env,
+    entrant: Entrant,
+    root: Path,
+    dataset_id: str,
+    *,
+    author: str | None = None,
+    author_email: str | None = None,
+    code_permalink: str | None = None,
+) -> Path:
+    """Write ``traces`` of ``env`` as ``dataset_id`` below ``root``; returns its folder. A failure leaves nothing there.
+
+    Load it with ``MINARI_DATASETS_PATH=root`` in the process' environment. Raises ConfigurationError for a bad id, and
+    where the dataset exists.
+    """
+    check_dataset_id(dataset_id, root)
+    import minari
+    from minari import create_dataset_from_buffers
+    from minari.data_collector import EpisodeBuffer
+
+    buffers = [
+        EpisodeBuffer(
+            seed=t.seed,
+            observations=t.observations,
+            actions=t.actions,
+            rewards=t.episode.reward,
+            terminations=t.terminations,
+            truncations=t.truncations,
+            infos=dict(t.infos),
+        )
+        for t in traces
+    ]
+    folder = root / dataset_id
+    try:
+        with _datasets_in(root), warnings.catch_warnings():
+            # Minari wants an author, an address and a link for what is uploaded; whoever exports may have none to give
+            warnings.filterwarnings("ignore", r"`(author|author_email|code_permalink)` is set to None", UserWarning)
+            dataset = create_dataset_from_buffers(
+                dataset_id, buffers, env=env, eval_env=env.spec, algorithm_name=entrant.title,
+                author=author, author_email=author_email, code_permalink=code_permalink,
+                description=_description(env, entrant, traces),
+                requirements=[f"cable-envs>={cable_envs.__version__}", f"minari>={minari.__version__}"],
+            )  # fmt: skip
+            dataset.storage.update_metadata(_about(env, entrant))
+            dataset.storage.update_episode_metadata([{"rig": json.dumps(dict(t.rig))} for t in traces])
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return folder
+
+
+def load(root: Path, dataset_id: str) -> Any:
+    """``minari.load_dataset`` for a dataset below ``root``."""
+    import minari
+
+    with _datasets_in(root):
+        return minari.load_dataset(dataset_id)
+
+
+@contextmanager
+def _datasets_in(root: Path) -> Iterator[None]:
+    before = os.environ.get(ROOT_VARIABLE)
+    os.environ[ROOT_VARIABLE] = str(root)
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ[ROOT_VARIABLE]
+        else:
+            os.environ[ROOT_VARIABLE] = before
+
+
+def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:
+    setup = env.unwrapped.setup
+    failed = sum(not t.episode.complete for t in traces)
+    return (
+        f"{len(traces)} episodes of {entrant.title} on {env.spec.id} (rig {setup.rig.name}), {failed} of them "
+        "cut short. Observations are SI values over the scale of their channel; actions in [-1, 1] are linear over the "
+        "range of the command."
+    )
+
+
+def _about(env: gym.Env, entrant: Entrant) -> dict[str, Any]:
+    """Metadata beyond Minari's own, JSON types only."""
+    setup = env.unwrapped.setup
+    units = {s.name: s.unit for s in setup.plant.signals}
+    own = {"time": "s", "reference": setup.output_unit, "output": setup.output_unit, "error": setup.output_unit,
+           "command": setup.action_mode.unit, "overload": "1"}  # fmt: skip
+    return {
+        "channels": [{"name": c.name, "unit": c.unit, "scale": c.scale} for c in setup.channels],
+        "info_units": {**units, **own},
+        "command": {"unit": setup.action_mode.unit, "low": setup.low, "high": setup.high},
+        "entrant": {"name": entrant.name, "information": entrant.information, "training_seed": entrant.training_seed,
+                    "charged": dict(entrant.charged)},
+        "versions": versions(),
+    }  # fmt: skip

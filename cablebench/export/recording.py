@@ -1,0 +1,221 @@
+"""Episodes as a recording of a rig: the format ``cable-recording/1`` that `diagnosis.recording` reads.
+
+A folder with recording.yaml, one table (CSV or Parquet) for each episode and, where the rig is no preset, its file
+under rig/. The tables hold what sensors read (with the noise and delay of the environment), the reference, and the
+command in the row from whose time on it acted, held until the next row: enough to replay the episode. The last row
+repeats the last command.
+"""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import yaml
+
+from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.rigs import SCHEMA as RIG_SCHEMA
+from cable_envs.rigs import Rig, load_rig
+from cable_envs.setup import Setup
+from cablebench.entrants import Entrant
+from cablebench.export.trace import Trace, measured
+from cablebench.store import write_atomic
+from diagnosis.recording import CHANNELS, SCHEMA, parameters_of
+
+FILE = "recording.yaml"
+TABLES = ("csv", "parquet")
+
+SIGNALS = {
+    "pulley_circuit": {"tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom"},
+}
+"""Plant signal of a channel where their names differ; the circuit's tensions are those at the driving pulley."""
+
+COMMANDS = {
+    ("cable_hole", "tension"): "drive_tension_command",
+    ("cable_hole", "speed"): "drive_velocity_command",
+    ("pulley_circuit", "position"): "drive_angle_command",
+    ("pulley_circuit", "torque"): "drive_torque_command",
+}
+"""(system, action mode) -> channel of the command"""
+
+REFERENCES = {
+    ("cable_hole", "position"): "position_reference",
+    ("cable_hole", "tension"): "tension_reference",
+    ("pulley_circuit", "position"): "angle_reference",
+    ("pulley_circuit", "torque"): "torque_reference",
+}
+"""(system, kind of task) -> channel of the reference"""
+
+KNOWN = {
+    "cable_hole": ("load_mass", "gravity", "load_gravity", "wrap_angle", "radius_ratio", "cable_radius", "hole_radius"),
+    "pulley_circuit": ("drive_radius", "output_radius", "cable_radius", "shaft_radius", "payload_mass", "payload_arm",
+                       "gravity"),
+}  # fmt: skip
+"""What is measured on a rig before it runs, by system. What is neither here nor in `NOMINAL` stays in the rig."""
+
+NOMINAL = {
+    "cable_hole": ("friction_coefficient", "extrusion_delta", "extrusion_gain", "extrusion_exponent", "cable_stiffness",
+                   "cable_damping", "bending_rigidity", "load_stiffness", "load_damping"),
+    "pulley_circuit": ("cable_friction", "shaft_friction", "tensile_stiffness", "cable_damping", "pretension_top",
+                       "pretension_bottom", "drive_inertia", "drive_damping", "output_inertia", "output_damping",
+                       "contact_stiffness", "contact_damping", "brake_torque"),
+}  # fmt: skip
+"""What a simulator of the rig believes and a recording may correct, by system."""
+
+
+def check_environment(setup: Setup) -> None:
+    """ConfigurationError where episodes of ``setup`` do not fit the format: other rigs each time, or no such system."""
+    if setup.randomize:
+        raise ConfigurationError(
+            "a recording describes one rig, and 'randomize' draws another for every episode: choose the parameters "
+            "with --option rig={name: value}"
+        )
+    system = setup.rig.plant
+    if (system, setup.action_mode.name) not in COMMANDS:
+        known = [f"{s} in mode {m}" for s, m in COMMANDS]
+        asked = f"{system} in mode {setup.action_mode.name}"
+        raise ConfigurationError(f"recordings of {asked} are not known; {nearest(asked, known)}")
+
+
+def check_split(episodes: int, heldout: int | None) -> int:
+    """How many of ``episodes`` (the last ones) are held out: ``heldout``, by default a quarter, one at least if two."""
+    if heldout is None:
+        return max(round(episodes / 4), 1) if episodes > 1 else 0
+    if not 0 <= heldout < episodes:
+        raise ConfigurationError(f"{heldout} of {episodes} episodes held out: at least one must be left to fit")
+    return heldout
+
+
+def write_recording(
+    traces: Sequence[Trace], full: gym.Env, entrant: Entrant, folder: Path, *, table: str = "csv", heldout: int = 0
+) -> Path:
+    """Write ``traces`` to ``folder``; the last ``heldout`` are marked so. Returns the YAML file, which is written last.
+
+    ``full``: the traces' environment made anew with ``observe="full"``. Raises ConfigurationError where the folder
+    holds a recording, and for what `check_environment` names.
+    """
+    setup: Setup = full.unwrapped.setup
+    check_environment(setup)
+    if table not in TABLES:
+        raise ConfigurationError(f"unknown table format '{table}'; {nearest(table, TABLES)}")
+    check_folder(folder)
+    records = []
+    for k, trace in enumerate(traces):
+        name = f"episode_{trace.seed}.{table}"
+        columns = channel_columns(setup, trace, measured(full, trace))
+        write_atomic(folder / name, (_csv if table == "csv" else _parquet)(columns))
+        records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
+    rig, rig_file = _rig_entry(setup.rig)
+    if rig_file is not None:
+        write_atomic(folder / rig, rig_file)
+    system = setup.rig.plant
+    content = {
+        "schema": SCHEMA,
+        "description": _description(full, entrant, traces),
+        "system": system,
+        "rig": rig,
+        "known": _parameters(setup.rig, KNOWN[system]),
+        "nominal": _parameters(setup.rig, NOMINAL[system]),
+        "records": records,
+        "channels": {name: _channel(setup, name) for name in columns},
+    }
+    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+    return write_atomic(folder / FILE, text)
+
+
+def check_folder(folder: Path) -> None:
+    """ConfigurationError where ``folder`` holds a recording already."""
+    found = sorted(p.name for p in folder.glob("*.y*ml")) if folder.is_dir() else []
+    if found:
+        raise ConfigurationError(f"{folder} holds {found[0]}: choose another folder, a recording's holds one YAML file")
+
+
+def channel_columns(setup: Setup, trace: Trace, sensors: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The recording's channels in SI, [n + 1] each: time, every measured channel of the system, reference, command."""
+    system = setup.rig.plant
+    n = len(trace.infos["time"])
+    columns = {"time": trace.infos["time"]}
+    for name in CHANNELS[system]:
+        signal = SIGNALS.get(system, {}).get(name, name)
+        if signal in sensors:
+            columns[name] = sensors[signal]
+    if system == "cable_hole" and setup.rig.holes == 1:
+        columns["wrap_angle"] = np.full(n, trace.rig["wrap_angle"])
+    if (system, setup.task.kind) in REFERENCES:
+        columns[REFERENCES[system, setup.task.kind]] = trace.infos["reference"]
+    # info["command"] is what acted in the step that ended; a row holds what acts from its time on
+    command = trace.infos["command"]
+    columns[COMMANDS[system, setup.action_mode.name]] = np.append(command[1:], command[-1])
+    return columns
+
+
+def _channel(setup: Setup, name: str) -> dict[str, Any]:
+    system = setup.rig.plant
+    entry: dict[str, Any] = {"column": name, "unit": CHANNELS[system][name]}
+    signal = SIGNALS.get(system, {}).get(name, name)
+    rows = [s.name for s in setup.plant.signals]
+    if signal in rows and setup.noise[rows.index(signal)] > 0.0:
+        entry["noise_std"] = float(setup.noise[rows.index(signal)])
+    return entry
+
+
+def _parameters(rig: Rig, names: Sequence[str]) -> dict[str, Any]:
+    values = dict(rig.values)
+    if rig.plant == "cable_hole":
+        values["hole_radius"] = values["radius_ratio"] * values["cable_radius"]
+    table = parameters_of(rig.plant)
+    return {name: {"value": float(values[name]), "unit": table[name].unit} for name in names}
+
+
+def _rig_entry(rig: Rig) -> tuple[str, str | None]:
+    """(entry for "rig", content of the rig file): the preset's name where nothing was changed, else a file beside."""
+    try:
+        preset = load_rig(rig.name)
+    except ConfigurationError:
+        preset = None
+    if preset is not None and (preset.values, preset.plant, preset.holes) == (rig.values, rig.plant, rig.holes):
+        return rig.name, None
+    table = rig.simulated_by().parameters
+    parameters = {}
+    for p in table:
+        parameters[p.name] = {"value": float(rig.values[p.name]), "unit": p.unit}
+        if preset is not None and p.name in rig.sources and preset.values.get(p.name) == rig.values[p.name]:
+            parameters[p.name]["source"] = rig.sources[p.name]
+    content = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
+    if rig.plant == "cable_hole":
+        content["holes"] = rig.holes
+    return "rig/rig.yaml", yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
+
+
+def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:
+    setup: Setup = env.unwrapped.setup
+    late = f", measured {setup.sensor_delay} control steps late" if setup.sensor_delay else ""
+    return (
+        f"Simulated: {len(traces)} episodes of {entrant.title} on {env.spec.id}{late}. "
+        "A row holds the command that acts from its time until the next row."
+    )
+
+
+def _csv(columns: Mapping[str, np.ndarray]) -> str:
+    """Shortest decimals that read back as the same float64; an empty cell for what is not finite."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for row in zip(*(c.tolist() for c in columns.values()), strict=True):
+        writer.writerow([repr(v) if np.isfinite(v) else "" for v in row])
+    return text.getvalue()
+
+
+def _parquet(columns: Mapping[str, np.ndarray]) -> bytes:
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ModuleNotFoundError as error:
+        raise ConfigurationError("Parquet needs pyarrow: pip install 'cable-envs[parquet]'") from error
+    buffer = io.BytesIO()
+    table = {name: np.where(np.isfinite(values), values, np.nan) for name, values in columns.items()}
+    pyarrow.parquet.write_table(pyarrow.table(table), buffer)
+    return buffer.getvalue()
