@@ -11,7 +11,8 @@ gains:
 made_by: cablebench tune --controller pid --env CableHole-Position-Step --trials 40
 ```
 
-A controller enters only the tasks that it has gains for.
+A controller enters only the tasks that it has gains for; without ``gains``, which only a .py file may leave out, those
+that the .py file enters.
 """
 
 import shlex
@@ -78,7 +79,9 @@ def load_controller_file(path: str | Path) -> ControllerFile:
         if not isinstance(data.get(key), str) or not data[key].strip():
             raise ConfigurationError(f"{path}: '{key}' must be a text, found {data.get(key)!r}")
     gains = data.get("gains")
-    if not isinstance(gains, Mapping) or not gains:
+    if gains is None and data["controller"].endswith(".py"):
+        gains = {}
+    elif not isinstance(gains, Mapping) or not gains:
         raise ConfigurationError(f"{path}: 'gains' must map environment ids to gains, found {gains!r}")
     by_short = {Task(env).short: env for env in cable_envs.ENV_IDS}
     resolved = {by_short.get(str(env), str(env)): _gains(path, str(env), values) for env, values in gains.items()}
@@ -115,7 +118,7 @@ def file_entrant(path_or_name: str | Path) -> Entrant:
     """
     path = find_controller_file(path_or_name)
     file = load_controller_file(path)
-    kind = _kind(path, file.controller)
+    kind = _kind(path, file.controller, file.gains)
     information = file.information or kind.information
     if INFORMATION.index(information) < INFORMATION.index(kind.information):
         raise ConfigurationError(
@@ -126,7 +129,10 @@ def file_entrant(path_or_name: str | Path) -> Entrant:
         _check(path, kind, env, gains)
 
     def needs(env_id: str, setup: Setup) -> Mapping[str, Any] | None:
-        return {"observe": kind.levels[setup.plant.name]} if env_id in file.gains else None
+        if not file.gains:
+            return kind.needs(env_id, setup)
+        level = kind.levels[setup.plant.name]
+        return None if env_id not in file.gains else {} if level is None else {"observe": level}
 
     def make(setup: Setup) -> Actor:
         case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
@@ -144,14 +150,17 @@ def file_entrant(path_or_name: str | Path) -> Entrant:
     )  # fmt: skip
 
 
-def _kind(path: Path, controller: str) -> Any:
+def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
     """The controller's class: by name among the references, or from a .py file beside the YAML file."""
     from baselines import CONTROLLERS
 
     if controller.endswith(".py"):
-        from cablebench.submission import controller_kind
+        from cablebench.submission import FileController, controller_kind
 
-        return controller_kind(path.parent / controller)
+        kind = controller_kind(path.parent / controller)
+        if not gains and not isinstance(kind, FileController):
+            raise ConfigurationError(f"{path}: 'gains' must say which environments {controller} enters")
+        return kind
     if controller not in CONTROLLERS:
         raise ConfigurationError(f"{path}: unknown controller '{controller}'; {nearest(controller, CONTROLLERS)}")
     return CONTROLLERS[controller]
@@ -177,6 +186,8 @@ def _case_of(env: str) -> tuple[str, bool]:
 
 def _chosen(gains: Mapping[tuple[str, bool], Mapping[str, float]], setup: Setup) -> Mapping[str, float]:
     """The gains for a setup; under another kind of reference than tuned for, those of the same task."""
+    if not gains:
+        return {}
     case = (setup.task.name, setup.reference["kind"] == "step")
     same_task = [values for (task, _), values in gains.items() if task == setup.task.name]
     if case not in gains and not same_task:

@@ -8,6 +8,7 @@ from typing import Any
 from cablebench import figures
 from cablebench.board import Board, Row, Table
 from cablebench.entrants import BUDGETS, INFORMATION
+from cablebench.learning import Curve
 from cablebench.metrics import METRICS
 from cablebench.report import MAIN_METRICS, censored, seed_text
 from cablebench.scoring import GAP_FLOOR
@@ -18,7 +19,9 @@ _SHOWN_TRAJECTORIES = 4
 _RAW = tuple(m for m in METRICS if not m.name.endswith("_censored") and m.name not in ("failed", "peak_tension"))
 
 
-def render_html(board: Board, trajectories: Callable[[str], Mapping[str, Any]] | None = None) -> str:
+def render_html(
+    board: Board, trajectories: Callable[[str], Mapping[str, Any]] | None = None, curves: Sequence[Curve] = ()
+) -> str:
     """The page as text. ``trajectories``: run key -> {"median": arrays, "worst": arrays}."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup

@@ -1,13 +1,14 @@
 """A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cablebench.board import SCHEMA, Board, Row, Table
 from cablebench.entrants import BUDGETS
+from cablebench.learning import Curve
 from cablebench.metrics import METRICS
 from cablebench.store import jsonable, write_atomic
 from cablebench.units import count, shown, unit_of
@@ -19,10 +20,13 @@ MAIN_METRICS = {True: ("rmse", "settling_5", "steady_state_error"), False: ("rms
 """Raw metrics beside the score: for step tasks, for others."""
 
 
-def write_board(board: Board, folder: str | Path, trajectories: Trajectories | None = None) -> dict[str, Path]:
+def write_board(
+    board: Board, folder: str | Path, trajectories: Trajectories | None = None, curves: Sequence[Curve] = ()
+) -> dict[str, Path]:
     """Write board.json, board.md and board.html to ``folder``; each replaces its predecessor whole or not at all.
 
-    ``trajectories`` is `ResultStore.trajectories` of the store that the board was made from.
+    ``trajectories`` is `ResultStore.trajectories` of the store that the board was made from; ``curves`` are its agents'
+    learning curves.
     """
     from cablebench.page import render_html
 
@@ -30,7 +34,7 @@ def write_board(board: Board, folder: str | Path, trajectories: Trajectories | N
     return {
         "json": write_atomic(folder / "board.json", render_json(board)),
         "markdown": write_atomic(folder / "board.md", render_markdown(board)),
-        "html": write_atomic(folder / "board.html", render_html(board, trajectories)),
+        "html": write_atomic(folder / "board.html", render_html(board, trajectories, curves)),
     }
 
 
@@ -38,6 +42,8 @@ def render_json(board: Board) -> str:
     """The whole board as JSON text, SI units, schema-versioned; NaN becomes null."""
     data = {
         "schema": SCHEMA,
+        "board": board.protocol.name,
+        "version": board.version,
         "metrics": [{"name": m.name, "unit": m.unit, "better": m.better, "meaning": m.meaning} for m in METRICS],
         **asdict(board),
     }
@@ -146,7 +152,9 @@ def legend(board: Board) -> list[str]:
         f"Raw values: median over completed episodes; '>' marks a settling time that was not reached. "
         f"'> paper': probability of improvement over {_papers(board)}.",
     ]
-    origin = f"{board.protocol.name} protocol, configuration {board.configuration}, {board.created}"
+    origin = (
+        f"{board.protocol.name} protocol, version {board.version}, configuration {board.configuration}, {board.created}"
+    )
     return [*lines, *board.notes, origin]
 
 
@@ -158,6 +166,8 @@ def render_markdown(board: Board) -> str:
     """The board as Markdown: every table, the legend, the replay commands and the provenance."""
     out = [f"# {board.protocol.title}", ""]
     out += [f"- {line}" for line in legend(board)]
+    if board.remarks:
+        out += ["", board.remarks.strip()]
     for table in (*board.overall, *board.tables):
         head, body = cells(table)
         out += ["", f"## {heading(table)}", ""]
@@ -167,7 +177,7 @@ def render_markdown(board: Board) -> str:
         if table.omitted:
             out += ["", f"Not in this table because they did not run all tasks: {', '.join(table.omitted)}."]
     out += ["", "## Replay", ""]
-    out += [f"- {t.task}, {t.track}, {r.entrant}: `{r.replay}`" for t in board.tables for r in t.rows]
+    out += [f"- {t.task}, {t.track}, {r.entrant}: `{board.replay(t, r)}`" for t in board.tables for r in t.rows]
     out += ["", "## Provenance", ""]
     out += [f"- test seeds: {seed_text(board.seeds)}", f"- training seeds: {seed_text(board.training_seeds)}"]
     out += [f"- versions: {', '.join(f'{k} {v}' for k, v in board.versions.items())}", f"- machine: {board.machine}"]

@@ -4,7 +4,19 @@ from typing import Annotated
 
 import typer
 
-from cablebench.commands import demo, envs, evaluate, export, identify, leaderboard, reproduce, run, train
+from cablebench.commands import (
+    demo,
+    envs,
+    evaluate,
+    export,
+    identify,
+    leaderboard,
+    replay,
+    reproduce,
+    run,
+    submit,
+    train,
+)
 
 app = typer.Typer(
     name="cablebench",
@@ -34,6 +46,6 @@ def common(
 
 for _command in (
     envs.envs, run.run, train.train, evaluate.evaluate, leaderboard.leaderboard, demo.demo, identify.identify,
-    reproduce.reproduce, export.export,
+    reproduce.reproduce, export.export, submit.submit, replay.replay,
 ):  # fmt: skip
     app.command(_command.__name__)(_command)

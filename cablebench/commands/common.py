@@ -171,6 +171,10 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
 def policy_entrant(path: str) -> Any:
     """The `cablebench.entrants.Entrant` of a saved policy, with what it was charged and how it was trained."""
     require_ours("agents")
+    from cablebench.commands.policies import is_policy_file, policy_file_entrant
+
+    if is_policy_file(path):
+        return policy_file_entrant(path)
     from agents.policy import load_policy
     from cablebench.entrants import agent_entrant
 

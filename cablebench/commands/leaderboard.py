@@ -1,5 +1,6 @@
 """``cablebench leaderboard``: the board of a results folder as terminal table, JSON, Markdown and HTML."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -9,42 +10,92 @@ from cable_envs.errors import ConfigurationError
 from cablebench.commands.common import console
 from cablebench.commands.evaluate import RECORDS
 
+BOARDS = "boards"
+"""Folder of the boards that are kept under version control: one folder for each, named like its protocol."""
+
 
 def leaderboard(
-    results: Annotated[Path, typer.Option(help="Folder that `cablebench evaluate --results` wrote to.")],
-    protocol: Annotated[str | None, typer.Option(help="Protocol; default: that of the newest record.")] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: --results.")
+    board: Annotated[
+        str | None, typer.Option(help="Board: a protocol (quick, full); its folder is boards/NAME.")
     ] = None,
+    results: Annotated[Path | None, typer.Option(help="Results folder, as of `cablebench evaluate --results`.")] = None,
+    protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: the results folder.")
+    ] = None,
+    pack: Annotated[
+        bool, typer.Option("--pack", help="Compress the records (records.jsonl.gz), to commit them.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
-    """Rank what a results folder holds and write the board."""
-    from cablebench.protocol import load_protocol
+    """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it."""
     from cablebench.store import ResultStore
 
-    store = ResultStore(results / RECORDS)
+    folder, flags = results_folder(board, results, protocol)
+    store = ResultStore(folder / RECORDS)
     records = store.records()
     if not records:
-        raise ConfigurationError(f"no records in {store.path}: run `cablebench evaluate --results {results}` first")
-    chosen = load_protocol(protocol or records[-1]["protocol"])
-    make_board(chosen, store, records, out or results, as_json)
+        command = f"cablebench evaluate --protocol {board or 'quick'} --results {folder}"
+        raise ConfigurationError(f"no records in {store.path}: run `{command}` first")
+    chosen = protocol_of(records, protocol or board)
+    if pack:
+        path = store.pack()
+        console(stderr=True).print(f"{len(records)} records in {path}, {path.stat().st_size} bytes", markup=False)
+    make_board(chosen, store, records, out or folder, as_json, place=flags)
 
 
-def make_board(protocol: Any, store: Any, records: list[Any], folder: Path, as_json: bool) -> None:
-    """Build the board, write its three files, and show it: as JSON on standard output, or as a table."""
+def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
+    """(results folder, the flags that name it and the protocol). ConfigurationError when nothing names a folder."""
+    from cablebench.protocol import load_protocol
+
+    if board is None and results is None:
+        raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
+    given = {"--board": board, "--results": results, "--protocol": protocol}
+    flags = " ".join(f"{flag} {shlex.quote(str(value))}" for flag, value in given.items() if value is not None)
+    return results or board_folder(load_protocol(str(board)).name), flags
+
+
+def board_folder(name: str) -> Path:
+    """boards/<name> here, or that of the checkout the program runs from, where it has one."""
+    from cable_envs.config import config_root
+
+    here, checkout = Path(BOARDS) / name, config_root().parent / BOARDS / name
+    return checkout if checkout.is_dir() and not here.is_dir() else here
+
+
+def protocol_of(records: list[Any], name: str | None) -> Any:
+    """The protocol of that name, or that of the newest record."""
+    from cablebench.protocol import load_protocol
+
+    return load_protocol(name or records[-1]["protocol"])
+
+
+def make_board(
+    protocol: Any, store: Any, records: list[Any], folder: Path, as_json: bool, place: str = "", show: bool = True
+) -> Any:
+    """Build the board, write its three files, and show it: as JSON on standard output, or as a table.
+
+    ``place``: the flags that name the results folder, for replay commands; without them a row shows the command that
+    evaluated it.
+    """
     from cablebench.board import build_board
+    from cablebench.learning import learning_curves
+    from cablebench.notes import REMARKS
     from cablebench.report import print_board, render_json, write_board
 
-    board = build_board(protocol, records)
+    remarks = store.path.parent / REMARKS
+    text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""
+    board = build_board(protocol, records, text, place)
     try:
-        paths = write_board(board, folder, store.trajectories)
+        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, records))
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
-    if as_json:
+    if as_json and show:
         typer.echo(render_json(board), nl=False)
-    else:
+    elif show:
         out = console()
         print_board(board, out)
         out.print()
     for path in paths.values():
         console(stderr=as_json).print(f"wrote {path}", markup=False)
+    return board

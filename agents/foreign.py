@@ -1,0 +1,77 @@
+"""Policies saved by stable-baselines3 alone (``model.save()``): weights only, the rest must be told.
+
+SB3's own loader unpickles what is in the file, which can run anything; here ``policy.pth`` is the only entry read, by
+``torch.load(..., weights_only=True)``.
+"""
+
+import hashlib
+import io
+import pickle
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.policies import BasePolicy
+
+from agents.settings import ALGORITHMS, make_settings
+from cable_envs.envs import make_spaces
+from cable_envs.errors import ConfigurationError, require_known
+from cablebench.evaluate import setup_of
+
+WEIGHTS = "policy.pth"
+
+
+@dataclass(frozen=True)
+class ForeignPolicy:
+    """A network with its weights; `predict` as stable-baselines3's."""
+
+    network: BasePolicy
+    digest: str
+    """first 12 hex digits of the file's SHA-256"""
+
+    def predict(
+        self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool = True
+    ) -> tuple[np.ndarray, Any]:
+        """(action, state) as `BasePolicy.predict`."""
+        return self.network.predict(observation, state, episode_start, deterministic)
+
+
+def load_foreign(
+    path: str | Path,
+    algo: str,
+    env_id: str,
+    options: Mapping[str, Any] | None = None,
+    policy_kwargs: Mapping[str, Any] | None = None,
+    policy: str = "MlpPolicy",
+) -> ForeignPolicy:
+    """The policy in a .zip of stable-baselines3, trained on ``env_id`` with ``options`` and ``policy_kwargs``.
+
+    Raises ConfigurationError for unknown names, for a file without weights, and where the weights do not fit the
+    network that the arguments describe.
+    """
+    path = Path(path)
+    content = path.read_bytes()
+    require_known("algorithm", [algo], ALGORITHMS)
+    settings = make_settings(algo, env_id, {"n_timesteps": 1, "policy_kwargs": dict(policy_kwargs or {})}, str(path))
+    kinds = settings.algorithm().policy_aliases
+    require_known(f"policy of {algo}", [policy], kinds)
+    torch.set_num_threads(1)  # a network this small is slower on several
+    try:
+        network = kinds[policy](
+            *make_spaces(setup_of(env_id, options or {})), lambda remaining: 0.0, **settings.policy_arguments()
+        )
+        with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open(WEIGHTS) as weights:
+            network.load_state_dict(torch.load(weights, map_location="cpu", weights_only=True))
+    except (zipfile.BadZipFile, KeyError) as error:
+        raise ConfigurationError(f"{path} is no file of stable-baselines3: {error}") from None
+    except pickle.UnpicklingError:
+        raise ConfigurationError(f"{path}: {WEIGHTS} holds more than weights; it is not read") from None
+    except (RuntimeError, TypeError) as error:
+        text = " ".join(str(error).split())[:300]
+        raise ConfigurationError(f"{path}: the weights do not fit {algo} with policy_kwargs as given: {text}") from None
+    network.set_training_mode(False)
+    return ForeignPolicy(network, hashlib.sha256(content).hexdigest()[:12])

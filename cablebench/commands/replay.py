@@ -1,0 +1,108 @@
+"""``cablebench replay``: run a row of a board again and say whether the numbers are the same."""
+
+import math
+import shlex
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cable_envs.errors import ConfigurationError
+from cablebench.commands.common import console, print_json, progress_bar, resolve_env
+from cablebench.commands.evaluate import RECORDS, choose_entrants
+from cablebench.commands.leaderboard import protocol_of, results_folder
+from cablebench.commands.trust import ask
+
+DIFFERENT = 1
+"""Exit code where a number is not as recorded."""
+
+
+def replay(
+    entrant: Annotated[str, typer.Option(help="Name on the board.")],
+    env: Annotated[str, typer.Option(help="Environment, by full or short id.")],
+    track: Annotated[str, typer.Option(help="Track.")] = "nominal",
+    board: Annotated[
+        str | None, typer.Option(help="Board: a protocol (quick, full); its folder is boards/NAME.")
+    ] = None,
+    results: Annotated[Path | None, typer.Option(help="Results folder of the board.")] = None,
+    protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
+    trust: Annotated[
+        bool, typer.Option("--trust", "--yes", help="Execute a submitted .py file without asking.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="The comparison as JSON on standard output.")] = False,
+) -> None:
+    """Run the episodes of a row again; exit code 1 where any number differs from the record. Nothing is stored.
+
+    Replaying a submitted .py file executes it: you are asked before, or say --trust.
+    """
+    from cablebench.provenance import versions
+    from cablebench.replay import arguments_of, compare, executed_by, rows_of
+    from cablebench.store import ResultStore
+
+    folder, _ = results_folder(board, results)
+    everything = ResultStore(folder / RECORDS).records()
+    if not everything:
+        raise ConfigurationError(f"no records in {folder / RECORDS}")
+    chosen = protocol_of(everything, protocol or board)
+    row = rows_of(everything, chosen, entrant, resolve_env(env), track)
+    again: list[Any] = []
+    with progress_bar() as update:
+        for words, records in arguments_of(row, folder).items():
+            for file in executed_by(words):
+                ask(file, trust)
+            again += _again(chosen, words, records, update)
+    found = compare(row, again, everything, chosen)
+    sources = {r["versions"].get("source") for r in row}
+    _report(found, as_json, sources - {versions()["source"]})
+    if not found.same:
+        raise typer.Exit(DIFFERENT)
+
+
+def _again(protocol: Any, words: str, records: list[Any], update: Any) -> list[Any]:
+    """The records' episodes run anew by the entrant that the flags name."""
+    from cablebench.evaluate import evaluate
+
+    flags = dict.fromkeys(("--controller", "--gain", "--policy"))
+    given: dict[str, list[str]] = {flag: [] for flag in flags}
+    parts = shlex.split(words)
+    for flag, value in zip(parts[::2], parts[1::2], strict=True):
+        given[flag].append(value)
+    made = choose_entrants(given["--controller"], given["--gain"], given["--policy"])[0]
+    first = records[0]
+    if dict(made.settings) and dict(made.settings) != first.get("settings", {}):
+        console(stderr=True).print(
+            f"note: {words} is not as it was recorded: its settings or file differ", markup=False
+        )
+    entrant = replace(made, name=first["entrant"], training_seed=first["training_seed"])
+    return evaluate(
+        protocol, (entrant,), (first["env_id"],), (first["track"],), None,
+        lambda p: update("episodes", p.done, p.total, p.text),
+    )  # fmt: skip
+
+
+SHOWN = 5
+
+
+def _report(found: Any, as_json: bool, other_sources: set[Any]) -> None:
+    if as_json:
+        print_json({
+            "same": found.same, "episodes": found.episodes, "recorded_score": found.recorded_score,
+            "replayed_score": found.replayed_score, "differences": [vars(d) for d in found.differences],
+        })  # fmt: skip
+        return
+    out = console()
+    if other_sources:
+        names = ", ".join(sorted(map(str, other_sources)))
+        out.print(f"The records were made by another state of the source ({names}).", markup=False)
+    if not math.isnan(found.recorded_score):
+        out.print(f"score (IQM) recorded {found.recorded_score!r}, replayed {found.replayed_score!r}", markup=False)
+    if found.same:
+        out.print(f"{found.episodes} episodes: every metric is the same to the last digit", markup=False)
+        return
+    for d in found.differences[:SHOWN]:
+        out.print(
+            f"episode {d.seed} ({d.where}): {d.metric} recorded {d.recorded!r}, replayed {d.replayed!r}", markup=False
+        )
+    episodes = len({(d.seed, d.where) for d in found.differences})
+    out.print(f"DIFFERENT: {len(found.differences)} numbers in {episodes} of {found.episodes} episodes", markup=False)

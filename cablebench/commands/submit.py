@@ -1,0 +1,141 @@
+"""``cablebench submit``: anyone's controller or policy, checked, evaluated, and put on a board."""
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cable_envs.errors import ConfigurationError
+from cablebench.commands.common import console, progress_bar, require_ours, resolve_env
+from cablebench.commands.evaluate import RECORDS
+from cablebench.commands.leaderboard import make_board, results_folder
+from cablebench.commands.trust import ask
+
+
+def submit(
+    path: Annotated[Path, typer.Argument(help="A .py file, a policy .zip (or its folder), or a YAML file naming one.")],
+    board: Annotated[str | None, typer.Option(help="Board: a protocol (quick, full). Default: quick.")] = None,
+    results: Annotated[Path | None, typer.Option(help="Results folder; default: boards/NAME.")] = None,
+    protocol: Annotated[str | None, typer.Option(help="Protocol, if not --board's: a name or a YAML file.")] = None,
+    name: Annotated[str | None, typer.Option(help="Name on the board, instead of the file's own.")] = None,
+    env: Annotated[list[str] | None, typer.Option(help="Only this environment; repeatable.")] = None,
+    track: Annotated[list[str] | None, typer.Option(help="Only this track; repeatable.")] = None,
+    trust: Annotated[
+        bool, typer.Option("--trust", "--yes", help="Execute a .py file without asking: it can do all that you can.")
+    ] = False,
+    check_only: Annotated[bool, typer.Option("--check-only", help="Check and try it; evaluate nothing.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
+) -> None:
+    """Check a controller or policy, run the protocol, and add its row to the board."""
+    require_ours("baselines")
+    from cablebench.admission import check_name, read_submission
+    from cablebench.dry_run import dry_run
+    from cablebench.protocol import load_protocol
+    from cablebench.store import ResultStore
+
+    folder, flags = results_folder(board or (None if results else "quick"), results, protocol)
+    chosen = load_protocol(protocol or board or "quick")
+    tasks = tuple(resolve_env(e) for e in env or ())
+    submission = read_submission(path, name or "")
+    if submission.executes:
+        ask(submission.executes, trust)
+    say = console(stderr=True)
+    store = ResultStore(folder / RECORDS)
+    records = store.records()
+    with _tried(submission, path, bool(name)) as place:
+        entrant = _entrant(submission.flag, place)
+        tried = dry_run(entrant, chosen, tasks)
+        check_name(entrant, [r for r in records if r["protocol_hash"] == chosen.hash()], _reserved())
+    for t in tried:
+        beyond = f", {100 * t.clipped:.0f} % of the commands beyond the drive's range" if t.clipped else ""
+        say.print(f"{entrant.title} on {t.env_id}: {1e6 * t.seconds:.0f} µs an answer{beyond}", markup=False)
+    if check_only:
+        say.print(f"{path} can be submitted: {entrant.title}, {entrant.information}", markup=False)
+        return
+    try:
+        kept = submission.keep(folder)
+    except OSError as error:
+        raise ConfigurationError(f"cannot copy {path} to {folder}: {error.strerror or error}") from error
+    entrant = _entrant(submission.flag, kept)
+    entered = tuple(t.env_id for t in tried)
+    _run(chosen, entrant, _missing(chosen, records, entered, track), entered, tuple(track or ()), store)
+    made = make_board(chosen, store, store.records(), folder, as_json, place=flags)
+    _place(made, entrant, say)
+
+
+@contextmanager
+def _tried(submission: Any, path: Path, renamed: bool) -> Iterator[Path]:
+    """Where to try it out: as handed in, or renamed in a temporary folder; what is refused leaves nothing behind."""
+    if not renamed and path.is_file():
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="cablebench-") as folder:
+        yield submission.keep(Path(folder))
+
+
+def _entrant(flag: str, path: Path) -> Any:
+    from cablebench.commands.evaluate import choose_entrants
+
+    controllers, policies = ([str(path)], []) if flag == "--controller" else ([], [str(path)])
+    return choose_entrants(controllers, (), policies)[0]
+
+
+def _reserved() -> tuple[str, ...]:
+    from baselines import CONTROLLERS
+
+    return tuple(CONTROLLERS)
+
+
+def _missing(protocol: Any, records: list[Any], entered: tuple[str, ...], tracks: list[str] | None) -> tuple[Any, ...]:
+    """References without which a score cannot be said and that the store lacks on some task and track."""
+    from cablebench.entrants import reference_entrants
+
+    known = {(r["env_id"], r["track"], r["entrant"]) for r in records if r["protocol_hash"] == protocol.hash()}
+    wanted = {(c.task.env, c.track.name, c.task.family) for c in protocol.cells(entered, tuple(tracks or ()))}
+    names = {
+        name
+        for env_id, track, family in wanted
+        for name in (protocol.open_loop, protocol.oracle, protocol.paper.get(family, ""))
+        if name in _reserved() and (env_id, track, name) not in known
+    }
+    return reference_entrants(sorted(names)) if names else ()
+
+
+def _run(
+    protocol: Any,
+    entrant: Any,
+    references: tuple[Any, ...],
+    tasks: tuple[str, ...],
+    tracks: tuple[str, ...],
+    store: Any,
+) -> None:
+    """Evaluate what the store lacks; an interrupted submission goes on where it was when it is given again."""
+    from cablebench.evaluate import evaluate
+
+    with progress_bar() as update:
+        for group in filter(None, (references, (entrant,))):
+            evaluate(
+                protocol,
+                group,
+                tasks,
+                tracks,
+                store,
+                lambda p: update("episodes", p.done, p.total, p.text),
+                resume=True,
+            )
+
+
+def _place(board: Any, entrant: Any, say: Any) -> None:
+    """Say in one line for each table where the newcomer stands."""
+    from cablebench.report import heading, interval
+
+    for table in board.tables:
+        for row in table.rows:
+            if row.entrant == entrant.name:
+                of = sum(r.information == row.information for r in table.rows)
+                say.print(
+                    f"{heading(table)}: {interval(row)}, place {row.rank} of {of} ({row.information})", markup=False
+                )

@@ -1,0 +1,108 @@
+"""Policy files: a short YAML that enters one saved policy, where the policy's own file does not say everything.
+
+```yaml
+schema: cable-policy-file/1
+name: my-sac                          # as on the board
+policy: policy.zip                    # beside this file: of `cablebench train`, or of stable-baselines3's model.save()
+information: model-free               # optional; model-free without it
+charged: {environment_steps: 2000000} # optional for a policy of `cablebench train`, which knows what it was charged
+# for a file of stable-baselines3 alone, whose own description would have to be unpickled:
+env: CableHole-Position-Sine          # the environment it was trained for
+algo: sac                             # stable-baselines3's name of the algorithm
+seed: 0                               # training seed
+policy_kwargs: {net_arch: [64, 64], activation_fn: tanh}
+options: {observe: output}            # environment options that shape observation and action
+```
+
+Only weights are read (``torch.load(..., weights_only=True)``): nothing is unpickled, so such a policy cannot run code.
+A pickled normaliser (``vecnormalize.pkl``), TorchScript and ONNX are not read for that reason.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from cable_envs.config import read_yaml
+from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.params import is_number
+from cablebench.entrants import BUDGETS, INFORMATION
+from cablebench.protocol import Task
+
+SCHEMA = "cable-policy-file/1"
+_KEYS = (
+    "schema",
+    "name",
+    "policy",
+    "information",
+    "charged",
+    "env",
+    "algo",
+    "seed",
+    "policy_kwargs",
+    "options",
+    "note",
+)
+
+
+@dataclass(frozen=True)
+class PolicyFile:
+    """The checked content of a policy file."""
+
+    name: str
+    policy: Path
+    information: str = "model-free"
+    charged: Mapping[str, float] = field(default_factory=dict)
+    env_id: str = ""
+    """empty: the policy's own file says it"""
+    algo: str = ""
+    seed: int = 0
+    policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+def load_policy_file(path: str | Path) -> PolicyFile:
+    """Read and check a policy file. Raises ConfigurationError that names the file and the key."""
+    import cable_envs
+
+    path = Path(path)
+    data = read_yaml(path)
+    require_known(f"key in {path}", data, _KEYS)
+    if data.get("schema") != SCHEMA:
+        raise ConfigurationError(f"{path}: schema {data.get('schema')!r}; expected '{SCHEMA}'")
+    for key in ("name", "policy"):
+        if not isinstance(data.get(key), str) or not data[key].strip():
+            raise ConfigurationError(f"{path}: '{key}' must be a text, found {data.get(key)!r}")
+    policy = path.parent / data["policy"]
+    if not policy.is_file():
+        raise ConfigurationError(f"{path}: no file at {policy}")
+    if policy.suffix != ".zip":
+        raise ConfigurationError(f"{path}: {policy.name} is no .zip of `cablebench train` or of stable-baselines3")
+    information = str(data.get("information") or "model-free")
+    require_known(f"information class in {path}", [information], INFORMATION)
+    charged = _mapping(path, data, "charged")
+    require_known(f"budget in {path}", charged, BUDGETS)
+    for key, value in charged.items():
+        if not is_number(value) or value < 0:
+            raise ConfigurationError(f"{path}: charged.{key} = {value!r}; expected a number of at least 0")
+    foreign = [key for key in ("env", "algo") if data.get(key)]
+    if len(foreign) == 1:
+        raise ConfigurationError(f"{path}: 'env' and 'algo' belong together; only '{foreign[0]}' is there")
+    env_id = {Task(e).short: e for e in cable_envs.ENV_IDS}.get(str(data.get("env")), str(data.get("env") or ""))
+    require_known(f"environment in {path}", filter(None, [env_id]), cable_envs.ENV_IDS)
+    if foreign and "environment_steps" not in charged:
+        raise ConfigurationError(f"{path}: charged.environment_steps is missing: what did the training take?")
+    seed = data.get("seed", 0)
+    if isinstance(seed, bool) or not isinstance(seed, int):
+        raise ConfigurationError(f"{path}: seed = {seed!r}; expected a whole number")
+    return PolicyFile(
+        data["name"].strip(), policy, information, charged, env_id, str(data.get("algo") or ""), seed,
+        _mapping(path, data, "policy_kwargs"), _mapping(path, data, "options"),
+    )  # fmt: skip
+
+
+def _mapping(path: Path, data: Mapping[str, Any], key: str) -> dict[str, Any]:
+    value = data.get(key) or {}
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(f"{path}: '{key}' must be a mapping, found {value!r}")
+    return dict(value)

@@ -1,0 +1,140 @@
+"""A row of a board run again, and compared with its records to the last digit."""
+
+import itertools
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_envs.config import read_yaml
+from cable_envs.errors import ConfigurationError, nearest
+from cablebench.protocol import Protocol
+from cablebench.scoring import Record, episode_key, latest, score_episodes
+from cablebench.statistics import interquartile_mean
+
+TIMED = ("inference_us",)
+"""Metrics that measure the machine: no two runs have the same."""
+
+_FLAGS = ("--controller", "--gain", "--policy")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One number that did not come out as recorded."""
+
+    seed: int
+    where: str
+    metric: str
+    recorded: float | None
+    replayed: float | None
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Records against their replay: `score` pairs are interquartile means (NaN without references in the store)."""
+
+    episodes: int
+    recorded_score: float
+    replayed_score: float
+    differences: tuple[Difference, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether every metric of every episode is the same number."""
+        return not self.differences
+
+
+def rows_of(records: Sequence[Record], protocol: Protocol, entrant: str, env_id: str, track: str) -> list[Record]:
+    """The records behind a row of the board; ConfigurationError with the nearest names where there is none."""
+    own = [r for r in latest(records) if r["protocol_hash"] == protocol.hash()]
+    if not own:
+        raise ConfigurationError(f"no records of protocol '{protocol.name}' (configuration {protocol.hash()})")
+    row = [r for r in own if (r["entrant"], r["env_id"], r["track"]) == (entrant, env_id, track)]
+    if row:
+        return row
+    for key, value in (("entrant", entrant), ("env_id", env_id), ("track", track)):
+        known = sorted({str(r[key]) for r in own})
+        if value not in known:
+            raise ConfigurationError(f"no records of {key.removesuffix('_id')} '{value}'; {nearest(value, known)}")
+    raise ConfigurationError(f"'{entrant}' has no records on {env_id}, {track} track")
+
+
+def arguments_of(row: Sequence[Record], folder: Path) -> dict[str, list[Record]]:
+    """The flags that name the entrant -> its records: training seeds have their own. Paths may lie in ``folder``."""
+    found: dict[str, list[Record]] = {}
+    for r in row:
+        words = shlex.split(r["replay"])
+        pairs = list(itertools.pairwise(words))
+        flags = [(flag, value) for flag, value in pairs if flag in _FLAGS]
+        if not flags:
+            raise ConfigurationError(f"the record's command names no controller or policy: {r['replay']}")
+        flags = [(flag, value if flag == "--gain" else moved(value, folder)) for flag, value in flags]
+        found.setdefault(shlex.join([word for pair in flags for word in pair]), []).append(r)
+    return found
+
+
+def moved(path: str, folder: Path) -> str:
+    """``path`` as it is, or the part of it that lies in ``folder``: a board may have been copied to another place."""
+    given = Path(path)
+    if given.exists() or len(given.parts) == 1:
+        return path
+    for k in range(len(given.parts)):
+        inside = folder.joinpath(*given.parts[k:])
+        if not given.parts[k:][0].startswith("/") and inside.exists():
+            return str(inside)
+    return path
+
+
+def executed_by(words: str) -> list[str]:
+    """The .py files that an entrant named by these flags executes."""
+    from cablebench.controller_files import SCHEMA
+
+    files = []
+    for word in shlex.split(words):
+        path = Path(word)
+        if path.suffix == ".py":
+            files.append(word)
+        elif path.suffix in (".yaml", ".yml") and path.is_file():
+            data = read_yaml(path)
+            if data.get("schema") == SCHEMA and str(data.get("controller")).endswith(".py"):
+                files.append(str(path.parent / data["controller"]))
+    return files
+
+
+def compare(
+    row: Sequence[Record], again: Sequence[Record], everything: Sequence[Record], protocol: Protocol
+) -> Comparison:
+    """The row's records against those of its replay, number by number; scores on the references in ``everything``."""
+    key: Callable[[Record], Any] = lambda r: (r["training_seed"], *episode_key(r))  # noqa: E731
+    new = {key(r): r for r in again}
+    differences = []
+    for r in row:
+        if key(r) not in new:
+            raise ConfigurationError(f"episode {r['seed']} was not replayed: the record is of another protocol")
+        differences += list(_differences(r, new[key(r)]))
+    # scored together, so that both see the same references; replayed references stand in for nobody
+    others = [r for r in latest(everything) if r["entrant"] in (protocol.open_loop, protocol.oracle)]
+    others = [r for r in others if r["protocol_hash"] == protocol.hash()]
+    renamed = [{**new[key(r)], "entrant": f"{r['entrant']} again"} for r in row]
+    scores = score_episodes([*others, *({**r, "entrant": f"{r['entrant']} then"} for r in row), *renamed], protocol)
+    then, now = scores[len(others) : len(others) + len(row)], scores[len(others) + len(row) :]
+    return Comparison(len(row), _iqm(then), _iqm(now), tuple(differences))
+
+
+def _iqm(values: Sequence[float]) -> float:
+    return float(interquartile_mean(np.array(values)))
+
+
+def _differences(recorded: Record, replayed: Record) -> list[Difference]:
+    def sweep(r: Mapping[str, Any]) -> str:
+        return f", {r['sweep']} = {r['sweep_value']:g}" if r.get("sweep") else ""
+
+    a, b = recorded["metrics"], replayed["metrics"]
+    return [
+        Difference(recorded["seed"], recorded["track"] + sweep(recorded), name, a.get(name), b.get(name))
+        for name in dict.fromkeys([*a, *b])
+        if name not in TIMED and a.get(name) != b.get(name)
+    ]

@@ -1,0 +1,274 @@
+"""Anyone's controller as one file: a .py file with ``reset()`` and ``act(t, y, ref)``, SI in and out.
+
+```python
+name = "my-pid"                     # as on the board
+information = "model-free"          # what it uses: model-free | nominal | identified | oracle
+observe = "output"                  # drive | output | full; optional, the task's own without it; a mapping where the
+                                    # plants differ: {"cable_hole": "output", "pulley_circuit": "drive"}
+tasks = ["CableHole-Position-Sine"] # optional: environment ids it enters; all without it
+charged = {"tuning_trials": 40}     # optional: what finding its gains cost
+
+def reset(about):                   # before every episode; reset() without argument is as good
+    ...                             # about: plant, action_mode, task, dt, low, high (the command's range) and, unless
+                                    # model-free, rig: nominal parameters by name (true ones for an oracle)
+
+def act(t, y, ref):                 # once a control period: t in s, y measurements by name, ref = (r, r_dot, r_ddot)
+    return 0.0                      # the command
+```
+
+Instead of the two functions a class may have them as methods; its constructor's keyword arguments are gains, which a
+controller file can set. Every environment gets a module (and object) of its own, so nothing is left over from another
+task. A class derived from `baselines.Controller` is taken as it is. **Loading such a file executes it**: only load what
+you trust.
+"""
+
+import hashlib
+import inspect
+import math
+import shlex
+import types
+from collections import defaultdict
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.params import is_number
+from cable_envs.setup import Setup
+from cable_envs.tasks import LEVELS
+from cablebench.actors import ControllerActor
+from cablebench.entrants import BUDGETS, INFORMATION, Entrant, controller_entrant
+from cablebench.protocol import Task
+
+_DECLARED = ("name", "information", "observe", "tasks", "charged")
+
+
+def submission_entrant(path: str | Path) -> Entrant:
+    """The entrant of a .py file. Executes the file.
+
+    Raises ConfigurationError that names the file and what is wrong: no reset() or act(), a wrong signature or
+    declaration, an error while it is loaded.
+    """
+    kind = controller_kind(path)
+    arguments = f"--controller {shlex.quote(str(path))}"
+    if not isinstance(kind, FileController):
+        return replace(controller_entrant(kind), arguments=arguments, settings={"source": kind.source_hash})
+    return Entrant(
+        kind.name, kind.information,
+        make=lambda setup: ControllerActor(kind.made_for(setup), setup),
+        needs=kind.needs,
+        arguments=arguments,
+        charged=kind.charged,
+        settings={"source": kind.source_hash},
+    )  # fmt: skip
+
+
+def controller_kind(path: str | Path) -> Any:
+    """A `FileController` of a .py file, or the file's class derived from `baselines.Controller`. Executes the file."""
+    from baselines import Controller
+
+    path = Path(path)
+    content = read_source(path)
+    module = execute(path, content)
+    digest = source_hash(content)
+    own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
+    derived = [c for c in own if issubclass(c, Controller)]
+    if len(derived) == 1:
+        for key in ("name", "information"):
+            if not hasattr(derived[0], key):
+                raise ConfigurationError(f"{path}: class {derived[0].__name__} declares no '{key}'")
+        derived[0].source_hash = digest
+        return derived[0]
+    return FileController(path, content, digest, module)
+
+
+def read_source(path: Path) -> bytes:
+    """The file's content; ConfigurationError where it cannot be read."""
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from None
+
+
+def source_hash(content: bytes) -> str:
+    """The first twelve hex digits of the SHA-256."""
+    return hashlib.sha256(content).hexdigest()[:12]
+
+
+def execute(path: Path, content: bytes) -> types.ModuleType:
+    """A fresh module with what the file defines; ConfigurationError where it raises."""
+    module = types.ModuleType(f"submission_{source_hash(content)}")
+    module.__file__ = str(path)
+    try:
+        exec(compile(content, str(path), "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        raise ConfigurationError(f"{path} cannot be loaded: {_told(error)}") from None
+    return module
+
+
+def _told(error: BaseException) -> str:
+    """An error of somebody's code in one line, with the line number where there is one."""
+    trace = error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    line = getattr(error, "lineno", None) or (trace.tb_lineno if trace is not None else None)
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" + (f" (line {line})" if line and "line " not in text else "")
+
+
+class FileController:
+    """A checked .py file; calling it like a class of `baselines` gives a controller for one environment."""
+
+    def __init__(self, path: Path, content: bytes, digest: str, module: types.ModuleType):
+        self.path, self._content, self.source_hash = path, content, digest
+        offered = _offer(path, module)
+        declared = {k: getattr(offered, k, getattr(module, k, None)) for k in _DECLARED}
+        self.name = self._text(declared["name"] or path.stem, "name")
+        self.information = self._text(declared["information"], "information", "'model-free'")
+        require_known(f"information class in {path}", [self.information], INFORMATION)
+        self.envs = self._tasks(declared["tasks"])
+        self.charged = self._charges(declared["charged"])
+        observe = declared["observe"]
+        named = dict(observe) if isinstance(observe, Mapping) else {}
+        other = None if isinstance(observe, Mapping) else observe
+        require_known(f"observe level in {path}", filter(None, [*named.values(), other]), LEVELS)
+        self.levels: Mapping[str, str | None] = defaultdict(lambda: other, named)
+        """observation level by plant; None: the task's own"""
+
+    def __call__(
+        self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: float
+    ) -> "Played":
+        """As a class of `baselines`: the command's range is taken from the rig."""
+        from baselines.base import command_range, complete_rig
+
+        low, high = command_range(plant, action_mode, complete_rig(plant, rig))
+        return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,
+                           "rig": dict(rig)}, gains)  # fmt: skip
+
+    def made_for(self, setup: Setup) -> "Played":
+        """A controller for an environment with this setup, from a fresh run of the file."""
+        return self._made({
+            "plant": setup.plant.name, "action_mode": setup.action_mode.name, "task": setup.task.kind,
+            "dt": setup.control_period, "low": setup.low, "high": setup.high, "rig": dict(setup.rig.values),
+        })  # fmt: skip
+
+    def _made(self, about: dict[str, Any], gains: Mapping[str, float] | None = None) -> "Played":
+        if self.information == "model-free":
+            del about["rig"]
+        offered = _offer(self.path, execute(self.path, self._content))
+        if isinstance(offered, type):
+            try:
+                inspect.signature(offered).bind(**(gains or {}))
+                offered = offered(**(gains or {}))
+            except Exception as error:
+                raise ConfigurationError(f"{self.path}: {offered.__name__} cannot be made: {_told(error)}") from None
+        elif gains:
+            raise ConfigurationError(f"{self.path}: gains need a class, whose constructor takes them; it has functions")
+        return Played(self.path, offered, about, true_rig=self.information == "oracle")
+
+    def needs(self, env_id: str, setup: Setup) -> Mapping[str, Any] | None:
+        """Environment options it needs, or None where it does not enter."""
+        if self.envs and env_id not in self.envs:
+            return None
+        level = self.levels[setup.plant.name]
+        return {} if level is None else {"observe": level}
+
+    def _text(self, value: Any, key: str, example: str = "'my-controller'") -> str:
+        if not isinstance(value, str) or not value.strip():
+            raise ConfigurationError(f"{self.path}: declare {key} = {example} at the top of the file, found {value!r}")
+        return value.strip()
+
+    def _tasks(self, value: Any) -> tuple[str, ...]:
+        from cable_envs import ENV_IDS
+
+        if value is None:
+            return ()
+        if isinstance(value, str) or not isinstance(value, (list, tuple, set)):
+            raise ConfigurationError(f"{self.path}: tasks must be a list of environment ids, found {value!r}")
+        short = {Task(env).short: env for env in ENV_IDS}
+        require_known(f"environment under 'tasks' in {self.path}", map(str, value), [*short, *ENV_IDS])
+        return tuple(short.get(str(env), str(env)) for env in value)
+
+    def _charges(self, value: Any) -> dict[str, float]:
+        if not isinstance(value or {}, Mapping):
+            raise ConfigurationError(f"{self.path}: charged must map {', '.join(BUDGETS)} to numbers, found {value!r}")
+        require_known(f"budget in {self.path}", value or {}, BUDGETS)
+        for key, amount in (value or {}).items():
+            if not is_number(amount) or amount < 0:
+                raise ConfigurationError(f"{self.path}: charged['{key}'] = {amount!r}; expected a number of at least 0")
+        return dict(value or {})
+
+
+def _offer(path: Path, module: types.ModuleType) -> Any:
+    """The module itself where it has reset() and act(), else its one class that has them."""
+    has = {k: callable(getattr(module, k, None)) for k in ("reset", "act")}
+    if all(has.values()):
+        offered: Any = module
+    else:
+        own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
+        found = [c for c in own if callable(getattr(c, "act", None)) and callable(getattr(c, "reset", None))]
+        if len(found) > 1:
+            raise ConfigurationError(f"{path}: several controllers: {', '.join(c.__name__ for c in found)}; keep one")
+        if not found:
+            missing = " and ".join(f"{k}({'t, y, ref' if k == 'act' else ''})" for k, there in has.items() if not there)
+            raise ConfigurationError(f"{path} has no {missing}, neither as functions nor as a class with both methods")
+        offered = found[0]
+    _signature(path, offered, "act", ("t", "y", "ref"))
+    _signature(path, offered, "reset", ())
+    return offered
+
+
+def _signature(path: Path, offered: Any, name: str, wanted: tuple[str, ...]) -> None:
+    """act must take three arguments by place; reset none, or one."""
+    function = getattr(offered, name)
+    method = isinstance(offered, type) and not isinstance(inspect.getattr_static(offered, name), staticmethod)
+    counts = (len(wanted),) if wanted else (0, 1)
+    if not any(_accepts(function, n + method) for n in counts):
+        raise ConfigurationError(
+            f"{path}: {name}{inspect.signature(function)} does not take the arguments of {name}({', '.join(wanted)})"
+        )
+
+
+def _accepts(function: Callable[..., Any], count: int) -> bool:
+    try:
+        inspect.signature(function).bind(*range(count))
+    except TypeError:
+        return False
+    return True
+
+
+class Played:
+    """The file at work in one environment, with the interface of `baselines.Controller`; its mistakes are named."""
+
+    def __init__(self, path: Path, offered: Any, about: dict[str, Any], true_rig: bool):
+        self.path, self._offered, self._about, self._true_rig = path, offered, about, true_rig
+        wants_about = _accepts(offered.reset, 1)
+        self._reset = partial(self._call, "reset", offered.reset, *([self._about] if wants_about else []))
+
+    def set_rig(self, rig: Mapping[str, Any]) -> None:
+        """The true parameters; an oracle finds them in ``about["rig"]``, nobody else."""
+        if self._true_rig:
+            self._about["rig"] = dict(rig)
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self._reset()
+
+    def act(self, t: float, y: Mapping[str, float], ref: tuple[float, float, float]) -> float:
+        """The command in SI; NaN (which ends the episode as failed) is passed on, anything but a number refused."""
+        u = self._call("act", self._offered.act, t, y, ref)
+        try:
+            return float(u)
+        except (TypeError, ValueError):
+            raise ConfigurationError(
+                f"{self.path}: act() answered {u!r} ({type(u).__name__}) at t = {t:g} s; expected one number"
+            ) from None
+
+    def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        try:
+            return function(*arguments)
+        except Exception as error:
+            at = f" at t = {arguments[0]:g} s" if name == "act" and math.isfinite(arguments[0]) else ""
+            raise ConfigurationError(f"{self.path}: {name}() raised {_told(error)}{at}") from None
