@@ -105,8 +105,8 @@ def evaluate(
 
     Raises ConfigurationError for unknown names and where an entrant enters none of the chosen conditions.
     """
-    plan = _plan(protocol, entrants, tasks, tracks)
-    known = _known(store) if store is not None and resume else {}
+    plan = make_plan(protocol, entrants, tasks, tracks)
+    known = known_seeds(store) if store is not None and resume else {}
     total, done, records = sum(cell.episodes for cell, _, _ in plan), 0, []
     with _Environments() as environments:
         for cell, entrant, options in plan:
@@ -122,20 +122,20 @@ def evaluate(
                 if progress is not None:
                     progress(Progress(done, total, f"{entrant.title} on {cell.key}"))
                 done += 1
-                episode = run_episode(env, actor, seed, _reset_options(cell, env.unwrapped.setup))
-                record = jsonable(_record(protocol, cell, entrant, options, run, seed, episode))
+                episode = run_episode(env, actor, seed, reset_options(cell, env.unwrapped.setup))
+                record = make_record(protocol, cell, entrant, options, run, seed, facts(episode))
                 records.append(record)
-                kept.append((math.inf if record["metrics"]["failed"] else record["metrics"]["rmse"], episode))
+                kept.append((badness(record), episode))
                 if store is not None:
                     store.append(record)
             if store is not None:
-                store.keep_trajectories(run, _typical(kept))
+                store.keep_trajectories(run, typical(kept))
     if progress is not None:
         progress(Progress(total, total, "done"))
     return records
 
 
-def _known(store: ResultStore) -> dict[str, set[int]]:
+def known_seeds(store: ResultStore) -> dict[str, set[int]]:
     """The seeds that the store holds of every run."""
     found: dict[str, set[int]] = {}
     for record in store.records():
@@ -143,9 +143,10 @@ def _known(store: ResultStore) -> dict[str, set[int]]:
     return found
 
 
-def _plan(
+def make_plan(
     protocol: Protocol, entrants: Sequence[Entrant], tasks: Sequence[str], tracks: Sequence[str]
 ) -> list[tuple[Cell, Entrant, dict[str, Any]]]:
+    """What is to run: (cell, entrant, environment options). Raises as `evaluate`."""
     cells = protocol.cells(tuple(tasks), tuple(tracks))
     plan = []
     for cell in cells:
@@ -182,7 +183,7 @@ def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
     return make_setup(**{**spec.kwargs, **options})
 
 
-def _reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
+def reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
     """Rig parameters scaled by a sweep, held within their physical bounds; the entrant keeps the nominal ones."""
     if cell.sweep is None or not cell.sweep.scale:
         return None
@@ -209,10 +210,33 @@ def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[s
     return configuration_hash(decides)
 
 
-def _record(
-    protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any], run: str, seed: int, episode: Episode
-) -> dict[str, Any]:
+def facts(episode: Episode) -> dict[str, Any]:
+    """What a record says about the episode itself and where it was run."""
     return {
+        "output_unit": episode.output_unit,
+        "command_unit": episode.command_unit,
+        "metrics": measure(episode),
+        "machine": machine(),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def badness(record: Mapping[str, Any]) -> float:
+    """The RMSE of a record or of `facts`; infinite where the episode failed."""
+    return math.inf if record["metrics"]["failed"] else record["metrics"]["rmse"]
+
+
+def make_record(
+    protocol: Protocol,
+    cell: Cell,
+    entrant: Entrant,
+    options: Mapping[str, Any],
+    run: str,
+    seed: int,
+    found: Mapping[str, Any],
+) -> dict[str, Any]:
+    """The store's record of an episode from its `facts`."""
+    record = {
         "protocol": protocol.name,
         "protocol_version": protocol.version,
         "protocol_hash": protocol.hash(),
@@ -230,18 +254,15 @@ def _record(
         "seed": seed,
         "options": dict(options),
         "settings": dict(entrant.settings),
-        "output_unit": episode.output_unit,
-        "command_unit": episode.command_unit,
-        "metrics": measure(episode),
         "charged": dict(entrant.charged),
         "versions": {**versions(), **entrant.versions},
-        "machine": machine(),
         "replay": entrant.replay(protocol.name, cell.task.env, cell.track.name),
-        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        **found,
     }
+    return jsonable(record)
 
 
-def _typical(kept: list[tuple[float, Episode]]) -> dict[str, dict[str, np.ndarray]]:
+def typical(kept: list[tuple[float, Episode]]) -> dict[str, dict[str, np.ndarray]]:
     """The median and the worst episode by RMSE (a failed one is the worst), thinned for drawing."""
     order = sorted(range(len(kept)), key=lambda i: kept[i][0])
     chosen = {"median": order[(len(order) - 1) // 2], "worst": order[-1]}

@@ -9,13 +9,13 @@ import typer
 from cable_envs.errors import ConfigurationError
 from cablebench.commands.common import (
     console,
-    parse_gains,
-    policy_entrant,
     print_json,
     progress_bar,
-    require_ours,
     resolve_env,
 )
+from cablebench.commands.recipes import entrant_recipes
+from cablebench.commands.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
+from cablebench.jobs import open_backend
 
 RECORDS = "records.jsonl"
 """The results store in a results folder."""
@@ -32,10 +32,12 @@ def evaluate(
     policy: Annotated[list[str] | None, typer.Option(help="Trained policy: its file or folder; repeatable.")] = None,
     results: Annotated[Path | None, typer.Option(help="Results folder to add the records to.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip episodes that the results already hold.")] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
+    backend: Annotated[str, typer.Option(help=BACKEND_HELP)] = "local",
+    ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="All records as JSON on standard output.")] = False,
 ) -> None:
     """Evaluate controllers (default: all references) and trained policies over the protocol's test episodes."""
-    from cablebench import evaluate as evaluation
     from cablebench.protocol import load_protocol
     from cablebench.store import ResultStore
 
@@ -43,18 +45,23 @@ def evaluate(
         raise ConfigurationError("--resume needs --results: it skips what those already hold")
     chosen = load_protocol(protocol)
     tasks = tuple(resolve_env(name) for name in env or ())
-    entrants = choose_entrants(controller or (), gain or (), policy or ())
+    recipes = entrant_recipes(controller or (), gain or (), policy or ())
     store = None if results is None else ResultStore(results / RECORDS)
+    conditions = (tasks, tuple(track or ()), store)
     with progress_bar() as update:
-        records = evaluation.evaluate(
-            chosen,
-            entrants,
-            tasks,
-            tuple(track or ()),
-            store,
-            lambda p: update("episodes", p.done, p.total, p.text),
-            resume,
-        )
+
+        def report(p: Any) -> None:
+            update("episodes", p.done, p.total, p.text)
+
+        if backend == "local" and jobs in (None, 1) and ray_address is None:
+            from cablebench.evaluate import evaluate as run
+
+            records = run(chosen, [recipe() for recipe in recipes], *conditions, report, resume)
+        else:
+            from cablebench.evaluate_jobs import evaluate_in_jobs
+
+            with open_backend(backend, jobs, ray_address) as workers:
+                records = evaluate_in_jobs(chosen, recipes, workers, *conditions, report, resume)
     if as_json:
         print_json(records)
         return
@@ -68,16 +75,7 @@ def evaluate(
 
 def choose_entrants(controllers: Iterable[str], gains: Iterable[str], policies: Iterable[str]) -> tuple[Any, ...]:
     """The entrants that the flags name: all references when they name none."""
-    require_ours("baselines")
-    from cablebench.entrants import named_entrant, reference_entrants
-
-    names, given = list(controllers), list(gains)
-    agents = tuple(policy_entrant(path) for path in policies)
-    if given and len(names) != 1:
-        raise ConfigurationError("--gain needs exactly one --controller")
-    if given:
-        return (named_entrant(names[0], parse_gains(given)), *agents)
-    return (reference_entrants(names) if names or not agents else ()) + agents
+    return tuple(recipe() for recipe in entrant_recipes(list(controllers), list(gains), list(policies)))
 
 
 def print_summary(records: list[Mapping[str, Any]], out: Any) -> None:

@@ -1,0 +1,89 @@
+"""Entrants that can travel: how one was named on the command line, with the content of the files it was named by."""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cable_envs.errors import ConfigurationError
+from cablebench.commands.common import parse_gains, policy_entrant, require_ours
+
+POLICY = "policy.zip"
+
+
+@dataclass(frozen=True)
+class NamedEntrant:
+    """Called, it makes the entrant that ``--controller`` or ``--policy`` NAME means (a `Recipe` of evaluate_jobs).
+
+    Where the files it was named by are not there, or are others, as on another machine, they are put into a temporary
+    folder first; what a .py file imports beside itself is not among them.
+    """
+
+    kind: str
+    """controller | policy"""
+    name: str
+    gains: tuple[tuple[str, float], ...] = ()
+    files: tuple[tuple[str, bytes], ...] = ()
+    """(path, content)"""
+
+    def __call__(self) -> Any:
+        if all(_holds(Path(path), content) for path, content in self.files):
+            return self._make(self.name)
+        base = Path(self.files[0][0]).parent
+        with tempfile.TemporaryDirectory(prefix="cablebench-") as folder:
+            for path, content in self.files:
+                (Path(folder) / Path(path).relative_to(base)).write_bytes(content)
+            return self._make(str(Path(folder) / Path(self.files[0][0]).name))
+
+    def _make(self, name: str) -> Any:
+        if self.kind == "policy":
+            return policy_entrant(name)
+        from cablebench.entrants import named_entrant
+
+        return named_entrant(name, dict(self.gains))
+
+
+def named(kind: str, name: str, gains: Mapping[str, float] | None = None) -> NamedEntrant:
+    """The recipe for a name, with its files where it names any."""
+    return NamedEntrant(kind, name, tuple((gains or {}).items()), tuple((str(p), p.read_bytes()) for p in _files(name)))
+
+
+def entrant_recipes(
+    controllers: Sequence[str], gains: Sequence[str], policies: Sequence[str]
+) -> tuple[NamedEntrant, ...]:
+    """The recipes of what the flags name: of all reference controllers when they name none.
+
+    Raises ConfigurationError where gains are given without exactly one controller.
+    """
+    require_ours("baselines")
+    from baselines import CONTROLLERS
+
+    names = list(controllers) or ([] if policies else list(CONTROLLERS))
+    if gains and len(controllers) != 1:
+        raise ConfigurationError("--gain needs exactly one --controller")
+    chosen = parse_gains(gains)
+    return (*(named("controller", n, chosen) for n in names), *(named("policy", p) for p in policies))
+
+
+def _files(name: str) -> list[Path]:
+    """The file that ``name`` is a path of, and the one that it refers to where it is a YAML file."""
+    path = Path(name)
+    if path.is_dir():
+        path = path / POLICY
+    if not path.is_file():
+        return []  # a name, or a mistake that making the entrant will tell
+    found = [path]
+    if path.suffix in (".yaml", ".yml"):
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        for key in ("controller", "policy"):
+            beside = path.parent / str(data.get(key) or "") if isinstance(data, dict) else path
+            if beside.is_file() and beside != path:
+                found.append(beside)
+    return found
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.read_bytes() == content

@@ -1,0 +1,115 @@
+"""The evaluation of `cablebench.evaluate` as jobs: one for each entrant on each condition, the same numbers.
+
+Every episode is seeded by itself, so it does not matter which process runs it. An `Entrant` holds closures and cannot
+travel; a recipe does: a picklable call without arguments that makes the entrant again in the worker. Records are made
+and stored by the caller alone, whole runs at a time, in the order in which they end.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import closing
+from functools import lru_cache
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from cablebench.entrants import Entrant
+from cablebench.episode import Episode
+from cablebench.evaluate import (
+    Progress,
+    badness,
+    facts,
+    known_seeds,
+    make_plan,
+    make_record,
+    reset_options,
+    run_episode,
+    run_key,
+    typical,
+)
+from cablebench.jobs import Backend, Context, Job
+from cablebench.jobs import Progress as JobProgress
+from cablebench.protocol import Cell, Protocol
+from cablebench.store import ResultStore
+
+Recipe = Callable[[], Entrant]
+"""Picklable and hashable: a `functools.partial` of a module-level function, or a frozen dataclass."""
+
+
+def evaluate_in_jobs(
+    protocol: Protocol,
+    recipes: Sequence[Recipe],
+    backend: Backend,
+    tasks: Sequence[str] = (),
+    tracks: Sequence[str] = (),
+    store: ResultStore | None = None,
+    progress: Callable[[Progress], None] | None = None,
+    resume: bool = False,
+) -> list[dict[str, Any]]:
+    """As `cablebench.evaluate.evaluate`, of the entrants that ``recipes`` make, on ``backend``; records in its order.
+
+    After Ctrl-C the store holds the runs that were finished; KeyboardInterrupt is raised.
+    """
+    entrants = [recipe() for recipe in recipes]
+    plan = make_plan(protocol, entrants, tasks, tracks)
+    known = known_seeds(store) if store is not None and resume else {}
+    total = sum(cell.episodes for cell, _, _ in plan)
+    jobs, about = [], {}
+    for cell, entrant, options in plan:
+        run, seeds = run_key(protocol, cell, entrant, options), protocol.seeds(cell.episodes)
+        if run not in about and not known.get(run, set()) >= set(seeds):
+            recipe = recipes[next(i for i, e in enumerate(entrants) if e is entrant)]
+            jobs.append(Job(run, run_cell, {"recipe": recipe, "cell": cell, "options": options, "seeds": seeds}))
+            about[run] = (cell, entrant, options)
+    running: dict[str, int] = {}
+    finished = total - sum(cell.episodes for cell, _, _ in about.values())
+
+    def report(p: JobProgress) -> None:
+        running[p.key] = p.done
+        if progress is not None:
+            progress(Progress(finished + sum(running.values()), total, p.text))
+
+    found: dict[str, list[dict[str, Any]]] = {}
+    with closing(backend.run(jobs, report)) as ended:
+        for done in ended:
+            if done.stopped:
+                continue
+            run = done.job.key
+            episodes, trajectories = done.value()
+            found[run] = [make_record(protocol, *about[run], run, seed, seen) for seed, seen in episodes]
+            if store is not None:
+                store.append(found[run])
+                store.keep_trajectories(run, trajectories)
+            running.pop(run, None)
+            finished += len(episodes)
+            report(JobProgress(run, 0, 0, f"{about[run][1].title} on {about[run][0].key}"))
+    if progress is not None:
+        progress(Progress(total, total, "done"))
+    return [record for job in jobs for record in found[job.key]]
+
+
+def run_cell(
+    context: Context, recipe: Recipe, cell: Cell, options: dict[str, Any], seeds: Sequence[int]
+) -> tuple[list[tuple[int, dict[str, Any]]], dict[str, dict[str, np.ndarray]]]:
+    """Body of a job: ([(seed, facts)], trajectories of the median and the worst episode)."""
+    entrant = _entrant(recipe)
+    env = gym.make(cell.task.env, disable_env_checker=True, **options)
+    try:
+        setup: Any = env.unwrapped.setup
+        actor = entrant.make(setup)
+        found: list[tuple[int, dict[str, Any]]] = []
+        kept: list[tuple[float, Episode]] = []
+        for seed in seeds:
+            context.report(len(found), len(seeds), f"{entrant.title} on {cell.key}")
+            episode = run_episode(env, actor, seed, reset_options(cell, setup))
+            found.append((seed, facts(episode)))
+            kept.append((badness(found[-1][1]), episode))
+    finally:
+        env.close()
+    return found, typical(kept)
+
+
+@lru_cache(maxsize=8)
+def _entrant(recipe: Recipe) -> Entrant:
+    """The same entrant runs many conditions; a worker makes it once (loading a policy takes 50 ms and more)."""
+    return recipe()
