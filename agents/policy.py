@@ -8,20 +8,29 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import MISSING, asdict, dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from sb3_contrib.crossq.policies import CrossQPolicy
+from sb3_contrib.tqc.policies import TQCPolicy
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import BasePolicy
+from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import TD3Policy
 
 from agents.settings import ALGORITHMS, Settings
-from agents.smoothing import Smoothing
+from agents.shaping import Shaping
+from agents.vec_env import observation_space
 from cable_envs.envs import make_spaces
 from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.setup import Setup
 from cablebench.evaluate import setup_of
 from cablebench.store import jsonable, write_atomic
 
@@ -52,11 +61,24 @@ class Metadata:
     versions: Mapping[str, str]
     curve: tuple[tuple[float, float, float], ...] = ()
     """learning curve: (environment steps, s of training, mean reward per step of the last episodes)"""
+    normalization: Mapping[str, Any] | None = None
+    """mean, variance, clip, epsilon of VecNormalize for what the network sees; None: it sees the scaled observation"""
 
     @property
     def options(self) -> dict[str, Any]:
         """The environment options that shape observation and action."""
         return {k: v for k, v in self.settings["env_options"].items() if k in SHAPING}
+
+
+@dataclass
+class PolicyState:
+    """What a policy remembers between two steps of ``n`` environments; changed in place by `Policy.predict`."""
+
+    shaping: Shaping
+    frames: np.ndarray
+    """[n, frame_stack * channels], the newest last"""
+    memory: Any = None
+    """of a recurrent network"""
 
 
 @dataclass(frozen=True)
@@ -68,28 +90,82 @@ class Policy:
     path: str
     digest: str
     """first 12 hex digits of the file's SHA-256"""
-    smoothing: Smoothing
+    settings: Settings
+    setup: Setup
 
     def predict(
         self,
         observation: np.ndarray,
-        state: np.ndarray | None = None,
+        state: PolicyState | None = None,
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """(action, state) for observation [channels] or [n, channels]; action and state are [1] or [n, 1] in [-1, 1].
+    ) -> tuple[np.ndarray, PolicyState]:
+        """(action, state) for observation [channels] or [n, channels]; the action is [1] or [n, 1] in [-1, 1].
 
-        The state is the last action, of which a policy trained with smoothing keeps a share; None, or where
-        ``episode_start`` is true, the action at rest is taken, which the first observation shows.
+        Called once for every step of an episode: a state is changed by its use. Episodes begin where it is None or
+        ``episode_start`` is true.
         """
-        action, _ = self.network.predict(observation, deterministic=deterministic)
-        rest = self.smoothing.rest(observation)
+        rows = observation if observation.ndim == 2 else observation[None]
         if state is None:
-            state = rest
-        elif episode_start is not None and np.any(episode_start):
-            state = np.where(np.reshape(episode_start, np.shape(rest)), rest, state)
-        action = self.smoothing.blend(state, action)
-        return action, action
+            state, starts = self._fresh(len(rows)), np.ones(len(rows), dtype=bool)
+        else:
+            starts = np.zeros(len(rows), dtype=bool) if episode_start is None else np.asarray(episode_start, dtype=bool)
+        seen = self._see(rows, state, starts)
+        if deterministic and self._mean is not None:
+            with torch.inference_mode():
+                asked = self._mean(torch.from_numpy(seen)).numpy()
+        else:
+            asked, state.memory = self.network.predict(
+                seen, state=state.memory, episode_start=starts, deterministic=deterministic
+            )
+        action = state.shaping.apply(asked)
+        return (action if observation.ndim == 2 else action[0]), state
+
+    @cached_property
+    def _mean(self) -> Callable[[torch.Tensor], torch.Tensor] | None:
+        """The network's deterministic action without the distribution around it, five times as fast; None: unknown."""
+        network = self.network
+        if isinstance(network, RecurrentActorCriticPolicy):
+            return None
+        if isinstance(network, ActorCriticPolicy):
+            return lambda seen: network.action_net(network.mlp_extractor.forward_actor(seen))
+        if isinstance(network, TD3Policy):
+            return network.actor.mu
+        if isinstance(network, (SACPolicy, TQCPolicy, CrossQPolicy)):
+            return lambda seen: torch.tanh(network.actor.mu(network.actor.latent_pi(seen)))
+        return None
+
+    def _fresh(self, n: int) -> PolicyState:
+        shaping = self.settings.shaping(self.setup, n)
+        width = len(self.setup.channels) + len(shaping.extra_channels)
+        return PolicyState(shaping, np.zeros((n, self.settings.frame_stack * width), dtype=np.float32))
+
+    def _see(self, rows: np.ndarray, state: PolicyState, starts: np.ndarray) -> np.ndarray:
+        """What the network gets: shaped, stacked as VecFrameStack does, normalised as VecNormalize does."""
+        if starts.all():
+            state.shaping.begin(rows)
+        elif not starts.any():
+            state.shaping.advance(rows)
+        else:
+            first, going = np.flatnonzero(starts), np.flatnonzero(~starts)
+            state.shaping.advance(rows[going], going)
+            state.shaping.begin(rows[first], first)
+        seen = state.shaping.view(rows)
+        if self.settings.frame_stack > 1:
+            width = seen.shape[1]
+            state.frames[:, :-width] = state.frames[:, width:]
+            state.frames[starts] = 0.0
+            state.frames[:, -width:] = seen
+            seen = state.frames
+        if self.metadata.normalization is None:
+            return seen
+        mean, deviation, clip = self._statistics
+        return np.clip((seen - mean) / deviation, -clip, clip).astype(np.float32)
+
+    @cached_property
+    def _statistics(self) -> tuple[np.ndarray, np.ndarray, float]:
+        n = self.metadata.normalization
+        return np.array(n["mean"]), np.sqrt(np.array(n["variance"]) + n["epsilon"]), n["clip"]
 
     @property
     def steps(self) -> int:
@@ -116,7 +192,8 @@ def load_policy(path: str | Path) -> Policy:
     content, metadata = read_policy(file)
     settings = Settings(**metadata.settings)
     setup = setup_of(metadata.env_id, metadata.options)
-    channels = tuple(c.name for c in setup.channels)
+    shaping = settings.shaping(setup, 1)
+    channels = (*(c.name for c in setup.channels), *shaping.extra_channels)
     if channels != metadata.channels:
         raise ConfigurationError(
             f"{file} was trained on the channels {', '.join(metadata.channels)}; "
@@ -124,12 +201,14 @@ def load_policy(path: str | Path) -> Policy:
         )
     kind = settings.algorithm().policy_aliases[settings.policy]
     torch.set_num_threads(1)  # a network this small is slower on several
-    network = kind(*make_spaces(setup), lambda remaining: 0.0, **settings.policy_arguments())
+    seen, action = observation_space(setup, shaping), make_spaces(setup)[1]
+    if settings.frame_stack > 1:
+        seen = spaces.Box(np.tile(seen.low, settings.frame_stack), np.tile(seen.high, settings.frame_stack))
+    network = kind(seen, action, lambda remaining: 0.0, **settings.policy_arguments())
     with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open("policy.pth") as weights:
         network.load_state_dict(torch.load(weights, map_location="cpu", weights_only=True))
     network.set_training_mode(False)
-    smoothing = Smoothing.of(setup, settings.smoothing)
-    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], smoothing)
+    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], settings, setup)
 
 
 def policy_file(path: str | Path) -> Path:
@@ -153,11 +232,13 @@ def read_policy(file: Path) -> tuple[bytes, Metadata]:
         raise ConfigurationError(f"{file}: schema is not '{SCHEMA}'")
     fields = Metadata.__dataclass_fields__
     require_known(f"key in the metadata of {file}", data, fields)
-    missing = [key for key in fields if key not in data]
+    missing = [key for key, field in fields.items() if key not in data and field.default is MISSING]
     if missing:
         raise ConfigurationError(f"{file}: missing {', '.join(missing)}")
     data["channels"] = tuple(data["channels"])
     data["curve"] = tuple(tuple(point) for point in data["curve"])
     metadata = Metadata(**data)
-    require_known(f"algorithm in {file}", [metadata.settings.get("algo")], ALGORITHMS)
+    require_known(f"key of the settings in {file}", metadata.settings, Settings.__dataclass_fields__)
+    algorithm = metadata.settings.get("algorithm_name") or metadata.settings.get("algo")
+    require_known(f"algorithm in {file}", [algorithm], ALGORITHMS)
     return content, metadata

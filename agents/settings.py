@@ -1,37 +1,70 @@
-"""How to train: one YAML file for each algorithm (configs/agents/), keys as in RL Baselines3 Zoo.
+"""How to train: one YAML file for each agent (configs/agents/), keys as in RL Baselines3 Zoo.
 
 ```yaml
+algorithm: ppo                      # default: the file's name
 default:                            # holds for every environment id
   n_envs: 64
   n_timesteps: 2.0e+6
   policy: MlpPolicy
   learning_rate: lin_1.0e-3         # falls linearly to 0 over the training
   policy_kwargs: {net_arch: [64, 64], activation_fn: tanh, log_std_init: -1.0}
+  frame_stack: 4                    # the last four observations
+  normalize: true                   # running statistics, saved with the policy; or {norm_reward: false, ...}
+  noise_type: normal                # exploration of TD3, with noise_std
+  # not in the Zoo:
+  smoothing: 0.9                    # share of the last action that is kept (agents/shaping.py)
+  first_frame: true                 # the measurements at the start of the episode stay in view
+  residual: {controller: mrac-g22, share: 0.2}       # learn a correction of that controller's action
+  curriculum: {randomize: [0.0, 0.5]}                # randomisation grows from none to whole between these shares
+  env_options: {sensor_noise: true, randomize: true}
+  stagger: true                     # spread the environments over the episode
+  tuning_trials: 25                 # charged on the board
 cable_envs/CableHole-Position-Sine-v0:
-  gamma: 0.98                       # changes that key for this id (policy_kwargs key by key)
+  gamma: 0.98                       # changes that key for this id (mappings key by key)
+search: {...}                       # what `cablebench tune` varies
 ```
 """
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
-from stable_baselines3 import PPO
+from sb3_contrib import TQC, CrossQ, RecurrentPPO
+from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
-from cable_envs.config import config_path, read_yaml
+from agents.shaping import Residual, Shaping
+from baselines import controller_class
+from cable_envs.config import config_path, config_root, read_yaml
 from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.setup import Setup
+from cablebench.evaluate import setup_of
 from cablebench.protocol import configuration_hash
 
-ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {"ppo": PPO}
-"""Name on the command line -> class; another algorithm is one entry here and its file in configs/agents/."""
+ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {
+    "ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC, "recurrent-ppo": RecurrentPPO, "crossq": CrossQ,
+}  # fmt: skip
+"""Name in a settings file -> class; another algorithm is one entry here and a file in configs/agents/."""
+
+NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 
 ACTIVATIONS: Mapping[str, type[torch.nn.Module]] = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU, "elu": torch.nn.ELU}
 
-_OWN = ("n_envs", "n_timesteps", "policy", "policy_kwargs", "env_options", "stagger", "smoothing", "tuning_trials")
-_NOT_FOR_FILES = {"self", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model", *_OWN}
+_OWN = (
+    "n_envs", "n_timesteps", "policy", "policy_kwargs", "env_options", "stagger", "smoothing", "tuning_trials",
+    "frame_stack", "first_frame", "normalize", "noise_type", "noise_std", "residual", "curriculum",
+)  # fmt: skip
+_NOT_FOR_FILES = {
+    "self", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model", "action_noise", *_OWN,
+}  # fmt: skip
+_MAPPINGS = ("policy_kwargs", "env_options", "residual", "curriculum")
+NORMALIZE = {"norm_obs": True, "norm_reward": True, "clip_obs": 10.0, "clip_reward": 10.0, "epsilon": 1e-8}
+"""Keys of ``normalize`` with VecNormalize's defaults."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +72,7 @@ class Settings:
     """Everything but the seed that decides a training run."""
 
     algo: str
+    """name of the agent: on boards, and of its file"""
     env_id: str
     n_envs: int
     n_timesteps: int
@@ -53,6 +87,20 @@ class Settings:
     """share of the last action that is kept at every step (see `CableVecEnv`)"""
     tuning_trials: int = 0
     """trainings that were tried to find these settings; charged to the agent on the board"""
+    algorithm_name: str = ""
+    """name in `ALGORITHMS`; empty: ``algo``"""
+    first_frame: bool = False
+    """whether the measurements at the start of the episode stay in view"""
+    frame_stack: int = 1
+    """observations that the network sees: the present one and those before it, zeros before an episode"""
+    normalize: Mapping[str, Any] = field(default_factory=dict)
+    """keys of `NORMALIZE`; empty: the task's own scales"""
+    noise_type: str = ""
+    noise_std: float = 0.1
+    residual: Mapping[str, Any] = field(default_factory=dict)
+    """fields of `agents.shaping.Residual`; empty: the agent acts alone"""
+    curriculum: Mapping[str, Any] = field(default_factory=dict)
+    """{"randomize": (share of the training where the ranges begin to open, share where they are whole)}"""
 
     def hash(self) -> str:
         """Twelve hex digits that change with any setting."""
@@ -60,11 +108,34 @@ class Settings:
 
     def algorithm(self) -> type[BaseAlgorithm]:
         """The class from stable-baselines3."""
-        return ALGORITHMS[self.algo]
+        return ALGORITHMS[self.algorithm_name or self.algo]
+
+    @property
+    def information(self) -> str:
+        """What the agent was told: a residual agent knows what its controller knows."""
+        return controller_class(self.residual["controller"]).information if self.residual else "model-free"
+
+    def correction(self) -> Residual | None:
+        """The `Residual`, or None where the agent acts alone."""
+        return Residual(**self.residual) if self.residual else None
+
+    def shaping(self, setup: Setup, n: int) -> Shaping:
+        """What lies between ``n`` environments and the network."""
+        return Shaping(setup, n, self.smoothing, self.correction(), self.first_frame)
+
+    def spread(self, progress: float) -> float:
+        """Share of the randomisation ranges at a share of the training."""
+        if not self.curriculum:
+            return 1.0
+        first, last = self.curriculum["randomize"]
+        return float(np.clip((progress - first) / max(last - first, 1e-9), 0.0, 1.0)) if progress < last else 1.0
 
     def arguments(self) -> dict[str, Any]:
         """`learner` as the class takes it: "lin_" values become schedules."""
-        return {key: _schedule(key, value) for key, value in self.learner.items()}
+        found = {key: _schedule(key, value) for key, value in self.learner.items()}
+        if self.noise_type:
+            found["action_noise"] = NOISES[self.noise_type](np.zeros(1), np.full(1, self.noise_std))
+        return found
 
     def policy_arguments(self) -> dict[str, Any]:
         """`policy_kwargs` as the policy's class takes them: the activation by class."""
@@ -87,7 +158,7 @@ class Linear:
 
 
 def _schedule(key: str, value: Any) -> Any:
-    if not isinstance(value, str):
+    if not isinstance(value, str) or value.split("_")[0] == "auto":  # SAC's ent_coef: auto, auto_0.1
         return value
     text = value.removeprefix("lin_")
     try:
@@ -97,31 +168,54 @@ def _schedule(key: str, value: Any) -> Any:
     return Linear(number) if value.startswith("lin_") else number
 
 
-def load_settings(
-    algo: str, env_id: str, n_timesteps: int | None = None, env_options: Mapping[str, Any] | None = None
-) -> Settings:
-    """The settings in configs/agents/<algo>.yaml for ``env_id``.
+def agent_names() -> tuple[str, ...]:
+    """Names of the files in configs/agents/."""
+    return tuple(sorted(p.stem for p in (config_root() / "agents").glob("*.yaml")))
 
-    ``n_timesteps`` replaces the file's; ``env_options`` are added to the file's.
-    Raises ConfigurationError for unknown algorithms and keys, with the nearest name.
+
+def load_settings(
+    algo: str,
+    env_id: str,
+    n_timesteps: int | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Settings:
+    """The settings for ``env_id`` in configs/agents/<algo>.yaml, or in a YAML file by its path.
+
+    ``n_timesteps`` replaces the file's; ``env_options`` are added to the file's; ``changes`` are keys of the file
+    (mappings key by key) for this call only. Raises ConfigurationError for unknown agents and keys, with the nearest.
     """
-    require_known("algorithm", [algo], ALGORITHMS)
-    path = config_path("agents", f"{algo}.yaml")
+    path = _settings_file(algo)
     data = read_yaml(path)
     merged: dict[str, Any] = {}
-    for part in (data.get("default") or {}, data.get(env_id) or {}):
-        nested = {k: {**merged.get(k, {}), **part[k]} for k in ("policy_kwargs", "env_options") if k in part}
+    for part in (data.get("default") or {}, data.get(env_id) or {}, changes or {}):
+        nested = {k: {**(merged.get(k) or {}), **(part[k] or {})} for k in _MAPPINGS if k in part}
         merged |= {**part, **nested}
-    settings = make_settings(algo, env_id, merged, path.name)
-    changes: dict[str, Any] = {"env_options": {**settings.env_options, **(env_options or {})}}
+    merged["env_options"] = {**(merged.get("env_options") or {}), **(env_options or {})}
     if n_timesteps is not None:
-        changes["n_timesteps"] = _count("steps", n_timesteps)
-    return Settings(**{**asdict(settings), **changes})
+        merged["n_timesteps"] = _count("steps", n_timesteps)
+    return make_settings(path.stem, env_id, merged, path.name, str(data.get("algorithm") or ""))
 
 
-def make_settings(algo: str, env_id: str, data: Mapping[str, Any], source: str = "settings") -> Settings:
-    """Checked `Settings` from the keys of a file. Raises ConfigurationError that names ``source`` and the key."""
-    allowed = [*_OWN, *(set(inspect.signature(ALGORITHMS[algo].__init__).parameters) - _NOT_FOR_FILES)]
+def _settings_file(algo: str) -> Path:
+    if algo.endswith((".yaml", ".yml")):
+        if not Path(algo).is_file():
+            raise ConfigurationError(f"no settings file {algo}")
+        return Path(algo)
+    require_known("algorithm", [algo], agent_names())
+    return config_path("agents", f"{algo}.yaml")
+
+
+def make_settings(
+    algo: str, env_id: str, data: Mapping[str, Any], source: str = "settings", algorithm: str = ""
+) -> Settings:
+    """Checked `Settings` from the keys of a file. Raises ConfigurationError that names ``source`` and the key.
+
+    ``algorithm``: name in `ALGORITHMS` where ``algo``, the agent's name, is another one.
+    """
+    require_known(f"algorithm in {source}", [algorithm or algo], ALGORITHMS)
+    kind = ALGORITHMS[algorithm or algo]
+    allowed = [*_OWN, *(set(inspect.signature(kind.__init__).parameters) - _NOT_FOR_FILES)]
     require_known(f"key in {source}", data, allowed)
     settings = Settings(
         algo=algo,
@@ -135,11 +229,78 @@ def make_settings(algo: str, env_id: str, data: Mapping[str, Any], source: str =
         stagger=bool(data.get("stagger", True)),
         smoothing=_share("smoothing", data.get("smoothing", 0.0)),
         tuning_trials=_count("tuning_trials", data.get("tuning_trials", 0), 0),
+        algorithm_name=algorithm,
+        first_frame=bool(data.get("first_frame", False)),
+        frame_stack=_count("frame_stack", data.get("frame_stack", 1)),
+        normalize=_normalize(data.get("normalize", False)),
+        noise_type=str(data.get("noise_type") or ""),
+        noise_std=_positive("noise_std", data.get("noise_std", 0.1)),
+        residual=_residual(data.get("residual"), env_id),
+        curriculum=_curriculum(data.get("curriculum")),
     )
+    if settings.noise_type:
+        require_known("noise_type", [settings.noise_type], NOISES)
     settings.arguments()
     settings.policy_arguments()
-    require_known(f"policy in {source}", [settings.policy], ALGORITHMS[algo].policy_aliases)
-    return settings
+    require_known(f"policy in {source}", [settings.policy], kind.policy_aliases)
+    return _observing(settings)
+
+
+def _observing(settings: Settings) -> Settings:
+    """With a base controller that needs to observe more than the task's default: the option that shows it."""
+    if not settings.residual:
+        return settings
+    setup = setup_of(settings.env_id, settings.env_options)
+    kind = controller_class(settings.residual["controller"])
+    kind.check_case(setup.plant.name, setup.action_mode.name, setup.task.kind)
+    if "observe" in settings.env_options or kind.levels[setup.plant.name] == setup.task.observe:
+        return settings
+    return replace(settings, env_options={**settings.env_options, "observe": kind.levels[setup.plant.name]})
+
+
+def _normalize(value: Any) -> dict[str, Any]:
+    if isinstance(value, bool) or value is None:
+        return dict(NORMALIZE) if value else {}
+    if not isinstance(value, Mapping):
+        raise ConfigurationError(f"normalize: expected true, false or a mapping, got {value!r}")
+    require_known("key of normalize", value, NORMALIZE)
+    return {**NORMALIZE, **value} if value else {}
+
+
+def _residual(value: Any, env_id: str) -> dict[str, Any]:
+    """Checked fields of `Residual`; ``controller`` may be a mapping by the first word of the environment's id."""
+    if not value:
+        return {}
+    require_known("key of residual", value, ("controller", "share", "gains"))
+    name = value.get("controller")
+    if isinstance(name, Mapping):
+        mechanism = env_id.split("/")[-1].split("-")[0]
+        require_known("mechanism under residual.controller", [mechanism], name)
+        name = name[mechanism]
+    kind = controller_class(str(name))
+    share = _positive("residual.share", value.get("share", 0.2))
+    if share > 2.0:
+        raise ConfigurationError(f"residual.share: expected a number in (0, 2], got {share:g}")
+    return {"controller": kind.name, "share": share, "gains": dict(value.get("gains") or {})}
+
+
+def _curriculum(value: Any) -> dict[str, Any]:
+    if not value:
+        return {}
+    require_known("key of curriculum", value, ("randomize",))
+    shares = value.get("randomize")
+    if (
+        not isinstance(shares, (list, tuple)) or len(shares) != 2
+        or not all(isinstance(v, (int, float)) and 0.0 <= v <= 1.0 for v in shares) or shares[0] > shares[1]
+    ):  # fmt: skip
+        raise ConfigurationError(f"curriculum.randomize: expected two rising shares in [0, 1], got {shares!r}")
+    return {"randomize": [float(v) for v in shares]}
+
+
+def _positive(name: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < float("inf"):
+        raise ConfigurationError(f"{name}: expected a number above 0, got {value!r}")
+    return float(value)
 
 
 def _share(name: str, value: Any) -> float:

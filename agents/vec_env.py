@@ -1,7 +1,8 @@
 """The native batch as a stable-baselines3 VecEnv: one Python call per batch step, nothing per environment."""
 
+import copy
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -9,8 +10,18 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
-from agents.smoothing import Smoothing
+from agents.shaping import BASE_CHANNEL, Residual, Shaping
+from cable_envs.envs import make_spaces
+from cable_envs.setup import Setup
+from cable_envs.tasks import OBSERVATION_LIMIT
 from cable_envs.vector import CableVectorEnv
+
+
+def observation_space(setup: Setup, shaping: Shaping) -> gym.spaces.Box:
+    """The environment's observations with the channels that ``shaping`` adds."""
+    space, _ = make_spaces(setup)
+    high = np.array([1.0 if n == BASE_CHANNEL else OBSERVATION_LIMIT for n in shaping.extra_channels], np.float32)
+    return gym.spaces.Box(np.concatenate([space.low, -high]), np.concatenate([space.high, high]), dtype=np.float32)
 
 
 class CableVecEnv(VecEnv):
@@ -24,18 +35,24 @@ class CableVecEnv(VecEnv):
     that the environments are spread over the episode from then on. Without it the whole batch stands at the same time
     of the same reference, and every rollout shows a short piece of the task only.
 
-    ``smoothing``: share of the last action that is kept (see `agents.smoothing`). A policy trained so must be run so,
-    as `agents.policy.Policy` does.
+    ``smoothing``, ``residual``, ``first_frame``: what is done to actions and observations (see `agents.shaping`). A
+    policy trained so must be run so, as `agents.policy.Policy` does. The last two add channels to the observation.
     """
 
-    def __init__(self, env_id: str, num_envs: int, *, stagger: bool = False, smoothing: float = 0.0, **options: Any):
+    def __init__(
+        self, env_id: str, num_envs: int, *, stagger: bool = False, smoothing: float = 0.0,
+        residual: Residual | None = None, first_frame: bool = False, **options: Any,
+    ):  # fmt: skip
         made = gym.make_vec(
             env_id, num_envs=num_envs, vectorization_mode="vector_entry_point",
             autoreset_mode=AutoresetMode.SAME_STEP, step_infos=False, **options,
         )  # fmt: skip
         self.batch: CableVectorEnv = made.unwrapped
         self.env_id, self.render_mode = env_id, self.batch.render_mode
-        super().__init__(num_envs, self.batch.single_observation_space, self.batch.single_action_space)
+        self._shaping = Shaping(self.batch.setup, num_envs, smoothing, residual, first_frame)
+        self.channel_names = (*(c.name for c in self.batch.channels), *self._shaping.extra_channels)
+        """names of the entries of an observation"""
+        super().__init__(num_envs, observation_space(self.batch.setup, self._shaping), self.batch.single_action_space)
         self._spec = gym.spec(env_id)
         self._started = time.monotonic()
         self._returns = np.zeros(num_envs)
@@ -47,8 +64,6 @@ class CableVecEnv(VecEnv):
         self._ticks = self._next_cut = 0
         self._infos: list[dict[str, Any]] = [{} for _ in range(num_envs)]
         self._actions: np.ndarray | None = None
-        self._smoothing = Smoothing.of(self.batch.setup, smoothing)
-        self._last = np.zeros((num_envs, 1), dtype=np.float32)
 
     def reset(self) -> np.ndarray:
         seeds = None if all(s is None for s in self._seeds) else list(self._seeds)
@@ -57,20 +72,20 @@ class CableVecEnv(VecEnv):
         observation, infos = self.batch.reset(seed=seeds, options=self._options[0] or None)
         self._reset_seeds()
         self._reset_options()
-        self._last = self._smoothing.rest(observation)
+        self._shaping.begin(observation)
         self._returns[:], self._lengths[:] = 0.0, 0
         self._cuts = None if self._first_cuts is None else self._first_cuts.copy()
         self._ticks = 0
         self._plan_cut()
         self.reset_infos = [self._lane_info(infos, i) for i in range(self.num_envs)]
-        return observation
+        return self._shaping.view(observation)
 
     def step_async(self, actions: np.ndarray) -> None:
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        self._last = self._smoothing.blend(self._last, self._actions)
-        observation, rewards, terminated, truncated, batch_infos = self.batch.step(self._last)
+        action = self._shaping.apply(self._actions)
+        observation, rewards, terminated, truncated, batch_infos = self.batch.step(action)
         self._returns += rewards
         self._lengths += 1
         dones = terminated | truncated
@@ -85,8 +100,20 @@ class CableVecEnv(VecEnv):
             if self._ticks == self._next_cut:
                 observation = self._cut(observation, dones, infos)
         if dones.any():
-            self._last[dones] = self._smoothing.rest(observation[dones])
-        return observation, rewards.astype(np.float32), dones, infos
+            self._shape_ends(observation, dones, infos)
+        else:
+            self._shaping.advance(observation)
+        return self._shaping.view(observation), rewards.astype(np.float32), dones, infos
+
+    def _shape_ends(self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]]) -> None:
+        """Where episodes have ended: last observations as the network sees them, then the new episodes begin."""
+        ended, going = np.flatnonzero(dones), np.flatnonzero(~dones)
+        last = np.array([infos[i]["terminal_observation"] for i in ended])
+        self._shaping.advance(last, ended)
+        for i, seen in zip(ended, self._shaping.view(last, ended), strict=True):
+            infos[i]["terminal_observation"] = seen
+        self._shaping.advance(observation[going], going)
+        self._shaping.begin(observation[dones], ended)
 
     def _blank_infos(self) -> list[dict[str, Any]]:
         """An empty dict for each environment: last step's, but for those that something was written to."""
@@ -145,6 +172,26 @@ class CableVecEnv(VecEnv):
             for name, values in infos.items()
             if not name.startswith("_") and isinstance(values, np.ndarray) and values.ndim == 1
         }
+
+    def state(self) -> dict[str, Any]:
+        """All that changes, as copies: what `restore` takes. To be taken between two steps."""
+        return {
+            "batch": self.batch.state(), "shaping": copy.deepcopy(self._shaping.state()),
+            "returns": self._returns.copy(), "lengths": self._lengths.copy(), "cuts": copy.copy(self._cuts),
+            "ticks": self._ticks, "next_cut": self._next_cut,
+        }  # fmt: skip
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state` of an adapter with the same arguments: the same trajectories to the bit."""
+        self.batch.restore(state["batch"])
+        self._shaping.restore(copy.deepcopy(state["shaping"]))
+        self._returns[:], self._lengths[:] = state["returns"], state["lengths"]
+        self._cuts, self._ticks, self._next_cut = copy.copy(state["cuts"]), state["ticks"], state["next_cut"]
+        self._reset_seeds()
+
+    def set_spread(self, share: float) -> None:
+        """Share of the randomisation ranges that episodes are drawn from, from the next reset on."""
+        self.batch.simulation.spread = share
 
     def close(self) -> None:
         self.batch.close()

@@ -1,0 +1,118 @@
+"""Everything a training needs to go on to the bit: model, optimiser, replay buffer, environments, generators.
+
+A checkpoint is taken between two rollouts, where stable-baselines3 keeps nothing in local variables. It is read with
+pickle: load only your own. What is handed to others is the policy file (`agents.policy`), which holds no code.
+"""
+
+import io
+import random
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack, VecNormalize
+
+from agents.settings import Settings
+from agents.vec_env import CableVecEnv
+from cable_envs.errors import ConfigurationError
+from cablebench.store import write_atomic
+
+SCHEMA = "cable-checkpoint/1"
+FILE = "checkpoint.pt"
+"""Name of the file in a training's folder."""
+
+
+def layers(env: VecEnv) -> list[VecEnv]:
+    """The wrappers from the outside in, the adapter last."""
+    found = [env]
+    while isinstance(found[-1], VecEnvWrapper):
+        found.append(found[-1].venv)
+    return found
+
+
+def save_checkpoint(model: BaseAlgorithm, settings: Settings, seed: int, recorder: dict[str, Any], path: Path) -> None:
+    """Write the state of a training, whole or not at all; ``recorder`` is kept as it is."""
+    buffer = io.BytesIO()
+    model.save(buffer)
+    state = {
+        "schema": SCHEMA,
+        "settings_hash": settings.hash(),
+        "seed": seed,
+        "model": buffer.getvalue(),
+        "replay": _replay(model),
+        "env": [_layer_state(layer) for layer in layers(model.get_env())],
+        "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),
+        # these two are set anew when a model is loaded
+        "action_space": model.action_space.np_random.bit_generator.state,
+        "memory": getattr(model, "_last_lstm_states", None),
+        "recorder": recorder,
+    }
+    content = io.BytesIO()
+    torch.save(state, content)
+    write_atomic(path, content.getvalue())
+
+
+def load_checkpoint(path: Path, settings: Settings, seed: int) -> dict[str, Any]:
+    """The content of a checkpoint; ConfigurationError where it is none, or of another training."""
+    try:
+        state = torch.load(path, map_location="cpu", weights_only=False)
+    except Exception as error:  # whatever unpickling can raise
+        raise ConfigurationError(f"{path} is not a checkpoint of this version: {error}") from error
+    if not isinstance(state, dict) or state.get("schema") != SCHEMA:
+        raise ConfigurationError(f"{path}: schema is not '{SCHEMA}'")
+    if (state["settings_hash"], state["seed"]) != (settings.hash(), seed):
+        raise ConfigurationError(
+            f"{path} was trained with other settings (configuration {state['settings_hash']}, seed {state['seed']}); "
+            f"asked for are {settings.hash()}, seed {seed}"
+        )
+    return state
+
+
+def restore_model(state: dict[str, Any], settings: Settings, env: VecEnv) -> BaseAlgorithm:
+    """The model of a checkpoint, at work in ``env``, which is set to where it stood."""
+    model = settings.algorithm().load(io.BytesIO(state["model"]), env=env, device="cpu", force_reset=False)
+    if state["replay"] is not None:
+        for name, value in state["replay"].items():
+            setattr(model.replay_buffer, name, value)
+    for layer, kept in zip(layers(model.get_env()), state["env"], strict=True):
+        _restore_layer(layer, kept)
+    model.action_space.np_random.bit_generator.state = state["action_space"]
+    if state["memory"] is not None:
+        model._last_lstm_states = state["memory"]
+    own, legacy, tensor = state["random"]
+    random.setstate(own)
+    np.random.set_state(legacy)
+    torch.set_rng_state(tensor)
+    return model
+
+
+def _replay(model: BaseAlgorithm) -> dict[str, Any] | None:
+    """What changes in a replay buffer: its arrays, and where it stands."""
+    if not isinstance(model, OffPolicyAlgorithm):
+        return None
+    changing = {k: v for k, v in vars(model.replay_buffer).items() if isinstance(v, np.ndarray)}
+    return {**changing, "pos": model.replay_buffer.pos, "full": model.replay_buffer.full}
+
+
+def _layer_state(layer: VecEnv) -> dict[str, Any]:
+    if isinstance(layer, CableVecEnv):
+        return layer.state()
+    if isinstance(layer, VecFrameStack):
+        return {"frames": layer.stacked_obs.stacked_obs.copy()}
+    if isinstance(layer, VecNormalize):
+        names = ("obs_rms", "ret_rms", "returns", "old_obs", "old_reward")
+        return {name: getattr(layer, name) for name in names if hasattr(layer, name)}
+    raise TypeError(f"a checkpoint does not know the wrapper {type(layer).__name__}")
+
+
+def _restore_layer(layer: VecEnv, state: dict[str, Any]) -> None:
+    if isinstance(layer, CableVecEnv):
+        layer.restore(state)
+    elif isinstance(layer, VecFrameStack):
+        layer.stacked_obs.stacked_obs[...] = state["frames"]
+    else:
+        for name, value in state.items():
+            setattr(layer, name, value)
