@@ -146,6 +146,8 @@ class CrewBackend:
                             progress(event)
                         continue
                     running -= 1
+                    if isinstance(event, Done) and event.stopped and not stopping:
+                        event = Died(event.job, event.attempts, "stopped by a signal that did not come from here")
                     done = event if isinstance(event, Done) else self._again(event, queue, stopping)
                     if done is not None:
                         yield done

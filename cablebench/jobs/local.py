@@ -33,6 +33,8 @@ class _Worker:
     pipe: Any
     job: Job | None = None
     attempt: int = 0
+    listens: bool = False
+    """whether SIGINT would reach the job now"""
 
 
 class LocalCrew:
@@ -41,6 +43,7 @@ class LocalCrew:
     def __init__(self, size: int):
         self._size = size
         self._workers: list[_Worker] = []
+        self._stopping = False
 
     def free(self) -> bool:
         return len(self._workers) < self._size or any(w.job is None for w in self._workers)
@@ -64,8 +67,9 @@ class LocalCrew:
         context = multiprocessing.get_context("spawn")
         ours, theirs = context.Pipe()
         process = context.Process(target=_serve, args=(theirs,), daemon=True)
-        # Ctrl-C in a terminal goes to every process: a worker must not hear it before it can handle it. A child
-        # inherits the signal mask; the tracker's start would change it, so that one comes first.
+        # Ctrl-C in a terminal goes to every process of its group. A worker leaves the group (`_serve`), so that it
+        # hears it once and from us; until it has done so the signal is blocked: a child inherits the mask. The start
+        # of multiprocessing's tracker would change the mask, so that one comes first.
         resource_tracker.ensure_running()
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         try:
@@ -90,8 +94,12 @@ class LocalCrew:
                 continue
             if kind == "progress":
                 yield Progress(job.key, *content)
+            elif kind == "begun":
+                worker.listens = True
+                if self._stopping:
+                    self._signal(worker)
             else:
-                worker.job = None
+                worker.job, worker.listens = None, False
                 yield Done(job, *content, attempts=attempt)
 
     def _remove(self, worker: _Worker) -> str:
@@ -104,10 +112,15 @@ class LocalCrew:
         return f"killed by signal {-code} ({signal.Signals(-code).name})" if code < 0 else f"exit code {code}"
 
     def interrupt(self) -> None:
+        self._stopping = True  # those that begin later hear it then
         for worker in self._workers:
-            if worker.job is not None:
-                with suppress(ProcessLookupError):
-                    os.kill(worker.process.pid, signal.SIGINT)
+            if worker.listens:
+                self._signal(worker)
+
+    @staticmethod
+    def _signal(worker: _Worker) -> None:
+        with suppress(ProcessLookupError):
+            os.kill(worker.process.pid, signal.SIGINT)
 
     def close(self) -> None:
         self.interrupt()
@@ -123,11 +136,12 @@ class LocalCrew:
 
 def _serve(pipe: Any) -> None:
     """Body of a worker: one job after the other until the pipe is closed."""
+    os.setpgid(0, 0)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # forgets what came meanwhile
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
-        interrupt_once()
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         while True:
-            content = pipe.recv_bytes()
+            content = pipe.recv_bytes()  # SIGINT is ignored here: without a job a worker ends with the pipe
             outcome = _run(content, pipe)
             try:
                 pipe.send(("done", outcome))
@@ -145,9 +159,11 @@ def _run(content: bytes, pipe: Any) -> Any:
             raise KeyboardInterrupt from None  # the caller has gone: the job saves its work
 
     interrupt_once()
+    pipe.send(("begun", None))
     try:
         job, attempt = pickle.loads(content)
     except Exception as error:  # its module cannot be imported here
         return None, portable(error)
     result, error = perform(job, Context(Reporter(send), job.folders, attempt))
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     return result, portable(error)
