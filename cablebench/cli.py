@@ -11,6 +11,8 @@ USAGE_ERROR = 2
 EXTRAS = {
     **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "matplotlib", "PIL"), "bench"),
     **dict.fromkeys(("torch", "stable_baselines3", "tensorboard"), "agents"),
+    **dict.fromkeys(("optuna", "sqlalchemy"), "tuning"),
+    "ray": "ray",
     "cma": "identification",
     "pyarrow": "parquet",
     **dict.fromkeys(("minari", "h5py"), "offline"),

@@ -52,7 +52,7 @@ def test_version_and_help(cli):
     assert cli("--version") == (0, f"cablebench {cable_envs.__version__}\n", "")
     code, out, _ = cli("--help")
     assert code == 0
-    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo"):
+    for command in ("envs", "run", "train", "tune", "evaluate", "leaderboard", "demo"):
         assert cli(command, "--help")[0] == 0 and command in out
 
 

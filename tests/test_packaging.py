@@ -16,7 +16,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 EXTRAS = (
     "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
-    "minari", "h5py",
+    "minari", "h5py", "optuna", "sqlalchemy", "ray",
 )  # fmt: skip
 
 
@@ -215,12 +215,12 @@ def test_help_loads_nothing_heavy():
     code = (
         "import sys; from cablebench.cli import main\n"
         "try: main(['--help'])\nexcept SystemExit as e: assert not e.code\n"
-        "heavy = {'numba', 'scipy', 'torch', 'matplotlib', 'jinja2'} & set(sys.modules)\n"
+        "heavy = {'numba', 'scipy', 'torch', 'matplotlib', 'jinja2', 'optuna', 'ray'} & set(sys.modules)\n"
         "sys.exit(str(heavy) if heavy else 0)"
     )
     done = _python("-c", code, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo", "export"):
+    for command in ("envs", "run", "train", "evaluate", "leaderboard", "demo", "export", "tune"):
         assert f" {command} " in done.stdout
 
 

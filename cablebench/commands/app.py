@@ -16,6 +16,7 @@ from cablebench.commands import (
     run,
     submit,
     train,
+    tune,
 )
 
 app = typer.Typer(
@@ -45,7 +46,7 @@ def common(
 
 
 for _command in (
-    envs.envs, run.run, train.train, evaluate.evaluate, leaderboard.leaderboard, demo.demo, identify.identify,
-    reproduce.reproduce, export.export, submit.submit, replay.replay,
+    envs.envs, run.run, train.train, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
+    identify.identify, reproduce.reproduce, export.export, submit.submit, replay.replay,
 ):  # fmt: skip
     app.command(_command.__name__)(_command)

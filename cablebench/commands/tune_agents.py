@@ -1,0 +1,99 @@
+"""What `cablebench tune --algo` searches: settings of an agent on one environment; a trial trains and evaluates it."""
+
+import math
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from agents.settings import load_settings
+from cable_envs.config import config_path, read_yaml
+from cable_envs.errors import ConfigurationError
+from cablebench.commands.common import policy_entrant, short_name
+from cablebench.jobs import Context, Job, Stopped
+from cablebench.protocol import Protocol
+from cablebench.provenance import source_hash
+from cablebench.tuning import Search
+from cablebench.tuning_objective import loss_of, mean_loss, training_seed, tuning_cells, tuning_seeds
+from cablebench.tuning_space import Dimension, nested, parse_space
+
+RUN = "run"
+
+
+def agent_search(
+    algo: str,
+    env_id: str,
+    steps: int,
+    folder: Path,
+    protocol: Protocol,
+    track: str,
+    episodes: int,
+    seed: int,
+    batch: int,
+) -> Search:
+    """The search over the settings named under ``search`` in the agent's file, from the file's own.
+
+    ``folder``: where trials keep their checkpoints. Raises ConfigurationError for what is wrong in the file.
+    """
+    base = load_settings(algo, env_id, steps)
+    path = Path(algo) if algo.endswith((".yaml", ".yml")) else config_path("agents", f"{algo}.yaml")
+    data = read_yaml(path)
+    space = parse_space(data.get("search"), path.name)
+    start = {d.name: _own_value(d, data, env_id, path.name) for d in space}
+    for d in space:
+        d.coordinate(start[d.name])
+    cells, seeds = tuning_cells(protocol, env_id, track), tuning_seeds(protocol, episodes)
+
+    def job(number: int, values: Mapping[str, Any]) -> Job:
+        settings = load_settings(algo, env_id, steps, changes=nested(values))
+        arguments = {"settings": settings, "seed": training_seed(protocol), "cells": cells, "seeds": seeds}
+        place = folder / f"{short_name(env_id)}-{number}"
+        return Job(f"{path.stem} on {short_name(env_id)}, trial {number}", agent_trial, arguments, {RUN: place})
+
+    return Search(
+        name=f"{path.stem} on {env_id}",
+        space=space,
+        start=start,
+        job=job,
+        about={
+            "protocol": protocol.hash(), "track": track, "episodes": episodes, "source": source_hash(),
+            "settings": base.hash(), "charged_before": base.tuning_trials,
+        },
+        seed=seed,
+        batch=batch,
+    )  # fmt: skip
+
+
+def _own_value(dimension: Dimension, data: Mapping[str, Any], env_id: str, source: str) -> Any:
+    """What the file itself sets for the environment; ConfigurationError where it sets nothing."""
+    for part in (data.get(env_id) or {}, data.get("default") or {}):
+        place: Any = part
+        for key in dimension.name.split("."):
+            place = place.get(key) if isinstance(place, Mapping) else None
+        if place is not None:
+            return place
+    raise ConfigurationError(f"{source}: search.{dimension.name} has no value to start from: set it under 'default'")
+
+
+def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any], seeds: Sequence[int]) -> float:
+    """Body of an agent's trial: train with these settings, then the mean loss; checkpoints go when it has ended.
+
+    A training whose numbers stop being finite is a trial with the worst loss there is.
+    """
+    from agents.train import Interrupted, train
+    from cablebench.evaluate import cell_options, setup_of
+
+    folder = context.folders[RUN]
+    try:
+        train(settings, seed, folder, resume="auto", progress=context.report)
+        loss = mean_loss(policy_entrant(str(folder)), cells, seeds, context)
+    except Interrupted:
+        raise Stopped() from None
+    except ConfigurationError:
+        raise
+    except (ValueError, FloatingPointError) as error:  # torch's distributions refuse NaN with a ValueError
+        if "nan" not in str(error).lower() and "invalid values" not in str(error):
+            raise
+        loss = loss_of(math.inf, setup_of(settings.env_id, cell_options(cells[0])))
+    shutil.rmtree(folder, ignore_errors=True)
+    return loss
