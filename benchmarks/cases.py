@@ -14,6 +14,7 @@ import numpy as np
 
 import cable_envs  # noqa: F401 (registers the environments)
 from benchmarks.pairs import Contender, Result, compare, stepping
+from benchmarks.training import against_sb3
 from cable_envs.team import available_cores
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
@@ -203,6 +204,7 @@ CASES = {
     "envpool": native_against_envpool,
     "threads": two_threads_against_one,
     "training": training_share,
+    "sb3": against_sb3,
     "start": start_up,
     "memory": memory,
 }
