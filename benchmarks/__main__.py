@@ -30,7 +30,7 @@ def main() -> None:
     load = os.getloadavg() if hasattr(os, "getloadavg") else ()
     print(f"{_machine()}; load average {', '.join(f'{v:.1f}' for v in load) or 'unknown'}")
     print(f"{arguments.pairs} pairs of 2 x {arguments.seconds} s, by turns")
-    print("rates: environment steps a second; ours integrate ten substeps in each, the peers one (training, sb3: as shipped)\n")
+    print("rates: environment steps a second; ours integrate ten substeps in each, the peers one (sb3: as shipped)\n")
     print(f"{'':52}{'median':>8} {'quartiles':>17} {'target':>9}")
     results = []
     for name in arguments.cases or CASES:
