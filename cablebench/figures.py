@@ -46,13 +46,14 @@ def styles(board: Board) -> Style:
                 "dash": (0, (1.2, 1.2)) if oracle else (0, (4, 2)),
             }
         else:
+            again = k // len(_COLOURS)  # the second time round, a colour comes with another marker and dash
             result[name] = {
                 "color": _COLOURS[k % len(_COLOURS)],
-                "marker": _MARKERS[k % len(_MARKERS)],
-                "dash": _DASHES[(k // 3) % len(_DASHES)],
+                "marker": _MARKERS[(k + 3 * again) % len(_MARKERS)],
+                "dash": _DASHES[(k // 3 + again) % len(_DASHES)],
             }
             k += 1
-    return result
+    return {name: {**style, "index": i} for i, (name, style) in enumerate(result.items())}
 
 
 def profile(tables: Sequence[Table], style: Style) -> str:
@@ -72,9 +73,9 @@ def profile(tables: Sequence[Table], style: Style) -> str:
                 ax.step(thresholds, share, where="post", color=s["color"], linestyle=s["dash"], label=row.entrant)
             ax.set(title=f"{table.track} track", xlabel="score τ", ylim=(0, 103), xlim=(thresholds[0], thresholds[-1]))
         axes[0].set_ylabel("episodes with score ≥ τ  [%]")
-        _legend(figure, axes, gap=0.25)
+        legend_below(figure, axes, gap=0.25)
 
-    return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2)
+    return svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2, style)
 
 
 def effort(tables: Sequence[Table], style: Style) -> str:
@@ -100,9 +101,9 @@ def effort(tables: Sequence[Table], style: Style) -> str:
             _log_if_wide(ax)
             ax.margins(0.15)
             ax.set(title=f"{table.track} track", xlabel=axis_label("effort", table), ylabel=axis_label("rmse", table))
-        _legend(figure, axes, gap=0.85)
+        legend_below(figure, axes, gap=0.85)
 
-    return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2)
+    return svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.2, style)
 
 
 def phases(tables: Sequence[Table], style: Style) -> str:
@@ -131,9 +132,9 @@ def phases(tables: Sequence[Table], style: Style) -> str:
             ax.set_xticks(range(len(PHASES)), list(PHASES))
             ax.set(title=f"{table.track} track", ylabel=axis_label("rmse", table), xlim=(-0.5, len(PHASES) - 0.5))
             ax.set_ylim(bottom=0)
-        _legend(figure, axes, gap=0.85)
+        legend_below(figure, axes, gap=0.85)
 
-    return _svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.0)
+    return svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.0, style)
 
 
 def trajectories(
@@ -163,7 +164,7 @@ def trajectories(
         for ax in grid[:, 0]:
             ax.yaxis.set_label_coords(-0.5 / (grid[0, 0].get_position().width * width), 0.5)
 
-    return _svg(draw, 2.55 * len(rows) + 0.7, 6.4)
+    return svg(draw, 2.55 * len(rows) + 0.7, 6.4, style)
 
 
 def _one(
@@ -207,9 +208,9 @@ def sweeps(board: Board, task: str, style: Style) -> str:
             ax.set(title=name, xlabel="factor on nominal" if unit == "1" else f"[{unit}]")
             _ticks(ax, "y", log=True)
         axes[0].set_ylabel(axis_label("rmse", table))
-        _legend(figure, axes, gap=0.25)
+        legend_below(figure, axes, gap=0.25)
 
-    return _svg(draw, min(2.8 * len(names) + 0.8, 12.0), 3.0)
+    return svg(draw, min(2.8 * len(names) + 0.8, 12.0), 3.0, style)
 
 
 def _plain(value: float, _: int = 0) -> str:
@@ -235,22 +236,26 @@ def _log_if_wide(ax: Any) -> None:
         _ticks(ax, axis, len(data) > 0 and data.min() > 0 and data.max() > 5 * data.min())
 
 
-def _legend(figure: Any, axes: Sequence[Any], gap: float) -> None:
+def legend_below(figure: Any, axes: Sequence[Any], gap: float, head: float = 0.28, foot: float = 0.55) -> None:
     """A legend below the axes; everything is placed in inches, which is much faster than a constrained layout.
 
-    ``gap`` is the space between two panels: for tick labels, and an axis label where every panel has its own.
+    ``gap`` is the space between two panels: for tick labels, and an axis label where every panel has its own; ``head``
+    and ``foot`` are the space above the panels and between them and the legend.
     """
     handles: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
-    columns = max(1, min(len(handles), int(figure.get_figwidth() / 1.25)))
-    rows = -(-len(handles) // columns)
     width, height = figure.get_size_inches()
+    entry = 0.55 + 0.068 * max(map(len, handles), default=0)  # handle and gap; a letter at 8 points
+    columns = max(1, min(len(handles), int((width - 0.3) / entry)))
+    rows = -(-len(handles) // columns)
+    below = foot + 0.2 * rows
+    figure.set_size_inches(width, height + max(below - 0.95, 0.0))  # a long legend does not eat the panels
+    height = figure.get_size_inches()[1]
     panel = (width - 0.9 - gap * (len(axes) - 1)) / len(axes)
-    bottom = (0.55 + 0.2 * rows) / height
     figure.subplots_adjust(
-        left=0.8 / width, right=1 - 0.1 / width, top=1 - 0.28 / height, bottom=bottom, wspace=gap / panel
+        left=0.8 / width, right=1 - 0.1 / width, top=1 - head / height, bottom=below / height, wspace=gap / panel
     )
     figure.legend(
         handles.values(), handles.keys(), loc="lower left", bbox_to_anchor=(0.3 / width, 0), ncols=columns,
@@ -258,8 +263,11 @@ def _legend(figure: Any, axes: Sequence[Any], gap: float) -> None:
     )  # fmt: skip
 
 
-def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
-    """The SVG element that ``draw(figure)`` makes, without XML prologue, with ids that no other figure shares."""
+def svg(draw: Callable[[Any], None], width: float, height: float, style: Style) -> str:
+    """The SVG element that ``draw(figure)`` makes, without XML prologue, with ids that no other figure shares.
+
+    What is labelled with an entrant's name carries ``data-entrant``, its ``index`` in ``style``: the page hides by it.
+    """
     import matplotlib
     from matplotlib.backends.backend_svg import FigureCanvasSVG
     from matplotlib.figure import Figure
@@ -268,6 +276,7 @@ def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
         figure = Figure(figsize=(width, height))
         FigureCanvasSVG(figure)
         draw(figure)
+        _mark(figure, style)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
@@ -275,11 +284,24 @@ def _svg(draw: Callable[[Any], None], width: float, height: float) -> str:
     return scoped(re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL))
 
 
+def _mark(figure: Any, style: Style) -> None:
+    """Give every artist labelled with an entrant's name that entrant's index as id."""
+    for artist in (a for ax in figure.axes for a in (*ax.lines, *ax.collections)):
+        if artist.get_label() in style:
+            artist.set_gid(f"entrant-{style[artist.get_label()]['index']}")
+    for legend in figure.legends:
+        for handle, text in zip(legend.legend_handles, legend.get_texts(), strict=True):
+            if text.get_text() in style:
+                for artist in (handle, text):
+                    artist.set_gid(f"entrant-{style[text.get_text()]['index']}")
+
+
 def scoped(svg: str) -> str:
     """Prefix every id by a hash of the figure: several figures share one HTML page."""
     import hashlib
 
     prefix = "f" + hashlib.sha256(svg.encode()).hexdigest()[:8]
+    svg = re.sub(r'\bid="entrant-(\d+)"', r'data-entrant="\1"', svg)
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", svg)

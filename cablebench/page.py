@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from cablebench import figures
+from cablebench import figures, stress_figures
 from cablebench.board import Board, Row, Table
 from cablebench.entrants import BUDGETS, INFORMATION
 from cablebench.learning import Curve
@@ -33,6 +33,12 @@ def render_html(
         board=board,
         names=board.entrants,
         style=style,
+        board_name=board.protocol.name,
+        remarks=Markup(_markdown(board.remarks)),
+        tasks=list(dict.fromkeys(t.task for t in board.tables)),
+        tracks=list(dict.fromkeys(t.track for t in board.tables)),
+        classes=[c for c in INFORMATION if any(r.information == c for t in board.tables for r in t.rows)],
+        script=Markup(files("cablebench").joinpath("templates/board.js").read_text(encoding="utf-8")),
         level=f"{100 * board.protocol.level:g}",
         worst=number(board.protocol.worst_score),
         floor=number(100 * GAP_FLOOR),
@@ -43,7 +49,8 @@ def render_html(
         training_seeds=seed_text(board.training_seeds),
         matrices=_matrices(board),
         families=[
-            _family(board, f, style, trajectories, Markup) for f in dict.fromkeys(t.family for t in board.tables)
+            _family(board, f, style, trajectories, curves, Markup)
+            for f in dict.fromkeys(t.family for t in board.tables)
         ],
     )
 
@@ -62,9 +69,16 @@ def _matrices(board: Board) -> list[dict[str, Any]]:
         classes = {r.entrant: r.information for t in tables for r in t.rows}
         for name in (n for n in board.entrants if n in classes):
             line = [_shade(known.get((t.task, name))) for t in tables]
-            rows.append({"name": name, "cells": line, "heading": classes[name] if classes[name] != previous else ""})
+            rows.append(
+                {
+                    "name": name,
+                    "information": classes[name],
+                    "cells": line,
+                    "heading": classes[name] if classes[name] != previous else "",
+                }
+            )
             previous = classes[name]
-        tasks = [{"anchor": _anchor(t.task), "lines": _lines(t.task)} for t in tables]
+        tasks = [{"task": t.task, "anchor": _anchor(t.task), "lines": _lines(t.task)} for t in tables]
         result.append({"name": track, "tasks": tasks, "rows": rows})
     return result
 
@@ -89,11 +103,22 @@ def _shade(row: Row | None) -> dict[str, str]:
     }
 
 
-def _family(board: Board, family: str, style: figures.Style, trajectories: Any, markup: Any) -> dict[str, Any]:
+def _markdown(text: str) -> str:
+    """CommonMark with tables as HTML; HTML in the text is shown as text, links to scripts are dropped."""
+    if not text.strip():
+        return ""
+    from markdown_it import MarkdownIt
+
+    return MarkdownIt("commonmark", {"html": False}).enable("table").render(text)
+
+
+def _family(
+    board: Board, family: str, style: figures.Style, trajectories: Any, curves: Sequence[Curve], markup: Any
+) -> dict[str, Any]:
     overall = [t for t in board.overall if t.family == family]
     tables = [t for t in board.tables if t.family == family]
     tasks = [
-        _task(board, [t for t in tables if t.task == name], style, trajectories, markup)
+        _task(board, [t for t in tables if t.task == name], style, trajectories, curves, markup)
         for name in dict.fromkeys(t.task for t in tables)
     ]
     scored = [t for t in overall or tables if any(r.score for r in t.rows)]
@@ -107,7 +132,12 @@ def _family(board: Board, family: str, style: figures.Style, trajectories: Any, 
 
 
 def _task(
-    board: Board, tables: Sequence[Table], style: figures.Style, trajectories: Any, markup: Any
+    board: Board,
+    tables: Sequence[Table],
+    style: figures.Style,
+    trajectories: Any,
+    curves: Sequence[Curve],
+    markup: Any,
 ) -> dict[str, Any]:
     first = tables[0]
     drawn = []
@@ -116,6 +146,7 @@ def _task(
         if rows:
             drawn.append({"track": table.track, "svg": markup(figures.trajectories(table, rows, found, style))})
     return {
+        "task": first.task,
         "name": first.task.replace("-", " · "),
         "anchor": _anchor(first.task),
         "env_id": first.env_id,
@@ -125,15 +156,45 @@ def _task(
         "effort": markup(figures.effort(tables, style)),
         "phases": markup(figures.phases(tables, style)),
         "sweeps": markup(figures.sweeps(board, first.task, style)),
+        "radar": markup(stress_figures.radar(board, first.task, style)),
+        "robustness": _robustness(board, tables),
+        "learning": markup(stress_figures.learning(curves, first.task, style)),
         "trajectories": drawn,
-        "replay": [(f"{r.entrant}, {t.track}", r.replay) for t in tables for r in t.rows],
+        "replay": [
+            {"name": r.entrant, "information": r.information, "track": t.track, "command": board.replay(t, r)}
+            for t in tables
+            for r in t.rows
+        ],
     }
 
 
-def _typical(table: Table, trajectories: Any, board: Board) -> tuple[list[Row], list[Mapping[str, Any]]]:
-    """Up to four rows worth looking at: the papers' controller, the best of each class, then the rest by rank."""
-    if trajectories is None:
-        return [], []
+def _robustness(board: Board, tables: Sequence[Table]) -> dict[str, Any] | None:
+    """The radar's numbers for every entrant: mean score over each sweep, and the lowest in it."""
+    values = stress_figures.robustness(board, tables[0].task)
+    classes = {r.entrant: r.information for t in tables for r in t.rows}
+    sweeps = sorted({sweep for found in values.values() for sweep in found})
+    if not sweeps:
+        return None
+
+    def cell(found: Mapping[str, tuple[float, float]], sweep: str) -> dict[str, Any]:
+        mean, least = found.get(sweep, (math.nan, math.nan))
+        text = "–" if math.isnan(mean) else f"{mean:.2f} ({least:.2f})".replace("-", "−")
+        return {"text": text, "value": mean}
+
+    rows = [
+        {"name": name, "information": classes.get(name, ""), "cells": [cell(found, s) for s in sweeps]}
+        for name, found in values.items()
+    ]
+    return {"sweeps": sweeps, "rows": rows}
+
+
+def shown_runs(board: Board) -> set[str]:
+    """Keys of the runs whose trajectories the page draws."""
+    return {row.trajectory for table in board.tables for row in _worth_drawing(table, board)}
+
+
+def _worth_drawing(table: Table, board: Board) -> list[Row]:
+    """Up to four rows: the papers' controller, the best of each class, then the rest by rank."""
     wanted = [r for r in table.rows if r.entrant == table.paper]
     wanted += [r for r in table.rows if r.rank == 1]
     wanted += [r for r in table.rows if r.charged.get("environment_steps")]
@@ -142,7 +203,14 @@ def _typical(table: Table, trajectories: Any, board: Board) -> tuple[list[Row], 
     for row in wanted:
         if len(chosen) < _SHOWN_TRAJECTORIES:
             chosen.setdefault(row.entrant, row)
-    pairs = {name: trajectories(row.trajectory) for name, row in chosen.items()}
+    return list(chosen.values())
+
+
+def _typical(table: Table, trajectories: Any, board: Board) -> tuple[list[Row], list[Mapping[str, Any]]]:
+    """The rows worth drawing of which trajectories were kept, and those."""
+    if trajectories is None:
+        return [], []
+    pairs = {row.entrant: trajectories(row.trajectory) for row in _worth_drawing(table, board)}
     rows = [row for row in table.rows if pairs.get(row.entrant)]
     return rows, [pairs[row.entrant] for row in rows]
 
@@ -151,17 +219,32 @@ def _view(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
     """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
     metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
     columns = [
-        {"label": "runs", "unit": "seeds", "title": "training seeds"},
-        {"label": "score", "unit": "IQM", "title": "interquartile mean"},
-        {"label": "median", "unit": "", "title": "median score"},
-        {"label": "gap", "unit": "", "title": "optimality gap: mean shortfall below 1"},
-        {"label": "worst 10\N{NO-BREAK SPACE}%", "unit": "CVaR", "title": "mean of the lowest tenth of the scores"},
-        {"label": "better than", "unit": "paper, %", "title": "probability of improvement over the papers' controller"},
-        *({"label": _label(m), "unit": unit_of(m, table), "title": _meaning(m)} for m in metrics),
-        {"label": "failed", "unit": "episodes", "title": "episodes that did not run to their end"},
-        {"label": "env", "unit": "steps", "title": "environment steps charged"},
-        {"label": "tuning", "unit": "trials", "title": "tuning trials charged"},
-        {"label": "ident.", "unit": "samples", "title": "identification samples charged"},
+        {"key": "runs", "label": "runs", "unit": "seeds", "title": "training seeds"},
+        {"key": "score", "label": "score", "unit": "IQM", "title": "interquartile mean"},
+        {"key": "median", "label": "median", "unit": "", "title": "median score"},
+        {"key": "gap", "label": "gap", "unit": "", "title": "optimality gap: mean shortfall below 1"},
+        {
+            "key": "worst_tenth",
+            "label": "worst 10\N{NO-BREAK SPACE}%",
+            "unit": "CVaR",
+            "title": "mean of the lowest tenth of the scores",
+        },
+        {
+            "key": "improvement",
+            "label": "better than",
+            "unit": "paper, %",
+            "title": "probability of improvement over the papers' controller",
+        },
+        *({"key": m, "label": _label(m), "unit": unit_of(m, table), "title": _meaning(m)} for m in metrics),
+        {"key": "failed", "label": "failed", "unit": "episodes", "title": "episodes that did not run to their end"},
+        {"key": "environment_steps", "label": "env", "unit": "steps", "title": "environment steps charged"},
+        {"key": "tuning_trials", "label": "tuning", "unit": "trials", "title": "tuning trials charged"},
+        {
+            "key": "identification_samples",
+            "label": "ident.",
+            "unit": "samples",
+            "title": "identification samples charged",
+        },
     ]
     groups = [
         {"name": name, "rows": [_row(r, table, metrics, style, markup) for r in table.rows if r.information == name]}
@@ -174,12 +257,18 @@ def _view(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
         caption += f" Left out, because they did not run all {table.tasks} tasks: {', '.join(table.omitted)}."
     return {
         "track": table.track,
+        "task": table.task,
         "tasks": table.tasks,
         "caption": caption,
         "columns": columns,
         "groups": groups,
-        "raw_columns": [{"label": _label(m.name), "unit": unit_of(m.name, table), "title": m.meaning} for m in raw],
-        "raw_rows": [{"name": r.entrant, "cells": [_cell(r, m.name, table) for m in raw]} for r in table.rows],
+        "raw_columns": [
+            {"key": m.name, "label": _label(m.name), "unit": unit_of(m.name, table), "title": m.meaning} for m in raw
+        ],
+        "raw_rows": [
+            {"name": r.entrant, "information": r.information, "cells": [_cell(r, m.name, table) for m in raw]}
+            for r in table.rows
+        ],
     }
 
 
@@ -204,6 +293,7 @@ def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, m
     better = math.nan if row.improvement is None else 100 * row.improvement
     return {
         "name": row.entrant,
+        "information": row.information,
         "rank": row.rank,
         "bar": markup(_bar(row, style[row.entrant]["color"])),
         "cells": [
