@@ -9,7 +9,7 @@ USAGE_ERROR = 2
 """Exit code for input that cannot be used (typer's own, too)."""
 
 EXTRAS = {
-    **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "matplotlib", "PIL"), "bench"),
+    **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "markdown_it", "matplotlib", "PIL"), "bench"),
     **dict.fromkeys(("torch", "stable_baselines3", "tensorboard"), "agents"),
     **dict.fromkeys(("optuna", "sqlalchemy"), "tuning"),
     "ray": "ray",

@@ -115,7 +115,7 @@ def phases(tables: Sequence[Table], style: Style) -> str:
         axes = figure.subplots(1, len(tables), squeeze=False)[0]
         for ax, table in zip(axes, tables, strict=True):
             for k, row in enumerate(table.rows):
-                s, shift = style[row.entrant], (k - (len(table.rows) - 1) / 2) * 0.62 / max(len(table.rows), 1)
+                s, shift = style[row.entrant], (k - (len(table.rows) - 1) / 2) * 0.78 / max(len(table.rows), 1)
                 y = [display(row.raw[f"rmse_{p}"], "rmse", table) for p in PHASES]
                 ax.plot(
                     np.arange(len(PHASES)) + shift,

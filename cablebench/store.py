@@ -8,7 +8,7 @@ import os
 import tempfile
 import warnings
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +161,13 @@ class ResultStore:
         flat = {f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()}
         np.savez_compressed(buffer, **flat)
         return write_atomic(self.folder / f"{run}.npz", buffer.getvalue())
+
+    def forget_trajectories(self, but: Collection[str]) -> int:
+        """Remove the trajectories of all runs but those; returns how many runs lost theirs. Records are untouched."""
+        lost = [path for path in self.folder.glob("*.npz") if path.stem not in but]
+        for path in lost:
+            path.unlink()
+        return len(lost)
 
     def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
         """What `keep_trajectories` saved for that run; empty where there is nothing."""

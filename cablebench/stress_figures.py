@@ -55,9 +55,10 @@ def radar(board: Board, task: str, style: Style) -> str:
             ax.spines["polar"].set_color(GRID)
             ax.set_title(f"score, {title}", pad=16, loc="center")
             ax.tick_params(axis="x", pad=6, colors=INK)
-        legend_below(figure, axes, gap=0.9, head=0.62, foot=0.35)
+        legend_below(figure, axes, gap=1.2, head=0.62, foot=0.45)
+        figure.subplots_adjust(right=1 - 0.8 / figure.get_figwidth())  # room for the name of the axis on the right
 
-    return svg(draw, 7.4, 3.9, style)
+    return svg(draw, 7.8, 3.9, style)
 
 
 def _chosen(board: Board, task: str, values: Mapping[str, Any], sweeps: Sequence[str]) -> list[str]:

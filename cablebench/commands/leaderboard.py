@@ -23,12 +23,13 @@ def leaderboard(
     out: Annotated[
         Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: the results folder.")
     ] = None,
-    pack: Annotated[
-        bool, typer.Option("--pack", help="Compress the records (records.jsonl.gz), to commit them.")
-    ] = False,
+    pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
-    """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it."""
+    """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it.
+
+    --pack compresses the records to records.jsonl.gz and drops trajectories that the page does not draw.
+    """
     from cablebench.store import ResultStore
 
     folder, flags = results_folder(board, results, protocol)
@@ -38,10 +39,18 @@ def leaderboard(
         command = f"cablebench evaluate --protocol {board or 'quick'} --results {folder}"
         raise ConfigurationError(f"no records in {store.path}: run `{command}` first")
     chosen = protocol_of(records, protocol or board)
+    made = make_board(chosen, store, records, out or folder, as_json, place=flags)
     if pack:
-        path = store.pack()
-        console(stderr=True).print(f"{len(records)} records in {path}, {path.stat().st_size} bytes", markup=False)
-    make_board(chosen, store, records, out or folder, as_json, place=flags)
+        _pack(store, made, len(records))
+
+
+def _pack(store: Any, board: Any, count: int) -> None:
+    """Make the results folder small: records compressed, trajectories of the rows that the page draws only."""
+    from cablebench.page import shown_runs
+
+    path = store.pack()
+    store.forget_trajectories(shown_runs(board))
+    console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
 
 
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
