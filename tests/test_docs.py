@@ -1,0 +1,162 @@
+"""The docs hold: the commands in them exist with their options, the examples run, the links lead somewhere."""
+
+import re
+import shlex
+from pathlib import Path
+
+import gymnasium as gym
+import pytest
+import typer
+import yaml
+
+from cablebench.commands.app import app
+from cablebench.entrants import named_entrant
+from cablebench.evaluate import run_episode
+from cablebench.metrics import measure
+
+ROOT = Path(__file__).parent.parent
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
+TUTORIALS = ("add-your-controller.md", "train-your-agent.md", "read-the-board.md")
+COMMANDS = typer.main.get_command(app).commands
+
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """Fenced blocks of a language in docs/``page``."""
+    return [text for kind, text in FENCE.findall((ROOT / "docs" / page).read_text()) if kind == language]
+
+
+def written(path: Path) -> list[tuple[str, bool]]:
+    """Every ``cablebench ...`` of a page, and whether it is a whole command (in a block) or a mention in a sentence."""
+    text = path.read_text(encoding="utf-8")
+    found = []
+    for _, block in FENCE.findall(text):
+        lines = block.replace("\\\n", " ").splitlines()
+        found += [(line.strip().removeprefix("$ "), True) for line in lines if re.match(r"\s*(\$ )?cablebench ", line)]
+    for line in FENCE.sub("", text).splitlines():
+        if line.startswith("    cablebench "):
+            found.append((line.strip(), True))
+    found += [(c, False) for c in re.findall(r"`(cablebench [^`\n]+)`", FENCE.sub("", text))]
+    return found
+
+
+def offences(command: str, whole: bool) -> list[str]:
+    """What in a command the command line does not know; for a whole one also what it lacks."""
+    words = shlex.split(command, comments=True)[1:]
+    if words[0].startswith("-"):
+        return [] if words[0] in ("--help", "--version") else [words[0]]
+    if words[0] not in COMMANDS:
+        return [words[0]]
+    known, rest, wrong = COMMANDS[words[0]], words[1:], []
+    options = {name: p for p in known.params for name in (*p.opts, *p.secondary_opts) if name.startswith("-")}
+    given, k = set(), 0
+    positional = []
+    while k < len(rest):
+        word = rest[k].split("=")[0] if rest[k].startswith("--") else rest[k]
+        k += 1
+        if word in ("--help",):
+            continue
+        if not word.startswith("-"):
+            positional.append(word)
+        elif word not in options:
+            wrong.append(word)
+        else:
+            given.add(options[word].name)
+            flag = getattr(options[word], "is_flag", False)
+            k += 0 if flag or "=" in rest[k - 1] else 1
+            if k > len(rest) and whole:
+                wrong.append(f"{word} without its value")
+    if whole and "[" not in command:
+        needed = [p for p in known.params if p.required and p.name not in given]
+        wrong += [f"lacks {p.opts[0]}" for p in needed if p.param_type_name == "option"]
+        if len(positional) < sum(p.param_type_name == "argument" for p in needed):
+            wrong.append("lacks an argument")
+    return wrong
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_commands_in_the_docs_exist(page):
+    wrong = {command: found for command, whole in written(page) if (found := offences(command, whole))}
+    assert wrong == {}
+
+
+def test_the_check_notices_what_does_not_exist():
+    assert offences("cablebench trian --env X", True) == ["trian"]
+    assert offences("cablebench train --env X --algorithm ppo", True) == ["--algorithm"]
+    assert offences("cablebench train --algo ppo", True) == ["lacks --env"]
+    assert offences("cablebench run --controller pid", True) == ["lacks an argument"]
+    assert offences("cablebench run X --controller", True) == ["--controller without its value"]
+    assert offences("cablebench run X -o rig=gu-steel-2mm --seed=3  # quick", True) == []
+    assert len([c for p in TUTORIALS for c in written(ROOT / "docs" / p)]) > 20
+
+
+def test_every_command_is_in_the_readme():
+    mentioned = {shlex.split(c)[1] for c, _ in written(ROOT / "README.md")}
+    assert set(COMMANDS) <= mentioned
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_lead_somewhere(page):
+    targets = [t for t in re.findall(r"\]\(([^)\s]+)\)", page.read_text()) if "://" not in t and not t.startswith("#")]
+    missing = [t for t in targets if not (page.parent / t.split("#")[0]).exists()]
+    assert missing == []
+
+
+@pytest.fixture
+def example(tmp_path):
+    """A folder with the two files of "Add your controller"."""
+    (source,), (file,) = blocks("add-your-controller.md", "python"), blocks("add-your-controller.md", "yaml")
+    (tmp_path / "weight_pid.py").write_text(source)
+    (tmp_path / "weight_pid.yaml").write_text(file)
+    return tmp_path
+
+
+def error_of(controller: str, env_id: str) -> float:
+    """RMSE of a whole episode."""
+    entrant = named_entrant(controller)
+    env = gym.make(env_id, observe="output")
+    needs = entrant.needs(env_id, env.unwrapped.setup)
+    assert needs is not None and set(needs.values()) <= {"output"}
+    try:
+        episode = run_episode(env, entrant.make(env.unwrapped.setup), seed=0)
+    finally:
+        env.close()
+    assert episode.complete
+    return measure(episode)["rmse"]
+
+
+def test_the_example_controller_tracks(example):
+    env_id = "cable_envs/CableHole-Position-Sine-v0"
+    simple = error_of(str(example / "weight_pid.py"), env_id)
+    tuned = error_of(str(example / "weight_pid.yaml"), env_id)
+    # the load moves by +/- 10 mm; open loop is off by 7 mm
+    assert tuned < simple < 0.002
+
+
+def test_the_example_enters_the_tasks_it_names(example):
+    from cablebench.evaluate import setup_of
+
+    entrant = named_entrant(str(example / "weight_pid.yaml"))
+    assert (entrant.name, entrant.information, entrant.charged) == (
+        "weight-pid-tuned",
+        "nominal",
+        {"tuning_trials": 40},
+    )
+    ids = [i for i in gym.registry if i.startswith("cable_envs/") and entrant.needs(i, setup_of(i, {})) is not None]
+    assert ids == [f"cable_envs/CableHole-Position-{r}-v0" for r in ("Step", "Sine")]
+
+
+def test_the_example_settings_load(tmp_path):
+    pytest.importorskip("torch")
+    from agents.settings import load_settings
+
+    (text,) = blocks("train-your-agent.md", "yaml")
+    path = tmp_path / "my-agent.yaml"
+    path.write_text(text)
+    keys = yaml.safe_load(text)["default"]
+    settings = load_settings(str(path), "cable_envs/CableHole-Position-Sine-v0")
+    assert settings.learner["gamma"] == 0.98  # the environment's own over the default
+    assert (settings.algo, settings.n_timesteps) == ("my-agent", keys["n_timesteps"])
+    assert settings.residual["controller"] == "pid" and settings.frame_stack == 4
+    assert settings.information == named_entrant("pid").information  # a residual agent knows what its controller knows
