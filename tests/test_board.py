@@ -300,3 +300,40 @@ def test_numbers_are_short_and_readable():
     assert number(123456.7).replace("\N{NARROW NO-BREAK SPACE}", " ") == "123 457"
     assert [count(v) for v in (0, 850, 12_000, 1_500_000)] == ["0", "850", "12k", "1.5M"]
     assert [seed_text(s) for s in ((), (3,), (3, 4, 5), (1, 7))] == ["none", "3", "3-5", "1, 7"]
+
+
+def test_records_of_another_version_are_left_out_and_named(made):
+    protocol, _, records = made
+    old = [{**r, "protocol": protocol.name, "protocol_version": 7, "protocol_hash": "old"} for r in records[:5]]
+    board = build_board(protocol, [*records, *old])
+    assert board.episodes == len(records)
+    assert any("5 records of version 7 of the protocol were left out" in n for n in board.notes)
+    assert replace(protocol, version=2).hash() != protocol.hash()
+
+
+def test_notes_say_what_the_protocol_asks_for_and_nobody_ran(made):
+    protocol, _, records = made
+    keep = [r for r in records if r["task"] != "CableHole-Position-Step" and (r["training_seed"] or 0) < 2]
+    notes = " ".join(build_board(protocol, keep).notes)
+    assert "Incomplete board" in notes and "CableHole-Position-Step (nominal)" in notes
+    assert "Fewer than the protocol's 3 training seeds: ppo (2 on 3 tasks)." in notes
+    few = " ".join(build_board(protocol, [r for r in records if r["seed"] < 2004]).notes)
+    assert "Fewer test episodes than the protocol asks for" in few and "(nominal): 4 of 8" in few
+
+
+def test_robustness_is_the_mean_score_over_a_sweep(board):
+    line = next(s for s in board.sweeps if s["task"] == "CableHole-Position-Sine" and s["entrant"] == "mrac-g22")
+    assert len(line["score"]) == len(line["values"]) and line["robustness"] == pytest.approx(np.mean(line["score"]))
+    ends = {s["entrant"]: s["robustness"] for s in board.sweeps if s["task"] == line["task"]}
+    assert ends["open-loop"] == 0.0 and ends["oracle"] == 1.0 and 0.0 < line["robustness"] < 1.0
+
+
+def test_entrants_beyond_the_colours_look_different():
+    from types import SimpleNamespace
+
+    from cablebench.figures import styles
+
+    names = tuple(f"n{i}" for i in range(20))
+    found = styles(SimpleNamespace(entrants=names, protocol=made_protocol()))
+    assert len({(s["color"], s["marker"]) for s in found.values()}) == 20
+    assert len({(s["color"], str(s["dash"])) for s in found.values()}) == 20
