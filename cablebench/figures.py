@@ -50,7 +50,7 @@ def styles(board: Board) -> Style:
             result[name] = {
                 "color": _COLOURS[k % len(_COLOURS)],
                 "marker": _MARKERS[(k + 3 * again) % len(_MARKERS)],
-                "dash": _DASHES[(k // 3 + again) % len(_DASHES)],
+                "dash": _DASHES[(k // 3 + 2 * again) % len(_DASHES)],
             }
             k += 1
     return {name: {**style, "index": i} for i, (name, style) in enumerate(result.items())}

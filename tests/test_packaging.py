@@ -16,7 +16,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 EXTRAS = (
     "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
-    "minari", "h5py", "optuna", "sqlalchemy", "ray",
+    "minari", "h5py", "optuna", "sqlalchemy", "ray", "markdown_it",
 )  # fmt: skip
 
 
