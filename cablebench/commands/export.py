@@ -26,7 +26,9 @@ def export(
     env: Annotated[str, typer.Argument(help="Environment, by full or short id.")],
     out: Annotated[Path, typer.Option(help="Folder: of the recording, or Minari's folder of datasets.")],
     form: Annotated[str, typer.Option("--format", help="minari (HDF5 dataset) or recording (YAML and tables).")],
-    controller: Annotated[str | None, typer.Option(help="Reference controller, by name.")] = None,
+    controller: Annotated[
+        str | None, typer.Option(help="Controller: a reference, a controller file, a .py file.")
+    ] = None,
     policy: Annotated[str | None, typer.Option(help="Trained policy: its file or folder.")] = None,
     random: Annotated[bool, typer.Option("--random", help="Uniform random actions instead of either.")] = False,
     gain: Annotated[list[str] | None, typer.Option(help="Gain of the controller, NAME=NUMBER; repeatable.")] = None,
