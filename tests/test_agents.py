@@ -12,7 +12,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecCheckNan, VecMonitor, VecNormalize
 
 from agents.policy import ENTRY, load_policy
-from agents.settings import ALGORITHMS, Linear, load_settings, make_settings
+from agents.settings import Linear, agent_names, load_settings, make_settings
 from agents.train import Interrupted, train
 from agents.vec_env import CableVecEnv
 from cable_envs import ENV_IDS
@@ -190,7 +190,7 @@ def test_value_of_a_cut_episode_is_bootstrapped():
 
 
 def test_every_algorithm_has_settings_for_every_environment():
-    for algo in ALGORITHMS:
+    for algo in agent_names():
         hashes = {load_settings(algo, env_id).hash() for env_id in ENV_IDS}
         assert len(hashes) == len(ENV_IDS)
 
@@ -203,6 +203,7 @@ def test_settings_merge_and_schedules(tmp_path, monkeypatch):
         f"{HOLE}:\n  gamma: 0.8\n  policy_kwargs: {{log_std_init: -1.0}}\n"
     )
     monkeypatch.setattr("agents.settings.config_path", lambda kind, name: tmp_path / kind / name)
+    monkeypatch.setattr("agents.settings.config_root", lambda: tmp_path)
     s = load_settings("ppo", HOLE, env_options={"randomize": True})
     assert (s.n_envs, s.n_timesteps, s.learner["gamma"]) == (8, 2_000_000, 0.8)
     assert s.policy_kwargs == {"net_arch": [8], "activation_fn": "relu", "log_std_init": -1.0}
@@ -264,12 +265,13 @@ def test_train_save_load_predict(tmp_path):
     )
     assert reports[-1][:2] == (1000, 1200) and len(m.curve) >= 3  # the last rollout begins at 1000
     assert all(0.0 < reward <= 1.0 for _, _, reward in m.curve)
-    assert [p.name for p in tmp_path.iterdir()] == ["policy.zip"]
+    assert [p.name for p in tmp_path.iterdir()] == ["policy.zip"]  # the checkpoint is no longer needed
     # stable-baselines3 reads the same file, and both answer alike
     model = PPO.load(tmp_path / "policy.zip", device="cpu")
     observation = gym.make(HOLE).reset(seed=1)[0]
     raw, _ = model.predict(observation, deterministic=True)
     action, state = policy.predict(observation)
+    assert action.dtype == np.float32
     rest = 2 * 49.05 / 120.0 - 1
     np.testing.assert_allclose(action, 0.5 * rest + 0.5 * raw, rtol=1e-5)
     again, _ = policy.predict(observation, state, episode_start=np.array([False]))
