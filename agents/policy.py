@@ -182,6 +182,40 @@ def save_policy(model: BaseAlgorithm, metadata: Metadata, path: str | Path) -> P
     return write_atomic(path, buffer.getvalue())
 
 
+NOT_ACTING = (
+    "critic", "critic_target", "actor_target", "value_net", "mlp_extractor.value_net", "lstm_critic",
+    "vf_features_extractor",
+)  # fmt: skip
+"""First parts of the names of weights that only training needs."""
+
+
+def publish_policy(source: str | Path, target: str | Path) -> Path:
+    """Write the policy at ``source`` to the file ``target`` without what only training needs: a few dozen kilobytes.
+
+    It acts as before; it cannot be trained on, and ``PPO.load`` does not read it. Raises as `load_policy`, and
+    ConfigurationError where the training is not complete.
+    """
+    file = policy_file(source)
+    content, metadata = read_policy(file)
+    load_policy(file)
+    if not metadata.complete:
+        raise ConfigurationError(f"{file}: the training is not complete; finish it with `cablebench train --resume`")
+    weights = {k: v for k, v in _weights(content).items() if not k.startswith(NOT_ACTING)}
+    packed, buffer = io.BytesIO(), io.BytesIO()
+    torch.save(weights, packed)
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        # dated like the epoch of zip: the same policy gives the same file
+        archive.writestr(zipfile.ZipInfo("policy.pth"), packed.getvalue(), zipfile.ZIP_DEFLATED)
+        text = json.dumps(jsonable({"schema": SCHEMA, **asdict(metadata)}), indent=1)
+        archive.writestr(zipfile.ZipInfo(ENTRY), text, zipfile.ZIP_DEFLATED)
+    return write_atomic(target, buffer.getvalue())
+
+
+def _weights(content: bytes) -> dict[str, torch.Tensor]:
+    with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open("policy.pth") as weights:
+        return torch.load(weights, map_location="cpu", weights_only=True)
+
+
 def load_policy(path: str | Path) -> Policy:
     """The policy in a file, or in the folder of a training run.
 
@@ -205,8 +239,10 @@ def load_policy(path: str | Path) -> Policy:
     if settings.frame_stack > 1:
         seen = spaces.Box(np.tile(seen.low, settings.frame_stack), np.tile(seen.high, settings.frame_stack))
     network = kind(seen, action, lambda remaining: 0.0, **settings.policy_arguments())
-    with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open("policy.pth") as weights:
-        network.load_state_dict(torch.load(weights, map_location="cpu", weights_only=True))
+    missing, unknown = network.load_state_dict(_weights(content), strict=False)
+    wrong = [*unknown, *(name for name in missing if not name.startswith(NOT_ACTING))]
+    if wrong:
+        raise ConfigurationError(f"{file}: the weights do not fit the network of its settings: {', '.join(wrong[:3])}")
     network.set_training_mode(False)
     return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], settings, setup)
 

@@ -11,7 +11,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecCheckNan, VecMonitor, VecNormalize
 
-from agents.policy import ENTRY, load_policy
+from agents.policy import ENTRY, load_policy, publish_policy
 from agents.settings import Linear, agent_names, load_settings, make_settings
 from agents.train import Interrupted, train
 from agents.vec_env import CableVecEnv
@@ -388,3 +388,32 @@ def test_ppo_learns_to_track(env_id, share, tmp_path):
     open_loop = run_episode(env, controller_entrant("open-loop").make(env.unwrapped.setup), seed=0)
     assert learned.complete
     assert np.sqrt(np.mean(learned.error**2)) < share * np.sqrt(np.mean(open_loop.error**2))
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_published_policy_acts_as_before_and_is_smaller(algorithm, tmp_path):
+    own = {} if algorithm == "ppo" else {"learning_starts": 40, "batch_size": 16, "buffer_size": 400}
+    data = {"n_envs": 4, "n_timesteps": 200, "policy_kwargs": {"net_arch": [32, 32]}, "smoothing": 0.5, **own}
+    if algorithm == "ppo":
+        data |= {"n_steps": 25, "batch_size": 50}
+    policy = train(make_settings(algorithm, HOLE, {**data, "env_options": {"duration": 0.25}}), 0, tmp_path / "run")
+    published = load_policy(publish_policy(tmp_path / "run", tmp_path / "small" / "a.zip"))
+    assert published.metadata == policy.metadata
+    assert (tmp_path / "small" / "a.zip").stat().st_size < 0.4 * (tmp_path / "run" / "policy.zip").stat().st_size
+    assert (
+        publish_policy(tmp_path / "run", tmp_path / "b.zip").read_bytes() == (tmp_path / "small" / "a.zip").read_bytes()
+    )
+    seen = np.random.default_rng(0).normal(size=(5, len(policy.setup.channels))).astype(np.float32)
+    np.testing.assert_array_equal(published.predict(seen)[0], policy.predict(seen)[0])
+    with zipfile.ZipFile(tmp_path / "b.zip") as archive:
+        assert sorted(archive.namelist()) == [ENTRY, "policy.pth"]  # nothing that would be unpickled
+
+
+def test_an_unfinished_training_is_not_published(tmp_path):
+    def stop(done, total, text):
+        raise KeyboardInterrupt
+
+    with pytest.raises(Interrupted):
+        train(_settings(400), 0, tmp_path, progress=stop)
+    with pytest.raises(ConfigurationError, match="is not complete; finish it"):
+        publish_policy(tmp_path, tmp_path / "a.zip")

@@ -11,6 +11,7 @@ from cablebench.commands import (
     export,
     identify,
     leaderboard,
+    publish,
     replay,
     reproduce,
     run,
@@ -46,7 +47,7 @@ def common(
 
 
 for _command in (
-    envs.envs, run.run, train.train, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
+    envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
     identify.identify, reproduce.reproduce, export.export, submit.submit, replay.replay,
 ):  # fmt: skip
     app.command(_command.__name__)(_command)

@@ -189,6 +189,7 @@ def policy_entrant(path: str) -> Any:
         m.steps,
         options=m.options,
         tuning_trials=m.settings["tuning_trials"],
+        information=policy.settings.information,
         path=path,
         settings=settings,
         versions=m.versions,
