@@ -88,7 +88,7 @@ def _try(entrant: Entrant, env_id: str, options: Mapping[str, Any], seed: int) -
 
 @contextmanager
 def within(seconds: float, message: str) -> Iterator[None]:
-    """Interrupt the block after ``seconds`` by ConfigurationError(message), where the platform can (POSIX main thread)."""
+    """Interrupt the block after ``seconds`` by ConfigurationError(message), on the main thread of a POSIX system."""
     if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
         yield
         return
