@@ -40,6 +40,7 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 
 from agents.shaping import Residual, Shaping
 from baselines import controller_class
+from cable_envs import ENV_IDS
 from cable_envs.config import config_path, config_root, read_yaml
 from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.setup import Setup
@@ -187,6 +188,7 @@ def load_settings(
     """
     path = _settings_file(algo)
     data = read_yaml(path)
+    require_known(f"key in {path.name}", data, ("algorithm", "default", "search", *ENV_IDS))
     merged: dict[str, Any] = {}
     for part in (data.get("default") or {}, data.get(env_id) or {}, changes or {}):
         nested = {k: {**(merged.get(k) or {}), **(part[k] or {})} for k in _MAPPINGS if k in part}

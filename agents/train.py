@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
 from agents import checkpoint
@@ -74,7 +75,10 @@ def train(
     env = training_env(settings)
     try:
         model = _new_model(settings, seed, env) if kept is None else checkpoint.restore_model(kept, settings, env)
-        model.tensorboard_log = None if tensorboard is None else str(tensorboard)
+        if tensorboard is None:
+            model.set_logger(Logger(None, []))  # its own would make a temporary folder and leave it
+        else:
+            model.tensorboard_log = str(tensorboard)
         recorder = _Recorder(model, settings, seed, folder, kept, checkpoint_every, progress)
         stopped = False
         with _stop_between_rollouts(recorder):
