@@ -13,8 +13,23 @@ the stiffness in the denominator need not be exact: it keeps the step stable, th
 
 import numpy as np
 
+from cable_envs.circuit_effects import drive_at
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
+from cable_envs.effects.rows import (
+    CREEP,
+    CREEP_B,
+    CREEP_T,
+    HARDENING,
+    NEUTRAL,
+    PLAY,
+    PLAYED,
+    ROWS_E,
+    ROWS_S,
+    SLACK_LENGTH,
+    SPRING,
+)  # fmt: skip
+from cable_envs.effects.seams import FOLLOWS, TARGET_V
 from cable_envs.errors import ConfigurationError
 from cable_envs.kernels import clip, inline, maximum, select, sine_cosine
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE, ActionMode, Signal
@@ -59,8 +74,11 @@ preload = T_pre L_total of a side (N m); payload_torque = m g l."""
 SHARED = len(COEFFICIENTS)
 
 
-def shared_coefficients(values: np.ndarray, statics: Statics) -> np.ndarray:
-    """Rows named by `COEFFICIENTS` [len, n] from parameter columns; raises ConfigurationError for senseless ones."""
+def shared_coefficients(values: np.ndarray, statics: Statics, effects: np.ndarray | None) -> np.ndarray:
+    """Rows named by `COEFFICIENTS` [len, n] from parameter columns; raises ConfigurationError for senseless ones.
+
+    ``effects``: coefficient rows of the effects, or None.
+    """
     row = {name: values[k] for k, name in enumerate(CIRCUIT.names)}
     if np.any(row["breaking_tension"] < row["tension_limit"]):
         raise ConfigurationError("breaking_tension must not be below tension_limit")
@@ -68,6 +86,9 @@ def shared_coefficients(values: np.ndarray, statics: Statics) -> np.ndarray:
         raise ConfigurationError("the pretension alone exceeds breaking_tension")
     arm = row["payload_mass"] * row["payload_arm"]
     preload = statics.pretension * statics.length
+    if effects is not None:  # as the linear law would have it, less what slack takes
+        linear = 2.0 / (1.0 + np.sqrt(1.0 + 2.0 * effects[HARDENING] * statics.pretension))
+        preload = preload * linear - row["tensile_stiffness"] * effects[SLACK_LENGTH]
     return np.array([
         row["drive_radius"] / row["output_radius"], row["drive_radius"], row["output_radius"],
         row["tensile_stiffness"] * row["output_radius"], row["cable_damping"] * row["output_radius"],
@@ -81,23 +102,55 @@ def shared_coefficients(values: np.ndarray, statics: Statics) -> np.ndarray:
     ])  # fmt: skip
 
 
-def rest_elongation(p: np.ndarray, length_top, length_bottom, position: np.ndarray):
-    """(D, T_t, T_b) at rest with uniform tension on each side, balancing the load at ``position`` (rad, [n])."""
+def rest_elongation(p: np.ndarray, length_top, length_bottom, position: np.ndarray, e: np.ndarray):
+    """(D, T_t, T_b) at rest with uniform tension on each side, balancing the load at ``position`` (rad, [n]).
+
+    ``e``: coefficient rows of the effects. The D is that of the elastic cable: creep has more.
+    """
     depth = np.maximum(position - p[CONTACT], 0.0)
-    force = (p[CONTACT_K] * depth + p[PAYLOAD] * np.cos(position)) / p[R5]
+    spring = e[SPRING] * (position - e[NEUTRAL])
+    force = (p[CONTACT_K] * depth + p[PAYLOAD] * np.cos(position) + spring) / p[R5]
     stretch = (force - p[PRE_T] / length_top + p[PRE_B] / length_bottom) / (1 / length_top + 1 / length_bottom)
     stretch = np.where(stretch > p[PRE_B], force * length_top - p[PRE_T], stretch)
     stretch = np.where(stretch < -p[PRE_T], force * length_bottom + p[PRE_B], stretch)
-    top = np.maximum(p[PRE_T] + stretch, 0.0) / length_top
-    bottom = np.maximum(p[PRE_B] - stretch, 0.0) / length_bottom
-    return stretch / p[EA5], top, bottom
+    hard = 0.5 * e[HARDENING]
+
+    def tensions(stretch):
+        top = np.maximum(p[PRE_T] + stretch, 0.0) / length_top
+        bottom = np.maximum(p[PRE_B] - stretch, 0.0) / length_bottom
+        return top * (1.0 + hard * top), bottom * (1.0 + hard * bottom)
+
+    if np.any(hard > 0.0):
+        wide = np.abs(force) * np.maximum(length_top, length_bottom) + np.abs(p[PRE_T]) + np.abs(p[PRE_B])
+        low, high = -wide, wide
+        for _ in range(100):
+            middle = 0.5 * (low + high)
+            top, bottom = tensions(middle)
+            low, high = np.where(top - bottom < force, middle, low), np.where(top - bottom < force, high, middle)
+        stretch = np.where(hard > 0.0, 0.5 * (low + high), stretch)
+    return stretch / p[EA5], *tensions(stretch)
 
 
-def rest_signals(p: np.ndarray, rows: int, position: np.ndarray, elongation, top, bottom) -> np.ndarray:
-    """Signals [rows, n] of mechanisms at rest with uniform tensions."""
-    x = np.zeros((rows, p.shape[1]))
+def effect_rows(p: np.ndarray, own: int) -> np.ndarray:
+    """Rows of the effects behind a plant's ``own`` ones; zeros where there are none."""
+    return p[own:] if len(p) > own else np.zeros((ROWS_E, p.shape[1]))
+
+
+def rest_signals(p: np.ndarray, rows: int, own: int, position: np.ndarray, elongation, top, bottom) -> np.ndarray:
+    """Signals [rows, n] of mechanisms at rest with uniform tensions; behind them the states of the effects, if any.
+
+    ``elongation`` is the D of the elastic cable; ``own``: how many coefficients the plant has without effects.
+    """
+    e = effect_rows(p, own)
+    x = np.zeros((rows + (ROWS_S if len(p) > own else 0), p.shape[1]))
     x[THETA_OUT] = position
-    x[THETA_IN] = (position + elongation) / p[GEAR]
+    pulley = (position + elongation * (1.0 + e[CREEP])) / p[GEAR]
+    if len(p) > own:
+        x[rows + CREEP_T] = e[CREEP] * p[EA5] * elongation
+        x[rows + CREEP_B] = -x[rows + CREEP_T]
+        x[rows + PLAYED] = pulley
+        pulley, x[rows + PLAY] = drive_at(pulley, p[R0] * (top - bottom), e)
+    x[THETA_IN] = pulley
     x[T01_T], x[T45_T], x[T01_B], x[T45_B] = top, top, bottom, bottom
     x[M_IN] = p[R0] * (top - bottom)
     x[M_OUT] = p[R5] * (top - bottom)
@@ -123,12 +176,13 @@ def resolve(p, i, stiffness_in, stiffness_out, dt):
 
 
 @inline
-def drive_step(x, p, u, i, torque, stiffness, damping, dt):
+def drive_step(x, p, u, g, i, torque, stiffness, damping, dt):
     """Drive velocity after dt.
 
     Position mode: a servo of second order with speed and acceleration limits, ``command_rate`` as feedforward, that the
     cables cannot push. Torque mode: J a = command - b v - M_in, where ``torque`` is M_in at the predicted middle of the
-    step and ``stiffness``, ``damping`` are its slopes. The speed limit acts in both.
+    step and ``stiffness``, ``damping`` are its slopes. The speed limit acts in both. ``g``: None, or with effects what
+    says that the drive follows a path.
     """
     v = x[V_IN, i]
     k, d = p[SERVO_K, i], p[SERVO_D, i]
@@ -140,7 +194,10 @@ def drive_step(x, p, u, i, torque, stiffness, damping, dt):
     inertia = select(by_torque, p[J_IN, i], 1.0) + 0.5 * dt * d + 0.25 * dt * dt * k
     most = select(by_torque, 2.0 * p[V_MAX, i], p[A_MAX, i] * dt)
     change = clip(dt * select(by_torque, push, pull) / inertia, -most, most)
-    return clip(v + change, -p[V_MAX, i], p[V_MAX, i])
+    new = clip(v + change, -p[V_MAX, i], p[V_MAX, i])
+    if g is not None:
+        new = select(g[FOLLOWS, i] > 0.5, g[TARGET_V, i], new)
+    return new
 
 
 @inline

@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
+from cable_envs.effects import Effect
 from cable_envs.rigs import Rig
 from cable_envs.setup import Setup, make_setup
 from cable_envs.simulation import Simulation
@@ -64,11 +65,14 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | name           | meaning                                                                              |
     |----------------|--------------------------------------------------------------------------------------|
     | rig            | preset name, YAML path, full mapping, or mapping of parameters to change             |
+    | effects        | physics besides: ``{"backlash": {"gap": 0.02}}`` (`cable_envs.effects`, ``EFFECTS``)   |
+    | effect_file    | a Python file with an effect of one's own (`cable_envs.own_effects`)                 |
     | plant          | "analytic" or "chain" (pulley circuit: span-and-contact chain)                       |
     | action_mode    | hole: "tension", "speed"; circuit: "position", "torque"                              |
     | observe        | "drive", "output", "full"; the circuit's default is "drive", the hole's "output"     |
     | reference      | mapping such as ``{"kind": "multisine", "amplitude": 0.01, "frequency": 0.1}``       |
-    | randomize      | True (the task's ranges) or ``{parameter: {"scale": [a, b]}}`` or ``{low, high}``    |
+    | randomize      | True (the task's ranges) or ``{parameter: {"scale": [a, b]}}`` or ``{low, high}``;   |
+    |                | a parameter may be an effect's ("backlash.gap")                                      |
     | sensor_noise   | True, a factor on the task's standard deviations, or ``{signal: std in SI}``         |
     | sensor_delay   | control steps by which measurements are late (the reference and the command are not) |
     | action_delay   | control steps until an action acts                                                   |
@@ -97,6 +101,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         reference: str | Mapping[str, Any],
         *,
         rig: str | Path | Mapping[str, Any] | Rig | None = None,
+        effects: Mapping[str, Any] | None = None,
+        effect_file: str | Path | Effect | None = None,
         plant: str = "analytic",
         action_mode: str | None = None,
         observe: str | None = None,
@@ -112,9 +118,10 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         **unknown: Any,
     ):
         self.setup = make_setup(
-            task, reference, rig=rig, plant=plant, action_mode=action_mode, observe=observe, randomize=randomize,
-            sensor_noise=sensor_noise, sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance,
-            control_period=control_period, substeps=substeps, duration=duration, **unknown,
+            task, reference, rig=rig, effects=effects, effect_file=effect_file, plant=plant, action_mode=action_mode,
+            observe=observe, randomize=randomize, sensor_noise=sensor_noise, sensor_delay=sensor_delay,
+            action_delay=action_delay, disturbance=disturbance, control_period=control_period, substeps=substeps,
+            duration=duration, **unknown,
         )  # fmt: skip
         self.render_mode = render_mode
         self.observation_space, self.action_space = make_spaces(self.setup)
@@ -138,6 +145,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     ) -> tuple[np.ndarray, dict[str, float]]:
         super().reset(seed=seed)
         self.simulation.reset(self._lane, [self.np_random], options)
+        self._advance = self.simulation.advance
         self._running = True
         if self._renderer is not None:
             self._renderer.reset()

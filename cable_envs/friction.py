@@ -30,3 +30,21 @@ def stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, dampin
     gain = dt / (mass + part * (damping + part * stiffness))
     v_new = v + gain * (force - part * stiffness * v)
     return select(up & (v_new > 0.0), v_new, select(down & (v_new < 0.0), v_new, 0.0))
+
+
+@inline
+def crossing_step(v, mass, force_up, force_down, stiffness, damping, dt):
+    """`stick_slip_step` (trapezoidal) that goes through zero within the step: order 2 at reversals too.
+
+    Where the velocity changes sign, the rest of the step is made with the force of the other direction, if that moves
+    the mass; else the mass sticks.
+    """
+    part = 0.5 * dt
+    gain = dt / (mass + part * (damping + part * stiffness))
+    up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
+    down = (v < 0.0) | ((v == 0.0) & (force_down < 0.0))
+    straight = v + gain * (select(up, force_up, force_down) - part * stiffness * v)
+    turns = (up & (straight < 0.0)) | (down & (straight > 0.0))
+    left = 1.0 - v / select(turns, v - straight, 1.0)
+    back = select(up, select(force_down < 0.0, force_down, 0.0), select(force_up > 0.0, force_up, 0.0))
+    return select(up | down, select(turns, left * gain * back, straight), 0.0)

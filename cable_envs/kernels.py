@@ -76,6 +76,11 @@ def jit(function):
         numba.config.CACHE_DIR = before
 
 
+def jit_uncached(function):
+    """A kernel as `jit` makes it, from its plain function, but not kept on disk."""
+    return njit(error_model="numpy", nogil=True)(getattr(function, "py_func", function))
+
+
 inline = njit(forceinline=True, error_model="numpy")
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
 

@@ -97,10 +97,14 @@ class Parameter:
 
 
 class ParameterTable:
-    """An ordered set of `Parameter`; the order is the row order of the kernels' parameter arrays."""
+    """An ordered set of `Parameter`; the order is the row order of the kernels' parameter arrays.
 
-    def __init__(self, *parameters: Parameter):
+    ``aliases``: further names of some of them.
+    """
+
+    def __init__(self, *parameters: Parameter, aliases: Mapping[str, str] | None = None):
         self._items = {p.name: p for p in parameters}
+        self._aliases = dict(aliases or {})
         if len(self._items) != len(parameters):
             raise ValueError("parameter declared twice")
         self.names = tuple(self._items)
@@ -112,22 +116,24 @@ class ParameterTable:
         return len(self.names)
 
     def __contains__(self, name: str) -> bool:
-        return name in self._items
+        return self._aliases.get(name, name) in self._items
 
     def __getitem__(self, name: str) -> Parameter:
+        name = self._aliases.get(name, name)
         if name not in self._items:
             raise ConfigurationError(f"unknown parameter '{name}'; {nearest(name, self.names)}")
         return self._items[name]
 
     def index(self, name: str) -> int:
         """Row of ``name``."""
-        return self.names.index(name)
+        return self.names.index(self._aliases.get(name, name))
 
     def pack(self, values: Mapping[str, Any]) -> np.ndarray:
         """Values over the defaults as a float64 vector [len(self)], validated.
 
         Raises ConfigurationError for unknown names (with the nearest), wrong units and values out of bounds.
         """
+        values = {self._aliases.get(name, name): value for name, value in values.items()}
         require_known("parameter", values, self.names)
         return np.array([p.check(values.get(p.name, p.default)) for p in self])
 

@@ -8,26 +8,36 @@ holes: 1                     # cable_hole only
 description: ...
 parameters:
   load_mass: {value: 5.0, unit: kg, source: "..."}
+effects:                     # physics that the plant leaves out unless it is said here (`cable_envs.effects`)
+  backlash: {gap: {value: 0.2, unit: mm, source: "..."}}
 ```
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from cable_envs.config import config_path, read_yaml
+from cable_envs.effects import Effect, dotted
 from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 
 SCHEMA = "cable-rig/1"
-_KEYS = ("schema", "name", "plant", "holes", "description", "parameters")
+_KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "effects")
 
 
 @dataclass(frozen=True)
 class Rig:
-    """A validated rig: ``values`` holds every parameter of its plant in SI, ``sources`` where given ones are from."""
+    """A validated rig: ``values`` holds every parameter of its plant in SI, ``sources`` where given ones are from.
+
+    ``effects`` holds the parameters of effects that were given, under dotted names, in SI; all others are at null. What
+    is a parameter of the plant itself under another name ("viscous_friction.coefficient") is among ``values``.
+    """
 
     name: str
     plant: str
@@ -35,16 +45,48 @@ class Rig:
     values: Mapping[str, float]
     sources: Mapping[str, str] = field(default_factory=dict)
     description: str = ""
+    effects: Mapping[str, float] = field(default_factory=dict)
+    own: tuple[Effect, ...] = ()
+    """a user's own effects, that ``effects`` may name too"""
+
+    def column(self, plant: Plant) -> np.ndarray:
+        """The rig as a column [len(plant.table), 1]; ConfigurationError where an effect does not act on the plant."""
+        for name, value in self.effects.items():
+            if name not in plant.table and value != self.simulated_by().table[name].default:
+                plant.effects.check(name)
+        given = {name: value for name, value in self.effects.items() if name in plant.table}
+        return plant.table.pack({**self.values, **given})[:, None]
 
     def simulated_by(self, variant: str = "analytic") -> Plant:
         """The plant that simulates this rig; ``variant`` "analytic" or "chain" for the pulley circuit."""
-        return plant_for(self.plant, variant, self.holes)
+        return with_own_effects(plant_for(self.plant, variant, self.holes), self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
-        """The same rig with some parameters changed (numbers in SI or ``{value, unit}``), validated."""
-        table = self.simulated_by().parameters
-        values = table.unpack(table.pack({**self.values, **dict(changes)}))
-        return Rig(self.name, self.plant, self.holes, values, self.sources, self.description)
+        """The same rig with some parameters changed (numbers in SI or ``{value, unit}``), validated.
+
+        Names are those of the plant, dotted ones of effects ("backlash.gap"), or effects with a mapping.
+        """
+        plant = self.simulated_by()
+        own, effects = _sorted(changes, plant)
+        values = plant.parameters.unpack(plant.parameters.pack({**self.values, **own}))
+        return replace(self, values=values, effects={**self.effects, **effects})
+
+
+def _sorted(changes: Mapping[str, Any], plant: Plant) -> tuple[dict[str, Any], dict[str, float]]:
+    """(the plant's own parameters as given, the effects' in SI under dotted names)."""
+    own: dict[str, Any] = {}
+    effects: dict[str, float] = {}
+    for name, given in changes.items():
+        if "." not in str(name) and name not in plant.effects.effects:
+            own[name] = given
+            continue
+        for full, value in dotted({name: given}):
+            plant.effects.check(full)
+            if full in plant.effects.aliases:
+                own[plant.effects.aliases[full]] = value
+            else:
+                effects[full] = plant.table[full].check(value)
+    return own, effects
 
 
 def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
@@ -64,7 +106,15 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
     except ConfigurationError as error:
         raise ConfigurationError(f"{origin}: {error}") from error
     sources = {n: str(item["source"]) for n, item in given.items() if isinstance(item, Mapping) and "source" in item}
-    return Rig(str(data.get("name", origin)), plant.name, holes, values, sources, str(data.get("description", "")))
+    name, description = str(data.get("name", origin)), str(data.get("description", ""))
+    rig = Rig(name, plant.name, holes, values, sources, description)
+    effects = data.get("effects") or {}
+    if not isinstance(effects, Mapping):
+        raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")
+    try:
+        return rig.replace(dict(dotted(effects)))
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{origin}: {error}") from error
 
 
 def load_rig(rig: str | Path | Mapping[str, Any] | Rig) -> Rig:

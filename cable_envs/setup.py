@@ -1,13 +1,17 @@
 """From the keyword arguments of an environment to a validated, frozen `Setup`."""
 
 import inspect
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from cable_envs.effects import Effect, dotted
 from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.own_effects import load_effect
 from cable_envs.params import is_number
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.references import pack_signal
@@ -47,6 +51,8 @@ class Setup:
     noise: np.ndarray
     """standard deviation of each plant signal, SI"""
     sensor_delay: int
+    sensor_steps: int
+    """control steps that the effect sensor_delay may need besides"""
     action_delay: int
     control_period: float
     substeps: int
@@ -77,6 +83,8 @@ def make_setup(
     reference: str | Mapping[str, Any],
     *,
     rig: str | Mapping[str, Any] | Rig | None = None,
+    effects: Mapping[str, Any] | None = None,
+    effect_file: str | Path | Effect | None = None,
     plant: str = "analytic",
     action_mode: str | None = None,
     observe: str | None = None,
@@ -97,6 +105,13 @@ def make_setup(
     require_known("option", unknown, OPTIONS)
     declared = load_task(task)
     chosen = _choose_rig(declared, rig)
+    if effect_file is not None:
+        own = effect_file if isinstance(effect_file, Effect) else load_effect(effect_file)
+        chosen = replace(chosen, own=(*chosen.own, own))
+    if effects is not None:
+        if not isinstance(effects, Mapping):
+            raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
+        chosen = chosen.replace(dict(dotted(effects)))
     simulator = chosen.simulated_by(plant)
     mode = _choose_mode(simulator, action_mode or declared.action_mode)
     level = observe or declared.observe
@@ -113,6 +128,8 @@ def make_setup(
     if abs(length / period - round(length / period)) > 1e-6:
         raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
     bound = chosen.values[mode.bound]
+    ranges = _ranges(declared, chosen, simulator, randomize)
+    column = chosen.column(simulator)
     return Setup(
         task=declared,
         rig=chosen,
@@ -124,9 +141,10 @@ def make_setup(
         channels=_channels(declared, simulator, mode, level),
         reference=dict(spec),
         disturbance=dict(push),
-        randomize=_ranges(declared, chosen, simulator, randomize),
+        randomize=ranges,
         noise=_noise(declared, simulator, sensor_noise),
         sensor_delay=_count("sensor_delay", sensor_delay, 0, MAX_DELAY),
+        sensor_steps=_sensor_steps(simulator, column, ranges, period),
         action_delay=_count("action_delay", action_delay, 0, MAX_DELAY),
         control_period=period,
         substeps=_count("substeps", declared.substeps if substeps is None else substeps, 1, 10_000),
@@ -184,17 +202,28 @@ def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, A
         raise ConfigurationError(f"randomize: expected true, false or a mapping of parameter: range, got {randomize!r}")
     ranges = []
     for name, spec in given.items():
-        declared = plant.parameters[name]
+        declared = plant.table[name]
+        if "." in str(name):
+            plant.effects.check(name)
         if not isinstance(spec, Mapping) or set(spec) not in ({"scale"}, {"low", "high"}):
             raise ConfigurationError(f"randomize.{name}: expected {{scale: [a, b]}} or {{low: a, high: b}}, got {spec}")
         given_range = spec["scale"] if "scale" in spec else [spec["low"], spec["high"]]
         if not (isinstance(given_range, (list, tuple)) and len(given_range) == 2 and all(map(is_number, given_range))):
             raise ConfigurationError(f"randomize.{name}: expected two finite numbers, got {spec}")
-        a, b = (float(v) * (rig.values[name] if "scale" in spec else 1.0) for v in given_range)
+        nominal = rig.column(plant)[plant.table.index(name), 0] if "scale" in spec else 1.0
+        a, b = (float(v) * nominal for v in given_range)
         if not a <= b:
             raise ConfigurationError(f"randomize.{name}: low {a:g} is above high {b:g}")
         ranges.append((name, declared.check(a), declared.check(b)))
     return tuple(ranges)
+
+
+def _sensor_steps(plant: Plant, column: np.ndarray, ranges: tuple, period: float) -> int:
+    """Control steps of the longest delay that the effect sensor_delay has in this environment."""
+    table = plant.table
+    delays = [column[table.index(n), 0] for n in table.names if n.startswith("sensor_delay.")]
+    delays += [high for name, _, high in ranges if name.startswith("sensor_delay.")]
+    return math.ceil(max(delays) / period - 1e-9)
 
 
 def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, float]) -> np.ndarray:

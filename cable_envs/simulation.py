@@ -35,16 +35,18 @@ class Simulation:
         self.setup, self.n = setup, n
         plant = setup.plant
         self.info_names = (*INFO, *(s.name for s in plant.signals))
-        self.values = np.repeat(self._column(setup.rig.values), n, axis=1)
-        """True rig parameters [len(parameters), n], SI."""
-        self.buffers = s = steppers.Buffers.of(setup, n)
-        self._nominal = plant.prepare(self._column(setup.rig.values))
+        self.values = np.repeat(setup.rig.column(plant), n, axis=1)
+        """True rig parameters [len(plant.table), n], SI."""
+        self.buffers = steppers.Buffers.of(setup, n)
+        self._nominal = plant.prepare(setup.rig.column(plant))
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
-        self.advance: Callable[[], None] = partial(steppers.STEPPERS[plant.name], s.block, s.obs, s.common, 0, n)
-        """One control period for all environments, with the actions in ``asked``; results are in ``buffers``."""
-        self.asked = s.block[steppers.ASKED, :n]
+        self.advance: Callable[[], None]
+        """One control period for all environments, with the actions in ``asked``; results are in ``buffers``. A reset
+        that brings the first effect in puts another one here."""
+        self._choose(setup.sensor_steps > 0 or self._has_effects(self._nominal))
+        self.asked = self.buffers.block[steppers.ASKED, :n]
         """Actions to take, in [-1, 1], [n]; written by the caller."""
         self.spread = 1.0
         """Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from."""
@@ -61,7 +63,7 @@ class Simulation:
         require_known("reset option", options, RESET_OPTIONS)
         signals, keys = self._signals(len(lanes), options), np.empty(len(lanes))
         values, p = self._rigs(len(lanes), options.get("rig"))
-        parameters = self.setup.plant.parameters
+        parameters = self.setup.plant.table
         rows = [parameters.index(name) for name, _, _ in self.setup.randomize]
         for k, rng in enumerate(generators):
             keys[k] = rng.integers(1, 2**52)
@@ -75,6 +77,9 @@ class Simulation:
             p = self.setup.plant.prepare(values)
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
+        if not self.with_effects and self._has_effects(p):
+            self._choose(True)
+        self._check_delays(values)
         s = self.buffers
         self.values[:, lanes], s.p[:, lanes], s.x[:, lanes] = values, p, x
         s.reference[:, lanes], s.disturbance[:, lanes] = reference, disturbance
@@ -85,10 +90,28 @@ class Simulation:
         s.block[steppers.STEP, lanes] = 0.0
         s.block[steppers.REWARD : steppers.TRUNCATED + 1, lanes] = 0.0
         self._hold_still(lanes, x)
-        steppers.begin(s.block, s.obs, s.common, lanes)
+        begin = steppers.begin_with_effects if self.with_effects else steppers.begin
+        begin(s.block, s.obs, s.common, lanes)
 
-    def _column(self, values: Mapping[str, float]) -> np.ndarray:
-        return np.array([[values[name]] for name in self.setup.plant.parameters.names])
+    def _has_effects(self, p: np.ndarray) -> bool:
+        return self.setup.plant.needs_effects(p) or self.setup.plant.effects.distorted(p)
+
+    def _choose(self, with_effects: bool) -> None:
+        """Step with the kernel that has effects, or with the quicker one that has not: the same numbers without."""
+        self.with_effects = with_effects
+        s, kernels = self.buffers, steppers.kernels_of(self.setup.plant)
+        self.kernel = kernels[with_effects]
+        self.advance = partial(self.kernel, s.block, s.obs, s.common, 0, self.n)
+
+    def _check_delays(self, values: np.ndarray) -> None:
+        table, setup = self.setup.plant.table, self.setup
+        delays = {n: values[table.index(n)].max() for n in table.names if n.startswith("sensor_delay.")}
+        name = max(delays, key=delays.__getitem__)
+        if delays[name] > setup.sensor_steps * setup.control_period + 1e-9:
+            raise ConfigurationError(
+                f"{name} = {delays[name]:g} s is longer than the environment was made for; give it the longest delay "
+                f"when it is made: effects={{'sensor_delay': {{'{name.split('.')[1]}': {delays[name]:g}}}}}"
+            )
 
     def _signals(self, n: int, options: Mapping[str, Any]) -> list[np.ndarray]:
         """Columns of reference and disturbance, [len(FIELDS), n] each."""
@@ -104,10 +127,10 @@ class Simulation:
             rig, p = self.setup.rig, self._nominal
         elif isinstance(changes, Mapping):
             rig = self.setup.rig.replace(changes)
-            p = self.setup.plant.prepare(self._column(rig.values))
+            p = self.setup.plant.prepare(rig.column(self.setup.plant))
         else:
             raise ConfigurationError(f"reset option 'rig': expected a mapping of parameters to change, got {changes!r}")
-        return np.repeat(self._column(rig.values), n, axis=1), np.repeat(p, n, axis=1)
+        return np.repeat(rig.column(self.setup.plant), n, axis=1), np.repeat(p, n, axis=1)
 
     def _start(self, reference: np.ndarray, values: np.ndarray, position: Any) -> np.ndarray:
         """Output position at rest [n]: as asked for, else where the output equals the reference at t = 0."""
@@ -137,20 +160,30 @@ class Simulation:
     def state(self) -> dict[str, Any]:
         """All that changes, as copies: what `restore` takes."""
         s = self.buffers
-        return {"block": s.block.copy(), "obs": s.obs.copy(), "values": self.values.copy(), "spread": self.spread}
+        return {
+            "block": s.block.copy(), "obs": s.obs.copy(), "values": self.values.copy(), "spread": self.spread,
+            "with_effects": self.with_effects,
+        }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go back to a `state` of a simulation with the same setup and number of environments."""
         s = self.buffers
         s.block[...], s.obs[...], self.values[...] = state["block"], state["obs"], state["values"]
         self.spread = state["spread"]
+        self._choose(state["with_effects"])
 
     def team(self, size: int) -> Team:
         """`advance` on ``size`` threads."""
         s = self.buffers
-        kernel = steppers.STEPPERS[self.setup.plant.name]
-        return Team(kernel, (s.block, s.obs, s.common), self.n, size, LANES)
+        return Team(self.kernel, (s.block, s.obs, s.common), self.n, size, LANES)
 
     def lane_rig(self, lane: int = 0) -> dict[str, float]:
-        """The true rig parameters of one environment in its present episode, SI."""
-        return self.setup.plant.parameters.unpack(self.values[:, lane])
+        """The true rig parameters of one environment in its present episode, SI; without those of effects."""
+        parameters = self.setup.plant.parameters
+        return parameters.unpack(self.values[: len(parameters), lane])
+
+    def lane_effects(self, lane: int = 0) -> dict[str, float]:
+        """The parameters of effects that are not at null in one environment, SI, under dotted names."""
+        table, own = self.setup.plant.table, len(self.setup.plant.parameters)
+        values = table.unpack(self.values[:, lane])
+        return {name: values[name] for name in table.names[own:] if values[name] != table[name].default}

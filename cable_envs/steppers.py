@@ -6,13 +6,18 @@ all. The plants' kernels are called by name, one stepper each: a compiled functi
 cached on disk.
 """
 
+import sys
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from cable_envs.kernels import clip, inline, jit, select
+from cable_envs.effects.rows import ROWS_S, S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
+from cable_envs.kernels import clip, inline, jit, minimum, select
+from cable_envs.own_effects import copied
 from cable_envs.plants import cable_hole, pulley_chain, pulley_circuit
-from cable_envs.plants.base import COMMAND, INPUTS
+from cable_envs.plants.base import COMMAND, INPUTS, Plant
 from cable_envs.references import FIELDS
 from cable_envs.setup import Setup
 from cable_envs.tasks import INFO, before_step, observe, refill, reward, sense, target
@@ -29,14 +34,16 @@ REWARD, TERMINATED, TRUNCATED = range(PUSH + len(FIELDS), PUSH + len(FIELDS) + 3
 TIME, REFERENCE, OUTPUT, ERROR, APPLIED, OVERLOAD = range(TRUNCATED + 1, TRUNCATED + 1 + len(INFO))
 X = TRUNCATED + 1 + len(INFO)
 """Rows of `Buffers.block`. ASKED is the action to take, ACTION the one that acts now (the same without delay); plant
-inputs, reference and disturbance begin at U, Q and PUSH; TIME .. OVERLOAD are `INFO`; from X on: the plant's signals,
-its coefficients, a ring of 1 + delay measurements of each sensor, and a ring of delayed actions."""
+inputs, reference and disturbance begin at U, Q and PUSH; TIME .. OVERLOAD are `INFO`; from X on: the plant's signals
+(then the states of effects), its coefficients (then those of effects), a ring of 1 + delay measurements of each sensor,
+a ring of delayed actions, and what each sensor shows with effects."""
 
 (SIGNALS, COEFFICIENTS, CHANNELS, SENSORS, SLOTS, DELAY, OUTPUT_ROW, PEAK_ROW, PROXY, SUBSTEPS, LAST_STEP, DT, PERIOD,
- MODE_NUMBER, LOW, HIGH, ERROR_SCALE, EFFORT_WEIGHT) = range(18)  # fmt: skip
-LISTS = 18
+ MODE_NUMBER, LOW, HIGH, ERROR_SCALE, EFFORT_WEIGHT, VISIBLE, LATE) = range(20)  # fmt: skip
+LISTS = 20
 """Places in `Buffers.common`: numbers of rows, rows within x, numbers of steps, and values in SI. From LISTS on: source
-and scale of each channel, row and standard deviation of each sensor."""
+and scale of each channel; row, standard deviation and first row of its effects within the coefficients (or -1) of each
+sensor. VISIBLE: signals without the states of effects; LATE: control steps by which all measurements are late."""
 
 
 @dataclass(frozen=True)
@@ -57,15 +64,17 @@ class Buffers:
         """Zeroed buffers for ``n`` environments."""
         plant, task = setup.plant, setup.task
         channel, sensor = setup.sensed()
-        slots = 1 + setup.sensor_delay
+        slots = 1 + setup.sensor_delay + setup.sensor_steps
+        signals, coefficients = len(plant.signals) + ROWS_S, len(plant.coefficients) + plant.effects.count
         common = [
-            len(plant.signals), len(plant.coefficients), len(channel), len(sensor), slots, setup.action_delay,
+            signals, coefficients, len(channel), len(sensor), slots, setup.action_delay,
             plant.row(task.output), plant.row("peak_tension"), sensor.index(setup.proxy_row), setup.substeps,
             setup.steps, setup.control_period / setup.substeps, setup.control_period, setup.mode_index, setup.low,
-            setup.high, task.error_scale, task.effort_weight,
+            setup.high, task.error_scale, task.effort_weight, len(plant.signals), setup.sensor_delay,
         ]  # fmt: skip
         common += [*channel, *(c.scale for c in setup.channels), *sensor, *setup.noise[sensor]]
-        rows = X + len(plant.signals) + len(plant.coefficients) + slots * len(sensor) + setup.action_delay
+        common += [plant.sense_row(plant.signals[row].name) for row in sensor]
+        rows = X + signals + coefficients + (slots + 1) * len(sensor) + setup.action_delay
         return cls(
             block=np.zeros((rows, n if n == 1 else n + 8)),
             obs=np.zeros((n, len(channel)), dtype=np.float32),
@@ -83,12 +92,12 @@ class Buffers:
 
     @property
     def x(self) -> np.ndarray:
-        """Signals of the plant [len(signals), n]."""
+        """Signals of the plant and states of its effects [len(signals) + ROWS_S, n]."""
         return self.rows(X, int(self.common[SIGNALS]))
 
     @property
     def p(self) -> np.ndarray:
-        """Coefficients of the plant [len(coefficients), n]."""
+        """Coefficients of the plant and its effects [len(coefficients) + effects.count, n]."""
         return self.rows(X + int(self.common[SIGNALS]), int(self.common[COEFFICIENTS]))
 
     @property
@@ -104,12 +113,12 @@ class Buffers:
     @property
     def outcome(self) -> np.ndarray:
         """Reward, terminated (0/1), truncated (0/1), then `table`."""
-        return self.rows(REWARD, 3 + len(INFO) + int(self.common[SIGNALS]))
+        return self.rows(REWARD, 3 + len(INFO) + int(self.common[VISIBLE]))
 
     @property
     def table(self) -> np.ndarray:
         """The values of an info: `INFO`, then the plant's signals."""
-        return self.rows(TIME, len(INFO) + int(self.common[SIGNALS]))
+        return self.rows(TIME, len(INFO) + int(self.common[VISIBLE]))
 
 
 @inline
@@ -130,19 +139,50 @@ def _act(block, common, lo, hi):
 
 
 @inline
-def _measure(block, obs, common, fresh, lo, hi):
-    """Observation and the task's part of the info table at the present step; ``fresh``: the first of an episode."""
+def _distort(block, common, place, ring, sensors, slots, fresh, lo, hi):
+    """What each sensor shows with its effects: scale, bias, rectification, then delay; into the rows at the end."""
+    first = X + int(common[SIGNALS])
+    shown = block[first + int(common[COEFFICIENTS]) + slots * sensors + int(common[DELAY]) :]
+    for k in range(sensors):
+        row = int(place[k])
+        for i in range(lo, hi):
+            slot = int(block[STEP, i]) % slots * sensors + k
+            if row >= 0:
+                q = first + row
+                value = ring[slot, i] * block[q + S_SCALE, i] + block[q + S_BIAS, i]
+                ring[slot, i] = value - block[q + S_RECTIFICATION, i] * minimum(value, 0.0)
+                if fresh:
+                    for other in range(slots):
+                        ring[other * sensors + k, i] = ring[slot, i]
+            late = common[LATE] + (block[first + row + S_DELAY, i] / common[PERIOD] if row >= 0 else 0.0)
+            whole = int(min(late, slots - 1.0))
+            part = min(late, slots - 1.0) - whole
+            now = ring[int(block[STEP, i] + slots - whole) % slots * sensors + k, i]
+            before = ring[int(block[STEP, i] + 2 * slots - whole - 1) % slots * sensors + k, i]
+            shown[k, i] = now + part * (before - now) if part > 0.0 else now
+    return shown
+
+
+@inline
+def _measure(block, obs, common, fresh, distorted, lo, hi):
+    """Observation and the task's part of the info table at the present step; ``fresh``: the first of an episode.
+
+    ``distorted``: None, or anything else where sensors may have effects.
+    """
     signals, coefficients = int(common[SIGNALS]), int(common[COEFFICIENTS])
     channels, sensors, slots = int(common[CHANNELS]), int(common[SENSORS]), int(common[SLOTS])
     x, ring = block[X : X + signals], block[X + signals + coefficients :]
     output, peak, period = int(common[OUTPUT_ROW]), int(common[PEAK_ROW]), common[PERIOD]
     channel, scale = common[LISTS : LISTS + channels], common[LISTS + channels : LISTS + 2 * channels]
     sensor, deviation = common[LISTS + 2 * channels :], common[LISTS + 2 * channels + sensors :]
+    place = common[LISTS + 2 * channels + 2 * sensors :]
     r, rate, acceleration = block[REFERENCE], block[RATE], block[ACCELERATION]
     target(block[Q:PUSH], block[STEP], period, r, rate, acceleration, lo, hi)
     sense(x, sensor, deviation, sensors, block[STEP], block[KEY], ring, slots, lo, hi)
     if fresh:
         refill(ring, sensors, slots, lo, hi)
+    if distorted is not None:
+        ring, slots = _distort(block, common, place, ring, sensors, slots, fresh, lo, hi), 1
     observe(
         channel, scale, ring, sensors, slots, int(common[PROXY]), block[STEP], r, rate, acceleration,
         block[U + COMMAND], block[PROXY_GAIN], block[SCRATCH], obs, lo, hi,
@@ -180,15 +220,26 @@ def ask(block, actions):
     return bad
 
 
-@jit
-def begin(block, obs, common, lanes):
-    """First observation and info of the environments ``lanes``, just reset; actions on their way are those at rest."""
+@inline
+def _begin(block, obs, common, lanes, distorted):
     first = X + int(common[SIGNALS]) + int(common[COEFFICIENTS]) + int(common[SLOTS]) * int(common[SENSORS])
     for k in range(lanes.shape[0]):
         i = lanes[k]
         for slot in range(int(common[DELAY])):
             block[first + slot, i] = block[ACTION, i]
-        _measure(block, obs, common, True, i, i + 1)
+        _measure(block, obs, common, True, distorted, i, i + 1)
+
+
+@jit
+def begin(block, obs, common, lanes):
+    """First observation and info of the environments ``lanes``, just reset; actions on their way are those at rest."""
+    _begin(block, obs, common, lanes, None)
+
+
+@jit
+def begin_with_effects(block, obs, common, lanes):
+    """The same where sensors may have effects."""
+    _begin(block, obs, common, lanes, 1)
 
 
 @jit
@@ -199,7 +250,19 @@ def step_cable_hole(block, obs, common, lo, hi):
         last = min(first + BLOCK, hi)
         _act(block, common, first, last)
         cable_hole.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, first, last)
+        _measure(block, obs, common, False, None, first, last)
+        _judge(block, common, first, last)
+
+
+@jit
+def step_cable_hole_with_effects(block, obs, common, lo, hi):
+    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
+    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        _act(block, common, first, last)
+        cable_hole.advance_with_effects(x, p, u, first, last, substeps, common[DT])
+        _measure(block, obs, common, False, 1, first, last)
         _judge(block, common, first, last)
 
 
@@ -211,7 +274,19 @@ def step_pulley_circuit(block, obs, common, lo, hi):
         last = min(first + BLOCK, hi)
         _act(block, common, first, last)
         pulley_circuit.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, first, last)
+        _measure(block, obs, common, False, None, first, last)
+        _judge(block, common, first, last)
+
+
+@jit
+def step_pulley_circuit_with_effects(block, obs, common, lo, hi):
+    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
+    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        _act(block, common, first, last)
+        pulley_circuit.advance_with_effects(x, p, u, first, last, substeps, common[DT])
+        _measure(block, obs, common, False, 1, first, last)
         _judge(block, common, first, last)
 
 
@@ -223,13 +298,39 @@ def step_pulley_chain(block, obs, common, lo, hi):
         last = min(first + BLOCK, hi)
         _act(block, common, first, last)
         pulley_chain.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, first, last)
+        _measure(block, obs, common, False, None, first, last)
         _judge(block, common, first, last)
 
 
+@jit
+def step_pulley_chain_with_effects(block, obs, common, lo, hi):
+    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
+    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        _act(block, common, first, last)
+        pulley_chain.advance_with_effects(x, p, u, first, last, substeps, common[DT])
+        _measure(block, obs, common, False, 1, first, last)
+        _judge(block, common, first, last)
+
+
+def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
+    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects."""
+    if plant.home is None:
+        return STEPPERS[plant.name]
+    return _own_kernels(plant)
+
+
+@cache
+def _own_kernels(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
+    names = [f"step_{plant.name}", f"step_{plant.name}_with_effects"]
+    home = copied(sys.modules[__name__], names, **{plant.name: plant.home})
+    return tuple(getattr(home, name) for name in names)
+
+
 STEPPERS = {
-    "cable_hole": step_cable_hole,
-    "pulley_circuit": step_pulley_circuit,
-    "pulley_chain": step_pulley_chain,
+    "cable_hole": (step_cable_hole, step_cable_hole_with_effects),
+    "pulley_circuit": (step_pulley_circuit, step_pulley_circuit_with_effects),
+    "pulley_chain": (step_pulley_chain, step_pulley_chain_with_effects),
 }
-"""plant name -> kernel (block, obs, common, lo, hi)"""
+"""plant name -> kernels (block, obs, common, lo, hi) without and with effects; each is compiled on first use"""

@@ -59,8 +59,9 @@ class CableVectorEnv(VectorEnv):
         size = max(min(available_cores(), num_envs // WORTHWHILE), 1) if threads is None else threads
         if isinstance(size, bool) or not isinstance(size, int) or size < 1:
             raise ValueError(f"threads: expected a whole number >= 1, got {threads!r}")
-        self._team = self.simulation.team(size) if size > 1 else None
-        self._advance = self._team or self.simulation.advance
+        self._threads = size
+        self._team = None
+        self._take_kernel()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds = [-1] * num_envs
         self._all = np.arange(num_envs)
@@ -125,6 +126,16 @@ class CableVectorEnv(VectorEnv):
 
     def _start(self, lanes: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
         self.simulation.reset(lanes, [self._generator(lane) for lane in lanes], options)
+        if self.simulation.kernel is not self._kernel:
+            self._take_kernel()
+
+    def _take_kernel(self) -> None:
+        """The simulation's kernel, on the threads there are; another one once the first effect is on."""
+        if self._team is not None:
+            self._team.close()
+        self._kernel = self.simulation.kernel
+        self._team = self.simulation.team(self._threads) if self._threads > 1 else None
+        self._advance = self._team or self.simulation.advance
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         if not self._running:
@@ -177,6 +188,7 @@ class CableVectorEnv(VectorEnv):
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from a `state` of a batch with the same options: the same trajectories to the bit."""
         self.simulation.restore(state["simulation"])
+        self._take_kernel()
         self._generators = [None] * self.num_envs
         for lane, found in enumerate(state["generators"]):
             if found is not None:

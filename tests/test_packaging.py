@@ -100,7 +100,7 @@ def test_tools_above_the_simulator_stay_below_the_command_line():
 LAYERS = (
     ("envs", "vector"),
     ("simulation",),
-    ("steppers", "setup"),
+    ("steppers", "setup", "replay"),
     ("tasks",),
     ("rigs",),
     ("references",),

@@ -3,7 +3,7 @@
 from cable_envs.errors import ConfigurationError, nearest
 from cable_envs.plants.base import Plant
 
-NAMES = ("cable_hole", "pulley_circuit")
+NAMES = ("cable_hole", "pulley_circuit", "linear_drive")
 VARIANTS = ("analytic", "chain")
 
 
@@ -15,9 +15,9 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
         from cable_envs.plants.cable_hole import cable_hole
 
         return cable_hole(holes)
+    if name in NAMES and holes != 1:
+        raise ConfigurationError("'holes' belongs to cable_hole rigs only")
     if name == "pulley_circuit":
-        if holes != 1:
-            raise ConfigurationError("'holes' belongs to cable_hole rigs only")
         if variant == "chain":
             from cable_envs.plants import pulley_chain
 
@@ -25,4 +25,8 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
         from cable_envs.plants import pulley_circuit
 
         return pulley_circuit.PLANT
+    if name == "linear_drive":
+        from cable_envs.plants import linear_drive
+
+        return linear_drive.PLANT
     raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, NAMES)}")

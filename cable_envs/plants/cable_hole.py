@@ -23,8 +23,48 @@ from functools import cache
 import numpy as np
 
 from cable_envs.contact import tension_ratio_and_slope, wrap_in_contact
+from cable_envs.effects import Layout
+from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
+from cable_envs.effects.presliding_hysteresis import share
+from cable_envs.effects.rows import (
+    CONTACT_EXCESS,
+    COULOMB,
+    CREEP,
+    CREEP_T,
+    HARDENING,
+    PLAY,
+    PRE_0,
+    PRESLIDING,
+    ROWS_E,
+    ROWS_S,
+    SLACK_LENGTH,
+    STARTED,
+    STRIBECK_V,
+)  # fmt: skip
+from cable_envs.effects.seams import (
+    CREEP_LEFT,
+    DOWN,
+    FACTOR,
+    FOLLOWS,
+    IMPOSES,
+    ROWS_G,
+    STEEP,
+    TARGET,
+    TARGET_V,
+    UP,
+    actuate,
+    begin,
+    dry_friction,
+    end,
+    held_back,
+    presliding_step,
+)  # fmt: skip
+from cable_envs.effects.stiffness_hardening import hardened, linear
+from cable_envs.effects.stribeck_friction import excess_at
+from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.errors import ConfigurationError
 from cable_envs.friction import stick_slip_step
+from cable_envs.hole_effects import cable_end, engaged, moves_otherwise, spool_at
 from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, power, select, sign, store, tile
 from cable_envs.params import Parameter, ParameterTable
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE, ActionMode, Plant, Signal
@@ -102,14 +142,20 @@ X, VX, T1, Y, VY, T2, SLIDING, SLACK, PEAK = range(len(_SIGNALS))
 BASE_X, HOLE_X = len(_SIGNALS), 3
 
 (S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, ABOVE_T, K, C, BEHIND, BEHIND_K, BEHIND_C,
- INERTIA, MIDDLE, FRICTION, GROWTH, WRAPPED, RATIO, SLOPE, FEED, LATE, CLOSED, PER_MASS) = range(28)  # fmt: skip
+ INERTIA, MIDDLE, FRICTION, GROWTH, WRAPPED, RATIO, SLOPE, FEED, LATE, CLOSED, PER_MASS, HARD, LOST, RISE, ELASTIC,
+ ENDS) = range(33)  # fmt: skip
 """Rows of the scratch tile w, the hole that is being solved: its slip position and speed and the tension behind it; its
 geometry; the cable above it (position and speed before and after, tension, stiffness, damping); what resists behind it;
-the tension above with which the step is made, M = mu + C and its growth with speed, wrap in contact, n and dn/dM; and
-the gains of the drive's closed loop."""
+the tension above with which the step is made, M = mu + C and its growth with speed, wrap in contact, n and dn/dM; the
+gains of the drive's closed loop. With effects also, of the cable above: its hardening, the length that makes no
+tension, its stiffness over K, its elongation; and 1 where the drive is what ends it."""
 
-ROWS_P, ROWS_X, ROWS_W = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1), 28
+ROWS_P, ROWS_X, ROWS_W = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1), 33
 ROWS_U = len(INPUTS)
+STEP_Y, STEP_V = 1e-7, 1e-6
+"""Steps of the differences that give the slopes of a user's own load, m and m/s."""
+
+# In what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
 
 
 @inline
@@ -119,28 +165,46 @@ def _span(stiffness, damping, stretch, rate):
 
 
 @inline
-def _closed_loop(p, w, i, dt):
-    """The gains of `_drive` that do not change within a control step."""
-    by_position, by_speed = 0.5 * dt * p[KP, i] * p[K_CABLE, i], p[KP, i] * p[C_CABLE, i]
-    w[FEED, i] = by_position + by_speed + p[KD, i] * p[K_CABLE, i]
+def _pulled(w, e, i, stretch, rate):
+    """Tension of the span above the hole."""
+    if e is not None:
+        elongation = stretch - w[LOST, i]
+        pull, rise = hardened(w[K, i] * elongation, w[HARD, i])
+        pull = select(w[ENDS, i] > 0.5, own_cable(pull, e, i), pull)
+        w[RISE, i], w[ELASTIC, i] = rise, maximum(elongation, 0.0)
+        return select(elongation > 0.0, maximum(pull + w[C, i] * rate, 0.0), 0.0)
+    return _span(w[K, i], w[C, i], stretch, rate)
+
+
+@inline
+def _closed_loop(p, w, i, stiffness, dt):
+    """The gains of `_drive`; they change within a control step only where the cable hardens."""
+    by_position, by_speed = 0.5 * dt * p[KP, i] * stiffness, p[KP, i] * p[C_CABLE, i]
+    w[FEED, i] = by_position + by_speed + p[KD, i] * stiffness
     w[LATE, i] = by_position - by_speed
     w[CLOSED, i] = 1.0 / (1.0 + w[FEED, i])
     w[PER_MASS, i] = 1.0 / p[MASS, i]
 
 
 @inline
-def _load_resistance(p, u, i, y, v):
-    return p[WEIGHT, i] + p[LOAD_K, i] * y + p[LOAD_C, i] * v - u[DISTURBANCE, i]
+def _load_resistance(p, u, w, e, i, y, v):
+    resist = p[WEIGHT, i] + p[LOAD_K, i] * y + p[LOAD_C, i] * v - u[DISTURBANCE, i]
+    if e is not None:
+        return resist + own_load(y, v, w[OUT, i], e, i)
+    return resist
 
 
 @inline
-def _ahead(p, u, w, i, dt):
+def _ahead(p, u, w, e, g, i, dt):
     """Speed of the load at the end of the step, from the balance of forces at its start (zero where it sticks)."""
-    return w[V, i] + dt * w[PER_MASS, i] * (w[OUT, i] - _load_resistance(p, u, i, w[S, i], w[V, i]))
+    net = w[OUT, i] - _load_resistance(p, u, w, e, i, w[S, i], w[V, i])
+    if e is not None:
+        net = held_back(g, i, net, w[V, i])
+    return w[V, i] + dt * w[PER_MASS, i] * net
 
 
 @inline
-def _drive(x, p, u, w, i, ahead, dt):
+def _drive(x, p, u, w, e, s, g, i, ahead, dt):
     """Drive within its speed and acceleration limits; it becomes what is above the first hole.  G35 in tension mode.
 
     The speed at the end of the step obeys G35 with the tension that it leads to there, and with the tension's rate from
@@ -151,27 +215,49 @@ def _drive(x, p, u, w, i, ahead, dt):
     wanted = p[KP, i] * (u[COMMAND, i] - x[T1, i]) + p[KD, i] * u[COMMAND_RATE, i]
     loop = (wanted + w[LATE, i] * (w[V, i] - old) + w[FEED, i] * ahead) * w[CLOSED, i]
     loop = select(x[T1, i] > 0.0, loop, wanted)
+    if e is not None:
+        loop = select(engaged(e, s, i, x[X, i], wanted), loop, wanted)
     target = clip(select(u[MODE, i] > 0.5, u[COMMAND, i], loop), -p[V_MAX, i], p[V_MAX, i])
     most = p[A_MAX, i] * dt
     new = old + clip(target - old, -most, most)
     w[ABOVE_OLD, i] = x[X, i]
     w[ABOVE_V, i] = 0.5 * (old + new)
+    if e is not None:
+        new = select(g[FOLLOWS, i] > 0.5, g[TARGET_V, i], new)
+        w[ABOVE_V, i] = select(g[FOLLOWS, i] > 0.5, (g[TARGET, i] - x[X, i]) / dt, w[ABOVE_V, i])
     w[ABOVE_V_NEW, i] = new
     w[ABOVE_NEW, i] = x[X, i] + dt * w[ABOVE_V, i]
     w[ABOVE_T, i], w[K, i], w[C, i] = x[T1, i], p[K_CABLE, i], p[C_CABLE, i]
+    if e is not None:
+        w[ABOVE_NEW, i] = select(g[FOLLOWS, i] > 0.5, g[TARGET, i], w[ABOVE_NEW, i])
     x[X, i], x[VX, i] = w[ABOVE_NEW, i], new
+    if e is not None:
+        before, after, mean, drawn = cable_end(e, s, i, w[ABOVE_OLD, i], w[ABOVE_NEW, i], new, dt)
+        other = moves_otherwise(e, i)
+        w[ABOVE_OLD, i], w[ABOVE_NEW, i] = select(other, before, w[ABOVE_OLD, i]), select(other, after, w[ABOVE_NEW, i])
+        w[ABOVE_V, i], w[ABOVE_V_NEW, i] = select(other, mean, w[ABOVE_V, i]), select(other, drawn, w[ABOVE_V_NEW, i])
+        w[HARD, i], w[LOST, i], w[ENDS, i] = e[HARDENING, i], e[SLACK_LENGTH, i] + s[CREEP_T, i], 1.0
 
 
 @inline
-def _pull(p, w, i, theta):
+def _pull(p, u, w, e, g, i, theta):
     """Tension above once what is above has moved for theta dt; M = mu + K |v|^omega and dM/d|v| at the start.  G17."""
     v = w[V, i]
     stretch = w[ABOVE_OLD, i] + theta * (w[ABOVE_NEW, i] - w[ABOVE_OLD, i]) - w[S, i]
-    w[MIDDLE, i] = _span(w[K, i], w[C, i], stretch, w[ABOVE_V, i] - v)
+    w[MIDDLE, i] = _pulled(w, e, i, stretch, w[ABOVE_V, i] - v)
     speed = abs(v)
     steep = p[GAIN, i] * power(maximum(speed, 1e-12), p[OMEGA, i] - 1.0)
-    w[FRICTION, i] = w[MU, i] + steep * speed
-    w[GROWTH, i] = p[OMEGA, i] * steep
+    if e is not None:
+        imposed = (w[ENDS, i] > 0.5) & (g[IMPOSES, i] > 0.5)
+        w[MIDDLE, i] = select(imposed, maximum(u[COMMAND, i], 0.0), w[MIDDLE, i])
+        w[RISE, i], w[C, i] = select(imposed, 0.0, w[RISE, i]), select(imposed, 0.0, w[C, i])
+        extra, growth = excess_at(e[CONTACT_EXCESS, i], e[STRIBECK_V, i], v)
+        coulomb = (w[MU, i] + extra) * g[FACTOR, i] + own_contact(speed, w[MIDDLE, i], e, i)
+        w[FRICTION, i] = coulomb + steep * speed
+        w[GROWTH, i] = p[OMEGA, i] * steep + g[FACTOR, i] * growth
+    else:
+        w[FRICTION, i] = w[MU, i] + steep * speed
+        w[GROWTH, i] = p[OMEGA, i] * steep
 
 
 @inline
@@ -181,25 +267,54 @@ def _ratio(w, i):
 
 
 @inline
-def _slip(w, i, dt, theta):
+def _slip(w, e, s, g, i, dt, theta, last):
     """One slip through a hole, tension above against what resists behind it; the tension above after the step.  G28"""
     v, middle, n = w[V, i], w[MIDDLE, i], w[RATIO, i]
     inv_n, growth = 1.0 / n, middle * w[SLOPE, i] * w[GROWTH, i]
     taut = middle > 0.0
-    k, c = select(taut, w[K, i], 0.0), select(taut, w[C, i], 0.0)
+    if e is not None:
+        k, c = select(taut, w[K, i] * w[RISE, i], 0.0), select(taut, w[C, i], 0.0)
+    else:
+        k, c = select(taut, w[K, i], 0.0), select(taut, w[C, i], 0.0)
     up, down = middle * inv_n - w[BEHIND, i], middle * n - w[BEHIND, i]
     stiffness = w[BEHIND_K, i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
     damping_up = w[BEHIND_C, i] + (c + growth * inv_n) * inv_n
     damping_down = w[BEHIND_C, i] + c * n + growth
+    if e is not None:
+        least = -w[INERTIA, i] / dt  # falling friction drives; what is left must still resist
+        if last:
+            dry_friction(e, g, i, v, e[COULOMB, i], middle)
+            up, down = up - g[UP, i], down + g[DOWN, i]
+            damping_up, damping_down = damping_up + g[STEEP, i], damping_down + g[STEEP, i]
+            stiffness = w[BEHIND_K, i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
+        damping_up, damping_down = maximum(damping_up, least), maximum(damping_down, least)
     v_new = stick_slip_step(v, w[INERTIA, i], up, down, stiffness, damping_up, damping_down, dt, theta)
+    if e is not None:  # noqa: SIM102 (this alone is decided before the compiler sees it)
+        if last:
+            bent = presliding_step(
+                e, s, i, v, w[INERTIA, i], up, down, w[BEHIND_K, i] + k * n, k * (inv_n - n), damping_up, damping_down,
+                dt, theta,
+            )  # fmt: skip
+            v_new = select(e[PRESLIDING, i] > 0.0, bent, v_new)
     moved = v + theta * (v_new - v)
     s_new = w[S, i] + dt * moved
-    tension = _span(w[K, i], w[C, i], w[ABOVE_NEW, i] - s_new, w[ABOVE_V_NEW, i] - v_new)
+    if e is not None:
+        target = w[ELASTIC, i]
+    tension = _pulled(w, e, i, w[ABOVE_NEW, i] - s_new, w[ABOVE_V_NEW, i] - v_new)
+    if e is not None:
+        first = w[ENDS, i] > 0.5
+        tension = select(first & (g[IMPOSES, i] > 0.5), middle, tension)
+        crept_to = crept(s[CREEP_T, i], e[CREEP, i], target, g[CREEP_LEFT, i])
+        s[CREEP_T, i] = select(first, crept_to, s[CREEP_T, i])
+        w[ENDS, i] = 0.0
     # what is above the next hole, if there is one
     w[ABOVE_OLD, i], w[ABOVE_NEW, i] = w[S, i], s_new
     w[ABOVE_V, i], w[ABOVE_V_NEW, i] = moved, v_new
     w[S, i], w[V, i] = s_new, v_new
     w[RATIO, i] = n + w[SLOPE, i] * w[GROWTH, i] * (abs(v_new) - abs(v))
+    if e is not None:
+        w[RATIO, i] = select(w[GROWTH, i] < 0.0, maximum(w[RATIO, i], 1.0), w[RATIO, i])
+        w[HARD, i], w[LOST, i] = 0.0, 0.0
     return tension, 1.0 / w[RATIO, i]
 
 
@@ -218,16 +333,36 @@ def _record(x, i, tension):
 
 
 @inline
-def _load_behind(p, u, w, i):
-    w[BEHIND, i] = _load_resistance(p, u, i, w[S, i], w[V, i])
-    w[BEHIND_K, i], w[BEHIND_C, i], w[INERTIA, i] = p[LOAD_K, i], p[LOAD_C, i], p[MASS, i]
+def _drawn_in(x, p, w, e, s, g, i, dt):
+    """The drive where the tension is imposed: the cable's end must be where its law asks for it."""
+    stretch = linear(x[T1, i], e[HARDENING, i]) / p[K_CABLE, i]
+    position = w[S, i] + stretch + e[SLACK_LENGTH, i] + s[CREEP_T, i]
+    imposed = g[IMPOSES, i] > 0.5
+    x[VX, i] = select(imposed, (position - x[X, i]) / dt, x[VX, i])
+    x[X, i] = select(imposed, position, x[X, i])
 
 
 @inline
-def _load_moved(x, p, u, w, i, tension, inv_n):
+def _load_behind(p, u, w, e, i):
+    w[BEHIND, i] = _load_resistance(p, u, w, e, i, w[S, i], w[V, i])
+    w[BEHIND_K, i], w[BEHIND_C, i], w[INERTIA, i] = p[LOAD_K, i], p[LOAD_C, i], p[MASS, i]
+    if e is not None:
+        at = own_load(w[S, i], w[V, i], w[OUT, i], e, i)
+        k = (own_load(w[S, i] + STEP_Y, w[V, i], w[OUT, i], e, i) - at) / STEP_Y
+        c = (own_load(w[S, i], w[V, i] + STEP_V, w[OUT, i], e, i) - at) / STEP_V
+        w[BEHIND_K, i], w[BEHIND_C, i] = w[BEHIND_K, i] + maximum(k, 0.0), w[BEHIND_C, i] + maximum(c, 0.0)
+
+
+@inline
+def _load_moved(x, p, u, w, e, s, i, tension, inv_n):
     y, v = w[S, i], w[V, i]
     x[Y, i], x[VY, i], x[SLIDING, i] = y, v, sign(v)
-    x[T2, i] = _transmitted(v, tension, w[RATIO, i], inv_n, _load_resistance(p, u, i, y, v))
+    x[T2, i] = _transmitted(v, tension, w[RATIO, i], inv_n, _load_resistance(p, u, w, e, i, y, v))
+    if e is not None:
+        low, high = tension * inv_n, tension * w[RATIO, i]
+        bent = high + share(s, PRE_0, i) * (low - high)
+        x[T2, i] = select(e[PRESLIDING, i] > 0.0, bent, x[T2, i])
+        s[STARTED, i] = 1.0
 
 
 @inline
@@ -283,16 +418,25 @@ def _any_stiff(p, lanes):
 
 
 @inline
-def _substeps(x, p, u, w, lanes, holes, substeps, dt):
+def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
     """A block of columns. Short loops, one for each stage: the processor then works on several columns at once, which
     the long chain of dependent operations of a whole step would prevent."""
     bends = _any_stiff(p, lanes)
     for i in range(lanes):
-        _closed_loop(p, w, i, dt)
+        _closed_loop(p, w, i, p[K_CABLE, i], dt)
         _take_hole(x, p, w, i, BASE_P, Y)
         x[SLACK, i] = 0.0
         x[PEAK, i] = 0.0
-    for _ in range(substeps):
+        if e is not None:
+            begin(e, s, g, u, i, x[X, i], x[VX, i], x[Y, i], substeps * dt, dt)
+            dry_friction(e, g, i, x[VY, i], e[COULOMB, i], x[T1, i])
+    for n in range(substeps):
+        if e is not None:
+            for i in range(lanes):
+                actuate(e, s, g, u, i, n, substeps, dt)
+                u[COMMAND, i] = own_actuate(u[COMMAND, i], e, i)
+                rise = 1.0 + e[HARDENING, i] * linear(x[T1, i], e[HARDENING, i])
+                _closed_loop(p, w, i, p[K_CABLE, i] * rise, dt)
         for h in range(holes):
             last = h == holes - 1
             row = Y if last else BASE_X + HOLE_X * h
@@ -305,50 +449,87 @@ def _substeps(x, p, u, w, lanes, holes, substeps, dt):
                     _take_hole(x, p, w, i, BASE_P + HOLE_P * h, row)
             if h == 0:
                 for i in range(lanes):
-                    _drive(x, p, u, w, i, _ahead(p, u, w, i, dt) if holes == 1 else w[V, i], dt)
+                    ahead = _ahead(p, u, w, e, g, i, dt) if holes == 1 else w[V, i]
+                    _drive(x, p, u, w, e, s, g, i, ahead, dt)
             for i in range(lanes):
-                _pull(p, w, i, theta)
+                _pull(p, u, w, e, g, i, theta)
             _wrapped(p, w, lanes, bends)
             for i in range(lanes):
                 _ratio(w, i)
             if last:
                 for i in range(lanes):
-                    _load_behind(p, u, w, i)
-                    tension, inv_n = _slip(w, i, dt, theta)
-                    _load_moved(x, p, u, w, i, tension, inv_n)
+                    _load_behind(p, u, w, e, i)
+                    tension, inv_n = _slip(w, e, s, g, i, dt, theta, True)
+                    _load_moved(x, p, u, w, e, s, i, tension, inv_n)
                     if holes == 1:
                         _record(x, i, tension)
+                        if e is not None:
+                            _drawn_in(x, p, w, e, s, g, i, dt)
             else:
                 following = Y if h == holes - 2 else row + HOLE_X
                 for i in range(lanes):
                     _span_behind(x, p, w, i, following, dt)
-                    tension, inv_n = _slip(w, i, dt, theta)
+                    tension, inv_n = _slip(w, e, s, g, i, dt, theta, False)
                     _guide_moved(x, p, w, i, row, tension, inv_n)
                     if h == 0:
                         _record(x, i, tension)
+                        if e is not None:
+                            _drawn_in(x, p, w, e, s, g, i, dt)
     for i in range(lanes):
         x[SLACK, i] /= substeps
+        if e is not None:
+            end(e, s, g, i, x[Y, i], substeps * dt)
 
 
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
-    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
-    holes = 1 + (x.shape[0] - BASE_X) // HOLE_X
+    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
+    rows = p.shape[0] - EFFECTS if p.shape[0] > ROWS_P else p.shape[0]  # effects have more rows than all holes
+    holes = (rows - BASE_P) // HOLE_P
+    seen = BASE_X + HOLE_X * (holes - 1)
     xt, pt, ut, wt = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_W)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
-        load(xt, x, first, lanes)
-        load(pt, p, first, lanes)
+        load(xt, x[:seen], first, lanes)
+        load(pt, p[:rows], first, lanes)
         load(ut, u, first, lanes)
-        _substeps(xt, pt, ut, wt, lanes, holes, substeps, dt)
-        store(xt, x, first, lanes)
+        _substeps(xt, pt, ut, wt, None, None, None, lanes, holes, substeps, dt)
+        store(xt, x[:seen], first, lanes)
+
+
+@jit
+def advance_with_effects(x, p, u, lo, hi, substeps, dt):
+    """The same with effects; x and p have their rows."""
+    rows = p.shape[0] - EFFECTS
+    holes = (rows - BASE_P) // HOLE_P
+    seen = BASE_X + HOLE_X * (holes - 1)
+    xt, pt, ut, wt = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_W)
+    et, st, gt = tile(ROWS_E), tile(ROWS_S), tile(ROWS_G)
+    for first in range(lo, hi, LANES):
+        lanes = min(LANES, hi - first)
+        load(xt, x[:seen], first, lanes)
+        load(pt, p[:rows], first, lanes)
+        load(ut, u, first, lanes)
+        load(et, p[rows : rows + ROWS_E], first, lanes)
+        load(st, x[seen:], first, lanes)
+        _substeps(xt, pt, ut, wt, et, st, gt, lanes, holes, substeps, dt)
+        store(xt, x[:seen], first, lanes)
+        store(st, x[seen:], first, lanes)
+
+
+LAYOUT = Layout("cable_hole", PARAMETERS)
+EFFECTS = LAYOUT.count
+_MOST = len(_series_parameters(MAX_HOLES))
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
     """Coefficient rows [len(Plant.coefficients), n] of parameter columns [len(Plant.parameters), n].
 
-    Raises ConfigurationError for what the bounds of single parameters cannot exclude.
+    Columns of the whole `Plant.table` give the rows of the effects too. Raises ConfigurationError for what the bounds
+    of single parameters cannot exclude.
     """
+    effects = values[-len(LAYOUT.null) :] if len(values) > _MOST else None
+    values = values if effects is None else values[: -len(effects)]
     holes = 1 if len(values) == len(PARAMETERS) else 1 + (len(values) - len(PARAMETERS) - 2) // len(_EXTRA_HOLE)
     value = dict(zip(_series_parameters(holes).names, values, strict=True))
     weight = value["load_mass"] * value["gravity"] * value["load_gravity"]
@@ -366,13 +547,18 @@ def prepare(values: np.ndarray) -> np.ndarray:
     for h in range(holes):
         wrap, rho, mu = (value[name if h == 0 else f"{name}_{h + 1}"] for name in _EXTRA_HOLE)
         rows += [wrap, rho * (1.0 + value["extrusion_delta"]), mu, rho * value["cable_radius"]]
+    if effects is not None:
+        rows += list(LAYOUT.coefficients(effects))
     return np.ascontiguousarray(rows, dtype=np.float64)
 
 
 def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Signals [len(signals), n] of mechanisms at rest with the load at ``position`` (m, [n]); equal tensions."""
-    holes = (p.shape[0] - BASE_P) // HOLE_P
-    x = np.zeros((BASE_X + HOLE_X * (holes - 1), p.shape[1]))
+    known = p.shape[0] > ROWS_P
+    e = p[-EFFECTS:] if known else np.zeros((ROWS_E, p.shape[1]))
+    holes = (p.shape[0] - known * EFFECTS - BASE_P) // HOLE_P
+    seen = BASE_X + HOLE_X * (holes - 1)
+    x = np.zeros((seen + known * ROWS_S, p.shape[1]))
     tension = np.maximum(p[WEIGHT] + p[LOAD_K] * position, 0.0)
     x[Y] = position
     x[T1] = x[T2] = x[PEAK] = tension
@@ -380,7 +566,12 @@ def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
     for h in reversed(range(holes - 1)):
         s = s + tension / p[SPAN_K]
         x[BASE_X + HOLE_X * h], x[BASE_X + HOLE_X * h + 2] = s, tension
-    x[X] = s + tension / p[K_CABLE]
+    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * e[HARDENING] * tension)) / p[K_CABLE]
+    end = s + stretch * (1.0 + e[CREEP]) + e[SLACK_LENGTH]
+    x[X] = end
+    if known:
+        x[X] = spool_at(end, e)
+        x[seen + CREEP_T], x[seen + PLAY] = e[CREEP] * stretch, x[X]
     return x
 
 
@@ -410,7 +601,8 @@ def cable_hole(holes: int = 1) -> Plant:
         ),
         prepare=prepare,
         rest=rest,
-        advance=advance,
+        kernels=(advance, advance_with_effects),
+        effects=Layout("cable_hole", parameters),
     )
 
 

@@ -19,10 +19,11 @@ reached the output on neither side; 2 transition: on one; 3 working: on both (a 
 
 import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
 
+from cable_envs.circuit_effects import moves_otherwise, output_step, pulley, spring
 from cable_envs.circuit_ends import (
     ACTION_MODES, BRAKE, C5, COEFFICIENTS, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE,
     PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
-    cosine, drive_step, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
+    cosine, drive_step, effect_rows, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT, SIDES
 from cable_envs.circuit_statics import Statics
@@ -30,9 +31,19 @@ from cable_envs.contact_chain import (
     CONTACTS, LENGTH, PASSES, PENDING, RELEASE, ROWS_P as SIDE_P, ROWS_S as SIDE_S, ROWS_X as SIDE_X, SPANS, STATE,
     STRETCH, T, TANGENT_0, TANGENT_4, relax, settle, stretch_ends, sweep,
 )  # fmt: skip
+from cable_envs.effects import Layout
+from cable_envs.effects.own import own_actuate, own_load
+from cable_envs.effects.rows import (
+    CREEP, CREEP_T, DRIFT, HARDENING, PLAY, PLAYED, ROWS_E, ROWS_S as ROWS_H,
+)  # fmt: skip
+from cable_envs.effects.rows import WORN as WORN_STATE
+from cable_envs.effects.seams import (
+    CREEP_LEFT, FOLLOWS, ROWS_G as SHARED_G, TARGET, actuate, begin, dry_friction, end,
+)  # fmt: skip
+from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.friction import stick_slip_step
 from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
-from cable_envs.plants.base import INPUTS, Plant, Signal
+from cable_envs.plants.base import COMMAND, INPUTS, Plant, Signal
 
 _CHAIN = tuple(
     signal
@@ -49,11 +60,81 @@ D_IN, D_OUT, SLID = 2 * SIDE_S, 2 * SIDE_S + 1, 2 * SIDE_S + 2
 ROWS_X, ROWS_P, ROWS_S, ROWS_U = FIRST_X + 2 * SIDE_X, SHARED + 2 * SIDE_P, 2 * SIDE_S + 4, len(INPUTS)
 S_T, S_B = 0, SIDE_S
 
+WORN_RATIO, PLAIN_LENGTH = ROWS_E, ROWS_E + 2 * CONTACTS
+TILE_E = PLAIN_LENGTH + 2 * SPANS
+LAYOUT = Layout("pulley_chain", CIRCUIT, worn=TILE_E - ROWS_E)
+TURN, AT, TURNS, CREPT = range(SHARED_G, SHARED_G + 4)
+ROWS_G = SHARED_G + 5
+STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
+"""Effects: behind their rows the tension ratios with all friction drifted and the lengths of the spans without tension;
+in g the pulley's turn since the last equilibrium, the drive's angle there, how the pulley turns with the drive, and the
+creep of each side since. The steps of the differences that give the slopes of a user's own load are in rad and rad/s.
+In what follows e, h (their states) and g are None without effects."""
+
 
 @inline
-def _move_ends(x, p, s, i, side, step, more):
+def _wind(x, p, e, h, g, i, step, more):
+    """How the driving pulley turns to the place where the next equilibrium is taken."""
+    if e is not None:
+        angle = x[THETA_IN, i] + more * x[V_IN, i]
+        c = SHARED
+        most = (p[EA5, i] + p[C5, i] / step) * p[GEAR, i] * p[R0, i]
+        slope = most * (1.0 / p[c, i] + 1.0 / p[c + SIDE_P, i])  # as steep as it can be: a softer one overshoots
+        offset, turns, inside = pulley(e, h, i, angle, x[M_IN, i], slope)
+        g[TURN, i], g[TURNS, i], g[AT, i] = angle + offset - h[PLAYED, i], turns, angle
+        h[PLAYED, i], h[PLAY, i] = angle + offset, inside
+
+
+@inline
+def _soften(x, p, e, h, g, i, side):
+    """Creep since the last equilibrium, and the spans' secant lengths of the stretch they have."""
+    if e is not None:
+        q, c = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P
+        total = 0.0
+        for j in range(SPANS):
+            total += e[PLAIN_LENGTH + side * SPANS + j, i]
+        share, hard = g[CREPT + side, i] / total, e[HARDENING, i]
+        g[CREPT + side, i] = 0.0
+        for j in range(SPANS):
+            length = e[PLAIN_LENGTH + side * SPANS + j, i]
+            x[q + j, i] -= share * length
+            secant = length / (1.0 + 0.5 * hard * maximum(x[q + j, i] / length, 0.0))
+            p[c + j, i] = select(hard > 0.0, secant, p[c + j, i])
+
+
+@inline
+def _creep(x, p, e, h, g, i, side):
+    """Creep of a side after a step, from its mean elongation."""
+    if e is not None:
+        q = FIRST_X + side * SIDE_X
+        total = x[q, i] + x[q + 1, i] + x[q + 2, i] + x[q + 3, i] + x[q + 4, i]
+        preload = select(side == 0, p[PRE_T, i], p[PRE_B, i])
+        old = h[CREEP_T + side, i]
+        h[CREEP_T + side, i] = crept(old, e[CREEP, i], maximum(total, 0.0) - preload, g[CREEP_LEFT, i])
+        g[CREPT + side, i] += h[CREEP_T + side, i] - old
+
+
+@inline
+def _worn(p, e, h, i):
+    """Friction that has drifted: the ratios go in a straight line to those of the final friction."""
+    if e is not None:
+        d = select(e[DRIFT, i] != 0.0, h[WORN_STATE, i], 0.0)
+        for side in range(2):
+            c = SHARED + side * SIDE_P + SPANS
+            for k in range(CONTACTS):
+                final = e[WORN_RATIO + side * CONTACTS + k, i]
+                ratio = p[c + k, i] + d * (final - p[c + k, i])
+                p[c + k, i] = select(d > 0.0, ratio, p[c + k, i])
+                p[c + CONTACTS + k, i] = select(d > 0.0, 1.0 / ratio, p[c + CONTACTS + k, i])
+
+
+@inline
+def _move_ends(x, p, s, e, g, i, side, step, more):
     """Wind a side's two ends by the motion since its last equilibrium and ``more`` seconds at the present speeds."""
     turn_in = p[EA5, i] * p[GEAR, i] * (s[D_IN, i] + more * x[V_IN, i])
+    if e is not None:
+        other = moves_otherwise(e, i) | (g[FOLLOWS, i] > 0.5)
+        turn_in = select(other, p[EA5, i] * p[GEAR, i] * g[TURN, i], turn_in)
     turn_out = p[EA5, i] * (s[D_OUT, i] + more * x[V_OUT, i])
     pull = 1.0 - 2.0 * side
     eta = p[C5, i] / (p[EA5, i] * step)
@@ -70,11 +151,12 @@ def _take_over(x, p, s, i, side, step):
 
 
 @inline
-def _equilibrium(x, p, s, lanes, side, step, more):
+def _equilibrium(x, p, s, e, h, g, lanes, side, step, more):
     """Move the ends of one side of a tile and solve: active-set passes until no column changes."""
     q, c, r = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P, side * SIDE_S
     for i in range(lanes):
-        _move_ends(x, p, s, i, side, step, more)
+        _soften(x, p, e, h, g, i, side)
+        _move_ends(x, p, s, e, g, i, side, step, more)
     changed = 1
     for _ in range(PASSES):
         if changed:
@@ -87,11 +169,14 @@ def _equilibrium(x, p, s, lanes, side, step, more):
                 sweep(x, p, s, i, q, c, r)
     for i in range(lanes):
         _take_over(x, p, s, i, side, step)
+        _creep(x, p, e, h, g, i, side)
 
 
 @inline
-def _watch(x, s, i):
+def _watch(x, p, s, e, i):
     """What the control step has seen of the tensions."""
+    if e is not None:
+        x[M_IN, i] = p[R0, i] * (s[S_T + T, i] - s[S_B + T, i])
     t0, t4 = s[S_T + T, i], s[S_T + T + 4, i]
     b0, b4 = s[S_B + T, i], s[S_B + T + 4, i]
     x[SLACK, i] += select(minimum(t0, b0) <= 0.0, 1.0, 0.0)
@@ -99,27 +184,42 @@ def _watch(x, s, i):
 
 
 @inline
-def _kick(x, p, u, s, i, dt):
+def _kick(x, p, u, s, e, h, g, i, dt):
     """Velocities of drive and output from the tensions in the middle of the step; its second half of motion."""
     v_in, v = x[V_IN, i], x[V_OUT, i]
     r5, ea_in, ea_out = p[R5, i], p[EA5, i] * p[GEAR, i] * p[R0, i], p[EA5, i] * p[R5, i]
     late = p[C5, i] / p[EA5, i]
     torque = p[R0, i] * (s[S_T + T, i] - s[S_B + T, i])
     tangent = ea_in * (s[S_T + TANGENT_0, i] + s[S_B + TANGENT_0, i])
-    v_in_new = drive_step(x, p, u, i, torque, tangent, late * tangent, dt)
+    if e is not None:
+        torque, tangent = g[TURNS, i] * torque, g[TURNS, i] * tangent
+    v_in_new = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)
 
     half = x[THETA_OUT, i] + 0.5 * dt * v
     wanted, load_k, load_c = load_torque(p, u, i, half, v, cosine(half))
+    if e is not None:
+        tension = s[S_T + T + 4, i] + s[S_B + T + 4, i]
+        dry_friction(e, g, i, v, p[BRAKE, i], r5 * tension)
+        wanted, load_k = spring(e, i, half, wanted, load_k)
+        at = own_load(half, v, tension, e, i)
+        k = (own_load(half + STEP_ANGLE, v, tension, e, i) - at) / STEP_ANGLE
+        c = (own_load(half, v + STEP_RATE, tension, e, i) - at) / STEP_RATE
+        wanted, load_k, load_c = wanted + at, load_k + maximum(k, 0.0), load_c + maximum(c, 0.0)
     net = r5 * (s[S_T + T + 4, i] - s[S_B + T + 4, i]) - wanted
     tangent = ea_out * (s[S_T + TANGENT_4, i] + s[S_B + TANGENT_4, i])
     stiffness, damping = tangent + load_k, late * tangent + load_c
     net += 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
-    v_new = stick_slip_step(v, p[J_OUT, i], net - p[BRAKE, i], net + p[BRAKE, i], stiffness, damping, damping, dt)
+    if e is not None:
+        v_new = output_step(e, h, g, i, v, p[J_OUT, i], net, net, 0.0, 0.0, stiffness, damping, damping, dt)
+    else:
+        v_new = stick_slip_step(v, p[J_OUT, i], net - p[BRAKE, i], net + p[BRAKE, i], stiffness, damping, damping, dt)
 
     x[THETA_IN, i] += 0.5 * dt * (v_in + v_in_new)
     x[THETA_OUT, i] += 0.5 * dt * (v + v_new)
     x[V_IN, i], x[V_OUT, i] = v_in_new, v_new
     s[D_IN, i], s[D_OUT, i] = 0.5 * dt * v_in_new, 0.5 * dt * v_new
+    if e is not None:
+        x[THETA_IN, i] = select(g[FOLLOWS, i] > 0.5, g[TARGET, i], x[THETA_IN, i])
 
 
 @inline
@@ -151,42 +251,91 @@ def _resolve(p, i, dt):
 
 
 @inline
-def _advance_tile(x, p, u, s, lanes, substeps, dt):
+def _advance_tile(x, p, u, s, e, h, g, lanes, substeps, dt):
     for i in range(lanes):
+        _worn(p, e, h, i)
         _resolve(p, i, dt)
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
         s[SLID, i], s[SLID + 1, i] = 0.0, 0.0
         s[D_IN, i], s[D_OUT, i] = 0.0, 0.0
+        if e is not None:
+            begin(e, h, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], substeps * dt, dt)
+            g[CREPT, i], g[CREPT + 1, i] = 0.0, 0.0
     for n in range(substeps + 1):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt
         more = 0.5 * dt if n < substeps else 0.0
-        for side in range(2):
-            _equilibrium(x, p, s, lanes, side, step, more)
         for i in range(lanes):
-            _watch(x, s, i)
+            _wind(x, p, e, h, g, i, step, more)
+        for side in range(2):
+            _equilibrium(x, p, s, e, h, g, lanes, side, step, more)
+        for i in range(lanes):
+            _watch(x, p, s, e, i)
         if n < substeps:
             for i in range(lanes):
-                _kick(x, p, u, s, i, dt)
+                if e is not None:
+                    actuate(e, h, g, u, i, n, substeps, dt)
+                    u[COMMAND, i] = own_actuate(u[COMMAND, i], e, i)
+                _kick(x, p, u, s, e, h, g, i, dt)
     for i in range(lanes):
         x[SLACK, i] /= substeps + 1.0
         _report(x, p, s, i)
+        if e is not None:
+            end(e, h, g, i, x[THETA_OUT, i], substeps * dt)
 
 
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
-    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
+    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
     xt, pt, ut, st = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_S)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
-        load(xt, x, first, lanes)
-        load(pt, p, first, lanes)
+        load(xt, x[:ROWS_X], first, lanes)
+        load(pt, p[:ROWS_P], first, lanes)
         load(ut, u, first, lanes)
-        _advance_tile(xt, pt, ut, st, lanes, substeps, dt)
-        store(xt, x, first, lanes)
+        _advance_tile(xt, pt, ut, st, None, None, None, lanes, substeps, dt)
+        store(xt, x[:ROWS_X], first, lanes)
+
+
+@jit
+def advance_with_effects(x, p, u, lo, hi, substeps, dt):
+    """The same with effects; x and p have their rows."""
+    xt, pt, ut, st = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_S)
+    et, ht, gt = tile(TILE_E), tile(ROWS_H), tile(ROWS_G)
+    for first in range(lo, hi, LANES):
+        lanes = min(LANES, hi - first)
+        load(xt, x[:ROWS_X], first, lanes)
+        load(pt, p[:ROWS_P], first, lanes)
+        load(ut, u, first, lanes)
+        load(et, p[ROWS_P : ROWS_P + TILE_E], first, lanes)
+        load(ht, x[ROWS_X:], first, lanes)
+        _advance_tile(xt, pt, ut, st, et, ht, gt, lanes, substeps, dt)
+        store(xt, x[:ROWS_X], first, lanes)
+        store(ht, x[ROWS_X:], first, lanes)
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
-    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n]."""
+    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n].
+
+    Columns of the whole `PLANT.table` give the rows of the effects too.
+    """
+    if len(values) == len(CIRCUIT):
+        return _prepare(values, None)
+    e = LAYOUT.coefficients(values[len(CIRCUIT) :])
+    p = np.concatenate([_prepare(values, e), e])
+    drifting = np.flatnonzero(e[DRIFT])
+    if drifting.size:
+        final = values[:, drifting].copy()
+        final[CIRCUIT.index("cable_friction")] *= 1.0 + e[DRIFT, drifting]
+        final[CIRCUIT.index("shaft_friction")] *= 1.0 + e[DRIFT, drifting]
+        ratio = Statics.from_values(final).ratio.reshape(2 * CONTACTS, -1)
+        p[ROWS_P + WORN_RATIO : ROWS_P + WORN_RATIO + 2 * CONTACTS, drifting] = ratio
+    for side in range(2):
+        first = ROWS_P + PLAIN_LENGTH + side * SPANS
+        p[first : first + SPANS] = p[SHARED + side * SIDE_P : SHARED + side * SIDE_P + SPANS]
+    return np.ascontiguousarray(p)
+
+
+def _prepare(values: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
     statics = Statics.from_values(values)
     arc = statics.radius * statics.integral / (1.0 + statics.ratio)
     length = statics.span.copy()
@@ -195,19 +344,21 @@ def prepare(values: np.ndarray) -> np.ndarray:
     before, after = length[:, :-1], length[:, 1:]
     small = RELEASE * before * after / (before + after)
     sides = [np.concatenate([length[k], statics.ratio[k], 1.0 / statics.ratio[k], small[k]]) for k in range(2)]
-    return np.ascontiguousarray(np.concatenate([shared_coefficients(values, statics), *sides]))
+    return np.ascontiguousarray(np.concatenate([shared_coefficients(values, statics, effects), *sides]))
 
 
 def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
     """Signals [len(PLANT.signals), n] at rest with the output at ``position`` (rad, [n]), its load balanced."""
     position = np.asarray(position, dtype=np.float64)
     length = [p[c + LENGTH : c + LENGTH + SPANS] for c in (SHARED, SHARED + SIDE_P)]
-    elongation, top, bottom = rest_elongation(p, length[0].sum(axis=0), length[1].sum(axis=0), position)
-    x = rest_signals(p, ROWS_X, position, elongation, top, bottom)
+    e = effect_rows(p, ROWS_P)
+    elongation, top, bottom = rest_elongation(p, length[0].sum(axis=0), length[1].sum(axis=0), position, e)
+    x = rest_signals(p, ROWS_X, ROWS_P, position, elongation, top, bottom)
     stretch = p[EA5] * elongation
     for side, tension, total in ((0, top, p[PRE_T] + stretch), (1, bottom, p[PRE_B] - stretch)):
         q = FIRST_X + side * SIDE_X + STRETCH
-        x[q : q + SPANS] = tension * length[side]
+        linear = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * e[HARDENING] * tension))
+        x[q : q + SPANS] = linear * length[side]
         x[q] += np.minimum(total, 0.0)  # a slack side: the missing stretch
     return x
 
@@ -225,5 +376,6 @@ PLANT = Plant(
     action_modes=ACTION_MODES,
     prepare=prepare,
     rest=rest,
-    advance=advance,
+    kernels=(advance, advance_with_effects),
+    effects=LAYOUT,
 )  # fmt: skip

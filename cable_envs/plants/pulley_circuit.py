@@ -22,17 +22,30 @@ Limits: tensions follow D without waves; friction inside the hold is stored as i
 
 import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
 
+from cable_envs.circuit_effects import output_step, pulley, rise, spring
 from cable_envs.circuit_ends import (
     ACTION_MODES, B_OUT, BRAKE, C5, COEFFICIENTS, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE,
     PEAK, PHASE, PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT,
-    V_IN, V_OUT, any_payload, cosine, drive_step, load_torque, resolve, rest_elongation, rest_signals,
+    V_IN, V_OUT, any_payload, cosine, drive_step, effect_rows, load_torque, resolve, rest_elongation, rest_signals,
     shared_coefficients,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT
 from cable_envs.circuit_statics import Statics
+from cable_envs.effects import Layout
+from cable_envs.effects.own import own_actuate, own_cable, own_load
+from cable_envs.effects.presliding_hysteresis import share as share_of
+from cable_envs.effects.rows import (
+    CREEP, CREEP_B, CREEP_T, DRIFT, HARDENING, PARTIAL, PARTIAL_0, PLAY, ROWS_E, ROWS_S, SPRING, STARTED,
+)  # fmt: skip
+from cable_envs.effects.rows import WORN as WORN_STATE
+from cable_envs.effects.seams import (
+    CREEP_LEFT, DOWN, FOLLOWS, ROWS_G, TARGET, UP, actuate, begin, dry_friction, end,
+)  # fmt: skip
+from cable_envs.effects.stiffness_hardening import hardened
+from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.friction import stick_slip_step
 from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, minimum, select, store, tile
-from cable_envs.plants.base import INPUTS, Plant
+from cable_envs.plants.base import COMMAND, INPUTS, Plant
 
 _OWN = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
@@ -44,17 +57,28 @@ _OWN = (
  LENGTH_B) = range(SHARED, SHARED + len(_OWN))  # fmt: skip
 ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
 GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
-D, RATE, WANTED, LOAD_K, LOAD_C, LEVEL = range(6)
-ROWS_W = 6
+BRANCHES = 8  # the rows DT1 .. OB2; behind those of the effects they come again, with all friction drifted
+LAYOUT = Layout("pulley_circuit", CIRCUIT, worn=BRANCHES)
+TILE_E = ROWS_E + BRANCHES
+D, RATE, WANTED, LOAD_K, LOAD_C, LEVEL, OFFSET, TURNS = range(8)
+ROWS_W = 8
+STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
+"""Steps of the differences that give the slopes of a user's own load, rad and rad/s."""
 """Rows of the scratch tile w: elongation angle, its rate and the load's torque, stiffness and damping at the middle of
-the step; cosine of the output angle (0 where no column of the block has a payload)."""
+the step; cosine of the output angle (0 where no column of the block has a payload); with effects the pulley's angle
+less the drive's, and how it turns with it. In what follows e, s and g are None without effects: what asks for them is
+then left out before anything is compiled."""
 
 
 @inline
-def _stretched(p, i, d, rate):
+def _stretched(p, e, s, i, d, rate):
     """(T kappa of t, T kappa of b), N m: what both directions divide by their kappas; zero when slack.  Z39-41."""
     top = p[PRE_T, i] + p[EA5, i] * d
     bottom = p[PRE_B, i] - p[EA5, i] * d
+    if e is not None:
+        top, _ = hardened(top - s[CREEP_T, i], e[HARDENING, i] / p[LENGTH_T, i])
+        bottom, _ = hardened(bottom - s[CREEP_B, i], e[HARDENING, i] / p[LENGTH_B, i])
+        top, bottom = own_cable(top, e, i), own_cable(bottom, e, i)
     damped = p[C5, i] * rate
     return (
         select(top <= 0.0, 0.0, maximum(top + damped, 0.0)),  # so written, a NaN passes on
@@ -74,6 +98,15 @@ def _share(v, ccw, cw, wanted):
     """Share of the cw branch: 0 moving ccw, 1 moving cw, at rest the one that balances ``wanted``."""
     stuck = clip((wanted - ccw) / maximum(cw - ccw, 1e-12), 0.0, 1.0)
     return select(v > 0.0, 0.0, select(v < 0.0, 1.0, stuck))
+
+
+@inline
+def _share_with(e, s, i, share):
+    """The share where the idlers' friction turns round over an angle."""
+    if e is not None:
+        turned = select(s[STARTED, i] > 0.5, 1.0 - share_of(s, PARTIAL_0, i), share)
+        share = select(e[PARTIAL, i] > 0.0, turned, share)
+    return share
 
 
 @inline
@@ -97,45 +130,87 @@ def _held_by_flag(p, i, v_in, top, bottom):
 
 
 @inline
-def _drive_part(x, p, u, w, i, dt):
+def _steepest(x, p, e, i):
+    """Slope of M_in over the pulley's angle, not less than it is anywhere."""
+    return p[K_IN, i] * rise(e, i, maximum(x[T01_T, i], x[T01_B, i]))
+
+
+@inline
+def _load_with(x, p, w, e, g, i, angle, v, wanted, load_k, load_c):
+    """The load's torque, stiffness and damping with effects; its dry friction goes into g."""
+    if e is not None:
+        tension = x[T45_T, i] + x[T45_B, i]
+        dry_friction(e, g, i, v, p[BRAKE, i], p[R5, i] * tension)
+        wanted, load_k = spring(e, i, angle, wanted, load_k)
+        at = own_load(angle, v, tension, e, i)
+        k = (own_load(angle + STEP_ANGLE, v, tension, e, i) - at) / STEP_ANGLE
+        c = (own_load(angle, v + STEP_RATE, tension, e, i) - at) / STEP_RATE
+        wanted, load_k, load_c = wanted + at, load_k + maximum(k, 0.0), load_c + maximum(c, 0.0)
+    return wanted, load_k, load_c
+
+
+@inline
+def _drive_part(x, p, u, w, e, s, g, i, dt):
     """The drive's step, against what the cables pull at the predicted middle of it."""
     gear = p[GEAR, i]
     a, v_in, b, v = x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
     half = b + 0.5 * dt * v
     wanted, load_k, load_c = load_torque(p, u, i, half, v, w[LEVEL, i])
-    d, rate = gear * (a + 0.5 * dt * v_in) - half, gear * v_in - v
-    top, bottom = _stretched(p, i, d, rate)
+    wanted, load_k, load_c = _load_with(x, p, w, e, g, i, half, v, wanted, load_k, load_c)
+    along = a + 0.5 * dt * v_in
+    if e is not None:
+        w[OFFSET, i], w[TURNS, i], _ = pulley(e, s, i, along, x[M_IN, i], _steepest(x, p, e, i))
+        along += w[OFFSET, i]
+        gear *= w[TURNS, i]
+    d, rate = p[GEAR, i] * along - half, gear * v_in - v
+    top, bottom = _stretched(p, e, s, i, d, rate)
     ccw, cw = _output_torques(p, i, top, bottom)
-    share = _share(v, ccw, cw, wanted)
-    late = 0.5 * p[C5, i] * _guess(p, i, v, ccw - wanted, cw - wanted)
+    share = _share_with(e, s, i, _share(v, ccw, cw, wanted))
+    late = 0.5 * p[C5, i] * _guess(p, g, i, v, ccw - wanted, cw - wanted)
     m_in = _drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
-    new = drive_step(x, p, u, i, m_in, p[K_IN, i], p[C5, i] * p[C_TURN, i], dt)
+    stiff = p[K_IN, i]
+    if e is not None:
+        m_in *= w[TURNS, i]
+        stiff *= rise(e, i, maximum(top / p[LENGTH_T, i], bottom / p[LENGTH_B, i]))
+    new = drive_step(x, p, u, g, i, m_in, stiff, p[C5, i] * p[C_TURN, i], dt)
     change = 0.5 * (new - v_in)
     w[D, i], w[RATE, i] = d + 0.5 * dt * gear * change, rate + gear * change
     w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i] = wanted, load_k, load_c
-    x[THETA_IN, i], x[V_IN, i] = a + 0.5 * dt * (v_in + new), new
+    after = a + 0.5 * dt * (v_in + new)
+    if e is not None:
+        after = select(g[FOLLOWS, i] > 0.5, g[TARGET, i], after)
+    x[THETA_IN, i], x[V_IN, i] = after, new
 
 
 @inline
-def _output_part(x, p, w, i, dt):
+def _output_part(x, p, w, e, s, g, i, dt):
     """The output's step, with the drive's motion known."""
     v = x[V_OUT, i]
-    top, bottom = _stretched(p, i, w[D, i], w[RATE, i])
-    new = _output_step(p, i, v, top, bottom, w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i], dt)
+    top, bottom = _stretched(p, e, s, i, w[D, i], w[RATE, i])
+    new = _output_step(p, e, s, g, i, v, top, bottom, w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i], dt)
     new = select(_held_by_flag(p, i, x[V_IN, i], top, bottom), 0.0, new)
     x[THETA_OUT, i], x[V_OUT, i] = x[THETA_OUT, i] + 0.5 * dt * (v + new), new
+    if e is not None:
+        stretch, keep = p[EA5, i] * w[D, i], g[CREEP_LEFT, i]
+        elongation_t = maximum(stretch - s[CREEP_T, i], -p[PRE_T, i])
+        elongation_b = maximum(-stretch - s[CREEP_B, i], -p[PRE_B, i])
+        s[CREEP_T, i] = crept(s[CREEP_T, i], e[CREEP, i], elongation_t, keep)
+        s[CREEP_B, i] = crept(s[CREEP_B, i], e[CREEP, i], elongation_b, keep)
 
 
 @inline
-def _guess(p, i, v, up, down):
+def _guess(p, g, i, v, up, down):
     """Change of the output's velocity in the step, roughly: the drive feels half of it through the cables' damping."""
-    up, down = up - p[BRAKE, i], down + p[BRAKE, i]
+    if g is not None:
+        up, down = up - g[UP, i], down + g[DOWN, i]
+    else:
+        up, down = up - p[BRAKE, i], down + p[BRAKE, i]
     net = select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
     return p[GAIN, i] * net
 
 
 @inline
-def _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt):
+def _output_step(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
     """Output velocity after dt, from the stretches and the load at the predicted middle of the step."""
     r5 = p[R5, i]
     ccw, cw = _output_torques(p, i, top, bottom)
@@ -143,9 +218,18 @@ def _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt):
     taut_t, taut_b = select(top > 0.0, r5, 0.0), select(bottom > 0.0, r5, 0.0)
     slope_up = taut_t * p[OT1, i] + taut_b * p[OB1, i]
     slope_down = taut_t * p[OT2, i] + taut_b * p[OB2, i]
+    if e is not None:
+        hard = rise(e, i, maximum(top / p[LENGTH_T, i], bottom / p[LENGTH_B, i]))
+        slope_up, slope_down = slope_up * hard, slope_down * hard
+        up, down = ccw - wanted - g[UP, i], cw - wanted + g[DOWN, i]
     slope = select(select(v == 0.0, up, v) > 0.0, slope_up, slope_down)
     stiffness = p[EA5, i] * slope + load_k
     ahead = 0.5 * dt * stiffness * v  # what the step subtracts: these forces are those of the middle already
+    if e is not None:
+        return output_step(
+            e, s, g, i, v, p[J_OUT, i], ccw, cw, wanted, ahead, stiffness,
+            p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
+        )  # fmt: skip
     return stick_slip_step(
         v, p[J_OUT, i], up + ahead, down + ahead, stiffness,
         p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
@@ -153,13 +237,20 @@ def _output_step(p, i, v, top, bottom, wanted, load_k, load_c, dt):
 
 
 @inline
-def _report(x, p, u, i, level):
+def _report(x, p, u, w, e, s, g, i, level):
     """Torques and tensions of the new state; ``level``: cosine of the output angle."""
     v_in, b, v = x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
-    top, bottom = _stretched(p, i, p[GEAR, i] * x[THETA_IN, i] - b, p[GEAR, i] * v_in - v)
-    wanted, _, _ = load_torque(p, u, i, b, v, level)
+    angle, gear = x[THETA_IN, i], p[GEAR, i]
+    if e is not None:
+        offset, turns, inside = pulley(e, s, i, angle, x[M_IN, i], _steepest(x, p, e, i))
+        s[PLAY, i] = inside
+        angle += offset
+        gear *= turns
+    top, bottom = _stretched(p, e, s, i, p[GEAR, i] * angle - b, gear * v_in - v)
+    wanted, load_k, load_c = load_torque(p, u, i, b, v, level)
+    wanted, load_k, load_c = _load_with(x, p, w, e, g, i, b, v, wanted, load_k, load_c)
     ccw, cw = _output_torques(p, i, top, bottom)
-    share = _share(v, ccw, cw, wanted)
+    share = _share_with(e, s, i, _share(v, ccw, cw, wanted))
     t01_t, t01_b = top * _mix(share, p[DT1, i], p[DT2, i]), bottom * _mix(share, p[DB1, i], p[DB2, i])
     t45_t, t45_b = top * _mix(share, p[OT1, i], p[OT2, i]), bottom * _mix(share, p[OB1, i], p[OB2, i])
     x[T01_T, i], x[T01_B, i], x[T45_T, i], x[T45_B, i] = t01_t, t01_b, t45_t, t45_b
@@ -173,49 +264,87 @@ def _report(x, p, u, i, level):
 
 
 @inline
-def _begin(x, p, w, i, dt):
+def _worn(p, e, s, i):
+    """Friction that has drifted: the branches go in a straight line to those of the final friction."""
+    if e is not None:
+        d = select(e[DRIFT, i] != 0.0, s[WORN_STATE, i], 0.0)
+        for k in range(BRANCHES):
+            final = e[ROWS_E + k, i]
+            p[DT1 + k, i] = select(d > 0.0, p[DT1 + k, i] + d * (final - p[DT1 + k, i]), p[DT1 + k, i])
+
+
+@inline
+def _begin(x, p, w, e, s, i, dt):
     x[SLACK, i] = 0.0
     x[PEAK, i] = 0.0
     w[LEVEL, i] = 0.0
+    _worn(p, e, s, i)
     resolve(p, i, p[K_IN, i], p[K_OUT, i], dt)
     c_out = p[C5, i] * p[SWING, i] + p[B_OUT, i] + p[CONTACT_D, i]
     p[GAIN, i] = dt / (p[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * p[K_OUT, i])
 
 
 @inline
-def _substeps(x, p, u, w, lanes, substeps, dt):
+def _substeps(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once (see cable_hole)."""
     payload = any_payload(p, lanes)
     for i in range(lanes):
-        _begin(x, p, w, i, dt)
-    for _ in range(substeps):
+        _begin(x, p, w, e, s, i, dt)
+        if e is not None:
+            begin(e, s, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], substeps * dt, dt)
+    for n in range(substeps):
+        if e is not None:
+            for i in range(lanes):
+                actuate(e, s, g, u, i, n, substeps, dt)
+                u[COMMAND, i] = own_actuate(u[COMMAND, i], e, i)
         if payload:
             for i in range(lanes):
                 w[LEVEL, i] = cosine(x[THETA_OUT, i] + 0.5 * dt * x[V_OUT, i])
         for i in range(lanes):
-            _drive_part(x, p, u, w, i, dt)
+            _drive_part(x, p, u, w, e, s, g, i, dt)
         for i in range(lanes):
-            _output_part(x, p, w, i, dt)
+            _output_part(x, p, w, e, s, g, i, dt)
         if payload:
             for i in range(lanes):
                 w[LEVEL, i] = cosine(x[THETA_OUT, i])
         for i in range(lanes):
-            _report(x, p, u, i, w[LEVEL, i])
+            _report(x, p, u, w, e, s, g, i, w[LEVEL, i])
+            if e is not None:
+                s[STARTED, i] = 1.0
     for i in range(lanes):
         x[SLACK, i] /= substeps
+        if e is not None:
+            end(e, s, g, i, x[THETA_OUT, i], substeps * dt)
 
 
 @jit
 def advance(x, p, u, lo, hi, substeps, dt):
-    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place."""
+    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
     xt, pt, ut, wt = tile(ROWS_X), tile(TILE_P), tile(ROWS_U), tile(ROWS_W)
     for first in range(lo, hi, LANES):
         lanes = min(LANES, hi - first)
-        load(xt, x, first, lanes)
-        load(pt, p, first, lanes)
+        load(xt, x[:ROWS_X], first, lanes)
+        load(pt, p[:ROWS_P], first, lanes)
         load(ut, u, first, lanes)
-        _substeps(xt, pt, ut, wt, lanes, substeps, dt)
-        store(xt, x, first, lanes)
+        _substeps(xt, pt, ut, wt, None, None, None, lanes, substeps, dt)
+        store(xt, x[:ROWS_X], first, lanes)
+
+
+@jit
+def advance_with_effects(x, p, u, lo, hi, substeps, dt):
+    """The same with effects; x and p have their rows."""
+    xt, pt, ut, wt = tile(ROWS_X), tile(TILE_P), tile(ROWS_U), tile(ROWS_W)
+    et, st, gt = tile(TILE_E), tile(ROWS_S), tile(ROWS_G)
+    for first in range(lo, hi, LANES):
+        lanes = min(LANES, hi - first)
+        load(xt, x[:ROWS_X], first, lanes)
+        load(pt, p[:ROWS_P], first, lanes)
+        load(ut, u, first, lanes)
+        load(et, p[ROWS_P : ROWS_P + TILE_E], first, lanes)
+        load(st, x[ROWS_X:], first, lanes)
+        _substeps(xt, pt, ut, wt, et, st, gt, lanes, substeps, dt)
+        store(xt, x[:ROWS_X], first, lanes)
+        store(st, x[ROWS_X:], first, lanes)
 
 
 @jit
@@ -224,13 +353,31 @@ def _refresh(x, p):
     u = np.zeros((ROWS_U, x.shape[1]))
     for i in range(x.shape[1]):
         x[SLACK, i] = 0.0
-        _report(x, p, u, i, cosine(x[THETA_OUT, i]))
+        _report(x, p, u, None, None, None, None, i, cosine(x[THETA_OUT, i]))
 
 
 def prepare(values: np.ndarray) -> np.ndarray:
-    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n]."""
+    """Coefficient rows [len(PLANT.coefficients), n] of parameter columns [len(CIRCUIT), n].
+
+    Columns of the whole `PLANT.table` give the rows of the effects too.
+    """
+    if len(values) == len(CIRCUIT):
+        return _prepare(values, None)
+    e = LAYOUT.coefficients(values[len(CIRCUIT) :])
+    p = np.concatenate([_prepare(values, e), e])
+    drifting = np.flatnonzero(e[DRIFT])
+    if drifting.size:
+        final = values[:, drifting].copy()
+        final[CIRCUIT.index("cable_friction")] *= 1.0 + e[DRIFT, drifting]
+        final[CIRCUIT.index("shaft_friction")] *= 1.0 + e[DRIFT, drifting]
+        worn = _prepare(final, e[:, drifting])[DT1 : DT1 + BRANCHES]
+        p[ROWS_P + ROWS_E : ROWS_P + TILE_E, drifting] = worn
+    return np.ascontiguousarray(p)
+
+
+def _prepare(values: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
     statics = Statics.from_values(values)
-    shared = shared_coefficients(values, statics)
+    shared = shared_coefficients(values, statics, effects)
     per_t, per_b = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
     k_t, k_b = statics.product
     turn = statics.drive_radius * shared[GEAR] * (per_t + per_b).max(axis=0)
@@ -251,9 +398,18 @@ def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
     D is that of equal tensions along each cable, inside the hold; torques and tensions are the kernel's for that D.
     """
     position = np.asarray(position, dtype=np.float64)
-    x = rest_signals(p, ROWS_X, position, *rest_elongation(p, p[LENGTH_T], p[LENGTH_B], position))
-    _refresh(x, p)
-    return x
+    e = effect_rows(p, ROWS_P)
+    elongation = rest_elongation(p, p[LENGTH_T], p[LENGTH_B], position, e)
+    x = rest_signals(p, ROWS_X, ROWS_P, position, *elongation)
+    plain = (
+        (e[CREEP] == 0.0)
+        & (e[HARDENING] == 0.0)
+        & (e[SPRING] == 0.0)
+        & (x[THETA_IN] == (position + elongation[0]) / p[GEAR])
+    )
+    seen = x.copy()
+    _refresh(seen, p)
+    return np.where(plain, seen, x)
 
 
 PLANT = Plant(
@@ -264,5 +420,6 @@ PLANT = Plant(
     action_modes=ACTION_MODES,
     prepare=prepare,
     rest=rest,
-    advance=advance,
+    kernels=(advance, advance_with_effects),
+    effects=LAYOUT,
 )

@@ -1,0 +1,26 @@
+"""Friction in one direction only: the difference between both directions."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.kernels import inline, maximum
+
+EFFECT = Effect(
+    name="asymmetric_friction",
+    seam="load",
+    equation="F = -max(difference, 0) for v > 0, +max(-difference, 0) for v < 0: never gives energy",
+    source="Armstrong-Helouvry, Control of Machines with Friction, Kluwer 1991, ch. 4",
+    parameters=(
+        EffectParameter(
+            "difference", "N", 0.0, -1e4, 1e4, "dry friction moving up less that moving down, load or output", 2.0, 0.01
+        ),
+    ),
+    plants=PLANTS,
+    validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force",
+    experiment="the same in both directions with the force sensor's zero checked outside: else it is a bias",
+    confusable=("sensor_bias", "coulomb_friction", "position_dependent_load"),
+)
+
+
+@inline
+def levels(difference):
+    """(friction moving up, friction moving down), both >= 0."""
+    return maximum(difference, 0.0), maximum(-difference, 0.0)

@@ -1,0 +1,30 @@
+"""Lost motion between the drive (where it is measured) and what it moves."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.kernels import clip, inline, maximum, minimum
+
+EFFECT = Effect(
+    name="backlash",
+    seam="actuate",
+    equation="circuit: pulley q in [theta_in - gap/2, theta_in + gap/2], torque at an edge only; "
+    "hole: play operator (the nut is held by its friction); linear_drive: belt force k dz(x_m - x, gap/2)",
+    source="Nordin and Gutman, Automatica 38 (2002) 1633: dead zone with a shaft's compliance, and the play operator",
+    parameters=(EffectParameter("gap", "m", 0.0, 0.0, 1.0, "whole width of the gap", 5e-4, 0.03),),
+    plants=PLANTS,
+    validity="the part between gear and cable has no inertia; linear_drive needs a belt (belt_stiffness above 0)",
+    experiment="reversals of growing amplitude with the output locked: a gap's lost motion does not grow",
+    confusable=("presliding_hysteresis", "cable_elongation", "slack"),
+)
+
+
+@inline
+def play(nut, drive, gap):
+    """Position of a nut with friction in a gap around the drive (play operator)."""
+    return clip(nut, drive - 0.5 * gap, drive + 0.5 * gap)
+
+
+@inline
+def dead_zone(stretch, gap):
+    """What of a stretch is left beyond a gap."""
+    half = 0.5 * gap
+    return maximum(stretch - half, 0.0) + minimum(stretch + half, 0.0)

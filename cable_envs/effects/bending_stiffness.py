@@ -1,0 +1,20 @@
+"""A stiff cable lifts off at both ends of the hole's edge: less wrap, less friction, more so at low tension."""
+
+from cable_envs.effects.base import Effect, EffectParameter
+
+EFFECT = Effect(
+    name="bending_stiffness",
+    seam="contact",
+    equation="theta_e = theta - sqrt(B / f1) / (2 R) - sqrt(B / f2) / (2 R)",
+    source="Eq. (1), (A1)-(A11), Gu 2024",
+    parameters=(
+        EffectParameter(
+            "rigidity", "N m^2", 0.0, 0.0, 10.0, "flexural rigidity B of the cable", 2e-5,
+            aliases={"cable_hole": "bending_rigidity"},
+        ),
+    ),
+    plants=("cable_hole",),
+    validity="free spans l with l sqrt(T / B) > 1.83",
+    experiment="tension ratio at four tensions and two cable diameters",
+    confusable=("coulomb_friction", "load_dependent_friction"),
+)  # fmt: skip

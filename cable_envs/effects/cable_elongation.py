@@ -1,0 +1,29 @@
+"""The cable stretches in proportion to its tension; without the effect it is nearly rigid."""
+
+from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+
+EFFECT = Effect(
+    name="cable_elongation",
+    seam="cable",
+    equation="T = k stretch (hole, belt); EA de/ds = T (circuit, Zou 2022 Eq. 14-16)",
+    source="Hooke; Zou 2022, section 2.2",
+    parameters=(
+        EffectParameter(
+            "stiffness", "N/m", 1e7, 1.0, 1e9, "EA / L of the span at the drive", 6e4,
+            aliases={"cable_hole": "cable_stiffness"}, plants=("cable_hole",),
+        ),
+        EffectParameter(
+            "tensile_stiffness", "N", 1e6, 1.0, 1e8, "EA of the cable", 1.684e4, 1.684e4,
+            aliases=dict.fromkeys(CIRCUITS, "tensile_stiffness"), plants=CIRCUITS,
+        ),
+        EffectParameter(
+            "belt_stiffness", "N/m", 0.0, 0.0, 1e9, "spring between motor and carriage; 0: rigid", 1e5,
+            aliases={"linear_drive": "belt_stiffness"}, plants=("linear_drive",),
+        ),
+    ),
+    plants=PLANTS,
+    validity="strains below a percent, no waves. The null of a cable is a stiffness a hundred times the usual one: a "
+    "rigid one would leave the tension undetermined",
+    experiment="output locked, force ramped up and down: the slope of drive motion over tension",
+    confusable=("backlash", "presliding_hysteresis", "stiffness_hardening", "viscoelastic_creep"),
+)  # fmt: skip

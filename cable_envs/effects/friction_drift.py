@@ -1,0 +1,27 @@
+"""Friction that changes as the rig runs: with time, with travel (wear, lubricant, temperature)."""
+
+from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.kernels import exp, inline, select
+
+EFFECT = Effect(
+    name="friction_drift",
+    seam="contact",
+    equation="friction = friction_0 (1 + change d), d' = (1 - d) (1 / time + |v| / travel), d(0) = 0",
+    source="running-in and warming-up: Archard and Hirst, Proc. R. Soc. A 236 (1956) 397; one exponential",
+    parameters=(
+        EffectParameter("change", "1", 0.0, -0.9, 5.0, "relative change of all dry friction in the end", 0.3),
+        EffectParameter("time", "s", 60.0, 1e-2, 1e9, "time constant; 1e9: not with time", 60.0, shape=True),
+        EffectParameter("travel", "m", 1e9, 1e-6, 1e9, "travel constant; 1e9: not with travel", 1.0, 50.0, shape=True),
+    ),
+    plants=PLANTS,
+    validity=f"slow against a control step; {' and '.join(CIRCUITS)}: tension ratios go in a straight line from the "
+    "present to the final friction coefficients",
+    experiment="the same motion at the beginning, in the middle and at the end of a long run; rest; once more",
+    confusable=("viscoelastic_creep", "sensor_scale"),
+)
+
+
+@inline
+def drifted(d, change, time, travel, dt, moved):
+    """State after dt with ``moved`` of travel; nothing happens without the effect."""
+    return select(change != 0.0, 1.0 - (1.0 - d) * exp(-dt / time - moved / travel), d)

@@ -1,0 +1,22 @@
+"""Friction in proportion to the cable's tension: bearings that carry it, guides that it presses."""
+
+from cable_envs.effects.base import CIRCUITS, Effect, EffectParameter
+
+EFFECT = Effect(
+    name="load_dependent_friction",
+    seam="load",
+    equation="F = -coefficient T sign(v) (hole: T1); circuit: M = -coefficient R5 (T45t + T45b) sign(v)",
+    source="Zou 2022, section 3.2: friction that grows with pretension and the neglected bearings; bearing friction "
+    "mu r_s / R per tension: Eq. (24)",
+    parameters=(
+        EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension at the load or output", 0.03, 0.02),
+        EffectParameter(
+            "shaft", "1", 0.0, 0.0, 2.0, "friction coefficient of the idlers on their shafts, mu_s", 0.15,
+            aliases=dict.fromkeys(CIRCUITS, "shaft_friction"), plants=CIRCUITS,
+        ),
+    ),
+    plants=("cable_hole", *CIRCUITS),
+    validity="Amontons; coefficient mu r_s / R of a plain bearing",
+    experiment="constant slow speed at four loads or pretensions: the slope of friction over tension",
+    confusable=("coulomb_friction", "bending_stiffness"),
+)  # fmt: skip

@@ -1,0 +1,33 @@
+"""A periodic error over position: eccentric pulleys and screws (motion), cogging (force)."""
+
+from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.kernels import inline, sine_cosine
+
+_TAU = 6.283185307179586
+
+EFFECT = Effect(
+    name="position_ripple",
+    seam="actuate",
+    equation="x_cable = x + amplitude sin(2 pi x / period + phase); drive: F = force sin(2 pi x / period + phase)",
+    source="the first harmonic of an eccentric pulley's or screw's transmission error, or of a motor's cogging",
+    parameters=(
+        EffectParameter(
+            "amplitude", "m", 0.0, -1.0, 1.0, "amplitude of the transmission error", 2e-4, 0.01,
+            plants=("cable_hole", *CIRCUITS),
+        ),
+        EffectParameter("force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",)),
+        EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
+        EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),
+    ),
+    plants=PLANTS,
+    validity="amplitude below period / 2 pi, else the drive would move the cable backwards",
+    experiment="slow motion over several periods, both ways and at two speeds: the same over position, not over time",
+    confusable=("position_dependent_load",),
+)  # fmt: skip
+
+
+@inline
+def wave(position, amplitude, period, phase):
+    """(amplitude sin(2 pi position / period + phase), its slope)."""
+    sine, cosine = sine_cosine(_TAU * position / period + phase)
+    return amplitude * sine, amplitude * cosine * _TAU / period

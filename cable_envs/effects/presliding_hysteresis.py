@@ -1,0 +1,60 @@
+"""Dry friction that builds up over a distance after each reversal: asperities bend before they slide."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.rows import ELEMENTS
+from cable_envs.kernels import clip, inline, select
+
+EFFECT = Effect(
+    name="presliding_hysteresis",
+    seam="contact",
+    equation="s_k' = 4 v / (k displacement), held in [0, 1], k = 1..4; F = F_down + mean(s) (F_up - F_down)",
+    source="generalised Maxwell-slip: Al-Bender, Lampaert, Swevers, IEEE TAC 50 (2005) 1883; damping sqrt(K m) while "
+    "elastic: Canudas de Wit et al., IEEE TAC 40 (1995) 419",
+    parameters=(
+        EffectParameter(
+            "displacement",
+            "m",
+            0.0,
+            0.0,
+            1.0,
+            "motion from full friction one way to full friction the other",
+            5e-4,
+            0.02,
+        ),
+    ),
+    plants=PLANTS,
+    validity="takes the place of the set-valued dry friction of the load or output (cable_hole: the hole's too)",
+    experiment="reversals of growing amplitude around one position with the output free; loops within loops",
+    confusable=("backlash", "cable_elongation", "partial_slip"),
+)
+
+
+@inline
+def share(state, first, i):
+    """Share of the friction that opposes upward motion, in [0, 1]: the mean of the elements."""
+    return 0.25 * ((state[first, i] + state[first + 1, i]) + (state[first + 2, i] + state[first + 3, i]))
+
+
+@inline
+def slope(state, first, i, v, width):
+    """d share / d position of the elements that have not yet slipped in the direction of v."""
+    total = 0.0
+    for k in range(ELEMENTS):
+        s = state[first + k, i]
+        total += select(((v >= 0.0) & (s < 1.0)) | ((v <= 0.0) & (s > 0.0)), 1.0 / (k + 1.0), 0.0)
+    return total / select(width > 0.0, width, 1.0)  # an element's width is (k + 1) / 4 of it, its weight 1 / 4
+
+
+@inline
+def follow(state, first, i, moved, width):
+    """The elements after a motion."""
+    for k in range(ELEMENTS):
+        s = clip(state[first + k, i] + 4.0 * moved / ((k + 1.0) * select(width > 0.0, width, 1.0)), 0.0, 1.0)
+        state[first + k, i] = select(width > 0.0, s, state[first + k, i])
+
+
+@inline
+def begin(state, first, i, started, value):
+    """All elements at the share that balances the start, if nothing has started yet."""
+    for k in range(ELEMENTS):
+        state[first + k, i] = select(started > 0.5, state[first + k, i], value)

@@ -1,0 +1,16 @@
+"""A measurement with a wrong zero."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+
+EFFECT = Effect(
+    name="sensor_bias",
+    seam="sense",
+    equation="y = x + bias",
+    source="ISO/IEC Guide 98-3 (GUM), systematic error",
+    parameters=(EffectParameter("signal", "", 0.0, -1e6, 1e6, "error of the sensor's zero, in its unit", 0.05),),
+    plants=PLANTS,
+    validity="constant over the record",
+    experiment="unload and read; turn the sensor round",
+    confusable=("asymmetric_friction", "position_dependent_load", "slack"),
+    each_sensor=True,
+)

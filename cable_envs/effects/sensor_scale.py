@@ -1,0 +1,16 @@
+"""A measurement with a wrong scale."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+
+EFFECT = Effect(
+    name="sensor_scale",
+    seam="sense",
+    equation="y = scale x",
+    source="ISO/IEC Guide 98-3 (GUM), systematic error",
+    parameters=(EffectParameter("signal", "1", 1.0, -100.0, 100.0, "factor on what is measured", 1.1),),
+    plants=PLANTS,
+    validity="linear sensors; counts, gains and gear ratios taken wrongly",
+    experiment="two known weights or lengths",
+    confusable=("friction_drift", "load_dependent_friction", "cable_elongation"),
+    each_sensor=True,
+)

@@ -1,0 +1,30 @@
+"""A rope whose stiffness grows with its tension: strands and braids settle."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.kernels import inline, sqrt
+
+EFFECT = Effect(
+    name="stiffness_hardening",
+    seam="cable",
+    equation="T = T_lin (1 + coefficient T_lin / 2), dT/ds = k (1 + coefficient T_lin), T_lin = k stretch",
+    source="ropes grow stiffer with stress: Feyrer, Wire Ropes, Springer 2015; here to first order",
+    parameters=(
+        EffectParameter("coefficient", "1/N", 0.0, 0.0, 1.0, "relative growth of stiffness per tension", 0.01, 0.01),
+    ),
+    plants=PLANTS,
+    validity="first order in tension; the chain takes each span's secant stiffness from the step before",
+    experiment="output locked, force ramped over the whole range: drive motion over tension bends",
+    confusable=("cable_elongation", "slack"),
+)
+
+
+@inline
+def linear(tension, coefficient):
+    """The inverse of `hardened`, for tensions >= 0; exact without the effect."""
+    return 2.0 * tension / (1.0 + sqrt(1.0 + 2.0 * coefficient * tension))
+
+
+@inline
+def hardened(linear, coefficient):
+    """(tension, its slope over that of the linear law) of the tension that the linear law would give."""
+    return linear * (1.0 + 0.5 * coefficient * linear), 1.0 + coefficient * linear

@@ -1,0 +1,34 @@
+"""Friction that falls from its value at breakaway to the sliding one as the speed grows."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.kernels import exp, inline
+
+EFFECT = Effect(
+    name="stribeck_friction",
+    seam="contact",
+    equation="F = -(level + excess exp(-(v / velocity)^2)) sign(v); contact: mu + contact exp(-(v / velocity)^2)",
+    source="Stribeck 1902; Bo and Pavelescu, Wear 82 (1982) 277",
+    parameters=(
+        EffectParameter("excess", "N", 0.0, 0.0, 1e4, "friction at v = 0 above Coulomb's, load or output", 2.0, 0.01),
+        EffectParameter(
+            "contact", "1", 0.0, 0.0, 5.0, "excess of the hole's friction coefficient at v = 0", 0.15,
+            plants=("cable_hole",),
+        ),
+        EffectParameter(
+            "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True
+        ),
+    ),
+    plants=PLANTS,
+    validity="steady sliding; below a few pre-sliding lengths the excess is not yet lost",
+    experiment="eight constant speeds from far below to far above `velocity`, both ways",
+    confusable=("coulomb_friction", "viscous_friction", "presliding_hysteresis"),
+)  # fmt: skip
+
+
+@inline
+def excess_at(excess, velocity, v):
+    """(excess exp(-(v / velocity)^2), its slope to |v|)."""
+    per = 1.0 / velocity
+    u = v * per
+    now = excess * exp(-u * u)
+    return now, -2.0 * abs(u) * per * now

@@ -1,0 +1,32 @@
+"""The cable goes on stretching under load, and recovers: a standard linear solid."""
+
+from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.kernels import exp, inline, select
+
+EFFECT = Effect(
+    name="viscoelastic_creep",
+    seam="cable",
+    equation="T = k (stretch - u), time u' = share T / k - u (circuit: share (T - T_pre): it is settled at rest)",
+    source="standard linear solid: Zener, Elasticity and Anelasticity of Metals, Chicago 1948",
+    parameters=(
+        EffectParameter("share", "1", 0.0, 0.0, 20.0, "creep's part of the compliance over the elastic one", 0.5),
+        EffectParameter("time", "s", 5.0, 1e-3, 1e5, "time constant of the creep", 5.0, shape=True),
+    ),
+    plants=PLANTS,
+    validity="linear; one time constant (a rope has several: the one within the record counts)",
+    experiment="hold a load, unload, hold, repeat: creep comes back, drift does not",
+    confusable=("friction_drift", "cable_elongation", "actuator_lag"),
+)
+
+
+@inline
+def kept(time, dt):
+    """Share of the distance to its target that the creep still has after dt."""
+    return exp(-dt / time)
+
+
+@inline
+def crept(u, share, elongation, keep):
+    """Creep after a step with the elastic ``elongation``; zero stays zero without the effect."""
+    target = share * elongation
+    return select(share > 0.0, target + (u - target) * keep, u)

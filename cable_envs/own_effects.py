@@ -1,0 +1,138 @@
+"""A user's own effect, from a file: compiled into a copy of the plant's kernel on first use.
+
+The file defines ``EFFECT``, an `Effect` like the canonical ones, with plain functions of numbers as hooks; the values
+of its parameters follow in their order:
+
+seam    | hook                                  | gives
+------- | ------------------------------------- | -----------------------------------------------------------------
+actuate | f(command, *numbers)                  | the command that acts
+cable   | f(tension, *numbers)                  | the tension (N; closed-form circuit: N m) that the law before gives
+contact | f(speed, tension, *numbers)           | what the hole's friction coefficient has more (cable_hole)
+load    | f(position, velocity, tension, *n)    | force or torque on the load or output against positive motion
+
+They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math` and those of
+`cable_envs.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
+"""
+
+import importlib.util
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from cable_envs.effects import EFFECTS, Effect, Layout
+from cable_envs.effects.rows import OWN_0
+from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.kernels import inline, jit_uncached
+from cable_envs.plants.base import Plant
+
+ARGUMENTS = {
+    "actuate": ("command",),
+    "cable": ("tension",),
+    "contact": ("speed", "tension"),
+    "load": ("position", "velocity", "tension"),
+}
+"""What a hook is given before the numbers."""
+
+_JOIN = {"actuate": None, "cable": None, "contact": " + ", "load": " + "}  # None: one after the other
+_MODULES = {
+    "cable_hole": "cable_envs.plants.cable_hole",
+    "pulley_circuit": "cable_envs.plants.pulley_circuit",
+    "pulley_chain": "cable_envs.plants.pulley_chain",
+    "linear_drive": "cable_envs.plants.linear_drive",
+}
+
+
+def load_effect(path: str | Path) -> Effect:
+    """The ``EFFECT`` of a Python file; the file is run. Raises ConfigurationError that says what is wrong with it."""
+    path = Path(path)
+    if not path.is_file():
+        raise ConfigurationError(f"effect file {path}: there is no such file")
+    spec = importlib.util.spec_from_file_location(f"own_effect_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ConfigurationError(f"effect file {path}: {type(error).__name__}: {error}") from error
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise ConfigurationError(f"effect file {path}: it must define EFFECT, a cable_envs.effects.Effect")
+    check_effect(effect, str(path))
+    return effect
+
+
+def check_effect(effect: Effect, where: str) -> None:
+    """Raise ConfigurationError for what cannot be compiled in: names, seams, numbers of arguments."""
+    if effect.name in EFFECTS:
+        raise ConfigurationError(f"{where}: the name '{effect.name}' is that of a canonical effect")
+    if not effect.name.isidentifier():
+        raise ConfigurationError(f"{where}: the name '{effect.name}' is no identifier")
+    if not effect.hooks:
+        raise ConfigurationError(f"{where}: no hooks; give hooks={{seam: function}}, seams {', '.join(ARGUMENTS)}")
+    require_known(f"seam of a hook in {where}", effect.hooks, ARGUMENTS)
+    for seam, function in effect.hooks.items():
+        wanted = [*ARGUMENTS[seam], *(p.name for p in effect.parameters)]
+        given = list(inspect.signature(function).parameters)
+        if len(given) != len(wanted):
+            raise ConfigurationError(
+                f"{where}: the hook '{seam}' takes ({', '.join(given)}); it is given ({', '.join(wanted)})"
+            )
+
+
+@cache
+def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
+    """The plant with further effects; its kernel is compiled on first use, in this process."""
+    if not own:
+        return plant
+    numbers: dict[str, list[int]] = {}
+    row = OWN_0
+    for effect in own:
+        count = len(effect.parameters_on(plant.name))
+        if not count:
+            raise ConfigurationError(f"effect '{effect.name}' does not act on {plant.name}")
+        numbers[effect.name] = list(range(row, row + count))
+        row += count
+    hooks = {}
+    for seam in ARGUMENTS:
+        users = [(e.hooks[seam], numbers[e.name]) for e in own if seam in e.hooks]
+        if users:
+            hooks[f"own_{seam}"] = _hook(seam, users)
+    source = importlib.import_module(_MODULES[plant.name])
+    missing = [name for name in hooks if not hasattr(source, name)]
+    if missing:
+        raise ConfigurationError(f"{plant.name} has no seam '{missing[0].removeprefix('own_')}' for own effects")
+    layout = Layout(plant.name, source.PLANT.parameters, own, plant.effects.worn)
+    home = copied(source, ("advance", "advance_with_effects"), **hooks, LAYOUT=layout)
+    effects = Layout(plant.name, plant.parameters, own, plant.effects.worn)
+    kernels = (home.advance, home.advance_with_effects)
+    return replace(plant, prepare=home.prepare, rest=home.rest, kernels=kernels, effects=effects, own=own, home=home)
+
+
+def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[int]]]) -> Callable[..., float]:
+    """One scalar piece of all hooks at a seam; it is written out, as the kernels' pieces cannot take a list."""
+    given = ARGUMENTS[seam]
+    space: dict[str, Any] = {f"f{k}": inline(function) for k, (function, _) in enumerate(users)}
+    calls = [
+        f"f{k}({', '.join([*given, *(f'e[{row}, i]' for row in rows)])})" for k, (_, rows) in enumerate(users)
+    ]  # fmt: skip
+    if _JOIN[seam]:
+        body = [f"    return {_JOIN[seam].join(calls)}"]
+    else:
+        body = [*(f"    {given[0]} = {call}" for call in calls), f"    return {given[0]}"]
+    exec("\n".join([f"def own({', '.join(given)}, e, i):", *body]), space)
+    return inline(space["own"])
+
+
+def copied(module: ModuleType, kernels: Sequence[str], **instead: Any) -> ModuleType:
+    """A copy of a module whose functions see other globals, and whose ``kernels`` are not those cached on disk."""
+    spec = importlib.util.spec_from_file_location(f"{module.__name__}_copy", module.__file__)
+    copy = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(copy)
+    for name, value in instead.items():
+        setattr(copy, name, value)
+    for name in kernels:
+        setattr(copy, name, jit_uncached(getattr(copy, name)))
+    return copy
