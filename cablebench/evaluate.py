@@ -184,14 +184,16 @@ def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
 
 
 def reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
-    """Rig parameters scaled by a sweep, held within their physical bounds; the entrant keeps the nominal ones."""
-    if cell.sweep is None or not cell.sweep.scale:
+    """Rig parameters as a sweep changes them, scaled ones held within bounds; the entrant keeps the nominal ones."""
+    if cell.sweep is None or cell.sweep.option:
         return None
     table = setup.plant.parameters
     changed = {}
-    for name in cell.sweep.scale[cell.task.family]:
+    for name in cell.sweep.scale.get(cell.task.family, ()):
         declared = table[name]
         changed[name] = min(max(setup.rig.values[name] * cell.value, declared.low), declared.high)
+    for name, size in cell.sweep.add.get(cell.task.family, {}).items():
+        changed[name] = setup.rig.values.get(name, 0.0) + size * cell.value  # an effect's parameter is absent where 0
     return {"rig": changed}
 
 

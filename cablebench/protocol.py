@@ -54,8 +54,9 @@ class Task:
 class Sweep:
     """One disturbing quantity varied alone over `points` evenly spaced values from `low` to `high`.
 
-    It either scales rig parameters (`scale`: parameter names by mechanism) or sets an environment option (`option`);
-    a mechanism that is not named under `scale` is not swept.
+    It scales rig parameters (`scale`: parameter names by mechanism), or adds to them (`add`: by mechanism, parameter and
+    what one unit of the value adds, SI), or sets an environment option (`option`). A mechanism that is not named under
+    `scale` or `add` is not swept.
     """
 
     name: str
@@ -63,6 +64,7 @@ class Sweep:
     high: float
     points: int = 21
     scale: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    add: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     option: str = ""
     integer: bool = False
     unit: str = "1"
@@ -163,7 +165,7 @@ class Protocol:
                 if not track.sweeps:
                     cells.append(Cell(task, track, episodes))
                 for sweep in track.sweeps:
-                    if sweep.option or task.family in sweep.scale:
+                    if sweep.option or task.family in sweep.scale or task.family in sweep.add:
                         cells.extend(Cell(task, track, episodes, sweep, v) for v in sweep.values())
         return tuple(cells)
 
@@ -309,16 +311,21 @@ def _track(name: str, data: Mapping[str, Any], source: str) -> Track:
 
 
 def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
-    keys = ("from", "to", "points", "scale", "option", "integer", "unit")
+    keys = ("from", "to", "points", "scale", "add", "option", "integer", "unit")
     require_known(f"key in sweep '{name}' of {source}", data, keys)
-    if bool(data.get("scale")) == bool(data.get("option")):
-        raise ConfigurationError(f"{source}: sweep '{name}' needs either 'scale' (rig parameters) or 'option'")
+    if sum(bool(data.get(key)) for key in ("scale", "add", "option")) != 1:
+        raise ConfigurationError(f"{source}: sweep '{name}' needs one of 'scale', 'add' (rig parameters) and 'option'")
+    add = {
+        str(mechanism): {n: _number(v, f"{name}.add.{mechanism}.{n}", source) for n, v in sizes.items()}
+        for mechanism, sizes in (data.get("add") or {}).items()
+    }
     return Sweep(
         name=str(name),
         low=_number(data.get("from"), f"{name}.from", source),
         high=_number(data.get("to"), f"{name}.to", source),
         points=_count(data.get("points", 21), f"{name}.points", source, 2),
         scale={str(k): tuple(v) for k, v in (data.get("scale") or {}).items()},
+        add=add,
         option=str(data.get("option", "")),
         integer=bool(data.get("integer", False)),
         unit=str(data.get("unit", "1")),

@@ -92,7 +92,7 @@ def _broken(data, *path_and_value):
         (("bootstrap", "level", 1.5), "between 0 and 1"),
         (("tasks", ["a", "a"]), "listed twice"),
         (("tasks", []), "'tasks' is missing"),
-        (("tracks", "stress", "sweeps", "delay", "scale", {"CableHole": ["x"]}), "either 'scale'"),
+        (("tracks", "stress", "sweeps", "delay", "scale", {"CableHole": ["x"]}), "needs one of 'scale'"),
         (("seeds", "test", 7), "'first' and 'count'"),
     ],
 )
@@ -136,3 +136,20 @@ def test_a_protocol_is_frozen():
     with pytest.raises(AttributeError):
         load_protocol("quick").episodes = 3
     assert isinstance(load_protocol("quick"), Protocol)
+
+
+def test_a_sweep_adds_to_rig_parameters():
+    from cablebench.evaluate import reset_options, setup_of
+
+    data = {
+        "schema": 1, "name": "x", "tasks": ["cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Torque-Sine-v0"],
+        "seeds": {k: {"first": 10 * i, "count": 10} for i, k in enumerate(("train", "tune", "test"))}, "episodes": 1,
+        "tracks": {"stress": {"sweeps": {"mass": {"from": 0, "to": 2, "points": 3, "add": {"CableHole": {"load_mass": 0.5}}}}}},
+    }  # fmt: skip
+    cells = parse_protocol(data).cells()
+    assert [c.task.family for c in cells] == ["CableHole"] * 3
+    setup = setup_of(cells[0].task.env, {})
+    assert [reset_options(c, setup)["rig"]["load_mass"] for c in cells] == [5.0, 5.5, 6.0]
+    data["tracks"]["stress"]["sweeps"]["mass"]["scale"] = {"CableHole": ["load_mass"]}
+    with pytest.raises(ConfigurationError, match="needs one of 'scale', 'add'"):
+        parse_protocol(data)
