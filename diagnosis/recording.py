@@ -8,18 +8,26 @@ known:   {wrap_angle: {value: 60, unit: deg}}                      # measured an
 nominal: {friction_coefficient: {value: 0.43, std: 0.05}}          # believed, to be refitted
 records:
   - {data: run_01.csv, use: fit}                                   # CSV with a header row, or Parquet
-  - {data: run_02.csv, use: heldout}
+  - data: run_02.csv
+    use: heldout
+    conditions: {load: {value: 5, unit: N}, tool: A}               # optional: numbers with units, or text
+    offsets: {drive_position: -3.2}                                # optional, in the channel's unit: added to it
+    quality: [{channel: drive_tension, kind: saturated, from_s: 1, to_s: 1.2, note: "flat at 50 N"}]
 channels:
-  time:          {column: t, unit: s}
-  drive_tension: {column: F, unit: N, noise_std: 0.05, scale: 1, offset: 0}
+  time:           {column: t, unit: s}
+  drive_tension:  {column: F, unit: N, noise_std: 0.05, scale: 1, offset: 0, note: "positive pulls"}
+  drive_position: {column: n, unit: mm, scale: 0.01, offset_free: record}
 ```
 
-A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset``; ``noise_std`` is in that unit too.
+A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset`` plus the record's own offset;
+``noise_std`` is in that unit too. ``offset_free`` marks a channel whose zero means nothing, such as an incremental
+encoder's: it may be another one in every record (``record``), is one for all (``recording``), or one for the records
+that share a condition (its name). ``quality`` says where a record is in doubt (`diagnosis.entries`).
 Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,12 +38,14 @@ from cable_envs.config import read_yaml
 from cable_envs.errors import ConfigurationError, nearest, require_known
 from cable_envs.params import Parameter, ParameterTable, to_si
 from cable_envs.rigs import Rig, load_rig
+from diagnosis.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
 from diagnosis.tables import read_columns
 
 SCHEMA = "cable-recording/1"
 USES = ("fit", "heldout")
-_KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description")
-_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std")
+_KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
+_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "note")
+_RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
 _VALUE_KEYS = ("value", "unit", "std", "source", "note")
 
 CHANNELS: Mapping[str, Mapping[str, str]] = {
@@ -51,32 +61,30 @@ CHANNELS: Mapping[str, Mapping[str, str]] = {
     },
     "linear_drive": {
         "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
+        "motor_position": "m", "speed_reading": "V", "band_tension_1": "N", "band_tension_2": "N",
     },
 }  # fmt: skip
-"""SI unit of every channel, by system. Positive signs as in the plants: hauling in, lifting, counter-clockwise."""
+"""SI unit of every channel, by system. Positive signs as in the plants: hauling in, lifting, counter-clockwise.
+
+Of linear_drive, ``speed_reading`` is what a speed sensor reads whose scale is not known and which may rectify (coupled
+drives), and the band tensions are those at the two ends of a band around a drum that ``position`` turns (band brake).
+"""
 
 _HOLE_RADIUS = Parameter("hole_radius", "m", 1.5e-3, 1e-6, 1.0, "radius R of the hole's edge")
-_LINEAR_DRIVE = ParameterTable(
-    Parameter("load_mass", "kg", 1.0, 1e-6, 1e5, "moving mass"),
-    Parameter("gravity", "m/s^2", 9.81, 0.0, 30.0, "gravitational acceleration"),
-    Parameter("viscous_friction", "N s/m", 0.0, 0.0, 1e6, "viscous friction"),
-    Parameter("coulomb_friction", "N", 0.0, 0.0, 1e6, "Coulomb friction"),
-    Parameter("belt_stiffness", "N/m", 1e6, 1.0, 1e12, "stiffness between motor and load"),
-    Parameter("belt_damping", "N s/m", 0.0, 0.0, 1e9, "damping between motor and load"),
-    Parameter("motor_mass", "kg", 0.0, 0.0, 1e5, "inertia of the motor, as a mass"),
-    Parameter("force_constant", "N/V", 1.0, 0.0, 1e6, "force for each volt, where the force is not measured"),
+_LINEAR_DRIVE_SENSORS = (
+    Parameter("force_offset", "N", 0.0, -1e4, 1e4, "constant force: amplifier's offset, a tilted axis"),
+    Parameter("speed_scale", "V s/m", 1.0, 1e-9, 1e9, "reading of the speed sensor for 1 m/s"),
 )
+"""Beside the plant's: what a public drive benchmark has and the plant need not know."""
 
 
 @cache
 def parameters_of(system: str) -> ParameterTable:
     """Parameters that ``known`` and ``nominal`` of a recording may name: those of the plant and measured radii."""
-    if system == "linear_drive":
-        return _LINEAR_DRIVE
     from cable_envs.plants import plant_for
 
-    table = plant_for(system).parameters
-    return ParameterTable(*table, _HOLE_RADIUS) if system == "cable_hole" else table
+    more = {"cable_hole": (_HOLE_RADIUS,), "linear_drive": _LINEAR_DRIVE_SENSORS}
+    return ParameterTable(*plant_for(system).parameters, *more.get(system, ()))
 
 
 @dataclass(frozen=True)
@@ -98,6 +106,8 @@ class Channel:
     scale: float = 1.0
     offset: float = 0.0
     noise_std: float | None = None
+    offset_free: str | None = None
+    note: str = ""
 
     def to_si(self, raw: np.ndarray) -> np.ndarray:
         """Raw numbers of the column as SI."""
@@ -106,16 +116,30 @@ class Channel:
 
 @dataclass(frozen=True)
 class Record:
-    """One data file: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time."""
+    """One data file: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time.
+
+    ``conditions`` and ``offsets`` are in SI too; the offsets are in the data already.
+    """
 
     name: str
     use: str
     data: Mapping[str, np.ndarray]
+    conditions: Mapping[str, float | str] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    quality: tuple[Doubt, ...] = ()
 
     @property
     def time(self) -> np.ndarray:
         """s, strictly increasing [samples]."""
         return self.data["time"]
+
+    def usable(self, channel: str) -> np.ndarray:
+        """Whether each sample of a channel is a measurement: neither empty nor stuck nor saturated [samples]."""
+        good = ~np.isnan(self.data[channel])
+        for doubt in self.quality:
+            if doubt.kind in UNUSABLE and doubt.channel in (channel, None):
+                good &= (self.time < doubt.start) | (self.time > doubt.end)
+        return good
 
 
 @dataclass(frozen=True)
@@ -130,6 +154,7 @@ class Recording:
     channels: Mapping[str, Channel]
     records: tuple[Record, ...]
     description: str = ""
+    source: Mapping[str, Any] = field(default_factory=dict)
 
     def used_for(self, use: str) -> tuple[Record, ...]:
         """Records for "fit" or "heldout"."""
@@ -141,6 +166,15 @@ class Recording:
             if name in source:
                 return source[name].value
         return self.rig.values.get(name) if self.rig else None
+
+    def offset_groups(self, channel: str) -> dict[str, tuple[str, ...]]:
+        """Names of the records that share a free offset of ``channel``, by a key; empty where its offset is known."""
+        free = self.channels[channel].offset_free
+        groups: dict[str, list[str]] = {}
+        for record in self.records if free is not None else ():
+            key = {"record": record.name, "recording": "all"}.get(free) or str(record.conditions.get(free, record.name))
+            groups.setdefault(key, []).append(record.name)
+        return {key: tuple(names) for key, names in groups.items()}
 
     def require(self, *channels: str, purpose: str) -> None:
         """ConfigurationError that names the channels which ``purpose`` needs and the recording lacks."""
@@ -178,7 +212,10 @@ def load_recording(path: Path | str) -> Recording:
         raise ConfigurationError(f"{path.name}: a data file is listed twice in 'records'")
     if not any(record.use == "fit" for record in records):
         raise ConfigurationError(f"{path.name}: no record has 'use: fit'")
-    return Recording(path, system, rig, known, nominal, channels, records, str(data.get("description", "")))
+    description, source = str(data.get("description", "")), data.get("source") or {}
+    if not isinstance(source, Mapping):
+        raise ConfigurationError(f"{path.name}: 'source' must be a mapping")
+    return Recording(path, system, rig, known, nominal, channels, records, description, source)
 
 
 def _yaml_of(path: Path) -> Path:
@@ -242,7 +279,15 @@ def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
         if noise is not None and noise <= 0:
             raise ConfigurationError(f"{where}: noise_std must be positive, got {noise:g}")
         noise = None if noise is None else noise * factor
-        found[name] = Channel(name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise)
+        free = entry.get("offset_free")
+        if free is not None and (not isinstance(free, str) or name == "time"):
+            raise ConfigurationError(
+                f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
+            )
+        found[name] = Channel(
+            name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise, offset_free=free,
+            note=str(entry.get("note", "")),
+        )  # fmt: skip
     return found
 
 
@@ -258,7 +303,7 @@ def _record(entry: Any, index: int, channels: Mapping[str, Channel], path: Path)
     where = f"{path.name}: record {index + 1}"
     if not isinstance(entry, Mapping) or "data" not in entry:
         raise ConfigurationError(f"{where}: expected {{data: FILE, use: fit or heldout}}, got {entry!r}")
-    require_known(f"key in {where}", entry, ("data", "use"))
+    require_known(f"key in {where}", entry, _RECORD_KEYS)
     use = str(entry.get("use", "fit"))
     if use not in USES:
         raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
@@ -269,7 +314,11 @@ def _record(entry: Any, index: int, channels: Mapping[str, Channel], path: Path)
     for name, values in data.items():
         if np.isnan(values).all():
             raise ConfigurationError(f"{file.name}, channel {name} (column '{channels[name].column}'): no values")
-    return Record(str(entry["data"]), use, data)
+    offsets = read_offsets(entry.get("offsets"), channels, where)
+    for name, offset in offsets.items():
+        data[name] = data[name] + offset
+    conditions, quality = read_conditions(entry.get("conditions"), where), entry.get("quality")
+    return Record(str(entry["data"]), use, data, conditions, offsets, read_doubts(quality, channels, where))
 
 
 def _check_time(time: np.ndarray, file: str, column: str) -> None:
