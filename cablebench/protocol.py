@@ -54,9 +54,9 @@ class Task:
 class Sweep:
     """One disturbing quantity varied alone over `points` evenly spaced values from `low` to `high`.
 
-    It scales rig parameters (`scale`: parameter names by mechanism), or adds to them (`add`: by mechanism, parameter and
-    what one unit of the value adds, SI), or sets an environment option (`option`). A mechanism that is not named under
-    `scale` or `add` is not swept.
+    It scales rig parameters (`scale`: parameter names by mechanism), or adds to them (`add`: by mechanism, parameter
+    and what one unit of the value adds, SI), or sets an environment option (`option`). A mechanism that is not named
+    under `scale` or `add` is not swept.
     """
 
     name: str

@@ -141,15 +141,16 @@ def test_a_protocol_is_frozen():
 def test_a_sweep_adds_to_rig_parameters():
     from cablebench.evaluate import reset_options, setup_of
 
+    mass = {"from": 0, "to": 2, "points": 3, "add": {"CableHole": {"load_mass": 0.5}}}
     data = {
-        "schema": 1, "name": "x", "tasks": ["cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Torque-Sine-v0"],
-        "seeds": {k: {"first": 10 * i, "count": 10} for i, k in enumerate(("train", "tune", "test"))}, "episodes": 1,
-        "tracks": {"stress": {"sweeps": {"mass": {"from": 0, "to": 2, "points": 3, "add": {"CableHole": {"load_mass": 0.5}}}}}},
+        "schema": 1, "name": "x", "episodes": 1, "tracks": {"stress": {"sweeps": {"mass": mass}}},
+        "tasks": [f"cable_envs/{name}-Sine-v0" for name in ("CableHole-Position", "PulleyCircuit-Torque")],
+        "seeds": {k: {"first": 10 * i, "count": 10} for i, k in enumerate(("train", "tune", "test"))},
     }  # fmt: skip
     cells = parse_protocol(data).cells()
     assert [c.task.family for c in cells] == ["CableHole"] * 3
     setup = setup_of(cells[0].task.env, {})
     assert [reset_options(c, setup)["rig"]["load_mass"] for c in cells] == [5.0, 5.5, 6.0]
-    data["tracks"]["stress"]["sweeps"]["mass"]["scale"] = {"CableHole": ["load_mass"]}
+    mass["scale"] = {"CableHole": ["load_mass"]}
     with pytest.raises(ConfigurationError, match="needs one of 'scale', 'add'"):
         parse_protocol(data)
