@@ -1,0 +1,201 @@
+"""The closed circuit of two cables over four idlers a side: spans, and rope masses that rub on the idlers.
+
+Every span is a spring from one pulley to the next with half of what is wrapped on both. At every idler a lump of rope
+moves under
+
+    m s'' = T_before - T_behind - (T_before + T_behind) tanh(Z ln(lambda) / 2)
+
+which is at rest exactly where T_before / T_behind = lambda^Z, so sliding (Z = 1 or -1) gives the law of Zou 2022 and
+what lies between is hysteresis of Maxwell-slip elements. Delay, transition and working phases follow; no equilibrium
+is solved for. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from diagnosis.proof.numerics import ELEMENTS, Table, indices, jit, stops, tension_ratio
+
+STEP = 5e-5
+CLOCK = 1e-3
+_SUBSTEPS = round(CLOCK / STEP)
+STIFF = 4e-6
+ROPE = 0.02
+"""kg at an idler: far more than the rope's own, so that its vibration is resolved, and too little to be measured."""
+GRAVITY = 9.81
+
+WRAPS = np.array([[0.279, 1.571, 3.141, 3.217], [0.279, 1.571, 3.141, 3.390]])
+RADII = np.array([[4e-3, 8e-3, 5e-3, 8e-3], [4e-3, 5e-3, 8e-3, 5e-3]])
+SPANS = np.array([[38.5e-3, 185e-3, 85e-3, 85e-3, 39.9e-3], [38.5e-3, 185e-3, 85e-3, 85e-3, 38.7e-3]])
+R0, R5, ROPE_RADIUS, SHAFT_RADIUS = 7e-3, 5e-3, 0.56e-3, 2.5e-3
+
+TABLE = Table({
+    "tensile_stiffness": 1.684e4, "pretension_top": 50.0, "pretension_bottom": 50.0, "shaft_friction": 0.157,
+    "cable_friction": 0.54, "output_inertia": 2e-5, "output_damping": 2e-4, "contact_stiffness": 0.2,
+    "contact_angle": 0.0, "contact_damping": 2e-3, "payload_mass": 0.0, "payload_arm": 15e-3,
+    "servo_frequency": 60.0, "servo_damping_ratio": 0.9,
+    "coulomb_friction.torque": 0.0, "viscous_friction.coefficient": 0.0,
+    "stribeck_friction.excess": 0.0, "stribeck_friction.speed": 0.002,
+    "asymmetric_friction.difference": 0.0, "presliding_hysteresis.distance": 0.0,
+    "load_dependent_friction.exponent": 0.0, "bending_stiffness.force": 0.0, "cable_elongation.compliance": 0.0,
+    "stiffness_hardening.coefficient": 0.0, "viscoelastic_creep.share": 0.0, "viscoelastic_creep.time": 3.0,
+    "friction_drift.change": 0.0, "friction_drift.time": 30.0, "backlash.gap": 0.0,
+    "position_ripple.amplitude": 0.0, "position_ripple.number": 8.0, "position_ripple.phase": 0.0,
+    "position_dependent_load.stiffness": 0.0, "position_dependent_load.cubic": 0.0, "actuator_lag.time": 0.0,
+    "thermal_length.strain": 0.0, "thermal_length.period": 40.0, "pendulum_sway.inertia": 0.0,
+    "pendulum_sway.frequency": 1.5, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
+    "ratchet.torque": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.06, "sheath_rubbing.curvature": 0.0,
+})  # fmt: skip
+(EA, PRE_T, PRE_B, MU_S, MU_C, J, B, CONTACT_K, CONTACT, CONTACT_C, PAYLOAD, ARM, SERVO, ZETA, BRAKE, ADD_B, STR_F, STR_V,
+ ASYM, SOFT, LOAD_EXP, BEND, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH, EXTRA_K, CUBIC,
+ LAG, THERMAL, THERMAL_T, PEN_J, PEN_W, FLOOR_A, FLOOR_F, RAT_M, RAT_X, RAT_W, SHEATH) = indices(
+    TABLE.names, *TABLE.names)  # fmt: skip
+
+OUTPUTS = ("drive_angle", "drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom")
+_COUPLING, _PULLEY = 150.0, 2e-5
+"""N m/rad and kg m^2 of the driving pulley behind a coupling with play."""
+
+
+def contact_logs(mu_cable: float, mu_shaft: float) -> tuple[np.ndarray, np.ndarray]:
+    """(ln lambda, slip angle in rad) of every idler [2, 4].  Zou 2022, Eqs. (12), (30): physics.md, section 5."""
+    g = (SHAFT_RADIUS * mu_shaft / RADII) ** 2
+    w = np.cos(WRAPS)
+    low = ((1 - g * w) - np.sqrt((1 - g * w) ** 2 - (1 - g) ** 2)) / (1 - g)
+    slip = np.minimum(-np.log(low) / mu_cable, WRAPS)
+    rho = (RADII - ROPE_RADIUS) / ROPE_RADIUS
+    logs = [[np.log(tension_ratio(rho[a, i], mu_cable, slip[a, i])) for i in range(4)] for a in range(2)]
+    return np.array(logs), slip
+
+
+@jit
+def _run(p, logs, length, reference, rate, start, out):
+    """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs [2, 4]; length [2, 5] of the spans with what is wrapped, m."""
+    h = STEP
+    ea = 1.0 / (1.0 / p[EA] + p[COMPLIANCE])
+    pre = np.array([p[PRE_T], p[PRE_B]])
+    follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
+    relax = 1.0 - np.exp(-h / p[CREEP_T])
+    s, v = np.zeros((2, 4)), np.zeros((2, 4))
+    z, mean, brakes = np.zeros(8 * ELEMENTS), np.zeros((2, 4)), np.zeros(ELEMENTS)
+    crept, tension = np.zeros((2, 5)), np.zeros((2, 5))
+    stiffness, damping = np.empty((2, 5)), np.empty((2, 5))
+    for a in range(2):
+        for j in range(5):
+            stiffness[a, j] = ea / length[a, j]
+            damping[a, j] = 0.2 * np.sqrt(stiffness[a, j] * ROPE)
+    soft = max(p[SOFT], STIFF)
+    settle = int(round(0.3 / h))
+    angle, speed, lagged = reference[0], 0.0, reference[0]
+    pulley, turning = angle, 0.0
+    theta = angle * R0 / R5
+    for a in range(2):  # as if cable and pulleys had turned together from zero
+        for i in range(4):
+            s[a, i] = (1.0 - 2.0 * a) * R0 * angle
+    omega, held, swing, sway, armed = 0.0, 0.0, 0.0, 0.0, 1.0
+    t, torque = start, 0.0
+    for tick in range(-1, len(reference)):
+        now = max(tick, 0)
+        if tick >= 0:
+            out[tick, 0], out[tick, 1], out[tick, 2] = angle, torque, theta
+            out[tick, 3] = R5 * (tension[0, 4] - tension[1, 4])
+            out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
+        for _ in range(settle if tick < 0 else _SUBSTEPS):
+            lagged += follow * (reference[now] - lagged)
+            feed = rate[now] if p[LAG] == 0.0 else 0.0
+            speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
+            angle += h * speed
+            hauled = pulley if p[GAP] > 0.0 else angle
+            if p[RIP_A] != 0.0:
+                hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
+            warm = 1.0 + p[DRIFT] * (1.0 - np.exp(-t / p[DRIFT_T])) if p[DRIFT] != 0.0 else 1.0
+            if p[SHEATH] != 0.0:
+                warm *= 1.0 + p[SHEATH] * theta * theta
+            strain = 0.0
+            if p[THERMAL] != 0.0:
+                strain = p[THERMAL] * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / p[THERMAL_T]))
+            wheel = turning if p[GAP] > 0.0 else speed
+            for a in range(2):
+                side = 1.0 - 2.0 * a
+                for j in range(5):
+                    front = side * R0 * hauled if j == 0 else s[a, j - 1]
+                    front_v = side * R0 * wheel if j == 0 else v[a, j - 1]
+                    back = side * R5 * theta if j == 4 else s[a, j]
+                    back_v = side * R5 * omega if j == 4 else v[a, j]
+                    e = front - back - strain * length[a, j]
+                    pull = pre[a] + stiffness[a, j] * e + damping[a, j] * (front_v - back_v)
+                    if p[HARD] != 0.0:
+                        pull += ea * p[HARD] * (e / length[a, j]) ** 2
+                    if p[CREEP] != 0.0:
+                        crept[a, j] += relax * (e - crept[a, j])
+                        pull += p[CREEP] * stiffness[a, j] * (e - crept[a, j])
+                    tension[a, j] = max(pull, 0.0)
+                for i in range(4):
+                    both = tension[a, i] + tension[a, i + 1]
+                    level = logs[a, i] * warm
+                    if p[STR_F] != 0.0:
+                        level *= 1.0 + p[STR_F] * np.exp(-((v[a, i] / p[STR_V]) ** 2))
+                    if p[ASYM] != 0.0:
+                        level *= 1.0 + p[ASYM] * side * mean[a, i]
+                    if p[LOAD_EXP] != 0.0:
+                        level *= (max(both, 0.1) / (2.0 * pre[a])) ** p[LOAD_EXP]
+                    rub = 0.0
+                    if abs(mean[a, i]) < 1.0:
+                        rub = 0.5 * np.sqrt(0.5 * both * level / soft * ROPE) * v[a, i]
+                    brake = both * np.tanh(0.5 * mean[a, i] * level) + p[BEND] * mean[a, i]
+                    v[a, i] += h * (tension[a, i] - tension[a, i + 1] - brake - rub) / ROPE
+            torque = R0 * (tension[0, 0] - tension[1, 0])
+            if p[GAP] > 0.0:
+                twist = angle - pulley
+                half = 0.5 * p[GAP]
+                over = twist - half if twist > half else (twist + half if twist < -half else 0.0)
+                push = _COUPLING * over + (0.02 * (speed - turning) if over != 0.0 else 0.0)
+                turning += h * (push - torque - 1e-4 * turning) / _PULLEY
+                pulley += h * turning
+            load = (p[B] + p[ADD_B]) * omega + (p[EXTRA_K] + p[CUBIC] * theta * theta) * theta
+            depth = theta - p[CONTACT]
+            if depth > 0.0:
+                load += max(p[CONTACT_K] * depth + p[CONTACT_C] * omega, 0.0)
+            load += p[PAYLOAD] * p[ARM] * GRAVITY * np.cos(theta) if p[PAYLOAD] != 0.0 else 0.0
+            load += p[BRAKE] * held
+            if p[BRAKE] != 0.0 and abs(held) < 1.0:
+                load += 0.5 * np.sqrt(p[BRAKE] / 1e-3 * p[J]) * omega
+            if p[FLOOR_A] != 0.0:
+                load += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
+            if p[RAT_M] != 0.0:
+                load += armed * p[RAT_M] * np.exp(-(((theta - p[RAT_X]) / p[RAT_W]) ** 2))
+                if theta > p[RAT_X] + 2.5 * p[RAT_W]:
+                    armed = 0.0
+                elif theta < p[RAT_X] - 2.5 * p[RAT_W]:
+                    armed = 1.0
+            if p[PEN_J] != 0.0:
+                back = p[PEN_J] * p[PEN_W] ** 2 * (theta - swing) + 0.05 * p[PEN_J] * p[PEN_W] * (omega - sway)
+                load += back
+                sway += h * back / p[PEN_J]
+                swing += h * sway
+            omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
+            theta += h * omega
+            if p[BRAKE] != 0.0:
+                held = stops(brakes, 0, h * omega, 1e-3, 0.0)
+            for a in range(2):
+                for i in range(4):
+                    s[a, i] += h * v[a, i]
+                    mean[a, i] = stops(z, (4 * a + i) * ELEMENTS, h * v[a, i], STIFF, p[SOFT])
+            if tick >= 0:
+                t += h
+
+
+def simulate(values: Mapping[str, float], reference: np.ndarray, start: float = 0.0) -> dict[str, np.ndarray]:
+    """Signals at every `CLOCK` by name, SI  [ticks].
+
+    values: parameters by the names of `TABLE`; reference: commanded drive angle, rad, at every tick; start: time of the
+    first tick, s. The circuit first settles for 0.3 s at the first reference.
+    """
+    p = TABLE.pack(values)
+    logs, slip = contact_logs(p[MU_C], p[MU_S])
+    wrapped = RADII * slip
+    length = SPANS + 0.5 * (np.pad(wrapped, ((0, 0), (1, 0))) + np.pad(wrapped, ((0, 0), (0, 1))))
+    reference = np.ascontiguousarray(reference, dtype=np.float64)
+    out = np.empty((len(reference), len(OUTPUTS)))
+    _run(p, logs, length, reference, np.gradient(reference, CLOCK), start, out)
+    signals = dict(zip(OUTPUTS, out.T, strict=True))
+    return {"time": start + CLOCK * np.arange(len(reference)), **signals, "drive_angle_command": reference}
