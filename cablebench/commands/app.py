@@ -10,6 +10,7 @@ from cablebench.commands import (
     evaluate,
     export,
     identify,
+    import_,
     leaderboard,
     publish,
     replay,
@@ -48,6 +49,6 @@ def common(
 
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
-    identify.identify, reproduce.reproduce, export.export, submit.submit, replay.replay,
+    identify.identify, reproduce.reproduce, export.export, import_.import_, submit.submit, replay.replay,
 ):  # fmt: skip
-    app.command(_command.__name__)(_command)
+    app.command(_command.__name__.rstrip("_"))(_command)

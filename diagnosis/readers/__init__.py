@@ -1,0 +1,51 @@
+"""Data sets as their authors publish them, turned into recordings: one module for each format.
+
+A format is a module with
+
+    SUMMARY: str                                      one line for the help text
+    open_dataset(path: Path, asked: Request) -> DataSet
+
+(`base` has the classes, `emps` is the shortest example). Name it in `FORMATS`, or give its file to
+`cablebench import`: a file of a user's own is as good as one here.
+"""
+
+import importlib
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+from cable_envs.errors import ConfigurationError, nearest
+
+FORMATS = {
+    "da-vinci-jaw": "davinci_jaw", "band-brake": "band_brake", "emps": "emps", "coupled-drives": "coupled_drives",
+    "table": "table", "mat": "mat", "rosbag": "rosbag",
+}  # fmt: skip
+"""Format -> module in this package."""
+
+
+def reader(name: str) -> ModuleType:
+    """The module of a format: one of `FORMATS`, or a user's ``.py`` file, which is executed.
+
+    Raises ConfigurationError.
+    """
+    if name.endswith(".py"):
+        module = _from_file(Path(name))
+    elif name in FORMATS:
+        module = importlib.import_module(f"{__name__}.{FORMATS[name]}")
+    else:
+        raise ConfigurationError(f"unknown format '{name}'; {nearest(name, FORMATS)}, or a .py file")
+    if not callable(getattr(module, "open_dataset", None)):
+        raise ConfigurationError(f"{name} has no function open_dataset(path, asked)")
+    return module
+
+
+def _from_file(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise ConfigurationError(f"cannot read {path}: no such file")
+    spec = importlib.util.spec_from_file_location(f"cable_format_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise ConfigurationError(f"{path} does not load: {type(error).__name__}: {error}") from error
+    return module

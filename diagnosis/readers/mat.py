@@ -1,0 +1,161 @@
+"""MATLAB files, version 5 to 7.2 by SciPy and 7.3 by h5py; variables by path, as MATLAB writes them.
+
+``q``, ``data.motor.q``, ``X(:,2)`` (counted from 1), and of several runs in a struct array ``run(3).q``.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError, nearest, require_known
+from diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
+from diagnosis.readers.mapping import load_mapping
+from diagnosis.readers.table import data_set, of_entry
+
+SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
+OPTIONS = ()
+_PART = re.compile(r"(\w+)(?:\((\d+)\))?")
+_COLUMN = re.compile(r"(.+)\(:,\s*(\d+)\)")
+
+
+def open_dataset(path: Path, asked: Request) -> DataSet:
+    """Every ``.mat`` file at ``path``, by the mapping."""
+    require_known("option of mat", asked.options, OPTIONS)
+    mapped = load_mapping(asked.mapping, "mat")
+    for name, column in mapped.columns.items():
+        if not isinstance(column, str):
+            raise ConfigurationError(f"{mapped.path.name}: channel {name}: 'column' must be a variable, got {column!r}")
+    records = []
+    for file in files_at(path, ".mat"):
+        chunks = partial(_chunks, file, mapped.columns, mapped.sample_rate)
+        records.append(RecordSpec(file.stem, file.name, chunks, **of_entry(mapped, file.name)))
+    return data_set(mapped, records)
+
+
+def variables(file: Path, wanted: Mapping[str, str], optional: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
+    """Vectors [rows] of a file by channel; ``wanted``: channel -> path. Raises ConfigurationError."""
+    with _opened(file) as content:
+        found = {}
+        for channel, path in wanted.items():
+            try:
+                found[channel] = _vector(content, path, file, channel)[:]
+            except KeyError as error:
+                if channel not in optional:
+                    raise ConfigurationError(f"{file.name}, channel {channel}: {error.args[0]}") from None
+    lengths = {channel: len(values) for channel, values in found.items()}
+    if len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
+        raise ConfigurationError(f"{file.name}: variables of different lengths: {listed}")
+    return found
+
+
+def _chunks(file: Path, columns: Mapping[str, str], rate: float | None, log: Log) -> Iterator[Chunk]:
+    """HDF5 is read piece by piece; the older format only as a whole."""
+    with _opened(file) as content:
+        vectors = {}
+        for channel, path in columns.items():
+            try:
+                vectors[channel] = _vector(content, path, file, channel)
+            except KeyError as error:
+                raise ConfigurationError(f"{file.name}, channel {channel}: {error.args[0]}") from None
+        lengths = {channel: len(v) for channel, v in vectors.items()}
+        if len(set(lengths.values())) > 1:
+            listed = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
+            raise ConfigurationError(f"{file.name}: variables of different lengths: {listed}")
+        chunks = _pieces(vectors, next(iter(lengths.values())))
+        yield from counted(chunks, rate) if rate else chunks
+
+
+def _pieces(vectors: Mapping[str, Any], rows: int) -> Iterator[Chunk]:
+    for first in range(0, rows, CHUNK_ROWS):
+        yield Chunk({c: np.asarray(v[first : first + CHUNK_ROWS], float) for c, v in vectors.items()})
+
+
+class _opened:
+    """The content of a file as a context: a dict of arrays, or an HDF5 file."""
+
+    def __init__(self, file: Path) -> None:
+        self._file, self._h5 = file, None
+
+    def __enter__(self) -> Any:
+        from scipy.io import loadmat
+
+        if not self._file.is_file():
+            raise ConfigurationError(f"cannot read {self._file}: no such file")
+        try:
+            return loadmat(self._file, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
+        except NotImplementedError:
+            return self._hdf5()
+        except Exception as error:  # SciPy raises whatever a damaged file leads it to
+            raise ConfigurationError(f"{self._file.name} is not whole, or no MATLAB file: {error}") from error
+
+    def _hdf5(self) -> Any:
+        try:
+            import h5py
+        except ModuleNotFoundError as error:
+            raise ConfigurationError("MATLAB 7.3 files need h5py: pip install 'cable-envs[mat]'") from error
+        try:
+            self._h5 = h5py.File(self._file, "r")
+        except OSError as error:
+            raise ConfigurationError(f"{self._file.name} is not whole, or no MATLAB file: {error}") from error
+        return self._h5
+
+    def __exit__(self, *_: object) -> None:
+        if self._h5 is not None:
+            self._h5.close()
+
+
+def _vector(content: Any, path: str, file: Path, channel: str) -> Any:
+    """What slices as a vector. KeyError, with what there is, for a path that leads nowhere."""
+    column = _COLUMN.fullmatch(path)
+    node, path, k = (content, column.group(1), int(column.group(2)) - 1) if column else (content, path, None)
+    for part in path.split("."):
+        named = _PART.fullmatch(part)
+        if not named:
+            raise KeyError(f"'{path}' is no path of a variable (data.motor.q, X(:,2))")
+        names = _names(node)
+        if named.group(1) not in names:
+            raise KeyError(f"no variable '{part}' in '{path}'; {nearest(part, names)}")
+        node = node[named.group(1)] if hasattr(node, "keys") else getattr(node, named.group(1))
+        if named.group(2):
+            node = np.atleast_1d(node)[int(named.group(2)) - 1]
+    return _flat(node, k, f"{file.name}, channel {channel}: '{path}'")
+
+
+def _names(node: Any) -> list[str]:
+    if hasattr(node, "keys"):
+        return [n for n in node.keys() if not n.startswith(("__", "#"))]  # noqa: SIM118
+    return list(getattr(node, "_fieldnames", ()))
+
+
+class _Column:
+    """Column ``k`` of a MATLAB matrix in HDF5, which holds it transposed."""
+
+    def __init__(self, node: Any, k: int) -> None:
+        self._node, self._k = node, k
+
+    def __len__(self) -> int:
+        return self._node.shape[1]
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        return self._node[self._k, rows]
+
+
+def _flat(node: Any, k: int | None, where: str) -> Any:
+    shape, in_hdf5 = getattr(node, "shape", None), hasattr(node, "file")
+    if shape is None or getattr(node, "dtype", np.dtype(object)).kind not in "fiub":
+        raise ConfigurationError(f"{where} holds no numbers")
+    if k is None:
+        if len(shape) == 2 and 1 in shape and in_hdf5:
+            return node[()].ravel() if shape[1] == 1 else _Column(node, 0)
+        if len(shape) != 1:
+            raise ConfigurationError(f"{where} is {' x '.join(map(str, shape))}; name one column, as X(:,2)")
+        return node
+    columns = shape[0] if in_hdf5 else (shape[1] if len(shape) == 2 else 0)
+    if len(shape) != 2 or not 0 <= k < columns:
+        raise ConfigurationError(f"{where} has no column {k + 1}")
+    return _Column(node, k) if in_hdf5 else node[:, k]
