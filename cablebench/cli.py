@@ -16,6 +16,7 @@ EXTRAS = {
     "cma": "identification",
     "pyarrow": "parquet",
     **dict.fromkeys(("minari", "h5py"), "offline"),
+    "rosbags": "ros",
 }
 """Module that may be missing -> the extra that brings it."""
 

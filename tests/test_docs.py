@@ -5,6 +5,7 @@ import shlex
 from pathlib import Path
 
 import gymnasium as gym
+import numpy as np
 import pytest
 import typer
 import yaml
@@ -160,3 +161,37 @@ def test_the_example_settings_load(tmp_path):
     assert (settings.algo, settings.n_timesteps) == ("my-agent", keys["n_timesteps"])
     assert settings.residual["controller"] == "pid" and settings.frame_stack == 4
     assert settings.information == named_entrant("pid").information  # a residual agent knows what its controller knows
+
+
+def test_the_example_log_becomes_a_recording(tmp_path):
+    """The log and the mapping of "Your own recording", made longer, through its own commands."""
+    from cablebench.cli import main
+    from diagnosis.recording import load_recording
+
+    (text,), (mapping,) = blocks("your-own-recording.md", "text"), blocks("your-own-recording.md", "yaml")
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "jaw.yaml").write_text(mapping)
+    commands = [c for c, whole in written(ROOT / "docs" / "your-own-recording.md") if whole][:2]
+    for name, load in (("jaw_05N.log", 20.0), ("jaw_20N.log", 80.0)):
+        lines = text.splitlines()[:4]
+        time = np.arange(3000) * 2.0  # ms
+        motor = -30 * np.cos(2 * np.pi * 0.5e-3 * time)
+        push = -load + 45 * np.sign(np.sin(2 * np.pi * 0.5e-3 * time))  # N mm: the load, and friction
+        rows = zip(time, motor, push, np.rint(-0.9 * motor / 0.09), np.full(3000, -load))
+        lines += [";".join(f"{v:.2f}".replace(".", ",") for v in row) for row in rows]
+        (tmp_path / "logs" / name).write_text("\n".join(lines) + "\n")
+    for command in commands:
+        words = shlex.split(command)[1:]
+        paths = ("logs", "jaw", "jaw.yaml")
+        with pytest.raises(SystemExit) as end:
+            main([str(tmp_path / w) if w in paths else w for w in words])
+        assert not end.value.code, command
+    recording = load_recording(tmp_path / "jaw")
+    assert {r.name: (r.use, r.conditions["load"]) for r in recording.records} == {
+        "jaw_05N.csv": ("fit", 5.0),
+        "jaw_20N.csv": ("heldout", 20.0),
+    }
+    record = recording.records[0]
+    assert record.time[-1] == pytest.approx(5.998) and not record.quality
+    assert record.data["drive_torque"].max() == pytest.approx(0.025)
+    np.testing.assert_allclose(record.data["output_angle"], 0.9 * record.data["drive_angle"], atol=1e-3)

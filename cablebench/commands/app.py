@@ -9,6 +9,7 @@ from cablebench.commands import (
     envs,
     evaluate,
     export,
+    first_look,
     identify,
     import_,
     leaderboard,
@@ -49,6 +50,7 @@ def common(
 
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
-    identify.identify, reproduce.reproduce, export.export, import_.import_, submit.submit, replay.replay,
+    identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look,
+    submit.submit, replay.replay,
 ):  # fmt: skip
-    app.command(_command.__name__.rstrip("_"))(_command)
+    app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)
