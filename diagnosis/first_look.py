@@ -23,9 +23,9 @@ from cable_envs.errors import ConfigurationError
 from diagnosis.recording import Record, Recording
 
 NEEDS = ("drive_angle", "drive_torque", "output_angle", "output_torque")
-FILTER_HZ, SLOW, MIDDLE, NEAR = 50.0, 0.25, 0.1, 0.1
+FILTER_HZ, SLOW, MIDDLE, NEAR, TURN = 50.0, 0.25, 0.1, 0.1, 0.003
 """Hz of the zero-phase Butterworth filter; rad/s below which no motion counts as steady (both as in RA-L 2018); rad to
-either side of the middle of the travel; rad of travel after a reversal."""
+either side of the middle of the travel; rad of travel after a reversal; rad of way back that make a reversal."""
 LENGTHS = np.geomspace(0.003, 0.2, 25)
 _DEG, _MNM = 180 / np.pi, 1e3
 
@@ -53,23 +53,29 @@ def _prepared(record: Record, load: str) -> dict[str, Any]:
     x, speed = signals["drive_angle"], np.gradient(signals["drive_angle"], time)
     inner = good & (time > time[0] + 1.0) & (time < time[-1] - 1.0)
     frequency = record.conditions.get("frequency")
+    since, way = _since_reversal(x)
     return {
         "load": record.conditions.get(load), "frequency": frequency, "time": time, "x": x, "speed": speed,
-        "inner": inner, "since": _since_reversal(x, speed), "torque": signals["drive_torque"],
+        "inner": inner, "since": since, "way": way, "torque": signals["drive_torque"],
         "jaw": signals["output_angle"], "jaw_torque": signals["output_torque"],
     }  # fmt: skip
 
 
-def _since_reversal(x: np.ndarray, speed: np.ndarray) -> np.ndarray:
-    """Travel, rad [samples], since the motion last turned; turns of less than 0.01 rad are noise at a standstill."""
-    since, turn, way, far = np.empty(len(x)), x[0], 0.0, x[0]
+def _since_reversal(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Travel, rad [samples], since the motion last turned, and its direction, 1 or -1.
+
+    Turns of less than `TURN` are noise at a standstill, where the sign of the speed means nothing.
+    """
+    since, ways = np.empty(len(x)), np.empty(len(x))
+    turn = far = float(x[0])
+    way = 1.0 if x[np.argmax(np.abs(x - x[0]) > TURN)] >= x[0] else -1.0
     for k, at in enumerate(x.tolist()):
-        if (way >= 0 and at > far) or (way <= 0 and at < far):
-            way, far = np.sign(at - far) if way == 0 else way, at
-        elif abs(at - far) > 0.01:
+        if way * (at - far) > 0:
+            far = at
+        elif abs(at - far) > TURN:
             turn, way, far = far, -way, at
-        since[k] = abs(at - turn)
-    return since
+        since[k], ways[k] = abs(at - turn), way
+    return since, ways
 
 
 def _look(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -82,7 +88,7 @@ def _look(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
         {"frequency": f, **lines} for f, members in by_frequency.items() if (lines := _slopes(members)) is not None
     ]
     found["reversals"] = _reversals(records)
-    found["stiffness"] = _stiffness(records)
+    found["stiffness"] = {"closing": _stiffness(records, -1), "opening": _stiffness(records, 1)}
     found["repeats"] = _repeats(records)
     return found
 
@@ -142,18 +148,18 @@ def _slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
 
 def _reversals(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Errors of the drive's torque near reversals and elsewhere, by direction of motion and by a state."""
-    torque, jaw_torque, speed, since = _together(records, "torque", "jaw_torque", "speed", "since")
+    torque, jaw_torque, ways, since = _together(records, "torque", "jaw_torque", "way", "since")
     near = since < NEAR
 
     def left(way: np.ndarray) -> np.ndarray:
         terms = np.column_stack([jaw_torque, np.ones_like(way), way * jaw_torque, way])
         return torque - terms @ np.linalg.lstsq(terms, torque, rcond=None)[0]
 
-    by_sign = left(np.sign(speed))
+    by_sign = left(ways)
     best, length = by_sign, 0.0
     for candidate in LENGTHS:
         # on each stroke the state goes from the other direction's 1 to this one's: 1 - 2 exp(-travel / length)
-        error = left(np.sign(speed) * (1 - 2 * np.exp(-since / candidate)))
+        error = left(ways * (1 - 2 * np.exp(-since / candidate)))
         if _rms(error) < _rms(best):
             best, length = error, float(candidate)
     return {
@@ -163,13 +169,13 @@ def _reversals(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _stiffness(records: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
-    """N m/rad between neighbouring loads, closing, at the middle of the travel."""
+def _stiffness(records: Sequence[Mapping[str, Any]], way: int) -> list[dict[str, float]]:
+    """N m/rad between neighbouring loads, in one direction, at the middle of the travel."""
     loads: dict[float, list[tuple[float, float]]] = {}
     for r in records:
-        mask = _steady(r, -1)
+        mask = _steady(r, way)
         if isinstance(r["load"], float) and mask.any():
-            ratio = np.polyfit(r["x"], r["jaw"], 1)[0]
+            ratio = np.polyfit(r["x"][r["inner"]], r["jaw"][r["inner"]], 1)[0]
             middle = (r["x"].max() + r["x"].min()) / 2
             jaw = (r["jaw"][mask] - ratio * (r["x"][mask] - middle)).mean()
             loads.setdefault(r["load"], []).append((jaw, r["jaw_torque"][mask].mean()))

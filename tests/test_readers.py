@@ -110,7 +110,8 @@ def test_damage_is_refused_by_line_or_left_out_and_told(tmp_path, spoil, message
     recording, done = take(tmp_path, strict=False)
     assert any(re.search(message, fault) for fault in done.faults)
     record = recording.records[0]
-    assert (len(record.time) < 100 or np.isnan(record.data["output_angle"]).sum() == 1) and record.quality
+    lost = len(lines) - 1 - len(record.time) + int(np.isnan(record.data["output_angle"]).sum())
+    assert lost == 1 and record.quality
 
 
 def test_decimal_commas_between_commas_cannot_be_told_apart(tmp_path):
@@ -183,7 +184,7 @@ def test_records_swapped_between_tools_are_named(tmp_path):
         save(tmp_path, lines_of(signals(ratio=ratio, seed=k)), f"{name}.csv", records=listed, group="tool")
     recording, done = take(tmp_path)
     assert [f.split(":")[0] for f in done.faults] == ["a2.csv", "b2.csv"]
-    assert "ratio of output to drive is 0.9, in the others of tool B 0.7" in done.faults[0]
+    assert re.search(r"ratio of output to drive is 0.9\S*, in the others of tool B 0.[67]", done.faults[0])
     assert [r.name for r in recording.records if r.quality] == ["a2.csv", "b2.csv"]
 
 
@@ -343,7 +344,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path, rows):
     finally:
         tracemalloc.stop()
     assert done.rows == {"run.parquet": rows}
-    assert peak < 100e6  # two chunks as text, one as numbers; measured 60 MB for either size
+    assert peak < 100e6  # two chunks as text, one as numbers
 
 
 def test_a_wrong_mapping_is_told_what_would_be_right(tmp_path):

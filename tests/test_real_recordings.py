@@ -49,8 +49,9 @@ def test_the_jaw_without_simulation(tmp_path):
     assert 2.0 < found["rigid"]["angle_rms_deg"] < 3.5
     near = found["reversals"]
     assert near["by_state_mnm"] < 0.5 * near["by_sign_mnm"]
-    stiffness = [s["n_m_per_rad"] for s in found["stiffness"]]
-    assert stiffness == sorted(stiffness)  # low loads are softer
+    soft, *others = (s["n_m_per_rad"] for s in found["stiffness"]["opening"])
+    assert soft < 0.7 * min(others)  # low loads are softer where the jaw opens
+    assert found["repeats"]["jaw_deg"] < 0.1 and found["repeats"]["torque_mnm"] < 2.0
 
 
 @needs["davinci_tool"]

@@ -47,9 +47,10 @@ def _lines(found: dict[str, Any]) -> list[str]:
         f"({near['by_sign_elsewhere_mnm']:.0f} elsewhere), {near['by_state_mnm']:.0f} with a state that follows over "
         f"{near['length_deg']:.1f} deg ({near['by_state_elsewhere_mnm']:.0f} elsewhere)"
     )
-    if found["stiffness"]:
-        steps = ", ".join(f"{s['from']:g}-{s['to']:g}: {s['n_m_per_rad']:.2f}" for s in found["stiffness"])
-        lines.append(f"  stiffness at the jaw between loads, N m/rad: {steps}")
+    for way, steps in found["stiffness"].items():
+        if steps:
+            text = ", ".join(f"{s['from']:g}-{s['to']:g}: {s['n_m_per_rad']:.2f}" for s in steps)
+            lines.append(f"  stiffness at the jaw between loads, {way}, N m/rad: {text}")
     lines.append(
         f"  repeats from stroke to stroke: {repeats['jaw_deg']:.2f} deg, {repeats['jaw_torque_mnm']:.1f} mN m at the "
         f"jaw, {repeats['torque_mnm']:.1f} mN m at the motor"
