@@ -1,9 +1,9 @@
-"""A load drawn through a hole by an elastic cable: directional capstan friction, carried by Maxwell-slip elements.
+"""A load drawn through a hole by an elastic cable: directional capstan friction, carried by a state of its own.
 
     T2 = T1 n^(-Z),   n = lambda(rho, M, theta_e),   M = mu + K |v|^omega            (physics.md, sections 1 to 4)
     m y'' = T2 - m g - k_l y - c_l y' + ...
 
-Z in [-1, 1] is the mean of elements that the slip y drives: 1 sliding up, -1 sliding down, in between at rest, so that
+Z in [-1, 1] is a state that the slip y drives: 1 sliding up, -1 sliding down, in between at rest, so that
 the exponent itself carries the hysteresis. The drive follows a speed; kick-drift-kick as in `linear_drive`.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnosis.proof.numerics import ELEMENTS, Table, indices, jit, stops, tension_ratio
+from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 
 STEP = 2e-4
 CLOCK = 1e-3
@@ -32,6 +32,7 @@ TABLE = Table({
     "viscoelastic_creep.share": 0.0, "viscoelastic_creep.time": 3.0,
     "friction_drift.change": 0.0, "friction_drift.time": 30.0,
     "position_ripple.amplitude": 0.0, "position_ripple.period": 0.004, "position_ripple.phase": 0.0,
+    "backlash.gap": 0.0,
     "position_dependent_load.stiffness": 0.0, "position_dependent_load.cubic": 0.0,
     "actuator_lag.time": 0.0,
     "sheath_rubbing.curvature": 0.0, "thermal_length.amplitude": 0.0, "thermal_length.period": 40.0,
@@ -40,8 +41,8 @@ TABLE = Table({
     "ratchet.force": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.002,
 })  # fmt: skip
 (MASS, SPRING, CABLE, CABLE_C, WRAP, RHO, RADIUS, MU, OMEGA, KP, A_MAX, GUIDE_F, GUIDE_C, STR_F, STR_V, ASYM, SOFT,
- LOAD_EXP, GAIN, RIGIDITY, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, RIP_A, RIP_P, RIP_PH, EXTRA_K, CUBIC, LAG,
- SHEATH, THERMAL, THERMAL_T, LEAK, FLOOR_A, FLOOR_F, STRAND, STRAND_T, RAT_F, RAT_X, RAT_W) = indices(
+ LOAD_EXP, GAIN, RIGIDITY, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, RIP_A, RIP_P, RIP_PH, GAP, EXTRA_K, CUBIC,
+ LAG, SHEATH, THERMAL, THERMAL_T, LEAK, FLOOR_A, FLOOR_F, STRAND, STRAND_T, RAT_F, RAT_X, RAT_W) = indices(
     TABLE.names, *TABLE.names)  # fmt: skip
 
 OUTPUTS = (
@@ -106,12 +107,11 @@ def _run(p, reference, rate, start, out):
     weight = mass * GRAVITY
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     relax = 1.0 - np.exp(-h / p[CREEP_T])
-    bristle = max(STIFF, p[SOFT])
-    z, guide = np.zeros(ELEMENTS), np.zeros(ELEMENTS)
     y, v, t, mean, held, rub, armed = reference[0], 0.0, start, 0.0, 0.0, 0.0, 1.0
     x, vx, wanted = y + weight / k, 0.0, 0.0
     if p[RIP_A] != 0.0:
         x -= p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
+    nut = x
     stretch, crept, t1, t2 = weight / k, weight / k, weight, weight
     gained = _lengthened(p, start)
     for tick in range(len(reference)):
@@ -125,14 +125,15 @@ def _run(p, reference, rate, start, out):
                 if stage == 1:
                     dy, before = h * v, mean
                     x, y, t = x + h * vx, y + dy, t + h
-                    mean = stops(z, 0, dy, STIFF, p[SOFT])
-                    held = stops(guide, 0, dy, GUIDE, 0.0)
+                    mean = slipped(mean, dy, STIFF, p[SOFT])
+                    held = slipped(held, dy, GUIDE, 0.0)
                     rub = 0.0
-                    if abs(mean) < 1.0 and mean != before:
-                        rub = 0.7 * np.sqrt(0.3 * weight * mass / bristle) * v
-                    hauled = x
+                    if p[SOFT] == 0.0 and abs(mean) < 1.0 and mean != before:
+                        rub = 0.7 * np.sqrt(0.3 * weight * mass / STIFF) * v
+                    nut = min(max(nut, x - 0.5 * p[GAP]), x + 0.5 * p[GAP])
+                    hauled = nut
                     if p[RIP_A] != 0.0:
-                        hauled += p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
+                        hauled += p[RIP_A] * np.sin(2.0 * np.pi * nut / p[RIP_P] + p[RIP_PH])
                     stretch = hauled - y + gained - _lengthened(p, t)
                     crept += relax * (stretch - crept)
                 t1 = k * stretch + p[CABLE_C] * (vx - v)

@@ -1,6 +1,6 @@
 """A one-axis drive under PD control: masses, belt and friction, by a splitting of second order with exact hysteresis.
 
-    m x'' = f - c x' - F_c(.) Z - loads(x) + disturbances,     Z: mean of the Maxwell-slip elements, driven by x
+    m x'' = f - c x' - F_c(.) Z - loads(x) + disturbances,     Z: state of the friction, driven by x
 
 kick-drift-kick: forces act for half a step, the displacement of a whole step moves the hysteresis, forces act again.
 The force on the moving mass is recorded as the controller commands it; position and velocity are those of the carriage.
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnosis.proof.numerics import ELEMENTS, Table, indices, jit, stops
+from diagnosis.proof.numerics import Table, indices, jit, slipped
 
 STEP = 2e-4
 """s, of the integration; the controller and the log run at `CLOCK`."""
@@ -35,11 +35,11 @@ TABLE = Table({
     "supply_sag.share": 0.0, "supply_sag.time": 1.0, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
     "ratchet.force": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.004,
 })  # fmt: skip
-(MASS, VISCOUS, COULOMB, SHARE, KP, KD, ADD_C, ADD_V, STR_F, STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, GAP, DRIFT, DRIFT_T,
- RIP_A, RIP_P, RIP_PH, SPRING, CUBIC, LAG, DELAY, PEN_M, PEN_L, DRAG, WIND, SAG, SAG_T, FLOOR_A, FLOOR_F, RAT_F, RAT_X,
- RAT_W) = indices(TABLE.names, *TABLE.names)  # fmt: skip
+(MASS, VISCOUS, COULOMB, SHARE, KP, KD, ADD_C, ADD_V, STR_F, STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, GAP, DRIFT,
+ DRIFT_T, RIP_A, RIP_P, RIP_PH, SPRING, CUBIC, LAG, DELAY, PEN_M, PEN_L, DRAG, WIND, SAG, SAG_T, FLOOR_A, FLOOR_F,
+ RAT_F, RAT_X, RAT_W) = indices(TABLE.names, *TABLE.names)  # fmt: skip
 
-OUTPUTS = ("position", "velocity", "force")
+OUTPUTS = ("position", "velocity", "force", "motor_position")
 
 
 @jit
@@ -77,7 +77,7 @@ def _over(stretch, half):
 
 @jit
 def _run(p, reference, rate, hum, start, out):
-    """Fill ``out`` [ticks, 3] with position, velocity (carriage) and commanded force at every tick of the controller.
+    """Fill ``out`` [ticks, 4] (`OUTPUTS`) at every tick of the controller.
 
     hum: what the controller's position sensor adds, m [ticks].
     """
@@ -87,20 +87,18 @@ def _run(p, reference, rate, hum, start, out):
     load = p[MASS] - motor if two else p[MASS]
     belt = 1.0 / p[COMPLIANCE] if p[COMPLIANCE] > 0.0 else 2e5
     damping, half = 2.0 * 0.1 * np.sqrt(belt * motor * load / p[MASS]), 0.5 * p[GAP]
-    bristle = max(STIFF, p[SOFT])
+    bristle = STIFF
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     late = int(np.floor(p[DELAY] / CLOCK))
     mix = p[DELAY] / CLOCK - late
-    z = np.zeros(ELEMENTS)
     x, v, t, mean, rub = reference[0], 0.0, start, 0.0, 0.0
     xm, vm = x, 0.0
     f, heat, swing, turn, armed = 0.0, 0.0, 0.0, 0.0, 1.0
     for k in range(len(reference)):
-        out[k, 0], out[k, 1] = x, v
-        a, b = max(k - late, 0), max(k - late - 1, 0)  # the delayed signals, linearly between ticks
+        out[k, 0], out[k, 1], out[k, 3] = x, v, xm
+        a, b = max(k - late, 0), max(k - late - 1, 0)  # the delayed position, linearly between ticks
         seen = out[a, 0] + mix * (out[b, 0] - out[a, 0]) + hum[k]
-        seen_v = out[a, 1] + mix * (out[b, 1] - out[a, 1])
-        u = p[KP] * (reference[k] - seen) + p[KD] * (rate[k] - seen_v)
+        u = p[KP] * (reference[k] - seen) + p[KD] * (rate[k] - v)
         out[k, 2] = u
         for _ in range(_SUBSTEPS):
             f += follow * (u - f)
@@ -114,10 +112,10 @@ def _run(p, reference, rate, hum, start, out):
                     x += dx
                     xm += h * vm
                     t += h
-                    mean = stops(z, 0, dx, STIFF, p[SOFT])
+                    mean = slipped(mean, dx, STIFF, p[SOFT])
                     # keeps a stuck mass from ringing on its bristles; vanishes where it slides
                     rub = 0.0
-                    if abs(mean) < 1.0 and mean != before:
+                    if p[SOFT] == 0.0 and abs(mean) < 1.0 and mean != before:
                         rub = 0.7 * np.sqrt(_limit(p, v, f, t) * load / bristle) * v
                 pull = drive
                 if two:
@@ -139,10 +137,10 @@ def _run(p, reference, rate, hum, start, out):
 def simulate(
     values: Mapping[str, float], reference: np.ndarray, hum: np.ndarray | None = None, start: float = 0.0
 ) -> dict[str, np.ndarray]:
-    """Signals at every `CLOCK` by name: time s, position m, velocity m/s, force N, position_reference m  [ticks].
+    """Signals at every `CLOCK` by name: time, `OUTPUTS` and position_reference, SI  [ticks].
 
-    values: parameters by the names of `TABLE` (others are null); reference: position, m, at every tick; hum: error of the
-    controller's position sensor, m; start: time of the first tick since the drive was switched on, s (it drifts).
+    values: parameters by the names of `TABLE` (others are null); reference: position, m, at every tick; hum: error of
+    the controller's position sensor, m; start: time of the first tick since the drive was switched on, s.
     """
     p = TABLE.pack(values)
     reference = np.ascontiguousarray(reference, dtype=np.float64)

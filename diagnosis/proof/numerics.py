@@ -1,9 +1,9 @@
 """Numerical pieces of the generators: hysteresis advanced exactly along its path, and nothing of the tool's kernels.
 
-Dry friction is an assembly of Maxwell-slip elements (stop operators): each is a spring that slides at its limit. A single
-element with a very short spring stands for true sticking; many with limits spread over a distance give the rounded
-hysteresis of pre-sliding (Iwan 1966, J. Appl. Mech. 33, 893; Al-Bender et al. 2005, IEEE TAC 50, 1883). The operators
-are advanced by the displacement of a step, exactly, so that a step of any length dissipates and never produces energy.
+Dry friction is its level times a state z in [-1, 1] that the displacement drives. True sticking is one Maxwell-slip
+element (stop operator) with a very short spring; pre-sliding is Dahl's equation dz/ds = (1 - z sign(s')) / distance
+(Dahl 1968, Aerospace Report TOR-0158), which has the exact solution used here. Both are rate-independent, so that a
+step of any length dissipates and never produces energy.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,34 +11,17 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numba import njit
 
-ELEMENTS = 8
-"""Maxwell-slip elements of one contact."""
-
 jit = njit(cache=True, error_model="numpy")
 
 
 @jit
-def stop(z, ds, distance):
-    """State of one element in [-1, 1] after a displacement ds; ``distance``: half the way from one limit to the other."""
-    z += ds / distance
+def slipped(z, ds, stiff, soft):
+    """State z after a displacement ds: an element as long as ``stiff``, or Dahl's where ``soft`` > 0."""
+    if soft > 0.0:
+        limit = 1.0 if ds > 0.0 else -1.0
+        return limit + (z - limit) * np.exp(-abs(ds) / soft)
+    z += ds / stiff
     return 1.0 if z > 1.0 else (-1.0 if z < -1.0 else z)
-
-
-@jit
-def stops(z, first, ds, stiff, soft):
-    """Advance the elements z[first : first + ELEMENTS]; their mean in [-1, 1].
-
-    With ``soft`` 0 one element of distance ``stiff`` acts. Else the limits are spread evenly from ``stiff`` to ``soft``:
-    from rest at zero the mean rises as 1 - (1 - s / soft)^2 or so, with the slope of a harmonic mean at the start.
-    """
-    if soft <= stiff:
-        z[first] = stop(z[first], ds, stiff)
-        return z[first]
-    total = 0.0
-    for k in range(ELEMENTS):
-        z[first + k] = stop(z[first + k], ds, stiff + (soft - stiff) * (k + 0.5) / ELEMENTS)
-        total += z[first + k]
-    return total / ELEMENTS
 
 
 @jit

@@ -6,7 +6,7 @@ moves under
     m s'' = T_before - T_behind - (T_before + T_behind) tanh(Z ln(lambda) / 2)
 
 which is at rest exactly where T_before / T_behind = lambda^Z, so sliding (Z = 1 or -1) gives the law of Zou 2022 and
-what lies between is hysteresis of Maxwell-slip elements. Delay, transition and working phases follow; no equilibrium
+what lies between is the hysteresis of the state Z. Delay, transition and working phases follow; no equilibrium
 is solved for. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnosis.proof.numerics import ELEMENTS, Table, indices, jit, stops, tension_ratio
+from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 
 STEP = 5e-5
 CLOCK = 1e-3
@@ -46,9 +46,9 @@ TABLE = Table({
     "pendulum_sway.frequency": 1.5, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
     "ratchet.torque": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.06, "sheath_rubbing.curvature": 0.0,
 })  # fmt: skip
-(EA, PRE_T, PRE_B, MU_S, MU_C, J, B, CONTACT_K, CONTACT, CONTACT_C, PAYLOAD, ARM, SERVO, ZETA, BRAKE, ADD_B, STR_F, STR_V,
- ASYM, SOFT, LOAD_EXP, BEND, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH, EXTRA_K, CUBIC,
- LAG, THERMAL, THERMAL_T, PEN_J, PEN_W, FLOOR_A, FLOOR_F, RAT_M, RAT_X, RAT_W, SHEATH) = indices(
+(EA, PRE_T, PRE_B, MU_S, MU_C, J, B, CONTACT_K, CONTACT, CONTACT_C, PAYLOAD, ARM, SERVO, ZETA, BRAKE, ADD_B, STR_F,
+ STR_V, ASYM, SOFT, LOAD_EXP, BEND, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH,
+ EXTRA_K, CUBIC, LAG, THERMAL, THERMAL_T, PEN_J, PEN_W, FLOOR_A, FLOOR_F, RAT_M, RAT_X, RAT_W, SHEATH) = indices(
     TABLE.names, *TABLE.names)  # fmt: skip
 
 OUTPUTS = ("drive_angle", "drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom")
@@ -76,7 +76,7 @@ def _run(p, logs, length, reference, rate, start, out):
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     relax = 1.0 - np.exp(-h / p[CREEP_T])
     s, v = np.zeros((2, 4)), np.zeros((2, 4))
-    z, mean, brakes = np.zeros(8 * ELEMENTS), np.zeros((2, 4)), np.zeros(ELEMENTS)
+    mean = np.zeros((2, 4))
     crept, tension = np.zeros((2, 5)), np.zeros((2, 5))
     stiffness, damping = np.empty((2, 5)), np.empty((2, 5))
     for a in range(2):
@@ -84,7 +84,7 @@ def _run(p, logs, length, reference, rate, start, out):
             stiffness[a, j] = ea / length[a, j]
             damping[a, j] = 0.2 * np.sqrt(stiffness[a, j] * ROPE)
     soft = max(p[SOFT], STIFF)
-    settle = int(round(0.3 / h))
+    settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
     pulley, turning = angle, 0.0
     theta = angle * R0 / R5
@@ -175,11 +175,11 @@ def _run(p, logs, length, reference, rate, start, out):
             omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
             theta += h * omega
             if p[BRAKE] != 0.0:
-                held = stops(brakes, 0, h * omega, 1e-3, 0.0)
+                held = slipped(held, h * omega, 1e-3, 0.0)
             for a in range(2):
                 for i in range(4):
                     s[a, i] += h * v[a, i]
-                    mean[a, i] = stops(z, (4 * a + i) * ELEMENTS, h * v[a, i], STIFF, p[SOFT])
+                    mean[a, i] = slipped(mean[a, i], h * v[a, i], STIFF, p[SOFT])
             if tick >= 0:
                 t += h
 

@@ -1,0 +1,282 @@
+"""Cases: a seed makes a recording folder, as an engineer would hand it over, and the key that says what is in it."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from diagnosis.proof import effects as library
+from diagnosis.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
+from diagnosis.proof.excitation import DESIGNS, reference
+from diagnosis.proof.refit import Refit
+from diagnosis.proof.rigs import CLOCK, TrueRig, observe, random_rig
+from diagnosis.proof.sensors import noise, quantise, stamps
+
+KEY_SCHEMA = "cable-proof-key/1"
+KINDS = ("single", "pair", "nothing", "decoy", "strange")
+BANDS: Mapping[str, tuple[float, float]] = {"1-3": (0.01, 0.03), "3-10": (0.03, 0.10), ">10": (0.10, 0.6)}
+"""Growth of the RMS over the noise after the refit."""
+BIN = 0.5
+"""s, of the profile that says when the mismatch acts."""
+PERIOD = 0.01
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is to be made. ``effects``: names; ``band``: one of `BANDS`, empty without effects; ``noise``: `NOISES`."""
+
+    name: str
+    seed: int
+    system: str
+    kind: str
+    effects: tuple[str, ...] = ()
+    band: str = ""
+    noise: str = "white"
+
+
+def plan(systems: Sequence[str] = SYSTEMS, per_effect: int = 20, nothing: int = 100, seed: int = 5) -> list[Case]:
+    """All cases of a proof: per effect and system ``per_effect`` over the bands; ``nothing`` recordings with nothing
+    wrong in white and as many in coloured noise, and as many decoys; pairs and strange effects in proportion.
+
+    Names and order tell nothing.
+    """
+    rng = np.random.default_rng([seed, 1])
+    wanted: list[dict[str, Any]] = []
+    bands = tuple(BANDS)
+    for system in systems:
+        names = [e.name for e in LIBRARY[system]]
+        for name in names:
+            wanted += [
+                {"system": system, "kind": "single", "effects": (name,), "band": bands[(k + len(name)) % 3]}
+                for k in range(per_effect)
+            ]
+        for _ in range(max(per_effect, 1) if per_effect else 0):
+            first, second = rng.choice(names, 2, replace=False)
+            while library.share_class(first, second) or second in _bars(system, first):
+                first, second = rng.choice(names, 2, replace=False)
+            wanted.append({"system": system, "kind": "pair", "effects": (str(first), str(second)), "band": ">10"})
+        for k, strange in enumerate(STRANGE[system]):
+            count = max(per_effect // 3, 1) if per_effect else 0
+            wanted += [
+                {"system": system, "kind": "strange", "effects": (strange.name,), "band": bands[1 + (j + k) % 2]}
+                for j in range(count)
+            ]
+    for k in range(nothing):
+        system = systems[k % len(systems)]
+        wanted.append({"system": system, "kind": "nothing", "noise": "white"})
+        wanted.append({"system": system, "kind": "nothing", "noise": ("ar1", "flicker")[k % 2]})
+        wanted.append({"system": system, "kind": "decoy"})
+    seeds = rng.integers(2**31, size=len(wanted))
+    for entry, own in zip(wanted, seeds, strict=True):
+        if "noise" not in entry:
+            entry["noise"] = ("white", "white", "ar1", "flicker")[int(own) % 4]
+    order = rng.permutation(len(wanted))
+    return [Case(f"case-{n:04d}", int(seeds[i]), **wanted[i]) for n, i in enumerate(order, 1)]
+
+
+def _bars(system: str, first: str) -> tuple[str, ...]:
+    """Effects that leave no room for another: the second would act on what the first has taken out."""
+    pairs = {
+        "coulomb_friction": ("friction_drift", "presliding_hysteresis"),
+        "cable_elongation": ("backlash", "stiffness_hardening", "viscoelastic_creep"),
+    }
+    return pairs.get(first, ()) + tuple(a for a, others in pairs.items() if first in others)
+
+
+def make(case: Case, folder: Path) -> dict[str, Any]:
+    """Write the recording of a case into ``folder``; returns its key. The same case gives the same files and key."""
+    rng = np.random.default_rng([case.seed, 7])
+    missing = tuple(find(case.system, name) for name in case.effects)
+    rig = random_rig(case.system, rng, missing)
+    lengths = rng.uniform(22.0, 32.0, 3)
+    designs = rng.permutation(DESIGNS)[:3]
+    references, at, first = [], [], 0.0
+    offsets = []
+    for seconds, design in zip(lengths, designs, strict=True):
+        motion = reference(str(design), rng, seconds, rig.amplitude, CLOCK)
+        references.append(rig.centre + motion)
+        at.append(stamps(rng, 0.0, seconds, PERIOD, 0.02))
+        offsets.append(first)
+        first += float(np.ceil(seconds)) + 60.0  # the rig rests, and the logger's clock runs on
+    refit = Refit(rig, references[:2], at[:2])
+    changes, entries = _sizes(case, missing, rig, refit, rng)
+    found = refit.excess(changes) if changes else None
+    claimed = _claims(case, rig, rng)
+    levels = {c: std for c, std in rig.noise.items()}
+    tables = [
+        _record(rig, case, changes, motion, times, offset, rng)
+        for motion, times, offset in zip(references, at, offsets, strict=True)
+    ]
+    _write(folder, rig, case, claimed, tables)
+    key = {
+        "schema": KEY_SCHEMA,
+        "case": asdict(case),
+        "effects": entries,
+        "ambient": list(AMBIENT[case.system]),
+        "added": found.added if found else 0.0,
+        "absorbed": found.absorbed if found else 0.0,
+        "excess_by_channel": dict(found.channels) if found else {},
+        "true_nominal": {t.name: t.value for t in rig.told if t.refitted},
+        "noise_std": levels,
+        "mismatch": _profile(found.left, at[:2], offsets[:2]) if found else [],
+    }
+    return key | {"concealment": _concealment(case, key, found)}
+
+
+def _sizes(
+    case: Case, missing: Sequence[Missing], rig: TrueRig, refit: Refit, rng: np.random.Generator
+) -> tuple[dict[str, float], list[dict[str, Any]]]:
+    """(changes of the simulator, entries of the key)."""
+    changes: dict[str, float] = {}
+    entries = []
+    for effect in missing:
+        shape, sign = effect.draw(rng)
+        low, high = BANDS[case.band]
+        wanted = float(np.exp(rng.uniform(np.log(low * 1.1), np.log(high * 0.9))))
+
+        def change(size: float, effect=effect, shape=shape, sign=sign) -> dict[str, float]:
+            return {**shape, **{name: sign * size * unit for name, unit in effect.sized.items()}}
+
+        size, left = refit.sized(change, wanted, effect.largest)
+        own = change(size)
+        changes.update(own)
+        parameters = {
+            name: {"value": _as_named(effect, source, factor * own[source]), "unit": unit}
+            for name, (source, factor, unit) in effect.compare.items()
+        }
+        entries.append({
+            "name": effect.name, "parameters": parameters, "changes": own, "added": left.added, "wanted": wanted,
+            "absorbed": left.absorbed, "channel": next((k.split(":")[1] for k in effect.sized if ":" in k), None),
+        })  # fmt: skip
+    return changes, entries
+
+
+def _as_named(effect: Missing, source: str, value: float) -> float:
+    """A scale is a factor in verdicts."""
+    return 1.0 + value if source.startswith("scale:") else value
+
+
+def _claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tuple[float, float | None, str]]:
+    """name -> (value, std or None for known ones, unit) as the recording has them; a decoy's are off by more."""
+    claimed = {}
+    for told in rig.told:
+        if not told.refitted:
+            claimed[told.name] = (told.value, None, told.unit)
+            continue
+        spread = rng.uniform(0.07, 0.12) if case.kind == "decoy" else rng.uniform(0.01, 0.06)
+        wrong = 1.0 + spread * rng.choice([-1.0, 1.0])
+        claimed[told.name] = (told.value * wrong, 0.12 * told.value, told.unit)
+    return claimed
+
+
+def _record(
+    rig: TrueRig, case: Case, changes: Mapping[str, float], motion: np.ndarray, at: np.ndarray, offset: float,
+    rng: np.random.Generator,
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Columns of one file, SI: quantised and noisy; commands as they were given."""
+    clean = observe(rig, changes, motion, at)
+    table = {"time": np.round(at + offset, 6)}
+    for name, values in clean.items():
+        if name in rig.noise:
+            std = rig.noise[name]
+            dither = noise(case.noise, rng, len(values), std)
+            values = quantise(values + dither, std * rng.uniform(0.3, 1.0))
+        table[name] = values
+    return table
+
+
+_SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
+_UNITS = {
+    "position": "m", "velocity": "m/s", "force": "N", "position_reference": "m", "drive_position": "m",
+    "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m", "load_tension": "N",
+    "drive_velocity_command": "m/s", "drive_angle": "rad", "drive_torque": "N m", "output_angle": "rad",
+    "output_torque": "N m", "drive_angle_command": "rad", "time": "s",
+}  # fmt: skip
+
+
+def _write(
+    folder: Path, rig: TrueRig, case: Case, claimed: Mapping[str, Any], tables: Sequence[Mapping[str, np.ndarray]]
+) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    shown = {name: _SHOWN_IN.get(_UNITS[name], (_UNITS[name], 1.0)) for name in tables[0]}
+    for k, table in enumerate(tables, 1):
+        columns = np.column_stack([values * shown[name][1] for name, values in table.items()])
+        header = ",".join(table)
+        np.savetxt(folder / f"run_{k}.csv", columns, delimiter=",", header=header, comments="", fmt="%.8g")
+    white = case.noise == "white"
+    content: dict[str, Any] = {"schema": "cable-recording/1", "system": rig.system}
+    if rig.preset:
+        content["rig"] = rig.preset
+    content["known"] = {n: {"value": v, "unit": u} for n, (v, std, u) in claimed.items() if std is None}
+    content["nominal"] = {
+        n: {"value": float(f"{v:.6g}"), "std": float(f"{std:.4g}"), "unit": u}
+        for n, (v, std, u) in claimed.items()
+        if std is not None
+    }
+    uses = ("fit", "fit", "heldout")
+    content["records"] = [{"data": f"run_{k}.csv", "use": use} for k, use in enumerate(uses, 1)]
+    content["channels"] = {}
+    for name, (unit, factor) in shown.items():
+        entry: dict[str, Any] = {"column": name, "unit": unit}
+        if name in rig.noise and white:  # whoever gives a number takes the noise for white
+            entry["noise_std"] = float(f"{rig.noise[name] * factor:.4g}")
+        content["channels"][name] = entry
+    (folder / "recording.yaml").write_text(yaml.safe_dump(_plain(content), sort_keys=False), encoding="utf-8")
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_plain(v) for v in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _profile(left: np.ndarray, at: Sequence[np.ndarray], offsets: Sequence[float]) -> list[list[float]]:
+    """[start s, share of the mismatch's energy] of every `BIN` of the fit records, on the recording's clock."""
+    energy = (left**2).sum(axis=1)
+    total, row, bins = max(energy.sum(), 1e-300), 0, []
+    for times, offset in zip(at, offsets, strict=True):
+        own = energy[row : row + len(times)]
+        row += len(times)
+        place = np.floor(times / BIN).astype(int)
+        sums = np.bincount(np.maximum(place, 0), weights=own)
+        bins += [[round(offset + BIN * k, 6), float(s / total)] for k, s in enumerate(sums)]
+    return bins
+
+
+def _concealment(case: Case, key: Mapping[str, Any], found: Any) -> list[str]:
+    """How the effect is concealed, by measure; several may apply."""
+    if found is None:
+        return []
+    kinds = []
+    if key["absorbed"] > 0.9:
+        kinds.append("absorbed_by_refit")
+    by = key["excess_by_channel"]
+    output, effort = {
+        "linear_drive": ("position", "force"),
+        "cable_hole": ("load_position", "drive_tension"),
+        "pulley_circuit": ("output_angle", "drive_torque"),
+    }[case.system]
+    if by[output] < 0.33 * by[effort]:
+        kinds.append("masked_by_loop")
+    shares = np.sort([share for _, share in key["mismatch"]])[::-1]
+    if np.searchsorted(np.cumsum(shares), 0.8) + 1 < 0.2 * len(shares):
+        kinds.append("brief")
+    if key["added"] < 0.03:
+        kinds.append("small_in_rms")
+    if case.kind == "pair":
+        kinds.append("behind_another_effect")
+    return kinds
+
+
+def digest(folder: Path) -> str:
+    """Hash of a recording folder's files."""
+    total = hashlib.sha256()
+    for file in sorted(folder.iterdir()):
+        total.update(file.name.encode() + b"\0" + file.read_bytes())
+    return total.hexdigest()

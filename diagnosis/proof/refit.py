@@ -1,0 +1,82 @@
+"""How much of an effect is left after the nominal parameters are refitted, and the size that leaves a wanted share.
+
+The refit is linear about the truth: effects are small, so what the parameters can absorb is the projection on their
+sensitivities. All residuals count in standard deviations of their channel's noise.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.proof.rigs import TrueRig, observe
+
+
+@dataclass(frozen=True)
+class Excess:
+    """What an effect leaves behind.
+
+    added    | relative growth of a channel's RMS over its noise after the refit, of the channel where it is largest
+    absorbed | share of the mismatch's energy that the refit took
+    channels | channel -> RMS of what is left over the noise's standard deviation
+    left     | [samples, channels] of all records, in standard deviations
+    """
+
+    added: float
+    absorbed: float
+    channels: Mapping[str, float]
+    left: np.ndarray
+
+
+class Refit:
+    """The records of one rig without noise, and their sensitivities to what the refit may move."""
+
+    def __init__(self, rig: TrueRig, references: Sequence[np.ndarray], at: Sequence[np.ndarray]):
+        self.rig, self._references, self._at = rig, references, at
+        self._std = np.array([rig.noise[c] for c in rig.scored])
+        self._plain = self.see({})
+        columns = []
+        for names in rig.free:
+            step = {name: 1.01 * rig.values[name] for name in names}
+            columns.append((self.see(step) - self._plain).ravel() / 0.01)
+        self._basis = np.linalg.svd(np.column_stack(columns), full_matrices=False)[0] if columns else None
+
+    def see(self, changes: Mapping[str, float]) -> np.ndarray:
+        """Scored channels of all records under ``changes``, in standard deviations [samples, channels]."""
+        rows = []
+        for reference, at in zip(self._references, self._at, strict=True):
+            channels = observe(self.rig, changes, reference, at)
+            rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
+        return np.concatenate(rows) / self._std
+
+    def excess(self, changes: Mapping[str, float]) -> Excess:
+        """What ``changes`` leave after the refit."""
+        raw = (self.see(changes) - self._plain).ravel()
+        left = raw if self._basis is None else raw - self._basis @ (self._basis.T @ raw)
+        shaped = left.reshape(-1, len(self._std))
+        rms = np.sqrt(np.mean(shaped**2, axis=0))
+        energy = float(raw @ raw)
+        absorbed = 1.0 - float(left @ left) / energy if energy > 0 else 0.0
+        added = float(np.sqrt(1.0 + rms.max() ** 2) - 1.0)
+        return Excess(added, absorbed, dict(zip(self.rig.scored, rms.tolist(), strict=True)), shaped)
+
+    def sized(
+        self, change: Callable[[float], Mapping[str, float]], wanted: float, largest: float, tries: int = 6
+    ) -> tuple[float, Excess]:
+        """(size, what it leaves): the size at which ``change(size)`` adds ``wanted``; ``largest`` where it cannot."""
+        goal = np.sqrt((1.0 + wanted) ** 2 - 1.0)
+        size, best = min(1.0, largest), None
+        for _ in range(tries):
+            found = self.excess(change(size))
+            rms = np.sqrt((1.0 + found.added) ** 2 - 1.0)
+            if np.isfinite(rms) and (best is None or abs(np.log(max(rms, 1e-9) / goal)) < best[0]):
+                best = (abs(np.log(max(rms, 1e-9) / goal)), size, found)
+            if best is not None and best[0] < 0.06:
+                break
+            factor = np.clip(goal / rms, 0.02, 20.0) if np.isfinite(rms) and rms > 0 else (20.0 if rms == 0 else 0.1)
+            if size >= largest and factor > 1.0:
+                break
+            size = min(size * float(factor), largest)
+        if best is None:
+            raise ValueError("no size of the effect gives a finite recording")
+        return best[1], best[2]

@@ -1,0 +1,47 @@
+"""The proof as one JSON record and as a table in Markdown."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from diagnosis.proof.scoring import Result, Row, calibration, confusion, failures, table
+
+SCHEMA = "cable-proof/1"
+
+
+def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Everything that was measured: ``results`` by method; the fail rules apply to the first one."""
+    first = next(iter(results.values()), ())
+    methods = {
+        method: {
+            "rows": [asdict(row) | {"share": row.share, "reached": row.reached} for row in table(own)],
+            "confusion": confusion(own),
+            "calibration": calibration(own),
+            "cases": [asdict(r) for r in own],
+        }
+        for method, own in results.items()
+    }
+    return {"schema": SCHEMA, **about, "broken_rules": failures(first), "methods": methods}
+
+
+def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> str:
+    """One table: a line for each row of the proof, a column for each method."""
+    columns = {method: table(own) for method, own in results.items()}
+    names = [row.name for row in next(iter(columns.values()), [])]
+    lines = [f"# Blind proof: {about['cases_total']} cases", "", f"`{about['command']}`", ""]
+    lines += ["| measured | wanted | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
+    for k, name in enumerate(names):
+        row = next(iter(columns.values()))[k]
+        wanted = f"{row.direction} {100 * row.reach:g} %" if row.direction else "reported"
+        lines.append(f"| {name} | {wanted} | " + " | ".join(cell(own[k]) for own in columns.values()) + " |")
+    broken = failures(next(iter(results.values()), ()))
+    lines += ["", "Shares with 95 % Clopper-Pearson limits, and counts. A dash: no such case, or no such statement."]
+    lines += ["", "Fail rules broken: " + "; ".join(broken) + "." if broken else "No fail rule is broken."]
+    return "\n".join(lines) + "\n"
+
+
+def cell(row: Row) -> str:
+    """A row's value in words: ``96 % (91-99), 48/50``."""
+    if row.share is None:
+        return "–"
+    return f"{100 * row.share:.0f} % ({100 * row.low:.0f}-{100 * row.high:.0f}), {row.count}/{row.total}"

@@ -1,0 +1,146 @@
+"""One proof in a folder: recordings and sealed keys, verdicts of the tool and the baselines, results.
+
+    manifest.json                 hash of every sealed key and recording; written before anything is diagnosed
+    recordings/<case>/            all that a tool is given
+    keys/<case>.json              salt and key; read by `scored` only
+    verdicts/<method>/<case>.json verdict, seconds, or why there is none
+
+Every step keeps what is finished: the same call goes on from there. Jobs have the signature of `cablebench.jobs`.
+"""
+
+import json
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from cable_envs.errors import ConfigurationError
+from diagnosis.proof.baselines import BASELINES
+from diagnosis.proof.cases import Case, digest, make
+from diagnosis.proof.scoring import Result, judge
+from diagnosis.proof.sealing import MANIFEST_SCHEMA, opened, seal
+
+TOOL = "diagnose"
+LIMIT = 900.0
+"""s that the tool may take for one recording."""
+
+
+def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
+    """Job: the recording and the sealed key of a case; its line of the manifest. A finished one is kept."""
+    folder, key_file = Path(out, "recordings", case.name), Path(out, "keys", f"{case.name}.json")
+    if key_file.is_file():
+        content = json.loads(key_file.read_text(encoding="utf-8"))
+        if content["key"]["case"] == json.loads(json.dumps(asdict(case))):
+            return {"sealed": seal(content["key"], content["salt"])[0], "recording": digest(folder)}
+        raise ConfigurationError(f"{key_file} belongs to another proof; choose another --out")
+    shutil.rmtree(folder, ignore_errors=True)
+    key = json.loads(json.dumps(make(case, folder)))  # JSON's types: the hash is that of the file
+    sealed, text = seal(key)
+    key_file.parent.mkdir(parents=True, exist_ok=True)
+    part = key_file.with_suffix(".part")
+    part.write_text(text, encoding="utf-8")
+    part.replace(key_file)  # last: its presence says that the case is finished
+    return {"sealed": sealed, "recording": digest(folder)}
+
+
+def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Mapping[str, Any]) -> dict[str, Any]:
+    """Write the manifest, or check the one that is there. Raises ConfigurationError where keys or data have changed."""
+    file = out / "manifest.json"
+    manifest = {"schema": MANIFEST_SCHEMA, **about, "cases": {name: dict(lines[name]) for name in sorted(lines)}}
+    if file.is_file():
+        before = json.loads(file.read_text(encoding="utf-8"))
+        if before != json.loads(json.dumps(manifest)):
+            changed = [n for n in manifest["cases"] if before.get("cases", {}).get(n) != manifest["cases"][n]]
+            what = f"cases {', '.join(changed[:3])}" if changed else "its plan"
+            raise ConfigurationError(f"{file}: {what} changed since the keys were sealed; choose another --out")
+        return before
+    file.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    return manifest
+
+
+def diagnose_one(context: Any, name: str, out: str, method: str, command: Sequence[str] = ()) -> bool:
+    """Job: the verdict of a method on one recording; whether there is one. A finished one is kept.
+
+    The tool (``command``, to which FOLDER --json --out DIR are added) works on a copy of the recording in an empty
+    folder: nothing beside it tells what it is. Baselines run here.
+    """
+    file = Path(out, "verdicts", method, f"{name}.json")
+    if file.is_file():
+        return json.loads(file.read_text(encoding="utf-8"))["verdict"] is not None
+    started, verdict, error = time.monotonic(), None, ""
+    with tempfile.TemporaryDirectory(prefix="recording-") as place:
+        folder = Path(place, "recording")
+        shutil.copytree(Path(out, "recordings", name), folder)
+        try:
+            verdict = _tool(command, folder, Path(place)) if method == TOOL else _baseline(method, folder)
+        except Exception as problem:  # a tool that fails has given no verdict: that is a result
+            error = f"{type(problem).__name__}: {problem}"[:2000]
+    content = {"verdict": verdict, "error": error, "seconds": round(time.monotonic() - started, 3)}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    part = file.with_suffix(".part")
+    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    part.replace(file)
+    return verdict is not None
+
+
+def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
+    done = subprocess.run(
+        [*command, str(folder), "--json", "--out", str(place / "out")],
+        capture_output=True,
+        text=True,
+        timeout=LIMIT,
+        cwd=place,
+    )
+    if done.returncode != 0:
+        raise RuntimeError(f"exit code {done.returncode}: {done.stderr.strip()[-1500:]}")
+    return checked(json.loads(done.stdout))
+
+
+def _baseline(method: str, folder: Path) -> dict[str, Any]:
+    from diagnosis.recording import load_recording
+
+    return checked(BASELINES[method](load_recording(folder)))
+
+
+VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
+
+
+def checked(verdict: Any) -> dict[str, Any]:
+    """A verdict of the right schema; ValueError otherwise."""
+    if not isinstance(verdict, dict) or verdict.get("schema") != "cable-diagnosis/1":
+        raise ValueError("not a verdict of schema cable-diagnosis/1")
+    if verdict.get("verdict") not in VERDICTS:
+        raise ValueError(f"verdict {verdict.get('verdict')!r} is none of {', '.join(VERDICTS)}")
+    return verdict
+
+
+def scored(out: Path, manifest: Mapping[str, Any], method: str) -> list[Result]:
+    """Results of a method: every verdict is there before the first key is opened.
+
+    Raises ConfigurationError where a verdict is missing or a key is not the sealed one.
+    """
+    verdicts = {}
+    for name in manifest["cases"]:
+        file = out / "verdicts" / method / f"{name}.json"
+        if not file.is_file():
+            raise ConfigurationError(f"{file}: no verdict yet")
+        verdicts[name] = json.loads(file.read_text(encoding="utf-8"))["verdict"]
+    keys = {n: opened(out / "keys" / f"{n}.json", line["sealed"]) for n, line in manifest["cases"].items()}
+    return [judge(keys[name], verdicts[name]) for name in manifest["cases"]]
+
+
+def prove(
+    diagnose: Callable[[Path], Mapping[str, Any] | None], cases: Sequence[Case], out: Path, about: Mapping[str, Any]
+) -> list[Result]:
+    """The whole proof in this process of a callable that takes a recording's folder: for tests and notebooks."""
+    lines = {case.name: make_one(None, case, str(out)) for case in cases}
+    manifest = write_manifest(out, lines, about)
+    results = []
+    verdicts = {name: diagnose(out / "recordings" / name) for name in manifest["cases"]}
+    for name, line in manifest["cases"].items():
+        results.append(judge(opened(out / "keys" / f"{name}.json", line["sealed"]), verdicts[name]))
+    return results

@@ -1,0 +1,285 @@
+"""Verdicts against opened keys: one `Result` for each case, then the proof's tables and fail rules.
+
+A verdict is JSON of schema "cable-diagnosis/1"; None stands for a tool that gave none. Names that are true of every
+recording of a system (`effects.AMBIENT`) are taken out of an answer first.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any
+
+from diagnosis.proof.effects import share_class
+
+OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "none", "failed")
+"""exact: the names, all and only; class: a truth is among declared alternatives of its class; partly: one of two named,
+nothing wrong; wrong: a name that is not there; unknown, none: these verdicts; failed: no verdict."""
+
+LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
+"""Fail rules: most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
+
+
+@dataclass(frozen=True)
+class Result:
+    """One case scored; None where a question does not arise."""
+
+    name: str
+    system: str
+    kind: str
+    truth: tuple[str, ...]
+    band: str
+    noise: str
+    concealment: tuple[str, ...]
+    verdict: str
+    answer: tuple[str, ...]
+    outcome: str
+    claims: tuple[tuple[float, bool], ...] = ()
+    """(stated confidence, whether that name is right) of every named effect"""
+    intervals: tuple[tuple[str, bool], ...] = ()
+    """("effect.parameter", whether the 95 % interval covers the truth) of effects rightly named"""
+    overlap: float | None = None
+    heldout: float | None = None
+    """largest RMSE of the augmented model over the channel's true noise"""
+
+
+def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
+    """Score one verdict against its key."""
+    case = key["case"]
+    truth = tuple(e["name"] for e in key["effects"])
+    named = [] if verdict is None else [e for e in verdict.get("effects", ()) if e.get("name") not in key["ambient"]]
+    kind = "failed" if verdict is None else str(verdict.get("verdict"))
+    if kind in ("named", "equivalence_class") and not named:
+        kind = "no_detectable_mismatch"  # it named what is always there, and nothing else
+    answers = named if kind in ("named", "equivalence_class") else []
+    right = [_rightness(entry, truth) for entry in answers]
+    return Result(
+        case["name"],
+        case["system"],
+        case["kind"],
+        truth,
+        case["band"],
+        case["noise"],
+        tuple(key["concealment"]),
+        kind,
+        tuple(str(e["name"]) for e in answers),
+        _outcome(kind, case["kind"], truth, answers, right),
+        tuple(
+            (float(e["confidence"]), r != "wrong")
+            for e, r in zip(answers, right, strict=True)
+            if e.get("confidence") is not None
+        ),
+        tuple(_intervals(key, answers)),
+        _overlap(key, verdict) if truth and answers else None,
+        _heldout(key, verdict) if answers and truth and "wrong" not in right else None,
+    )
+
+
+def _rightness(entry: Mapping[str, Any], truth: Sequence[str]) -> str:
+    """exact, class or wrong. A class answer must hold a truth, and nothing that is not declared confusable with it."""
+    name, others = str(entry["name"]), [str(a) for a in entry.get("alternatives", ())]
+    if name in truth:
+        return "exact"
+    for true in truth:
+        if true in others and all(share_class(true, n) for n in (name, *others)):
+            return "class"
+    return "wrong"
+
+
+def _outcome(
+    kind: str, case: str, truth: Sequence[str], answers: Sequence[Mapping[str, Any]], right: Sequence[str]
+) -> str:
+    if kind == "failed":
+        return "failed"
+    if kind == "unknown":
+        return "unknown"
+    if kind == "no_detectable_mismatch":
+        return "none"
+    if "wrong" in right or not truth or case == "strange":
+        return "wrong"
+    met = {t for t in truth for e in answers if t == e["name"] or t in e.get("alternatives", ())}
+    if len(met) < len(truth):
+        return "partly"
+    exact = kind == "named" and set(right) == {"exact"} and len(answers) == len(truth)
+    return "exact" if exact else "class"
+
+
+def _intervals(key: Mapping[str, Any], answers: Iterable[Mapping[str, Any]]) -> Iterable[tuple[str, bool]]:
+    for true in key["effects"]:
+        entry = next((e for e in answers if e["name"] == true["name"]), None)
+        for name, parameter in true["parameters"].items():
+            stated = (entry or {}).get("parameters", {}).get(name)
+            if stated and stated.get("ci95"):
+                low, high = stated["ci95"]
+                yield f"{true['name']}.{name}", low <= parameter["value"] <= high
+
+
+def _overlap(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> float | None:
+    """Share of the true mismatch's energy inside the intervals of the verdict's location, by bins."""
+    spans = [tuple(i) for place in (verdict or {}).get("location", ()) for i in place.get("intervals_s", ())]
+    if not spans or not key["mismatch"]:
+        return None
+    width = 0.5
+    inside = 0.0
+    for start, share in key["mismatch"]:
+        # intervals of several channels may overlap: the part of the bin that any of them covers
+        edges = sorted((max(a, start), min(b, start + width)) for a, b in spans if a < start + width and b > start)
+        covered, reached = 0.0, start
+        for a, b in edges:
+            covered += max(0.0, b - max(a, reached))
+            reached = max(reached, b)
+        inside += share * covered / width
+    return inside
+
+
+def _heldout(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> float | None:
+    ratios = []
+    for channel, fit in (verdict or {}).get("fit", {}).items():
+        rmse = (fit.get("heldout_rmse") or {}).get("augmented")
+        if rmse is not None and channel in key["noise_std"]:
+            ratios.append(float(rmse) / key["noise_std"][channel])
+    return max(ratios, default=None)
+
+
+def limits(count: int, total: int, level: float = 0.95) -> tuple[float, float]:
+    """Clopper-Pearson limits of a share; (0, 1) without cases."""
+    from scipy.stats import beta
+
+    if total == 0:
+        return 0.0, 1.0
+    tail = 0.5 * (1.0 - level)
+    low = 0.0 if count == 0 else float(beta.ppf(tail, count, total - count + 1))
+    high = 1.0 if count == total else float(beta.ppf(1.0 - tail, count + 1, total - count))
+    return low, high
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table: ``count`` of ``total`` with 95 % limits, against ``reach`` (direction >= or <=)."""
+
+    name: str
+    count: int
+    total: int
+    direction: str
+    reach: float
+    note: str = ""
+    low: float = field(init=False)
+    high: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        low, high = limits(self.count, self.total)
+        object.__setattr__(self, "low", low)
+        object.__setattr__(self, "high", high)
+
+    @property
+    def share(self) -> float | None:
+        """count / total, None without cases."""
+        return self.count / self.total if self.total else None
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the share is on the wanted side of ``reach``; None without cases or where nothing is asked."""
+        if self.share is None or not self.direction:
+            return None
+        return self.share >= self.reach if self.direction == ">=" else self.share <= self.reach
+
+
+def _row(name: str, hits: Iterable[bool], direction: str = "", reach: float = 0.0, note: str = "") -> Row:
+    found = list(hits)
+    return Row(name, sum(found), len(found), direction, reach, note)
+
+
+def table(results: Sequence[Result]) -> list[Row]:
+    """The proof's rows."""
+    single = [r for r in results if r.kind == "single"]
+    nothing = [r for r in results if r.kind == "nothing"]
+    decoys = [r for r in results if r.kind == "decoy"]
+    right = ("exact", "class")
+    rows = []
+    for band, reach in ((">10", 0.95), ("3-10", 0.0), ("1-3", 0.75)):
+        own = [r for r in single if r.band == band]
+        rows.append(_row(f"right name or class, effect adds {band} %", _in(own, right), ">=" if reach else "", reach))
+        rows.append(_row(f"right name exactly, effect adds {band} %", _in(own, ("exact",))))
+        limit = ("<=", 0.03) if band == "1-3" else ("", 0.0)
+        rows.append(_row(f"wrong name, effect adds {band} %", _in(own, ("wrong",)), *limit))
+    for noise in ("white", "coloured"):
+        own = [r for r in nothing if (r.noise == "white") == (noise == "white")]
+        rows.append(_row(f"false alarms, nothing wrong, {noise} noise", (alarm(r) for r in own), "<=", 0.05))
+    rows.append(_row("decoys answered with an effect", _in(decoys, ("wrong",)), "<=", 0.05))
+    strange = [r for r in results if r.kind == "strange"]
+    rows.append(_row('effects in no library answered "unknown"', _in(strange, ("unknown",)), ">=", 0.90))
+    pairs = [r for r in results if r.kind == "pair"]
+    rows.append(_row("two effects at once, both right", _in(pairs, right), ">=", 0.70))
+    covered = [hit for r in results for _, hit in r.intervals]
+    rows.append(_row("95 % intervals cover the truth", covered, ">=", 0.90, "90-98 % wanted"))
+    held = [r.heldout for r in single if r.heldout is not None]
+    rows.append(_row("held-out RMSE <= 1.15 x noise where named", (h <= 1.15 for h in held), ">=", 0.95))
+    overlaps = [r.overlap for r in single if r.overlap is not None]
+    rows.append(_row("located regime holds >= 80 % of the mismatch", (o >= 0.8 for o in overlaps), ">=", 0.8))
+    for kind in ("absorbed_by_refit", "masked_by_loop", "brief", "small_in_rms", "behind_another_effect"):
+        own = [r for r in results if kind in r.concealment and r.kind in ("single", "pair")]
+        rows.append(_row(f"right name or class, {kind.replace('_', ' ')}", _in(own, right)))
+    rows.append(_row("no verdict at all", _in(results, ("failed",)), "<=", 0.0))
+    return rows
+
+
+def _in(results: Iterable[Result], outcomes: Sequence[str]) -> list[bool]:
+    return [r.outcome in outcomes for r in results]
+
+
+def alarm(result: Result) -> bool:
+    """Whether a recording with nothing wrong was answered with anything but that."""
+    return result.outcome != "none"
+
+
+def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
+    """True name -> answer -> count, of single effects, strange ones and recordings without any.
+
+    An answer is the first name, or the verdict. A case with two effects is in the table, not here.
+    """
+    found: dict[str, dict[str, int]] = {}
+    for r in results:
+        if r.kind == "pair":
+            continue
+        true = r.truth[0] if r.kind == "single" else "strange" if r.kind == "strange" else r.kind
+        answer = {"unknown": "unknown", "none": "no mismatch", "failed": "no verdict"}.get(r.outcome)
+        if answer is None:
+            answer = r.truth[0] if r.outcome in ("exact", "class") else r.answer[0]
+            if r.outcome == "class" and r.answer[0] != r.truth[0]:
+                answer = f"class of {r.truth[0]}"
+        row = found.setdefault(true, {})
+        row[answer] = row.get(answer, 0) + 1
+    return found
+
+
+def calibration(
+    results: Iterable[Result], edges: Sequence[float] = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0001)
+) -> list[dict]:
+    """Stated confidence against the share that is right, in bins that hold answers."""
+    claims = [claim for r in results for claim in r.claims]
+    bins = []
+    for low, high in pairwise(edges):
+        own = [(c, ok) for c, ok in claims if low <= c < high]
+        if own:
+            hits = sum(ok for _, ok in own)
+            bins.append({
+                "from": low, "to": min(high, 1.0), "answers": len(own), "right": hits,
+                "stated": sum(c for c, _ in own) / len(own), "share": hits / len(own),
+                "limits": limits(hits, len(own)),
+            })  # fmt: skip
+    return bins
+
+
+def failures(results: Sequence[Result]) -> list[str]:
+    """The fail rules that the results break, in words; a rule without cases is not broken."""
+    quiet = [r for r in results if r.kind in ("nothing", "decoy")]
+    alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in quiet)
+    covered = [hit for r in results for _, hit in r.intervals]
+    claimed = [ok for r in results for c, ok in r.claims if c >= 0.9]
+    broken = []
+    if quiet and alarms / len(quiet) > LIMITS["false_alarms"]:
+        broken.append(f"false alarms: {alarms} of {len(quiet)}, more than 5 %")
+    if covered and sum(covered) / len(covered) < LIMITS["coverage"]:
+        broken.append(f"95 % intervals cover {sum(covered)} of {len(covered)}, less than 90 %")
+    if claimed and sum(claimed) / len(claimed) < LIMITS["claimed_90"]:
+        broken.append(f"answers claimed at 90 % or more: {sum(claimed)} of {len(claimed)} right, less than 85 %")
+    return broken

@@ -1,0 +1,39 @@
+"""Sealed keys: a manifest with salted hashes is written before the tool runs; keys that do not match are refused."""
+
+import hashlib
+import json
+import secrets
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cable_envs.errors import ConfigurationError
+
+MANIFEST_SCHEMA = "cable-proof-manifest/1"
+
+
+def canonical(key: Mapping[str, Any]) -> str:
+    """The one text of a key that is hashed."""
+    return json.dumps(key, sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def seal(key: Mapping[str, Any], salt: str | None = None) -> tuple[str, str]:
+    """(hash, content of the key's file). The salt keeps the few possible keys from being tried out against the hash."""
+    salt = secrets.token_hex(16) if salt is None else salt
+    text = canonical(key)
+    digest = hashlib.sha256((salt + text).encode()).hexdigest()
+    return digest, json.dumps({"salt": salt, "key": key}, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def opened(path: Path, digest: str) -> dict[str, Any]:
+    """The key in a file. Raises ConfigurationError where it is not the one that was sealed."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        found = seal(content["key"], content["salt"])[0]
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ConfigurationError(f"{path} is no sealed key: {error}") from error
+    if found != digest:
+        raise ConfigurationError(
+            f"{path} is not the key that was sealed: its hash is {found[:12]}..., the manifest's {digest[:12]}..."
+        )
+    return content["key"]
