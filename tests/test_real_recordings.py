@@ -127,7 +127,7 @@ def test_the_band_brake(tmp_path):
         row[0] *= 2
     broken.write_text(json.dumps(content))
     _, done = take("band-brake", broken, tmp_path / "o")
-    assert "the name says 1 Hz, the displacement has 0.5 Hz" in done.faults[0]
+    assert "the name says 1 Hz, the displacement has 0.497 Hz" in done.faults[0]
 
 
 @needs["emps"]
