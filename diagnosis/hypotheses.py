@@ -1,0 +1,114 @@
+"""What may be missing: every registered effect that acts on the system, with the sizes at which it is first looked for.
+
+Many effects have no slope at their null (a gap, a lag, an excess that falls with a speed that is not known), so each is
+probed at finite sizes and shapes; a probe is a direction in the space of recordings, or several that act together.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import product
+
+from cable_envs.effects import Effect, EffectParameter
+from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.plants.base import Plant
+from diagnosis.model import Free
+
+SIZES = (0.1, 1.0)
+"""Probed sizes over the typical one of `EffectParameter`."""
+
+_SHAPES: Mapping[str, tuple[float, ...]] = {
+    "stribeck_friction.velocity": (0.3, 1.0, 4.0, 16.0),
+    "viscoelastic_creep.time": (0.1, 1.0),
+    "friction_drift.time": (0.1, 0.5, 2.0),
+}
+"""Probed shapes over their default; what is not here is probed at its default."""
+
+_SIGNED = ("asymmetric_friction.difference", "position_ripple.force", "friction_drift.change")
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """An effect that may be there: the parameters that a refit with it frees, and where it is probed.
+
+    probes: each a tuple of directions, each direction the parameters that differ from the null, by name, in SI.
+    """
+
+    name: str
+    free: tuple[Free, ...]
+    probes: tuple[tuple[Mapping[str, float], ...], ...]
+    equation: str = ""
+    experiment: str = ""
+    confusable: tuple[str, ...] = ()
+    nulls: Mapping[str, float] = field(default_factory=dict)
+    """value of each parameter that leaves the effect out; those that only shape it are not here"""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The freed parameters."""
+        return tuple(p.name for p in self.free)
+
+
+def hypotheses_for(
+    plant: Plant,
+    values: Mapping[str, float],
+    modelled: Collection[str],
+    signals: Sequence[str],
+    *,
+    only: Sequence[str] | None = None,
+    without: Sequence[str] = (),
+) -> list[Hypothesis]:
+    """Effects that the model of ``values`` leaves out and that could show in ``signals``.
+
+    modelled: parameters that are refitted already, or known; only, without: names of effects, from the command line.
+    A sensor's effect is a hypothesis for each signal, named "sensor_bias.force". Raises ConfigurationError for names
+    that are no effects of the plant.
+    """
+    known = plant.effects.effects
+    for name in (*(only or ()), *without):
+        require_known("effect", [name], known)
+        if not known[name].parameters_on(plant.name):
+            raise ConfigurationError(f"effect '{name}' does not act on {plant.name}")
+    found: list[Hypothesis] = []
+    for effect in known.values():
+        if effect.name in without or (only is not None and effect.name not in only):
+            continue
+        parameters = effect.parameters_on(plant.name)
+        if effect.each_sensor:
+            groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
+        else:
+            groups = [(effect.name, parameters)] if parameters else []
+        found += [h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled))]
+    return found
+
+
+def _hypothesis(
+    plant: Plant,
+    effect: Effect,
+    name: str,
+    parameters: Sequence[EffectParameter],
+    values: Mapping[str, float],
+    modelled: Collection[str],
+) -> Hypothesis | None:
+    rows = {p.aliases.get(plant.name, f"{effect.name}.{p.name}"): p for p in parameters}
+    absent = {row: p for row, p in rows.items() if row not in modelled and values[row] == p.null}
+    sizes = {row: p for row, p in absent.items() if not p.shape}
+    if not sizes:
+        return None  # the model has it already
+    free, probes = [], []
+    for row, p in absent.items():
+        if p.shape and row not in _SHAPES and row not in ("position_ripple.period", "position_ripple.phase"):
+            continue  # one number more than a recording of this length usually shows
+        typical = p.typical_on(plant.name)
+        scale = abs(typical - p.null) or abs(p.null) or 1.0
+        free.append(Free(row, p.null, p.low, p.high, scale))
+    for row, p in sizes.items():
+        step = p.typical_on(plant.name) - p.null
+        shapes = {r: [f * absent[r].null for f in _SHAPES[r]] for r in absent if r in _SHAPES}
+        signs = (1.0, -1.0) if row in _SIGNED and p.low < p.null else (1.0,)
+        for size, sign, *shape in product(SIZES, signs, *shapes.values()):
+            one = {row: min(max(p.null + sign * size * step, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
+            probes.append((one,))
+    nulls = {row: p.null for row, p in sizes.items()}
+    return Hypothesis(
+        name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls
+    )  # fmt: skip

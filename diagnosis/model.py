@@ -1,0 +1,84 @@
+"""What the steps of the diagnosis see of a simulator: measured blocks, parameters, and predictions for many columns."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from diagnosis.noise import Noise, learn_noise
+
+
+@dataclass(frozen=True)
+class Free:
+    """A parameter that may be refitted, in SI. ``scale`` is a size at which it matters; ``std`` a prior's, or None."""
+
+    name: str
+    start: float
+    low: float
+    high: float
+    scale: float
+    std: float | None = None
+
+    def clip(self, value: float) -> float:
+        """``value`` within the bounds."""
+        return min(max(value, self.low), self.high)
+
+
+@dataclass(frozen=True)
+class Block:
+    """One channel of one record: time s, what was measured (SI), and where that counts, each [T]."""
+
+    record: str
+    channel: str
+    time: np.ndarray
+    measured: np.ndarray
+    good: np.ndarray
+
+
+class Model(Protocol):
+    """A simulator with its records. ``parameters`` are rows of the columns that `predict` takes."""
+
+    blocks: Sequence[Block]
+    parameters: Sequence[Free]
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Whitener:
+    """Residuals of all blocks as independent samples of variance 1, given the noise of each channel."""
+
+    noise: dict[str, Noise] = field(default_factory=dict)
+
+    def flat(self, blocks: Sequence[Block], series: Sequence[np.ndarray]) -> np.ndarray:
+        """Series [T, n] of every block, one below the other, whitened; samples that do not count are 0."""
+        parts = []
+        for block, values in zip(blocks, series, strict=True):
+            good = block.good if values.ndim == 1 else block.good[:, None]
+            noise = self.noise[block.channel]
+            white = noise.whiten(np.where(good, values, 0.0))
+            ready = np.convolve(~block.good, np.ones(noise.order + 1))[: len(block.good)] < 0.5
+            ready[: noise.order] = False
+            parts.append(white * (ready if values.ndim == 1 else ready[:, None]))
+        return np.concatenate(parts)
+
+
+def residuals(blocks: Sequence[Block], predictions: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Measured less predicted [T, n] of every block."""
+    return [b.measured.reshape(-1, *[1] * (p.ndim - 1)) - p for b, p in zip(blocks, predictions, strict=True)]
+
+
+def learn_whitener(blocks: Sequence[Block], series: Sequence[np.ndarray], max_order: int = 8) -> Whitener:
+    """The noise of every channel, from residuals [T] of its blocks."""
+    noise = {}
+    for channel in dict.fromkeys(block.channel for block in blocks):
+        of_channel = [
+            np.where(block.good, values, np.nan)
+            for block, values in zip(blocks, series, strict=True)
+            if block.channel == channel
+        ]
+        noise[channel] = learn_noise(of_channel, max_order)
+    return Whitener(noise)

@@ -1,0 +1,188 @@
+"""Least squares for many hypotheses and starts at once: every iteration is one batch of columns for the simulator.
+
+Levenberg-Marquardt with Marquardt's scaling (SIAM J. 11 (1963) 431). Slopes are central differences over steps that
+are wide against rounding and narrow against the parameter, since friction has kinks; three dampings are tried in one
+batch, so that an iteration costs two runs. Bounds by projection; priors are further residuals.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.model import Model, Whitener, residuals
+
+STEP = 1e-3
+"""Step of the differences over the parameter's size, or its scale where that is larger."""
+_DAMPINGS = (0.1, 1.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where one refit begins: values by name (others stay at their start), and which of them move."""
+
+    label: str
+    free: tuple[str, ...]
+    values: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """One refit: parameters by name (SI), whitened sum of squares with priors, and what it rests on."""
+
+    label: str
+    free: tuple[str, ...]
+    values: dict[str, float]
+    cost: float
+    residual: np.ndarray
+    """whitened [samples]"""
+    jacobian: np.ndarray
+    """d whitened prediction / d free [samples, free]"""
+    covariance: np.ndarray
+    """of the free parameters [free, free]"""
+    at_bounds: tuple[str, ...]
+    evaluations: int
+
+    def interval(self, name: str, factor: float = 1.96) -> tuple[float, float]:
+        """95 % interval of a free parameter, from the curvature."""
+        k = self.free.index(name)
+        half = factor * float(np.sqrt(self.covariance[k, k]))
+        return self.values[name] - half, self.values[name] + half
+
+
+def refit(model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int = 20) -> list[Fit]:
+    """Refit from every start, all together. Raises KeyError where a start names no parameter of the model."""
+    runs = [_Run(model, start) for start in starts]
+    for _ in range(iterations):
+        _slopes(model, whitener, runs)
+        active = [run for run in runs if not run.done]
+        if not active:
+            break
+        trials = [(run, damping, run.step(damping)) for run in active for damping in _DAMPINGS]
+        costs = _costs(model, whitener, [values for _, _, values in trials], [run for run, _, _ in trials])
+        for run in active:
+            run.take([(cost, d, v) for cost, (r, d, v) in zip(costs, trials, strict=True) if r is run])
+    for run in runs:
+        run.done = False
+    _slopes(model, whitener, runs)
+    return [run.fit() for run in runs]
+
+
+class _Run:
+    """The state of one refit."""
+
+    def __init__(self, model: Model, start: Start):
+        self.parameters, self.start = list(model.parameters), start
+        names = [p.name for p in self.parameters]
+        self.rows = [names.index(name) for name in start.free]
+        given = {**{p.name: p.start for p in self.parameters}, **start.values}
+        self.values = np.array([p.clip(given[p.name]) for p in self.parameters])
+        self.damping, self.done, self.evaluations = 1e-2, False, 0
+        self.residual = self.jacobian = np.empty(0)
+
+    def prior(self, values: np.ndarray) -> float:
+        """Sum of squared priors."""
+        return sum(((values[k] - self.parameters[k].start) / self.parameters[k].std) ** 2 for k in self._weighed())
+
+    def _weighed(self) -> list[int]:
+        return [k for k in self.rows if self.parameters[k].std]
+
+    @property
+    def cost(self) -> float:
+        """Whitened sum of squares with priors."""
+        return float(self.residual @ self.residual + self.prior(self.values))
+
+    def columns(self) -> np.ndarray:
+        """The values and, for each free parameter, those a step below and above: [P, 1 + 2 free]."""
+        out = np.repeat(self.values[:, None], 1 + 2 * len(self.rows), axis=1)
+        for j, k in enumerate(self.rows):
+            p = self.parameters[k]
+            step = STEP * max(abs(self.values[k]), p.scale)
+            out[k, 1 + 2 * j], out[k, 2 + 2 * j] = p.clip(self.values[k] - step), p.clip(self.values[k] + step)
+        return out
+
+    def normal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Normal matrix and gradient, priors included."""
+        matrix, gradient = self.jacobian.T @ self.jacobian, self.jacobian.T @ self.residual
+        for k in self._weighed():
+            j, p = self.rows.index(k), self.parameters[k]
+            matrix[j, j] += 1.0 / p.std**2
+            gradient[j] -= (self.values[k] - p.start) / p.std**2
+        return matrix, gradient
+
+    def step(self, factor: float) -> np.ndarray:
+        """Values after a step with the damping times ``factor``; what would leave its bounds stays on them."""
+        matrix, gradient = self.normal()
+        scale = np.diag(matrix) + 1e-12 * max(float(np.max(np.diag(matrix), initial=0.0)), 1e-300)
+        held = np.zeros(len(self.rows), dtype=bool)
+        values = self.values.copy()
+        for _ in range(len(self.rows) + 1):
+            move = np.flatnonzero(~held)
+            if not len(move):
+                break
+            damped = matrix[np.ix_(move, move)] + np.diag(self.damping * factor * scale[move])
+            change = np.linalg.lstsq(damped, gradient[move], rcond=None)[0]
+            wanted = self.values.copy()
+            wanted[[self.rows[j] for j in move]] += change
+            values = np.array([p.clip(v) for p, v in zip(self.parameters, wanted, strict=True)])
+            stuck = [j for j in move if values[self.rows[j]] != wanted[self.rows[j]]]
+            pinned = [j for j in stuck if values[self.rows[j]] == self.values[self.rows[j]]]
+            if not pinned:
+                break
+            held[pinned] = True
+        return values
+
+    def take(self, trials: list[tuple[float, float, np.ndarray]]) -> None:
+        """Go to the best trial, if it is better."""
+        cost, factor, values = min(trials, key=lambda trial: trial[0])
+        gain = self.cost - cost
+        if gain > 0.0:
+            self.values, self.damping = values, max(self.damping * factor * 0.3, 1e-9)
+            self.done = gain < 1e-4
+        else:
+            self.damping *= 100.0
+            self.done = self.damping > 1e6
+
+    def fit(self) -> Fit:
+        """The result."""
+        matrix, _ = self.normal()
+        bounds = [
+            self.parameters[k].name
+            for k in self.rows
+            if self.values[k] in (self.parameters[k].low, self.parameters[k].high)
+        ]
+        values = {p.name: float(v) for p, v in zip(self.parameters, self.values, strict=True)}
+        return Fit(
+            self.start.label, self.start.free, values, self.cost, self.residual, self.jacobian,
+            np.linalg.pinv(matrix, hermitian=True), tuple(bounds), self.evaluations,
+        )  # fmt: skip
+
+
+def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run]) -> None:
+    """Residual and Jacobian of every run that is not done, from one batch."""
+    runs = [run for run in runs if not run.done]
+    if not runs:
+        return
+    groups = [run.columns() for run in runs]
+    predictions = model.predict(np.concatenate(groups, axis=1))
+    white = whitener.flat(model.blocks, residuals(model.blocks, predictions))
+    first = 0
+    for run, columns in zip(runs, groups, strict=True):
+        mine = white[:, first : first + columns.shape[1]]
+        first += columns.shape[1]
+        run.evaluations += columns.shape[1]
+        widths = np.array([columns[k, 2 + 2 * j] - columns[k, 1 + 2 * j] for j, k in enumerate(run.rows)])
+        run.residual = mine[:, 0].copy()
+        run.jacobian = (mine[:, 1::2] - mine[:, 2::2]) / np.maximum(widths, 1e-300)
+
+
+def _costs(model: Model, whitener: Whitener, columns: Sequence[np.ndarray], runs: Sequence[_Run]) -> list[float]:
+    """Cost of every column; infinite where the simulation is not finite."""
+    predictions = model.predict(np.stack(columns, axis=1))
+    white = whitener.flat(model.blocks, residuals(model.blocks, predictions))
+    squares = np.sum(white**2, axis=0)
+    for run in runs:
+        run.evaluations += 1
+    return [
+        float(s + run.prior(v)) if np.isfinite(s) else np.inf for s, v, run in zip(squares, columns, runs, strict=True)
+    ]

@@ -1,0 +1,134 @@
+"""Scores of all hypotheses against one refitted model, without refitting each: where to look, and how sure to be.
+
+Everything is whitened. What the nominal parameters can still absorb is projected out of the residual and of every
+probe, so a score is the improvement beyond the refit. p-values are familywise: the distribution of the best score of
+all probes under noise alone, drawn from the Gram matrix of the probes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.model import Model, Whitener
+from diagnosis.refit import Fit
+
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Score:
+    """One probe of one hypothesis.
+
+    gain          | fall of the whitened sum of squares, to first order
+    amount        | best multiple of the probe's directions
+    absorbability | degrees between the probe and what the nominal parameters can do: 0 is absorbed wholly
+    """
+
+    hypothesis: Hypothesis
+    probe: int
+    gain: float
+    amount: tuple[float, ...]
+    absorbability: float
+    visible: float
+    """multiple of the probe at which it would stand out by 3.6 standard deviations"""
+
+
+@dataclass(frozen=True)
+class Screening:
+    """All scores, the best of each hypothesis, and how surprising the best is among noise."""
+
+    scores: tuple[Score, ...]
+    best: dict[str, Score]
+    p_value: float
+    threshold: float
+    """gain that noise alone exceeds in 5 % of recordings"""
+    cosines: np.ndarray
+    """between the best probes of all hypotheses, in the order of ``best`` [hypotheses, hypotheses]"""
+
+    def class_of(self, name: str, cosine: float = 0.97) -> tuple[str, ...]:
+        """Other hypotheses whose best probe cannot be told from this one's."""
+        names = list(self.best)
+        row = self.cosines[names.index(name)]
+        return tuple(n for n, c in zip(names, row, strict=True) if n != name and c >= cosine)
+
+
+def screen(
+    model: Model, whitener: Whitener, null: Fit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
+) -> Screening:
+    """Score every probe around the refit ``null``. ``hypotheses`` must not be empty."""
+    base = np.array([null.values[p.name] for p in model.parameters])
+    names = [p.name for p in model.parameters]
+    columns, owners = [base], []
+    for index, hypothesis in enumerate(hypotheses):
+        for k, probe in enumerate(hypothesis.probes):
+            for direction in probe:
+                column = base.copy()
+                for name, value in direction.items():
+                    column[names.index(name)] = value
+                columns.append(column)
+                owners.append((index, k))
+    predictions = model.predict(np.stack(columns, axis=1))
+    white = whitener.flat(model.blocks, predictions)
+    change = white[:, 1:] - white[:, :1]
+    change[:, ~np.isfinite(change).all(axis=0)] = 0.0
+    span = _basis(null.jacobian)
+    residual = null.residual - span @ (span.T @ null.residual)
+    left = change - span @ (span.T @ change)
+    scores, units = [], []
+    for index, k in dict.fromkeys(owners):
+        mine = [j for j, owner in enumerate(owners) if owner == (index, k)]
+        score, unit = _score(hypotheses[index], k, residual, change[:, mine], left[:, mine])
+        scores.append(score)
+        units.append(unit)
+    best: dict[str, Score] = {}
+    for score in scores:
+        if score.hypothesis.name not in best or score.gain > best[score.hypothesis.name].gain:
+            best[score.hypothesis.name] = score
+    places = {(score.hypothesis.name, score.probe): k for k, score in enumerate(scores)}
+    first = [units[places[score.hypothesis.name, score.probe]][:, 0] for score in best.values()]
+    cosines = np.abs(np.stack(first, axis=1).T @ np.stack(first, axis=1))
+    draws = _largest(units, rng)
+    top = max(score.gain for score in scores)
+    return Screening(tuple(scores), best, _tail(draws, top), float(np.quantile(draws, 0.95)), cosines)
+
+
+def _basis(jacobian: np.ndarray) -> np.ndarray:
+    """Orthonormal basis [samples, rank] of the columns that are not zero."""
+    size = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian[:, size > 0.0] / size[size > 0.0]
+    u, s, _ = np.linalg.svd(scaled, full_matrices=False)
+    return u[:, s > 1e-8 * max(float(s.max(initial=0.0)), 1e-300)]
+
+
+def _score(hypothesis, k, residual, change, left) -> tuple[Score, np.ndarray]:
+    size, rest = np.linalg.norm(change), np.linalg.norm(left)
+    angle = float(np.degrees(np.arcsin(min(rest / size, 1.0)))) if size > 0.0 else 0.0
+    if size == 0.0 or rest < 1e-6 * size:
+        return Score(hypothesis, k, 0.0, (0.0,) * change.shape[1], angle, np.inf), np.zeros_like(left)
+    u, s, vt = np.linalg.svd(left, full_matrices=False)
+    sound = s > 1e-6 * s[0]
+    parts = np.where(sound, u.T @ residual, 0.0)
+    amount = vt.T @ np.where(sound, parts / np.where(sound, s, 1.0), 0.0)
+    return Score(hypothesis, k, float(parts @ parts), tuple(amount), angle, 3.6 / float(s[0])), u * sound
+
+
+def _largest(units: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:
+    """Best gain of all probes in each of `DRAWS` recordings of noise alone."""
+    stacked = np.concatenate(units, axis=1)
+    values, vectors = np.linalg.eigh(stacked.T @ stacked)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    parts = (root @ rng.standard_normal((root.shape[1], DRAWS))) ** 2
+    edges = np.cumsum([0, *(unit.shape[1] for unit in units)])
+    return np.max([parts[a:b].sum(axis=0) for a, b in pairwise(edges)], axis=0)
+
+
+def _tail(draws: np.ndarray, value: float) -> float:
+    """Share of draws at ``value`` or above; beyond them the tail goes on as that of a chi-square does, exp(-x / 2)."""
+    count = int(np.sum(draws >= value))
+    if count >= 10:
+        return (count + 1.0) / (len(draws) + 1.0)
+    tenth = float(np.sort(draws)[-10])
+    return float(10.0 / len(draws) * np.exp(-0.5 * (value - tenth)))
