@@ -35,10 +35,12 @@ class Simulation:
         self.setup, self.n = setup, n
         plant = setup.plant
         self.info_names = (*INFO, *(s.name for s in plant.signals))
-        self.values = np.repeat(setup.rig.column(plant), n, axis=1)
+        self._column = setup.rig.column(plant)
+        self.values = np.repeat(self._column, n, axis=1)
         """True rig parameters [len(plant.table), n], SI."""
         self.buffers = steppers.Buffers.of(setup, n)
-        self._nominal = plant.prepare(setup.rig.column(plant))
+        self._nominal = plant.prepare(self._column)
+        self._delays = [k for k, name in enumerate(plant.table.names) if name.startswith("sensor_delay.")]
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
@@ -77,9 +79,10 @@ class Simulation:
             p = self.setup.plant.prepare(values)
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
-        if not self.with_effects and self._has_effects(p):
-            self._choose(True)
-        self._check_delays(values)
+        if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
+            if not self.with_effects and self._has_effects(p):
+                self._choose(True)
+            self._check_delays(values)
         s = self.buffers
         self.values[:, lanes], s.p[:, lanes], s.x[:, lanes] = values, p, x
         s.reference[:, lanes], s.disturbance[:, lanes] = reference, disturbance
@@ -104,13 +107,13 @@ class Simulation:
         self.advance = partial(self.kernel, s.block, s.obs, s.common, 0, self.n)
 
     def _check_delays(self, values: np.ndarray) -> None:
-        table, setup = self.setup.plant.table, self.setup
-        delays = {n: values[table.index(n)].max() for n in table.names if n.startswith("sensor_delay.")}
-        name = max(delays, key=delays.__getitem__)
-        if delays[name] > setup.sensor_steps * setup.control_period + 1e-9:
+        delays = values[self._delays].max(axis=1)
+        longest = float(delays.max())
+        if longest > self.setup.sensor_steps * self.setup.control_period + 1e-9:
+            name = self.setup.plant.table.names[self._delays[int(delays.argmax())]]
             raise ConfigurationError(
-                f"{name} = {delays[name]:g} s is longer than the environment was made for; give it the longest delay "
-                f"when it is made: effects={{'sensor_delay': {{'{name.split('.')[1]}': {delays[name]:g}}}}}"
+                f"{name} = {longest:g} s is longer than the environment was made for; give it the longest delay "
+                f"when it is made: effects={{'sensor_delay': {{'{name.split('.')[1]}': {longest:g}}}}}"
             )
 
     def _signals(self, n: int, options: Mapping[str, Any]) -> list[np.ndarray]:
@@ -124,13 +127,13 @@ class Simulation:
     def _rigs(self, n: int, changes: Any) -> tuple[np.ndarray, np.ndarray]:
         """(parameter columns, coefficient columns) of the nominal rig, or of one with some parameters changed."""
         if changes is None:
-            rig, p = self.setup.rig, self._nominal
+            column, p = self._column, self._nominal
         elif isinstance(changes, Mapping):
-            rig = self.setup.rig.replace(changes)
-            p = self.setup.plant.prepare(rig.column(self.setup.plant))
+            column = self.setup.rig.replace(changes).column(self.setup.plant)
+            p = self.setup.plant.prepare(column)
         else:
             raise ConfigurationError(f"reset option 'rig': expected a mapping of parameters to change, got {changes!r}")
-        return np.repeat(rig.column(self.setup.plant), n, axis=1), np.repeat(p, n, axis=1)
+        return np.repeat(column, n, axis=1), np.repeat(p, n, axis=1)
 
     def _start(self, reference: np.ndarray, values: np.ndarray, position: Any) -> np.ndarray:
         """Output position at rest [n]: as asked for, else where the output equals the reference at t = 0."""

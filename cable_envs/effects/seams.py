@@ -40,8 +40,8 @@ ROWS_G = 20
 
 
 @inline
-def begin(e, s, g, u, i, position, velocity, load, period, dt):
-    """What does not change within a control step."""
+def begin(e, s, g, u, i, position, velocity, load, speed, period, dt):
+    """What does not change within a control step; position and velocity of the drive, then of the load."""
     ramped = u[MODE, i] > RAMPED - 0.5
     mode = select(ramped, u[MODE, i] - RAMPED, u[MODE, i])
     g[ASKED, i], g[ASKED_RATE, i], g[RAMP, i] = u[COMMAND, i], u[COMMAND_RATE, i], select(ramped, 1.0, 0.0)
@@ -52,7 +52,9 @@ def begin(e, s, g, u, i, position, velocity, load, period, dt):
     s[COMMAND_STATE, i] = select(fresh, u[COMMAND, i] - u[COMMAND_RATE, i] * period, s[COMMAND_STATE, i])
     s[RATE_STATE, i] = select(fresh, 0.0, s[RATE_STATE, i])
     g[LAG_LEFT, i], g[CREEP_LEFT, i] = keep(e[LAG, i], dt), kept(e[CREEP_TIME, i], dt)
-    g[FACTOR, i] = 1.0 + e[DRIFT, i] * s[WORN, i]
+    half = 0.5 * period  # what drifts slowly is taken in the middle of the control step
+    worn = drifted(s[WORN, i], e[DRIFT, i], e[DRIFT_TIME, i], e[DRIFT_TRAVEL, i], half, half * abs(speed))
+    g[FACTOR, i] = 1.0 + e[DRIFT, i] * worn
     g[START, i], g[START_V, i], g[FROM, i] = position, velocity, load
     g[UP, i], g[DOWN, i], g[STEEP, i] = 0.0, 0.0, 0.0
 

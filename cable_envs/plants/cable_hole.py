@@ -428,7 +428,7 @@ def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
         x[SLACK, i] = 0.0
         x[PEAK, i] = 0.0
         if e is not None:
-            begin(e, s, g, u, i, x[X, i], x[VX, i], x[Y, i], substeps * dt, dt)
+            begin(e, s, g, u, i, x[X, i], x[VX, i], x[Y, i], x[VY, i], substeps * dt, dt)
             dry_friction(e, g, i, x[VY, i], e[COULOMB, i], x[T1, i])
     for n in range(substeps):
         if e is not None:

@@ -208,7 +208,7 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
 @inline
 def _substeps(x, p, u, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
-        begin(e, s, g, u, i, x[XM, i], x[VM, i], x[Y, i], substeps * dt, dt)
+        begin(e, s, g, u, i, x[XM, i], x[VM, i], x[Y, i], x[V, i], substeps * dt, dt)
         u[MODE, i] = select(g[IMPOSES, i] > 0.5, 0.0, u[MODE, i])
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
     for n in range(substeps):

@@ -259,7 +259,7 @@ def _advance_tile(x, p, u, s, e, h, g, lanes, substeps, dt):
         s[SLID, i], s[SLID + 1, i] = 0.0, 0.0
         s[D_IN, i], s[D_OUT, i] = 0.0, 0.0
         if e is not None:
-            begin(e, h, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], substeps * dt, dt)
+            begin(e, h, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i], substeps * dt, dt)
             g[CREPT, i], g[CREPT + 1, i] = 0.0, 0.0
     for n in range(substeps + 1):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt

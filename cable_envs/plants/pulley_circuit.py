@@ -291,7 +291,7 @@ def _substeps(x, p, u, w, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
         _begin(x, p, w, e, s, i, dt)
         if e is not None:
-            begin(e, s, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], substeps * dt, dt)
+            begin(e, s, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i], substeps * dt, dt)
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):

@@ -1,0 +1,245 @@
+"""Recorded inputs through many mechanisms at once: the open-loop replay of diagnosis and identification.
+
+Every column is one hypothesis or one start, with a rig and effects of its own; all of them are driven over all control
+steps in one compiled call.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from functools import cache
+
+import numpy as np
+
+from cable_envs.effects.rows import S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
+from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.kernels import inline, jit
+from cable_envs.own_effects import copied
+from cable_envs.params import is_number
+from cable_envs.plants import cable_hole, linear_drive, pulley_chain, pulley_circuit
+from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, FOLLOW, IMPOSED, INPUTS, MODE, RAMPED, Plant
+from cable_envs.team import Team
+
+BLOCK = 32
+"""Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
+
+DRIVES = ("follow", "imposed")
+HOLDS = ("step", "ramp")
+
+
+@inline
+def _take(inputs, u, t, first, last):
+    """The inputs of a step: [steps, rows, 1] for all columns, or [steps, rows, n]."""
+    shared = inputs.shape[2] == 1
+    for row in range(inputs.shape[1]):
+        for i in range(first, last):
+            u[row, i - first] = inputs[t, row, 0 if shared else i]
+
+
+@inline
+def _keep(x, rows, out, t, first, last):
+    for k in range(rows.shape[0]):
+        for i in range(first, last):
+            out[t, k, i] = x[rows[k], i]
+
+
+@jit
+def _cable_hole(x, p, inputs, rows, substeps, dt, out, lo, hi):
+    u = np.empty((inputs.shape[1], BLOCK))
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        for t in range(inputs.shape[0]):
+            _take(inputs, u, t, first, last)
+            cable_hole.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+            _keep(x, rows, out, t, first, last)
+
+
+@jit
+def _pulley_circuit(x, p, inputs, rows, substeps, dt, out, lo, hi):
+    u = np.empty((inputs.shape[1], BLOCK))
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        for t in range(inputs.shape[0]):
+            _take(inputs, u, t, first, last)
+            pulley_circuit.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+            _keep(x, rows, out, t, first, last)
+
+
+@jit
+def _pulley_chain(x, p, inputs, rows, substeps, dt, out, lo, hi):
+    u = np.empty((inputs.shape[1], BLOCK))
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        for t in range(inputs.shape[0]):
+            _take(inputs, u, t, first, last)
+            pulley_chain.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+            _keep(x, rows, out, t, first, last)
+
+
+@jit
+def _linear_drive(x, p, inputs, rows, substeps, dt, out, lo, hi):
+    u = np.empty((inputs.shape[1], BLOCK))
+    for first in range(lo, hi, BLOCK):
+        last = min(first + BLOCK, hi)
+        for t in range(inputs.shape[0]):
+            _take(inputs, u, t, first, last)
+            linear_drive.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+            _keep(x, rows, out, t, first, last)
+
+
+KERNELS = {
+    "cable_hole": _cable_hole,
+    "pulley_circuit": _pulley_circuit,
+    "pulley_chain": _pulley_chain,
+    "linear_drive": _linear_drive,
+}
+"""plant name -> kernel (x, p, inputs, rows, substeps, dt, out, lo, hi); the plants' kernels are called by name"""
+
+
+def _kernel(plant: Plant) -> Callable[..., None]:
+    return KERNELS[plant.name] if plant.home is None else _own_kernel(plant)
+
+
+@cache
+def _own_kernel(plant: Plant) -> Callable[..., None]:
+    name = f"_{plant.name}"
+    return getattr(copied(sys.modules[__name__], [name], **{plant.name: plant.home}), name)
+
+
+def replay(
+    plant: Plant,
+    values: np.ndarray,
+    command: np.ndarray,
+    period: float,
+    *,
+    drive: str,
+    signals: Sequence[str],
+    hold: str = "ramp",
+    rate: np.ndarray | None = None,
+    disturbance: np.ndarray | None = None,
+    start: np.ndarray | float = 0.0,
+    state: np.ndarray | None = None,
+    substeps: int = 10,
+    sensors: bool = True,
+    threads: int = 1,
+) -> np.ndarray:
+    """Signals [T, len(signals), n] of n mechanisms driven by a record of T control steps.
+
+    argument    | meaning
+    ----------- | -----------------------------------------------------------------------------------------------------
+    values      | parameter columns [len(plant.table), n], SI (`Rig.column`), effects and all
+    command     | [T] for all columns or [T, n]: what the drive has reached, or is told, at the END of each step
+    period      | control period, s; the record's samples are that far apart
+    drive       | an action mode of the plant; "follow": the drive's position is exactly the command (a cubic through
+                | the samples, with the speeds ``rate``, by default central differences); "imposed": the cable's
+                | tension at the drive (cable_hole), the torque (circuits) or force (linear_drive) is the command
+    rate        | speed of the command at the end of each step ("follow") or over it [T] or [T, n]; by default from
+                | its differences, 0 over the first step
+    hold        | "ramp": commands go from sample to sample in straight lines; "step": they jump and are held
+    disturbance | force or torque on the load [T] or [T, n]
+    start       | position of the output at rest before the first step, or [n]
+    state       | instead of ``start``: x [rows, n] to go on from (`Plant.rest` has its shape); it is moved on in place
+    substeps    | integration steps in each period
+    sensors     | False: the true signals, without the effects of sensors
+    threads     | how many threads share the columns
+
+    Raises ConfigurationError for wrong shapes and names.
+    """
+    n = values.shape[1] if np.ndim(values) == 2 else 0
+    if n == 0 or len(values) != len(plant.table):
+        raise ConfigurationError(f"values: expected [{len(plant.table)}, n], got {np.shape(values)}")
+    if not is_number(period) or period <= 0.0:
+        raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
+    p = plant.prepare(np.asarray(values, dtype=np.float64))
+    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance)
+    if state is None:
+        state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
+    names = [s.name for s in plant.signals]
+    for name in signals:
+        if name not in names:
+            raise ConfigurationError(f"unknown signal '{name}'; {nearest(name, names)}")
+    rows = np.array([plant.row(name) for name in signals])
+    out = np.empty((len(inputs), len(rows), n))
+    first = state[rows].copy()
+    kernel = _kernel(plant)
+    arguments = (state, p, inputs, rows, substeps, period / substeps, out)
+    if threads > 1 and n > BLOCK:
+        team = Team(kernel, arguments, n, threads, BLOCK)
+        team()
+        team.close()
+    else:
+        kernel(*arguments, 0, n)
+    return distort(plant, p, signals, out, period, first) if sensors else out
+
+
+def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbance) -> np.ndarray:
+    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
+    modes = [m.name for m in plant.action_modes]
+    if drive not in (*modes, *DRIVES):
+        raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, (*modes, *DRIVES))}")
+    if hold not in HOLDS:
+        raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
+    given = {"command": command, "rate": rate, "disturbance": disturbance}
+    columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
+    steps, width = len(columns["command"]), max(c.shape[1] for c in columns.values())
+    for name, column in columns.items():
+        if len(column) != steps:
+            raise ConfigurationError(f"{name} has {len(column)} steps, command has {steps}")
+    path = columns["command"]
+    inputs = np.zeros((steps, len(INPUTS), width))
+    inputs[:, COMMAND] = path
+    if drive == "follow":
+        speed = np.gradient(path, period, axis=0) if steps > 1 else np.zeros_like(path)
+        inputs[:, COMMAND_RATE] = columns.get("rate", speed)
+        inputs[:, MODE] = FOLLOW
+    else:
+        inputs[1:, COMMAND_RATE] = np.diff(path, axis=0) / period
+        if "rate" in columns:
+            inputs[:, COMMAND_RATE] = columns["rate"]
+        inputs[:, MODE] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
+    inputs[:, DISTURBANCE] = columns.get("disturbance", 0.0)
+    return inputs
+
+
+def _mode(drive: str, modes: list[str]) -> int:
+    if drive != "imposed":
+        return modes.index(drive)
+    direct = [name for name in ("force", "torque") if name in modes]
+    return modes.index(direct[0]) if direct else IMPOSED
+
+
+def _column(name: str, value, n: int) -> np.ndarray:
+    """[T, 1] or [T, n], finite."""
+    array = np.asarray(value, dtype=np.float64)
+    array = array[:, None] if array.ndim == 1 else array
+    if array.ndim != 2 or array.shape[1] not in (1, n) or not len(array):
+        raise ConfigurationError(f"{name}: expected [T] or [T, {n}], got {np.shape(value)}")
+    if not np.isfinite(array).all():
+        raise ConfigurationError(f"{name}: step {int(np.argmin(np.isfinite(array).all(axis=1)))} is not finite")
+    return array
+
+
+def distort(
+    plant: Plant, p: np.ndarray, signals: Sequence[str], out: np.ndarray, period: float, first: np.ndarray
+) -> np.ndarray:
+    """What the sensors show of signals [T, k, n]: scale, bias, rectification, delay. ``first`` [k, n]: at the start."""
+    shown = out
+    for k, name in enumerate(signals):
+        row = plant.sense_row(name)
+        if row < 0:
+            continue
+        scale, bias, cut, late = (p[row + r] for r in (S_SCALE, S_BIAS, S_RECTIFICATION, S_DELAY))
+        if np.any((scale != 1.0) | (bias != 0.0) | (cut != 0.0) | (late != 0.0)):
+            shown = shown.copy() if shown is out else shown
+            series = np.concatenate([first[None, k], out[:, k]]) * scale + bias
+            series = series - cut * np.minimum(series, 0.0)
+            shown[:, k] = _delayed(series, late / period)[1:]
+    return shown
+
+
+def _delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Series [T, n] late by ``steps`` [n], in straight lines between samples; before the first sample: the first."""
+    at = np.maximum(np.arange(len(series))[:, None] - steps, 0.0)
+    whole = np.minimum(at.astype(int), len(series) - 1)
+    part, columns = at - whole, np.arange(series.shape[1])
+    after = np.minimum(whole + 1, len(series) - 1)
+    return series[whole, columns] + part * (series[after, columns] - series[whole, columns])

@@ -1,0 +1,97 @@
+"""Each effect on the linear drive against small explicit steps in plain Python; energy; what a belt is needed for."""
+
+import numpy as np
+import pytest
+
+from cable_envs.errors import ConfigurationError
+from cable_envs.plants import plant_for
+from cable_envs.replay import replay
+from tests.reference.drive_reference import Drive
+
+PLANT = plant_for("linear_drive")
+PERIOD, STEPS = 0.01, 120
+BELT = {"belt_stiffness": 2e4, "belt_damping": 20.0}
+
+CASES = {
+    "nothing": {},
+    "coulomb_friction": {"coulomb_friction.level": 8.0},
+    "viscous_friction": {"viscous_friction.coefficient": 60.0},
+    "stribeck_friction": {"stribeck_friction.excess": 6.0, "stribeck_friction.velocity": 0.05},
+    "asymmetric_friction": {"asymmetric_friction.difference": 5.0},
+    "asymmetric_friction, down": {"asymmetric_friction.difference": -5.0},
+    "presliding_hysteresis": {"presliding_hysteresis.displacement": 0.02, "coulomb": 12.0},
+    "friction_drift": {"friction_drift.change": 1.5, "friction_drift.time": 0.5},
+    "friction_drift, travel": {"friction_drift.change": 1.5, "friction_drift.time": 1e9, "friction_drift.travel": 0.1},
+    "position_ripple": {"position_ripple.force": 8.0, "position_ripple.period": 0.05, "position_ripple.phase": 0.7},
+    "position_dependent_load": {"position_dependent_load.stiffness": 300.0, "position_dependent_load.neutral": 0.02},
+    "actuator_lag": {"actuator_lag.time": 0.04},
+    "cable_elongation": BELT,
+    "stiffness_hardening": {**BELT, "stiffness_hardening.coefficient": 0.1},
+    "viscoelastic_creep": {**BELT, "viscoelastic_creep.share": 3.0, "viscoelastic_creep.time": 0.2},
+    "backlash": {**BELT, "backlash.gap": 0.004},
+}  # fmt: skip
+
+
+def _force(t):
+    return 30.0 * np.sin(2 * np.pi * 1.7 * t) + 15.0 * np.sin(2 * np.pi * 0.6 * t + 0.3)
+
+
+def _record(changes, substeps=10, signals=("position", "motor_position", "velocity")):
+    command = np.round(_force((np.arange(STEPS) + 1) * PERIOD), 6)
+    values = PLANT.table.pack(changes)[:, None]
+    out = replay(
+        PLANT, values, command, PERIOD, drive="force", hold="step", signals=signals, substeps=substeps
+    )  # fmt: skip
+    return command, out[:, :, 0]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_effect_against_small_explicit_steps(case):
+    """1e-3 of the motion: the reference's own step of 20 us is of order 1, as is the friction it switches."""
+    changes = CASES[case]
+    command, seen = _record(changes)
+    values = PLANT.table.unpack(PLANT.table.pack(changes))
+    reference = Drive(values, step=2e-5)
+    reference.settle(command[0])
+    expected = []
+    for force in command:
+        reference.advance(force, PERIOD)
+        expected.append((reference.y, reference.xm))
+    size = np.abs(expected).max()
+    assert size > 0.01
+    assert seen[:, :2] == pytest.approx(np.array(expected), abs=2e-3 * size)
+    if case != "nothing":  # and the effect is seen at all
+        plain = _record(BELT if "belt_stiffness" in changes and changes is not BELT else {})[1]
+        motion, other = (np.column_stack([r[:, 0], r[:, 1] - r[:, 0]]) for r in (seen, plain))
+        assert np.any(np.abs(motion - other).max(axis=0) > 0.02 * np.abs(motion).max(axis=0))
+
+
+@pytest.mark.parametrize("case", [c for c in CASES if "friction" in c or "presliding" in c])
+def test_friction_never_gives_energy(case):
+    """Thrown without force the carriage only slows down, and what it has lost is never given back."""
+    changes = {"coulomb": 2.0, **CASES[case]}
+    p = PLANT.prepare(PLANT.table.pack(changes)[:, None])
+    for speed in (0.5, -0.5):
+        state = PLANT.rest(p, np.zeros(1))
+        state[PLANT.row("velocity")] = state[PLANT.row("motor_velocity")] = speed
+        values = PLANT.table.pack(changes)[:, None]
+        out = replay(
+            PLANT, values, np.zeros(200), PERIOD, drive="force", signals=["velocity"], state=state
+        )[:, 0, 0]  # fmt: skip
+        energy = out**2
+        assert energy[0] <= speed**2 + 1e-12 and energy[-1] < 1e-6
+        # the elements are springs: at most what they hold, level displacement / 2 = 0.02 J of 1.4 J, swings back
+        swing = 0.015 if "presliding" in case else 1e-12
+        assert np.all(np.diff(energy) <= swing * speed**2)
+
+
+def test_a_servo_reaches_its_command():
+    values = PLANT.table.pack({"coulomb": 0.0})[:, None]
+    out = replay(PLANT, values, np.full(300, 0.1), PERIOD, drive="position", signals=["position", "force"])
+    assert out[-1, :, 0] == pytest.approx([0.1, 0.0], abs=1e-6)  # 3 s are 96 time constants of the servo
+
+
+@pytest.mark.parametrize("name", ["backlash.gap", "viscoelastic_creep.share", "stiffness_hardening.coefficient"])
+def test_what_needs_a_belt_says_so(name):
+    with pytest.raises(ConfigurationError, match="needs a belt"):
+        PLANT.prepare(PLANT.table.pack({name: 0.01})[:, None])
