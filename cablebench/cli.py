@@ -14,6 +14,7 @@ EXTRAS = {
     **dict.fromkeys(("optuna", "sqlalchemy"), "tuning"),
     "ray": "ray",
     "cma": "identification",
+    **dict.fromkeys(("pysindy", "sklearn"), "proof"),
     "pyarrow": "parquet",
     **dict.fromkeys(("minari", "h5py"), "offline"),
     "rosbags": "ros",

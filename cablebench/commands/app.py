@@ -13,6 +13,7 @@ from cablebench.commands import (
     identify,
     import_,
     leaderboard,
+    proof,
     publish,
     replay,
     reproduce,
@@ -50,7 +51,7 @@ def common(
 
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
-    identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look,
+    identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
     submit.submit, replay.replay,
 ):  # fmt: skip
     app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)

@@ -147,7 +147,7 @@ def _circuit(rng, names, known) -> TrueRig:
         Told("cable_friction", 0.54, "1", False), Told("output_inertia", 2e-5, "kg m^2", False),
     ]  # fmt: skip
     free = [("shaft_friction",)] + ([] if rigid else [("tensile_stiffness",)])
-    free += [] if measured else [("pretension_top", "pretension_bottom")]
+    free += [] if measured else [("pretension_top",), ("pretension_bottom",)]
     noise = {
         "drive_angle": _between(rng, 2e-4, 1e-3), "drive_torque": _between(rng, 1e-3, 4e-3),
         "output_angle": _between(rng, 5e-4, 2e-3), "output_torque": _between(rng, 5e-4, 2e-3),

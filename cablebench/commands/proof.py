@@ -1,0 +1,136 @@
+"""``cablebench proof``: concealed effects made by independent generators, diagnosed blind, then scored."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cable_envs.errors import ConfigurationError, require_known
+from cablebench.commands.common import console, print_json, progress_bar
+from cablebench.jobs import open_backend
+from cablebench.jobs.work import Job
+
+QUICK = {"per_effect": 1, "nothing": 4}
+QUICK_CASES = 36
+INTERRUPTED = 130
+
+
+def proof(
+    out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path("proof"),
+    quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
+    cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
+    system: Annotated[list[str] | None, typer.Option(help="Only this system; may be repeated.")] = None,
+    seed: Annotated[int, typer.Option(help="Of the plan; calibration uses others.", min=0)] = 5,
+    jobs: Annotated[int, typer.Option(help="Recordings at a time.", min=1)] = 1,
+    baselines: Annotated[bool, typer.Option(help="Run the simpler methods too.")] = True,
+    tool: Annotated[bool, typer.Option(help="Run `cablebench diagnose`; without it only the baselines.")] = True,
+    as_json: Annotated[bool, typer.Option("--json", help="The whole record on standard output.")] = False,
+) -> None:
+    """Measure how often the diagnosis is right. Exit code 1 where a fail rule is broken; the same command goes on."""
+    if quick and cases is not None:
+        raise ConfigurationError("--quick and --cases exclude each other")
+    if not tool and not baselines:
+        raise ConfigurationError("--no-tool and --no-baselines leave nothing to do")
+    command = _tool_command() if tool else []
+    from diagnosis.proof.effects import SYSTEMS
+
+    systems = tuple(dict.fromkeys(system or SYSTEMS))
+    require_known("system", systems, SYSTEMS)
+    asked = _asked(quick, cases, systems, seed)
+    methods = _methods(tool, baselines)
+    try:
+        manifest = _make(out, quick, cases, systems, seed, jobs, asked)
+        _diagnose(out, manifest, methods, command, jobs)
+    except KeyboardInterrupt:
+        console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
+        raise typer.Exit(INTERRUPTED) from None
+    broken = _report(out, manifest, methods, asked, as_json)
+    if broken and tool:
+        raise typer.Exit(1)
+
+
+def _tool_command() -> list[str]:
+    """How the tool is started. Raises ConfigurationError where this version has none."""
+    from cablebench.commands.app import app
+
+    known = {c.name or (c.callback.__name__ if c.callback else "") for c in app.registered_commands}
+    if "diagnose" not in known:
+        raise ConfigurationError(
+            "there is no command 'cablebench diagnose' in this version, so there is nothing to prove; "
+            "--no-tool makes the cases and scores the baselines alone"
+        )
+    return [sys.executable, "-m", "cablebench.cli", "diagnose"]
+
+
+def _methods(tool: bool, baselines: bool) -> list[str]:
+    from diagnosis.proof.baselines import BASELINES
+    from diagnosis.proof.run import TOOL
+
+    return ([TOOL] if tool else []) + (list(BASELINES) if baselines else [])
+
+
+def _asked(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> str:
+    words = ["cablebench", "proof"] + (["--quick"] if quick else [])
+    words += ["--cases", str(cases)] if cases is not None else []
+    for name in systems:
+        words += ["--system", name]
+    return shlex.join([*words, "--seed", str(seed)])
+
+
+def _make(
+    out: Path, quick: bool, cases: int | None, systems: Sequence[str], seed: int, jobs: int, asked: str
+) -> dict[str, Any]:
+    """Recordings, sealed keys, manifest."""
+    from diagnosis.proof.cases import plan
+    from diagnosis.proof.run import make_one, write_manifest
+
+    if quick:
+        wanted = plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
+    elif cases is not None:
+        wanted = plan(systems, cases, max(5 * cases, 1), seed)
+    else:
+        wanted = plan(systems, seed=seed)
+    lines = {}
+    with progress_bar() as update, open_backend("local", jobs) as backend:
+        for done in backend.run([Job(c.name, make_one, {"case": c, "out": str(out)}) for c in wanted]):
+            lines[done.job.key] = done.value()
+            update("recordings", len(lines), len(wanted))
+    return write_manifest(out, lines, {"plan": asked})
+
+
+def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: list[str], jobs: int) -> None:
+    from diagnosis.proof.run import diagnose_one
+
+    for method in methods:
+        arguments = {"out": str(out), "method": method, "command": command}
+        wanted = [Job(f"{method} {n}", diagnose_one, {"name": n, **arguments}) for n in manifest["cases"]]
+        with progress_bar() as update, open_backend("local", jobs) as backend:
+            for k, done in enumerate(backend.run(wanted), 1):
+                done.value()
+                update(method, k, len(wanted))
+
+
+def _report(out: Path, manifest: dict[str, Any], methods: list[str], asked: str, as_json: bool) -> list[str]:
+    from cablebench.proof_page import render
+    from cablebench.store import jsonable, write_atomic
+    from diagnosis.proof import report
+    from diagnosis.proof.run import scored
+
+    results = {method: scored(out, manifest, method) for method in methods}
+    about = {"command": asked, "cases_total": len(manifest["cases"])}
+    whole = jsonable(report.record(results, about))
+    text = report.markdown(results, about)
+    import json
+
+    write_atomic(out / "proof.json", json.dumps(whole, indent=1, allow_nan=False) + "\n")
+    write_atomic(out / "proof.md", text)
+    write_atomic(out / "proof.html", render(whole))
+    if as_json:
+        print_json(whole)
+    else:
+        typer.echo(text)
+        console(stderr=True).print(f"wrote proof.json, proof.md and proof.html to {out}", markup=False)
+    return list(whole["broken_rules"])

@@ -1,0 +1,113 @@
+"""Cases of the blind proof: reproducible, of the wanted size, told in the recording format, sealed end to end."""
+
+import json
+
+import numpy as np
+import pytest
+
+from diagnosis.proof.baselines import BASELINES
+from diagnosis.proof.cases import BANDS, Case, digest, make, plan
+from diagnosis.proof.effects import LIBRARY, STRANGE, SYSTEMS
+from diagnosis.proof.run import make_one, prove
+from diagnosis.recording import load_recording
+
+ONE = {
+    "linear_drive": Case("case-0001", 11, "linear_drive", "single", ("stribeck_friction",), "3-10"),
+    "cable_hole": Case("case-0002", 12, "cable_hole", "single", ("lateral_extrusion",), ">10", "ar1"),
+    "pulley_circuit": Case("case-0003", 13, "pulley_circuit", "single", ("backlash",), ">10"),
+}
+
+
+@pytest.mark.parametrize("system", SYSTEMS)
+def test_a_case_is_reproducible_sized_and_readable(system, tmp_path):
+    case = ONE[system]
+    found = make(case, tmp_path / "a")
+    low, high = BANDS[case.band]
+    assert low * 0.8 < found["added"] < high * 1.2
+    assert sum(share for _, share in found["mismatch"]) == pytest.approx(1.0)
+    assert found["effects"][0]["name"] == case.effects[0] and 0.0 <= found["absorbed"] <= 1.0
+    recording = load_recording(tmp_path / "a")
+    assert [r.use for r in recording.records] == ["fit", "fit", "heldout"]
+    assert 60 < sum(np.ptp(r.time) for r in recording.records) < 120
+    for told, true in found["true_nominal"].items():  # off, but within three standard deviations of what it says
+        stated = recording.nominal[told]
+        assert 0.0 < abs(stated.value - true) < 3 * stated.std
+    text = (tmp_path / "a" / "recording.yaml").read_text()
+    assert case.effects[0] not in text and "seed" not in text
+    if system == "linear_drive":
+        assert json.loads(json.dumps(make(case, tmp_path / "b"))) == json.loads(json.dumps(found))
+        assert digest(tmp_path / "a") == digest(tmp_path / "b")
+
+
+def test_nothing_wrong_and_decoys_have_no_effect(tmp_path):
+    for kind in ("nothing", "decoy"):
+        found = make(Case("case-1", 5, "linear_drive", kind), tmp_path / kind)
+        assert (found["effects"], found["added"], found["concealment"], found["mismatch"]) == ([], 0.0, [], [])
+    off = [
+        abs(load_recording(tmp_path / kind).nominal["mass"].value / found["true_nominal"]["mass"] - 1)
+        for kind in ("nothing", "decoy")
+    ]
+    assert off[0] <= 0.06 < off[1] <= 0.13
+
+
+def test_plan_covers_everything_and_tells_nothing():
+    cases = plan(per_effect=3, nothing=6)
+    assert cases == plan(per_effect=3, nothing=6) and cases != plan(per_effect=3, nothing=6, seed=6)
+    assert len({c.name for c in cases}) == len({c.seed for c in cases}) == len(cases)
+    for system in SYSTEMS:
+        own = [c for c in cases if c.system == system]
+        for effect in LIBRARY[system]:
+            bands = [c.band for c in own if c.kind == "single" and c.effects == (effect.name,)]
+            assert sorted(bands) == sorted(BANDS)
+        assert {c.effects[0] for c in own if c.kind == "strange"} == {e.name for e in STRANGE[system]}
+        assert sum(c.kind == "pair" for c in own) == 3
+        assert len(STRANGE[system]) >= 6
+    assert sum(c.kind == "nothing" and c.noise == "white" for c in cases) == 6
+    assert sum(c.kind == "nothing" and c.noise != "white" for c in cases) == 6
+    kinds = [c.kind for c in cases]
+    assert kinds[:20] != sorted(kinds[:20])
+
+
+def test_strange_effects_are_in_no_library():
+    known = {e.name for effects in LIBRARY.values() for e in effects}
+    assert not known & {e.name for effects in STRANGE.values() for e in effects}
+
+
+def test_effects_and_their_parameters_are_those_of_the_tool():
+    from cable_envs.effects import EFFECTS
+
+    for system, effects in LIBRARY.items():
+        for effect in effects:
+            theirs = EFFECTS[effect.name]
+            assert system in theirs.plants, (system, effect.name)
+            if not theirs.each_sensor:
+                assert set(effect.compare) <= {p.name for p in theirs.parameters_on(system)}, (system, effect.name)
+
+
+def test_baselines_give_verdicts(tmp_path):
+    make(Case("case-1", 21, "linear_drive", "single", ("stribeck_friction",), ">10"), tmp_path)
+    recording = load_recording(tmp_path)
+    for name, method in BASELINES.items():
+        if name == "sparse regression":
+            pytest.importorskip("pysindy")
+        if name == "black box":
+            pytest.importorskip("sklearn")
+        assert method(recording)["schema"] == "cable-diagnosis/1", name
+
+
+def test_prove_with_a_callable(tmp_path):
+    """A tool that always says nothing is right where nothing is wrong; finished cases are kept, sealed ones guarded."""
+    cases = [ONE["linear_drive"], Case("case-0009", 3, "linear_drive", "nothing")]
+    quiet = {"schema": "cable-diagnosis/1", "verdict": "no_detectable_mismatch", "effects": []}
+    seen = []
+
+    def tool(folder):
+        seen.append(sorted(p.name for p in folder.iterdir()))
+        return quiet
+
+    results = prove(tool, cases, tmp_path, {"plan": "test"})
+    assert [(r.kind, r.outcome) for r in results] == [("single", "none"), ("nothing", "none")]
+    assert seen == [["recording.yaml", "run_1.csv", "run_2.csv", "run_3.csv"]] * 2
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    again = make_one(None, cases[0], str(tmp_path))
+    assert again == manifest["cases"][cases[0].name]

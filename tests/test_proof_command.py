@@ -1,0 +1,84 @@
+"""``cablebench proof`` from the command line."""
+
+import json
+
+import pytest
+
+from cablebench.cli import main
+from cablebench.commands import proof as command
+
+
+def _run(capsys, *arguments):
+    with pytest.raises(SystemExit) as ended:
+        main(["proof", *arguments])
+    return ended.value.code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--quick", "--cases", "3"], "exclude each other"),
+        (["--no-tool", "--no-baselines"], "nothing to do"),
+        (["--no-tool", "--system", "cable_hol"], "did you mean 'cable_hole'?"),
+    ],
+)
+def test_bad_input_is_named(capsys, tmp_path, arguments, message):
+    code, out, err = _run(capsys, "--out", str(tmp_path / "p"), *arguments)
+    assert (code, out) == (2, "") and message in err
+    assert not (tmp_path / "p").exists()
+
+
+def test_without_the_tool_it_says_so(capsys, tmp_path, monkeypatch):
+    from cablebench.commands.app import app
+
+    left = [c for c in app.registered_commands if c.name != "diagnose"]
+    monkeypatch.setattr(app, "registered_commands", left)
+    code, _, err = _run(capsys, "--out", str(tmp_path / "p"))
+    assert code == 2 and "no command 'cablebench diagnose'" in err
+
+
+def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatch):
+    """Two cases, scored; the second call does nothing anew; data changed since the sealing are refused."""
+    pytest.importorskip("pysindy")
+    from diagnosis.proof import cases, run
+    from diagnosis.proof.cases import Case
+
+    two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "cable_hole", "decoy")]
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
+    arguments = ["--no-tool", "--out", str(tmp_path), "--json"]
+    code, out, _ = _run(capsys, *arguments)
+    record = json.loads(out)
+    assert code == 0 and list(record["methods"]) == list(run.BASELINES)
+    assert (tmp_path / "proof.html").read_text().startswith("<!doctype html>")
+    assert "| decoys answered with an effect |" in (tmp_path / "proof.md").read_text()
+    written = {f: f.stat().st_mtime_ns for f in (tmp_path / "verdicts").rglob("*.json")}
+    assert len(written) == 6
+    assert json.loads(_run(capsys, *arguments)[1]) == record
+    assert {f: f.stat().st_mtime_ns for f in written} == written
+    with (tmp_path / "recordings" / "case-0001" / "run_1.csv").open("a") as file:
+        file.write("1,2,3,4,5\n")
+    code, _, err = _run(capsys, *arguments)
+    assert code == 2 and "case-0001 changed since the keys were sealed" in err
+
+
+def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
+    """A tool that cries wolf: the command runs it on a copy that holds the recording and nothing else."""
+    from diagnosis.proof import cases
+    from diagnosis.proof.cases import Case
+
+    tool = tmp_path / "tool.py"
+    tool.write_text(
+        "import json, pathlib, sys\n"
+        "folder = pathlib.Path(sys.argv[1])\n"
+        "assert sorted(p.name for p in folder.parent.iterdir()) == ['recording'], 'sees more than the recording'\n"
+        "print(json.dumps({'schema': 'cable-diagnosis/1', 'verdict': 'named',"
+        " 'effects': [{'name': 'backlash', 'confidence': 0.99}]}))\n"
+    )
+    import sys
+
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
+    monkeypatch.setattr(command, "_tool_command", lambda: [sys.executable, str(tool)])
+    code, out, _ = _run(capsys, "--no-baselines", "--out", str(tmp_path / "p"), "--json")
+    record = json.loads(out)
+    assert code == 1 and record["broken_rules"][0].startswith("false alarms: 1 of 1")
+    assert record["methods"]["diagnose"]["cases"][0]["answer"] == ["backlash"]
