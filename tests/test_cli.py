@@ -4,7 +4,6 @@ import csv
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -229,15 +228,15 @@ def test_demo_writes_the_board(tmp_path, protocol):
 
 
 def test_help_is_quick():
-    """Processor time: what the machine does besides does not count."""
-    code = (
-        "import time\nfrom cablebench.cli import main\n"
-        "try: main(['--help'])\nexcept SystemExit: print(time.process_time())"
-    )
-    root = Path(__file__).parent.parent
-    spent = []
-    for _ in range(3):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=100, cwd=root)
-        spent.append(float(done.stdout.split()[-1]))
-        time.sleep(0.05)
-    assert min(spent) < 1.5  # 0.45 s on two cores of 2024
+    """Little more processor time than the libraries that every command needs; torch alone takes five times as much."""
+    needed = "import gymnasium.envs.registration, typer, yaml"
+    ours = "from cablebench.cli import main\ntry: main(['--help'])\nexcept SystemExit: pass"
+    root, spent = Path(__file__).parent.parent, {needed: [], ours: []}
+    for _ in range(3):  # side by side: the machine's speed cancels
+        for code, times in spent.items():
+            measured = f"{code}\nimport time; print(time.process_time())"
+            done = subprocess.run(
+                [sys.executable, "-c", measured], capture_output=True, text=True, timeout=100, cwd=root
+            )
+            times.append(float(done.stdout.split()[-1]))
+    assert min(spent[ours]) < 2.0 * min(spent[needed])
