@@ -34,13 +34,13 @@ from cable_envs.contact_chain import (
 from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate, own_load
 from cable_envs.effects.rows import (
-    CREEP, CREEP_T, DRIFT, HARDENING, PLAY, PLAYED, ROWS_E, ROWS_S as ROWS_H,
+    CREEP, CREEP_T, CREEP_TIME, DRIFT, HARDENING, PLAY, PLAYED, ROWS_E, ROWS_S as ROWS_H,
 )  # fmt: skip
 from cable_envs.effects.rows import WORN as WORN_STATE
 from cable_envs.effects.seams import (
-    CREEP_LEFT, FOLLOWS, ROWS_G as SHARED_G, TARGET, actuate, begin, dry_friction, end,
+    FOLLOWS, ROWS_G as SHARED_G, TARGET, actuate, begin, dry_friction, end,
 )  # fmt: skip
-from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.effects.viscoelastic_creep import crept, kept
 from cable_envs.friction import stick_slip_step
 from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
 from cable_envs.plants.base import COMMAND, INPUTS, Plant, Signal
@@ -63,12 +63,12 @@ S_T, S_B = 0, SIDE_S
 WORN_RATIO, PLAIN_LENGTH = ROWS_E, ROWS_E + 2 * CONTACTS
 TILE_E = PLAIN_LENGTH + 2 * SPANS
 LAYOUT = Layout("pulley_chain", CIRCUIT, worn=TILE_E - ROWS_E)
-TURN, AT, TURNS, CREPT = range(SHARED_G, SHARED_G + 4)
-ROWS_G = SHARED_G + 5
+TURN, TURNS = range(SHARED_G, SHARED_G + 2)
+ROWS_G = SHARED_G + 2
 STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
 """Effects: behind their rows the tension ratios with all friction drifted and the lengths of the spans without tension;
-in g the pulley's turn since the last equilibrium, the drive's angle there, how the pulley turns with the drive, and the
-creep of each side since. The steps of the differences that give the slopes of a user's own load are in rad and rad/s.
+in g the pulley's turn since the last equilibrium and how it turns with the drive. The
+steps of the differences that give the slopes of a user's own load are in rad and rad/s.
 In what follows e, h (their states) and g are None without effects."""
 
 
@@ -81,37 +81,36 @@ def _wind(x, p, e, h, g, i, step, more):
         most = (p[EA5, i] + p[C5, i] / step) * p[GEAR, i] * p[R0, i]
         slope = most * (1.0 / p[c, i] + 1.0 / p[c + SIDE_P, i])  # as steep as it can be: a softer one overshoots
         offset, turns, inside = pulley(e, h, i, angle, x[M_IN, i], slope)
-        g[TURN, i], g[TURNS, i], g[AT, i] = angle + offset - h[PLAYED, i], turns, angle
+        g[TURN, i], g[TURNS, i] = angle + offset - h[PLAYED, i], turns
         h[PLAYED, i], h[PLAY, i] = angle + offset, inside
 
 
 @inline
-def _soften(x, p, e, h, g, i, side):
-    """Creep since the last equilibrium, and the spans' secant lengths of the stretch they have."""
+def _soften(x, p, e, i, side):
+    """The spans' secant lengths for the stretch that they have."""
     if e is not None:
-        q, c = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P
-        total = 0.0
-        for j in range(SPANS):
-            total += e[PLAIN_LENGTH + side * SPANS + j, i]
-        share, hard = g[CREPT + side, i] / total, e[HARDENING, i]
-        g[CREPT + side, i] = 0.0
+        q, c, hard = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P, e[HARDENING, i]
         for j in range(SPANS):
             length = e[PLAIN_LENGTH + side * SPANS + j, i]
-            x[q + j, i] -= share * length
             secant = length / (1.0 + 0.5 * hard * maximum(x[q + j, i] / length, 0.0))
             p[c + j, i] = select(hard > 0.0, secant, p[c + j, i])
 
 
 @inline
-def _creep(x, p, e, h, g, i, side):
-    """Creep of a side after a step, from its mean elongation."""
+def _creep(x, p, e, h, i, side, step):
+    """Creep of a side over a step, from its mean elongation; each span loses stretch by its share of the length."""
     if e is not None:
-        q = FIRST_X + side * SIDE_X
-        total = x[q, i] + x[q + 1, i] + x[q + 2, i] + x[q + 3, i] + x[q + 4, i]
+        q, first = FIRST_X + side * SIDE_X, PLAIN_LENGTH + side * SPANS
+        total, length = 0.0, 0.0
+        for j in range(SPANS):
+            total += x[q + j, i]
+            length += e[first + j, i]
         preload = select(side == 0, p[PRE_T, i], p[PRE_B, i])
         old = h[CREEP_T + side, i]
-        h[CREEP_T + side, i] = crept(old, e[CREEP, i], maximum(total, 0.0) - preload, g[CREEP_LEFT, i])
-        g[CREPT + side, i] += h[CREEP_T + side, i] - old
+        new = crept(old, e[CREEP, i], maximum(total, 0.0) - preload, kept(e[CREEP_TIME, i], step))
+        h[CREEP_T + side, i] = new
+        for j in range(SPANS):
+            x[q + j, i] -= (new - old) * e[first + j, i] / length
 
 
 @inline
@@ -155,7 +154,7 @@ def _equilibrium(x, p, s, e, h, g, lanes, side, step, more):
     """Move the ends of one side of a tile and solve: active-set passes until no column changes."""
     q, c, r = FIRST_X + side * SIDE_X, SHARED + side * SIDE_P, side * SIDE_S
     for i in range(lanes):
-        _soften(x, p, e, h, g, i, side)
+        _soften(x, p, e, i, side)
         _move_ends(x, p, s, e, g, i, side, step, more)
     changed = 1
     for _ in range(PASSES):
@@ -169,7 +168,7 @@ def _equilibrium(x, p, s, e, h, g, lanes, side, step, more):
                 sweep(x, p, s, i, q, c, r)
     for i in range(lanes):
         _take_over(x, p, s, i, side, step)
-        _creep(x, p, e, h, g, i, side)
+        _creep(x, p, e, h, i, side, step)
 
 
 @inline
@@ -260,7 +259,6 @@ def _advance_tile(x, p, u, s, e, h, g, lanes, substeps, dt):
         s[D_IN, i], s[D_OUT, i] = 0.0, 0.0
         if e is not None:
             begin(e, h, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i], substeps * dt, dt)
-            g[CREPT, i], g[CREPT + 1, i] = 0.0, 0.0
     for n in range(substeps + 1):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt
         more = 0.5 * dt if n < substeps else 0.0
