@@ -17,7 +17,7 @@ def key(name="c", kind="single", effects=("backlash",), band=">10", noise="white
                for e in effects]  # fmt: skip
     case = {"name": name, "system": "pulley_circuit", "kind": kind, "band": band, "noise": noise}
     return {
-        "case": case, "effects": entries, "ambient": ["partial_slip"], "concealment": ["brief"],
+        "case": case, "effects": entries, "added": 0.2, "ambient": ["partial_slip"], "concealment": ["brief"],
         "mismatch": [[0.0, 0.5], [0.5, 0.3], [1.0, 0.2]], "noise_std": {"output_angle": 1e-3}, **changes,
     }  # fmt: skip
 
@@ -66,6 +66,11 @@ def test_outcomes_of_other_kinds():
     nothing = key(kind="nothing", effects=(), concealment=[], mismatch=[])
     assert judge(nothing, verdict("backlash")).outcome == "wrong"
     assert judge(nothing, verdict(kind="no_detectable_mismatch")).outcome == "none"
+
+
+def test_the_band_is_what_the_effect_adds():
+    for added, band in ((0.5, ">10"), (0.1, ">10"), (0.05, "3-10"), (0.02, "1-3"), (0.005, "<1")):
+        assert judge(key(added=added), None).band == band
 
 
 def test_intervals_overlap_and_heldout():

@@ -16,7 +16,7 @@ from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 STEP = 2e-4
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 4e-6
+STIFF = 1e-6
 GUIDE = 4e-6
 GRAVITY = 9.81
 
@@ -111,7 +111,7 @@ def _run(p, reference, rate, start, out):
     x, vx, wanted = y + weight / k, 0.0, 0.0
     if p[RIP_A] != 0.0:
         x -= p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
-    nut = x
+    nut, bristle = x, max(STIFF, p[SOFT])
     stretch, crept, t1, t2 = weight / k, weight / k, weight, weight
     gained = _lengthened(p, start)
     for tick in range(len(reference)):
@@ -128,8 +128,8 @@ def _run(p, reference, rate, start, out):
                     mean = slipped(mean, dy, STIFF, p[SOFT])
                     held = slipped(held, dy, GUIDE, 0.0)
                     rub = 0.0
-                    if p[SOFT] == 0.0 and abs(mean) < 1.0 and mean != before:
-                        rub = 0.7 * np.sqrt(0.3 * weight * mass / STIFF) * v
+                    if abs(mean) < 1.0 and mean != before:
+                        rub = 0.7 * np.sqrt(0.3 * weight * mass / bristle) * (1.0 - mean * mean) * v
                     nut = min(max(nut, x - 0.5 * p[GAP]), x + 0.5 * p[GAP])
                     hauled = nut
                     if p[RIP_A] != 0.0:

@@ -184,7 +184,7 @@ def _record(
         if name in rig.noise:
             std = rig.noise[name]
             dither = noise(case.noise, rng, len(values), std)
-            values = quantise(values + dither, std * rng.uniform(0.3, 1.0))
+            values = quantise(values + dither, 0.5 * std)
         table[name] = values
     return table
 

@@ -236,7 +236,7 @@ STRANGE: Mapping[str, tuple[Missing, ...]] = {
         Missing("leaking_load", {"leaking_load.rate": 2e-3}, largest=20.0),
         Missing("floor_vibration", {"floor_vibration.amplitude": 1.0}, {"floor_vibration.frequency": (1.5, 8.0)}),
         Missing("strand_slips", {"strand_slips.step": 1e-4}, {"strand_slips.interval": (5.0, 9.0)}),
-        Missing("ratchet", {"ratchet.force": 1.0}, {"ratchet.place": (0.005, 0.02)}),
+        Missing("ratchet", {"ratchet.force": 1.0}, {"ratchet.place": (0.013, 0.023)}),
         _sensor("lost_counts", "load_position", 1e-4, "m", False),
     ),
     "pulley_circuit": (

@@ -18,8 +18,8 @@ STEP = 2e-4
 
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 2e-6
-"""m: the bristles that stand for true sticking; a tenth of the position noise."""
+STIFF = 1e-6
+"""m: the bristles that stand for true sticking; a fifth of the least position noise."""
 
 TABLE = Table({
     "mass": 5.0, "viscous": 0.0, "coulomb": 0.0, "motor_share": 0.3, "kp": 4e3, "kd": 150.0,
@@ -87,7 +87,7 @@ def _run(p, reference, rate, hum, start, out):
     load = p[MASS] - motor if two else p[MASS]
     belt = 1.0 / p[COMPLIANCE] if p[COMPLIANCE] > 0.0 else 2e5
     damping, half = 2.0 * 0.1 * np.sqrt(belt * motor * load / p[MASS]), 0.5 * p[GAP]
-    bristle = STIFF
+    bristle = max(STIFF, p[SOFT])
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     late = int(np.floor(p[DELAY] / CLOCK))
     mix = p[DELAY] / CLOCK - late
@@ -115,8 +115,8 @@ def _run(p, reference, rate, hum, start, out):
                     mean = slipped(mean, dx, STIFF, p[SOFT])
                     # keeps a stuck mass from ringing on its bristles; vanishes where it slides
                     rub = 0.0
-                    if p[SOFT] == 0.0 and abs(mean) < 1.0 and mean != before:
-                        rub = 0.7 * np.sqrt(_limit(p, v, f, t) * load / bristle) * v
+                    if abs(mean) < 1.0 and mean != before:
+                        rub = 0.7 * np.sqrt(_limit(p, v, f, t) * load / bristle) * (1.0 - mean * mean) * v
                 pull = drive
                 if two:
                     over = _over(xm - x, half)

@@ -19,7 +19,7 @@ def slipped(z, ds, stiff, soft):
     """State z after a displacement ds: an element as long as ``stiff``, or Dahl's where ``soft`` > 0."""
     if soft > 0.0:
         limit = 1.0 if ds > 0.0 else -1.0
-        return limit + (z - limit) * np.exp(-abs(ds) / soft)
+        return limit + (z - limit) * np.exp(-abs(ds) / max(soft, 0.5 * stiff))  # joins the other one
     z += ds / stiff
     return 1.0 if z > 1.0 else (-1.0 if z < -1.0 else z)
 

@@ -5,9 +5,10 @@ moves under
 
     m s'' = T_before - T_behind - (T_before + T_behind) tanh(Z ln(lambda) / 2)
 
-which is at rest exactly where T_before / T_behind = lambda^Z, so sliding (Z = 1 or -1) gives the law of Zou 2022 and
-what lies between is the hysteresis of the state Z. Delay, transition and working phases follow; no equilibrium
-is solved for. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
+which balances exactly where T_before / T_behind = lambda^Z, so that sliding (Z = 1 or -1) gives the law of Zou 2022. In
+between Z is what keeps the rope at rest: friction bounds the impulse of a step (Moreau's time stepping), nothing is
+solved or switched. With pre-sliding Z is a state of its own. Delay, transition and working phases
+follow; no equilibrium is solved for. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
 """
 
 from collections.abc import Mapping
@@ -19,10 +20,12 @@ from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 STEP = 5e-5
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 4e-6
+STIFF = 2e-6
 ROPE = 0.02
 """kg at an idler: far more than the rope's own, so that its vibration is resolved, and too little to be measured."""
 GRAVITY = 9.81
+CABLE_DAMPING = 8.0
+"""N s: force per strain rate"""
 
 WRAPS = np.array([[0.279, 1.571, 3.141, 3.217], [0.279, 1.571, 3.141, 3.390]])
 RADII = np.array([[4e-3, 8e-3, 5e-3, 8e-3], [4e-3, 5e-3, 8e-3, 5e-3]])
@@ -82,11 +85,11 @@ def _run(p, logs, length, reference, rate, start, out):
     for a in range(2):
         for j in range(5):
             stiffness[a, j] = ea / length[a, j]
-            damping[a, j] = 0.2 * np.sqrt(stiffness[a, j] * ROPE)
+            damping[a, j] = CABLE_DAMPING / length[a, j]
     soft = max(p[SOFT], STIFF)
     settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
-    pulley, turning = angle, 0.0
+    pulley, turning, feed = angle, 0.0, 0.0
     theta = angle * R0 / R5
     for a in range(2):  # as if cable and pulleys had turned together from zero
         for i in range(4):
@@ -101,7 +104,7 @@ def _run(p, logs, length, reference, rate, start, out):
             out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
         for _ in range(settle if tick < 0 else _SUBSTEPS):
             lagged += follow * (reference[now] - lagged)
-            feed = rate[now] if p[LAG] == 0.0 else 0.0
+            feed += follow * (rate[now] - feed)
             speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
             angle += h * speed
             hauled = pulley if p[GAP] > 0.0 else angle
@@ -131,18 +134,21 @@ def _run(p, logs, length, reference, rate, start, out):
                     tension[a, j] = max(pull, 0.0)
                 for i in range(4):
                     both = tension[a, i] + tension[a, i + 1]
+                    push = v[a, i] + h * (tension[a, i] - tension[a, i + 1]) / ROPE
                     level = logs[a, i] * warm
                     if p[STR_F] != 0.0:
                         level *= 1.0 + p[STR_F] * np.exp(-((v[a, i] / p[STR_V]) ** 2))
                     if p[ASYM] != 0.0:
-                        level *= 1.0 + p[ASYM] * side * mean[a, i]
+                        level *= 1.0 + p[ASYM] * side * (1.0 if push > 0.0 else -1.0)
                     if p[LOAD_EXP] != 0.0:
                         level *= (max(both, 0.1) / (2.0 * pre[a])) ** p[LOAD_EXP]
-                    rub = 0.0
-                    if abs(mean[a, i]) < 1.0:
-                        rub = 0.5 * np.sqrt(0.5 * both * level / soft * ROPE) * v[a, i]
-                    brake = both * np.tanh(0.5 * mean[a, i] * level) + p[BEND] * mean[a, i]
-                    v[a, i] += h * (tension[a, i] - tension[a, i + 1] - brake - rub) / ROPE
+                    if p[SOFT] == 0.0:  # Coulomb's law as a bound of the step's impulse: sticks exactly
+                        grip = h * (both * np.tanh(0.5 * level) + p[BEND]) / ROPE
+                        v[a, i] = push - grip if push > grip else (push + grip if push < -grip else 0.0)
+                    else:
+                        z = mean[a, i]
+                        rub = 0.5 * np.sqrt(0.5 * both * level / soft * ROPE) * (1.0 - z * z) * v[a, i]
+                        v[a, i] = push - h * (both * np.tanh(0.5 * z * level) + p[BEND] * z + rub) / ROPE
             torque = R0 * (tension[0, 0] - tension[1, 0])
             if p[GAP] > 0.0:
                 twist = angle - pulley
@@ -158,7 +164,7 @@ def _run(p, logs, length, reference, rate, start, out):
             load += p[PAYLOAD] * p[ARM] * GRAVITY * np.cos(theta) if p[PAYLOAD] != 0.0 else 0.0
             load += p[BRAKE] * held
             if p[BRAKE] != 0.0 and abs(held) < 1.0:
-                load += 0.5 * np.sqrt(p[BRAKE] / 1e-3 * p[J]) * omega
+                load += 0.5 * np.sqrt(p[BRAKE] / 1e-4 * p[J]) * omega
             if p[FLOOR_A] != 0.0:
                 load += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
             if p[RAT_M] != 0.0:
@@ -175,7 +181,7 @@ def _run(p, logs, length, reference, rate, start, out):
             omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
             theta += h * omega
             if p[BRAKE] != 0.0:
-                held = slipped(held, h * omega, 1e-3, 0.0)
+                held = slipped(held, h * omega, 1e-4, 0.0)
             for a in range(2):
                 for i in range(4):
                     s[a, i] += h * v[a, i]

@@ -168,8 +168,6 @@ def observe(rig: TrueRig, changes: Mapping[str, float], reference: np.ndarray, a
     values = {**rig.values, **{k: v for k, v in changes.items() if ":" not in k}}
     if rig.system == "linear_drive" and "delay:position" in faults:
         values["sensor_delay.time"] = faults["delay:position"]
-    if rig.system == "cable_hole" and "cable_elongation.compliance" in changes:
-        values["cable_damping"] = 100.0
     signals = SIMULATE[rig.system](values, reference)
     seen = distort(signals["time"], signals, faults)
     return {name: np.interp(at, signals["time"], seen[name]) for name in (*rig.noise, *rig.given)}

@@ -19,6 +19,11 @@ LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
 """Fail rules: most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
 
 
+def band_of(added: float) -> str:
+    """The band of what an effect really adds to the RMS; "<1" where less than any table asks for."""
+    return ">10" if added >= 0.10 else "3-10" if added >= 0.03 else "1-3" if added >= 0.01 else "<1"
+
+
 @dataclass(frozen=True)
 class Result:
     """One case scored; None where a question does not arise."""
@@ -57,7 +62,7 @@ def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
         case["system"],
         case["kind"],
         truth,
-        case["band"],
+        band_of(key["added"]) if case["kind"] in ("single", "strange") else case["band"],
         case["noise"],
         tuple(key["concealment"]),
         kind,
