@@ -220,6 +220,9 @@ class _Heart(threading.Thread):
     def end(self) -> None:
         self._ended.set()
         self.join()
+        if self._report is not None:  # a short job ends between two beats
+            with suppress(ray.exceptions.RayError):
+                ray.get(self._mailbox.put.remote(*self._which, self._report, {}))
 
 
 def _read(folder: Path, known: dict[str, tuple[int, int]]) -> dict[str, bytes | None]:
