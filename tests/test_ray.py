@@ -109,7 +109,8 @@ def test_trainings_on_two_nodes_end_as_here_even_where_a_worker_is_killed(backen
     ]  # fmt: skip
     jobs[0] = replace(jobs[0], arguments={**jobs[0].arguments, "wait": 2.0})
     done = by_key(backend.run(jobs))
-    assert done["killed"].attempts == 2 and int((tmp_path / "killed" / "resumed").read_text()) == 8192
+    # which checkpoint had reached the caller when the worker was killed depends on the machine's load
+    assert done["killed"].attempts == 2 and int((tmp_path / "killed" / "resumed").read_text()) in (8192, 16384, 24576)
     for seed, name in ((3, "killed"), (4, "other")):
         here = train(settings, seed, tmp_path / f"here-{seed}")
         there = load_policy(tmp_path / name)
