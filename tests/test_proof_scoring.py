@@ -165,7 +165,7 @@ def test_report_and_page():
     about = {"command": "cablebench proof", "cases_total": 30}
     text = report.markdown(results, about)
     assert "| right name or class, effect adds >10 % | >= 95 % | 70 % (35-93), 7/10 | 0 % (0-71), 0/3 |" in text
-    assert "Fail rules broken: false alarms: 2 of 20" in text
+    assert "Fail rules broken by diagnose: false alarms: 2 of 20" in text
     page = render(jsonable(report.record(results, about)))
     assert page.count("<svg") == 3  # two matrices; only one method stated confidence
     assert "http://" not in page.replace("http://www.w3.org", "") and "src=" not in page

@@ -34,9 +34,10 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
         row = next(iter(columns.values()))[k]
         wanted = f"{row.direction} {100 * row.reach:g} %" if row.direction else "reported"
         lines.append(f"| {name} | {wanted} | " + " | ".join(cell(own[k]) for own in columns.values()) + " |")
-    broken = failures(next(iter(results.values()), ()))
+    first = next(iter(results), "nobody")
+    broken = failures(results.get(first, ()))
     lines += ["", "Shares with 95 % Clopper-Pearson limits, and counts. A dash: no such case, or no such statement."]
-    lines += ["", "Fail rules broken: " + "; ".join(broken) + "." if broken else "No fail rule is broken."]
+    lines += ["", f"Fail rules broken by {first}: {'; '.join(broken)}." if broken else f"{first} breaks no fail rule."]
     return "\n".join(lines) + "\n"
 
 
