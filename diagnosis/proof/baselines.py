@@ -5,7 +5,7 @@ list of templates, one for each effect that a template can show:
 
 no_refit    residual at the nominal parameters; the template that explains most of it is named
 sparse      regression of the force on nominal terms and templates with sequential thresholding (SINDy: Brunton et al.
-            2016, PNAS 113, 3932; here pysindy's STLSQ and smoothed derivatives)
+            2016, PNAS 113, 3932; here pysindy's STLSQ on derivatives of sliding lines)
 black_box   gradient boosting on the residual after a linear refit; improves the fit, names nothing
 """
 
