@@ -26,14 +26,28 @@ class Free:
 
 
 @dataclass(frozen=True)
+class Coordinate:
+    """Something that a mismatch may depend on, at every sample [T], SI: "speed", "tension", "time since reversal"."""
+
+    name: str
+    unit: str
+    values: np.ndarray
+
+
+@dataclass(frozen=True)
 class Block:
-    """One channel of one record: time s, what was measured (SI), and where that counts, each [T]."""
+    """One channel of one record: time s, what was measured (SI), and where that counts, each [T].
+
+    along: coordinates at which a mismatch is looked for, besides the elapsed time.
+    """
 
     record: str
     channel: str
     time: np.ndarray
     measured: np.ndarray
     good: np.ndarray
+    unit: str = ""
+    along: tuple[Coordinate, ...] = ()
 
 
 class Model(Protocol):

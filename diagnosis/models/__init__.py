@@ -1,0 +1,21 @@
+"""Recordings as models: one module for each system, each with ``prepare(recording, request) -> Question``.
+
+A module lays the records on an even clock, drives the system's kernel by what was recorded as its input, and predicts
+the other channels. Everything after that (refit, screening, selection, localisation, verdict) knows no system.
+"""
+
+from importlib import import_module
+
+from cable_envs.errors import ConfigurationError
+from diagnosis.models.question import Question, Request
+from diagnosis.recording import Recording
+
+_MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
+
+
+def prepare(recording: Recording, request: Request | None = None) -> Question:
+    """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
+    if recording.system not in _MODULES:
+        raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
+    module = import_module(f"diagnosis.models.{_MODULES[recording.system]}")
+    return module.prepare(recording, request or Request())

@@ -1,0 +1,48 @@
+"""What one recording asks of the diagnosis, whatever its system is."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cable_envs.effects import Effect
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.model import Model
+
+
+@dataclass(frozen=True)
+class Request:
+    """What the caller wants looked for.
+
+    only, without | canonical names of effects to look for, and not to look for
+    own           | effects of the user's own, from `--effect-file`
+    rig           | values and effects of a rig file that replace those of the recording (an augmented rig)
+    """
+
+    only: tuple[str, ...] | None = None
+    without: tuple[str, ...] = ()
+    own: tuple[Effect, ...] = ()
+    rig: Mapping[str, float] | None = None
+
+
+@dataclass(frozen=True)
+class Question:
+    """The models of the records to fit and of those held out, what is refitted, and what may be missing.
+
+    fit, heldout | models with the same ``parameters`` in the same order
+    nominals     | parameters that every refit moves
+    nuisance     | those of them that are no physics of the rig: offsets, the drive's own control; not reported as absorbed
+    hypotheses   | what may be missing
+    units        | unit of every parameter, for people
+    rig          | (parameter values, names of accepted hypotheses) -> content of augmented.yaml
+    notes        | what a person should know of how the recording was read
+    """
+
+    system: str
+    fit: Model
+    heldout: Model
+    nominals: tuple[str, ...]
+    nuisance: tuple[str, ...]
+    hypotheses: tuple[Hypothesis, ...]
+    units: Mapping[str, str]
+    rig: Callable[[Mapping[str, float], Sequence[str]], dict[str, Any]]
+    notes: tuple[str, ...] = field(default=())
