@@ -1,0 +1,177 @@
+"""What the models of all systems share: an even clock, the motion's coordinates, free parameters, the rig found."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from cable_envs.plants.base import Plant
+from cable_envs.rigs import SCHEMA as RIG_SCHEMA
+from diagnosis.model import Coordinate, Free
+from diagnosis.models.question import Request
+from diagnosis.recording import Record, Recording
+
+REST = 0.02
+"""Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
+_SMOOTHED = 0.15
+"""s over which a speed is taken from a recorded position, for coordinates only."""
+
+
+@dataclass(frozen=True)
+class Sampled:
+    """A channel on an even clock: values (SI) and whether they are measurements, each [T]."""
+
+    values: np.ndarray
+    good: np.ndarray
+
+
+def sample_period(records: Sequence[Record]) -> float:
+    """The period of the records' clock, s: the slope of time over the number of the sample, gaps counted.
+
+    The median of the differences alone would be off by 1e-6 s with a jittery clock: half a sample after a minute.
+    """
+    median = float(np.median(np.concatenate([np.diff(record.time) for record in records])))
+    numbers = [_numbers(record.time, median) for record in records]
+    over = sum(float(np.sum((k - k.mean()) * (r.time - r.time.mean()))) for k, r in zip(numbers, records, strict=True))
+    under = sum(float(np.sum((k - k.mean()) ** 2)) for k in numbers)
+    return over / under
+
+
+def _numbers(time: np.ndarray, period: float) -> np.ndarray:
+    """Number of each sample on a clock of that period; a gap skips numbers, jitter does not add up."""
+    return np.cumsum(np.r_[0.0, np.maximum(np.round(np.diff(time) / period), 1.0)])
+
+
+def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
+    """(time [T] s, channel -> its samples) on an even clock, by straight lines between usable samples.
+
+    A sample is good where usable ones lie around it no further apart than one and a half periods. Raises KeyError for
+    a channel that the record does not have.
+    """
+    numbers = _numbers(record.time, period)
+    first = float(np.mean(record.time - period * numbers)) if numbers[-1] else float(record.time[0])
+    if abs(first - record.time[0]) > period:  # the clock is too uneven for a mean phase
+        first = float(record.time[0])
+    count = int(np.floor((record.time[-1] - first) / period + 0.5)) + 1
+    time = first + period * np.arange(count)
+    found = {}
+    for channel in channels:
+        usable = record.usable(channel)
+        stamps, values = record.time[usable], record.data[channel][usable]
+        if len(stamps) < 2:
+            found[channel] = Sampled(np.zeros(count), np.zeros(count, dtype=bool))
+            continue
+        after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
+        near = stamps[after] - stamps[after - 1] < 1.5 * period
+        inside = (time > stamps[0] - 0.5 * period) & (time < stamps[-1] + 0.5 * period)
+        found[channel] = Sampled(np.interp(time, stamps, values), near & inside)
+    return time, found
+
+
+def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED) -> np.ndarray:
+    """Speed [T] from positions [T], by quadratics over ``seconds`` (Savitzky and Golay, Anal. Chem. 36 (1964) 1627)."""
+    width = min(2 * max(round(0.5 * seconds / period), 2) + 1, 2 * ((len(position) - 1) // 2) + 1)
+    if width < 5:
+        return np.gradient(position, period) if len(position) > 1 else np.zeros_like(position)
+    return savgol_filter(position, width, 2, deriv=1, delta=period)
+
+
+def motion_coordinates(time: np.ndarray, position: np.ndarray, unit: str = "m") -> tuple[Coordinate, ...]:
+    """Speed, direction, size of speed, position and time since the last reversal [T] of a recorded position [T].
+
+    ``unit`` of the position: "m" or "rad". Direction is -1, 0 (rest) or 1.
+    """
+    period = float(np.median(np.diff(time)))
+    speed = smooth_speed(position, period)
+    rest = REST * float(np.quantile(np.abs(speed), 0.95))
+    direction = np.where(np.abs(speed) > rest, np.sign(speed), 0.0)
+    return (
+        Coordinate("speed", f"{unit}/s", speed),
+        Coordinate("direction", "1", direction),
+        Coordinate("size of speed", f"{unit}/s", np.abs(speed)),
+        Coordinate("position", unit, position),
+        Coordinate("time since reversal", "s", time_since_reversal(time, direction)),
+    )
+
+
+def time_since_reversal(time: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """s since the motion last went the other way [T], through rests; before the first reversal, since the start."""
+    moving = np.flatnonzero(direction)
+    turned = moving[1:][direction[moving[1:]] != direction[moving[:-1]]]
+    last = np.zeros(len(time), dtype=int)
+    last[turned] = turned
+    return time - time[np.maximum.accumulate(last)]
+
+
+def plant_values(recording: Recording, plant: Plant, rig: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Every number of the plant's whole table: defaults, under the recording's rig, nominals, knowns, under ``rig``.
+
+    What a recording may name and the plant does not have (a measured radius) is left out.
+    """
+    values = {p.name: p.default for p in plant.table}
+    given: dict[str, float] = {}
+    if recording.rig is not None:
+        given.update(recording.rig.values)
+        given.update(recording.rig.effects)
+    given.update({n: q.value for n, q in {**recording.nominal, **recording.known}.items()})
+    given.update(rig or {})
+    names = {name: plant.effects.aliases.get(name, name) for name in given}
+    values.update({names[name]: value for name, value in given.items() if names[name] in values})
+    return values
+
+
+def free_parameters(
+    recording: Recording, plant: Plant, values: Mapping[str, float], refitted: Sequence[str] = (),
+    request: Request | None = None,
+) -> list[Free]:  # fmt: skip
+    """What every refit moves: the recording's nominals, and those of ``refitted`` that it does not know.
+
+    values: all of the plant (`plant_values`), where refits start. A nominal with a std has a prior there, unless an
+    augmented rig (``request.rig``) replaced its value, of which the std says nothing.
+    """
+    names = [name for name in recording.nominal if name in plant.table]
+    names += [name for name in refitted if name in plant.table and name not in names]
+    found = []
+    for name in names:
+        if name in recording.known:
+            continue
+        p, given = plant.table[name], recording.nominal.get(name)
+        start = values[name]
+        scale = max(abs(start), 1e-3 * abs(p.default), 1e-9)
+        std = given.std if given is not None and (request is None or not request.rig) else None
+        found.append(Free(name, start, p.low, p.high, scale, std))
+    return found
+
+
+def augmented_rig(
+    plant: Plant, values: Mapping[str, float], accepted: Sequence[str], name: str = "augmented"
+) -> dict[str, Any]:
+    """Content of augmented.yaml: a rig (schema of `cable_envs.rigs`) with refitted values and the accepted effects.
+
+    values: SI, by name of the plant's table, aliases allowed; parameters of the diagnosis that are no part of the rig
+    are left out. accepted: names of hypotheses, "backlash" or "sensor_bias.drive_tension".
+    """
+    table, aliases = plant.table, plant.effects.aliases
+    named = {aliases.get(k, k): float(v) for k, v in values.items()}
+    own = {p.name for p in plant.parameters}
+    parameters = {
+        key: {"value": min(max(value, table[key].low), table[key].high), "unit": table[key].unit, "source": "diagnosis"}
+        for key, value in named.items()
+        if key in own
+    }
+    effects: dict[str, dict[str, Any]] = {}
+    for key, value in named.items():
+        if key not in table or key in own or "." not in key:
+            continue
+        effect, parameter = key.split(".", 1)
+        there = effect in accepted or key in accepted
+        if there and (value != table[key].default or not effect.startswith("sensor_")):
+            p = table[key]
+            effects.setdefault(effect, {})[parameter] = {"value": min(max(value, p.low), p.high), "unit": p.unit}
+    found: dict[str, Any] = {
+        "schema": RIG_SCHEMA, "name": name, "plant": plant.name.replace("pulley_chain", "pulley_circuit"),
+        "parameters": parameters,
+    }  # fmt: skip
+    return found | ({"effects": effects} if effects else {})
