@@ -16,13 +16,24 @@ from cable_envs.kernels import inline, jit
 from cable_envs.own_effects import copied
 from cable_envs.params import is_number
 from cable_envs.plants import cable_hole, linear_drive, pulley_chain, pulley_circuit
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, FOLLOW, IMPOSED, INPUTS, MODE, RAMPED, Plant
+from cable_envs.plants.base import (
+    COMMAND,
+    COMMAND_RATE,
+    DISTURBANCE,
+    FOLLOW,
+    IMPOSED,
+    INPUTS,
+    MODE,
+    OBSERVED,
+    RAMPED,
+    Plant,
+)
 from cable_envs.team import Team
 
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
 
-DRIVES = ("follow", "imposed")
+DRIVES = ("follow", "imposed", "observed")
 HOLDS = ("step", "ramp")
 
 
@@ -131,7 +142,9 @@ def replay(
     period      | control period, s; the record's samples are that far apart
     drive       | an action mode of the plant; "follow": the drive's position is exactly the command (a cubic through
                 | the samples, with the speeds ``rate``, by default central differences); "imposed": the cable's
-                | tension at the drive (cable_hole), the torque (circuits) or force (linear_drive) is the command
+                | tension at the drive (cable_hole), the torque (circuits) or force (linear_drive) is the command;
+                | "observed" (linear_drive): the motor's force is ``disturbance`` plus what the servo, feeling the
+                | carriage, adds to hold it to the command: "force" is then what the recorded motion takes
     rate        | speed of the command at the end of each step ("follow") or over it [T] or [T, n]; by default from
                 | its differences, 0 over the first step
     hold        | "ramp": commands go from sample to sample in straight lines; "step": they jump and are held
@@ -201,6 +214,8 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
 
 
 def _mode(drive: str, modes: list[str]) -> int:
+    if drive == "observed":
+        return OBSERVED
     if drive != "imposed":
         return modes.index(drive)
     direct = [name for name in ("force", "torque") if name in modes]

@@ -16,9 +16,10 @@ action mode (the position of its name in `Plant.action_modes`), and a disturbanc
 
 COMMAND, COMMAND_RATE, MODE, DISTURBANCE = range(4)
 
-FOLLOW, IMPOSED, RAMPED = 2, 3, 10
+FOLLOW, IMPOSED, OBSERVED, RAMPED = 2, 3, 4, 10
 """Numbers for the row MODE beside those of the action modes, for replays of recordings. FOLLOW: the drive's position
-goes to `command` with the speed `command_rate` there (a cubic). IMPOSED: the drive's tension is `command`. RAMPED is
+goes to `command` with the speed `command_rate` there (a cubic). IMPOSED: the drive's tension is `command`. OBSERVED
+(linear_drive): the motor's force is `disturbance` plus what the servo adds to hold the carriage to `command`. RAMPED is
 added to a number: the command goes there in a straight line over the control step instead of jumping."""
 
 

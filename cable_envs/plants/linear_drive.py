@@ -19,6 +19,7 @@ order 2. Where the belt is rigid the motor is the carriage. One kernel: it has t
 import numpy as np
 
 from cable_envs.effects import Layout
+from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.own import own_actuate, own_cable, own_load
 from cable_envs.effects.position_ripple import wave
@@ -31,6 +32,7 @@ from cable_envs.effects.rows import (
     NEUTRAL,
     PERIOD,
     PHASE_ANGLE,
+    PLAY,
     PRE_0,
     PRESLIDING,
     RIPPLE,
@@ -44,6 +46,7 @@ from cable_envs.effects.seams import (
     DOWN,
     FOLLOWS,
     IMPOSES,
+    LAG_LEFT,
     ROWS_G,
     STEEP,
     TARGET,
@@ -61,7 +64,17 @@ from cable_envs.errors import ConfigurationError
 from cable_envs.friction import crossing_step
 from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, select, sign, store, tile
 from cable_envs.params import Parameter, ParameterTable
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE, ActionMode, Plant, Signal
+from cable_envs.plants.base import (
+    COMMAND,
+    COMMAND_RATE,
+    DISTURBANCE,
+    INPUTS,
+    MODE,
+    OBSERVED,
+    ActionMode,
+    Plant,
+    Signal,
+)
 
 _TYPICAL = "chosen: a small belt axis"
 
@@ -104,8 +117,10 @@ COEFFICIENTS = (
 (MASS, MOTOR, BELT_K, BELT_C, VISCOUS, COULOMB, WEIGHT, LIMIT, PER_VOLT, SERVO_K, SERVO_D) = range(len(COEFFICIENTS))
 ROWS_X, ROWS_P, ROWS_U = len(SIGNALS), len(COEFFICIENTS), len(INPUTS)
 LAYOUT = Layout("linear_drive", PARAMETERS)
-FORCE, RISE, ELASTIC = range(ROWS_G, ROWS_G + 3)
-ALL_G = ROWS_G + 3
+FORCE, RISE, ELASTIC, FORCE_LEFT = range(ROWS_G, ROWS_G + 4)
+ALL_G = ROWS_G + 4
+LAGGED = PLAY
+"""State of the lag of an observed drive's force, in a row that a drive has no other use for."""
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
 
@@ -113,11 +128,21 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 @inline
 def _motor_force(p, u, i, x, v):
     """(force, stiffness, damping) of the motor at a position and speed; none of the latter two at its limit."""
-    servo = u[MODE, i] > 0.5
+    servo, observed = u[MODE, i] > 0.5, u[MODE, i] > OBSERVED - 0.5
     wanted = p[SERVO_K, i] * (u[COMMAND, i] - x) + p[SERVO_D, i] * (u[COMMAND_RATE, i] - v)
+    wanted = select(observed, wanted + u[DISTURBANCE, i], wanted)
     force = clip(select(servo, wanted, u[COMMAND, i]), -p[LIMIT, i], p[LIMIT, i])
     free = servo & (abs(wanted) < p[LIMIT, i])
     return force, select(free, p[SERVO_K, i], 0.0), select(free, p[SERVO_D, i], 0.0)
+
+
+@inline
+def _observed_force(p, u, s, g, i, y, v):
+    """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves the lag on."""
+    wanted, _, _ = _motor_force(p, u, i, y, v)
+    late = select(s[STARTED, i] > 0.5, s[LAGGED, i], wanted)
+    s[LAGGED, i] = lagged(late, wanted, g[FORCE_LEFT, i])
+    return select(g[FORCE_LEFT, i] > 0.0, 0.5 * (late + s[LAGGED, i]), wanted)
 
 
 @inline
@@ -139,7 +164,8 @@ def _load(p, u, e, i, y, v):
     at = own_load(y, v, 0.0, e, i)
     k = (own_load(y + STEP_Y, v, 0.0, e, i) - at) / STEP_Y
     c = (own_load(y, v + STEP_V, 0.0, e, i) - at) / STEP_V
-    resist = p[WEIGHT, i] + p[VISCOUS, i] * v + e[SPRING, i] * (y - e[NEUTRAL, i]) - ripple + at - u[DISTURBANCE, i]
+    push = select(u[MODE, i] > OBSERVED - 0.5, 0.0, u[DISTURBANCE, i])
+    resist = p[WEIGHT, i] + p[VISCOUS, i] * v + e[SPRING, i] * (y - e[NEUTRAL, i]) - ripple + at - push
     return resist, e[SPRING, i] + maximum(-steep, 0.0) + maximum(k, 0.0), p[VISCOUS, i] + maximum(c, 0.0)
 
 
@@ -160,7 +186,10 @@ def _step(x, p, u, e, s, g, i, dt):
     rigid = p[BELT_K, i] <= 0.0
     follows, half = g[FOLLOWS, i] > 0.5, 0.5 * dt
     # behind a belt both are solved together: its force in the middle of the step is pull + grip (change of vm - of v)
+    observed = u[MODE, i] > OBSERVED - 0.5
+    pushed = _observed_force(p, u, s, g, i, y + half * v, v)
     force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
+    force, k, c = select(observed, pushed, force), select(observed, 0.0, k), select(observed, 0.0, c)
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
     grip = half * (belt_c + half * belt_k)
     inertia = maximum(p[MOTOR, i], 1e-9) + dt * grip + half * (c + half * k)
@@ -168,6 +197,8 @@ def _step(x, p, u, e, s, g, i, dt):
     along = select(follows, 0.0, dt * grip / inertia)
     # one body, or the carriage
     direct, k, c = _motor_force(p, u, i, y + half * v, v)
+    behind = observed & (g[FORCE_LEFT, i] > 0.0)
+    direct, k, c = select(behind, pushed, direct), select(behind, 0.0, k), select(behind, 0.0, c)
     resist, load_k, load_c = _load(p, u, e, i, y + half * v, v)
     elastic = g[ELASTIC, i]
     drive = select(rigid, direct, pull + grip * alone)
@@ -190,7 +221,8 @@ def _step(x, p, u, e, s, g, i, dt):
 def _report(x, p, u, e, s, g, i, v, v_new, dt):
     """Forces of the new state. A path that is followed: the force that it takes."""
     rigid = p[BELT_K, i] <= 0.0
-    force, _, _ = _motor_force(p, u, i, x[XM, i], x[VM, i])
+    observed = u[MODE, i] > OBSERVED - 0.5
+    force, _, _ = _motor_force(p, u, i, select(observed, x[Y, i], x[XM, i]), select(observed, x[V, i], x[VM, i]))
     pull, _, _ = _belt(p, e, s, g, i, x[XM, i] - x[Y, i], x[VM, i] - x[V, i])
     resist, _, _ = _load(p, u, e, i, x[Y, i], x[V, i])
     friction = select(v_new > 0.0, g[UP, i], select(v_new < 0.0, -g[DOWN, i], 0.0))
@@ -210,6 +242,9 @@ def _substeps(x, p, u, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
         begin(e, s, g, u, i, x[XM, i], x[VM, i], x[Y, i], x[V, i], substeps * dt, dt)
         u[MODE, i] = select(g[IMPOSES, i] > 0.5, 0.0, u[MODE, i])
+        observed = u[MODE, i] > OBSERVED - 0.5  # the amplifier is behind its servo, not before it
+        g[FORCE_LEFT, i] = g[LAG_LEFT, i]
+        g[LAG_LEFT, i] = select(observed, 0.0, g[LAG_LEFT, i])
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
     for n in range(substeps):
         for i in range(lanes):
