@@ -78,6 +78,14 @@ def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED
     return savgol_filter(position, width, 2, deriv=1, delta=period)
 
 
+def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """(values, their rate), each [T], by cubics over ``seconds`` (Savitzky and Golay, Anal. Chem. 36 (1964) 1627)."""
+    width = 2 * max(round(0.5 * seconds / period), 2) + 1
+    if len(values) < width:
+        return values.copy(), np.gradient(values, period)
+    return savgol_filter(values, width, 3), savgol_filter(values, width, 3, deriv=1, delta=period)
+
+
 def motion_coordinates(time: np.ndarray, position: np.ndarray, unit: str = "m") -> tuple[Coordinate, ...]:
     """Speed, direction, size of speed, position and time since the last reversal [T] of a recorded position [T].
 

@@ -1,0 +1,150 @@
+"""A cable-hole recording as a model: the drive runs as it was told, or as it was seen to run, and pulls the load.
+
+Where the drive's speed command was recorded, it drives the plant, with the plant's own drive (acceleration limit, lag):
+a command has no noise, while the noise of a recorded drive position, 10 um, times the cable's stiffness would be a
+newton. Positions then follow from the command by integration, from a start that `replayed` solves for. Without a
+command the drive follows its recorded position, smoothed; what the smoothing leaves of its noise is in all residuals.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from diagnosis.hypotheses import hypotheses_for
+from diagnosis.model import Block, Coordinate, Free
+from diagnosis.models.common import (
+    augmented_rig,
+    free_parameters,
+    motion_coordinates,
+    plant_values,
+    resample,
+    sample_period,
+    smoothed,
+)
+from diagnosis.models.question import Question, Request
+from diagnosis.models.replayed import ReplayModel, Run
+from diagnosis.recording import CHANNELS, Record, Recording
+
+SUBSTEPS = 10
+"""Steps of 1 ms at 100 Hz."""
+STEP = 1e-3
+"""Largest step of integration, s."""
+SETTLING = 0.5
+"""s at the start of a record that do not count."""
+PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
+REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
+"""Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
+
+
+def prepare(recording: Recording, request: Request) -> Question:
+    """What a cable-hole recording asks.
+
+    Raises ConfigurationError where neither the drive's command nor its position, or no answer of the cable or load, was
+    recorded.
+    """
+    channels = recording.channels
+    if "drive_velocity_command" not in channels:
+        recording.require("drive_position", purpose="replaying the drive")
+    if not {"drive_tension", "load_position", "load_tension"} & set(channels):
+        recording.require("drive_tension", purpose="the diagnosis of a cable in a hole")
+    plant = plant_for("cable_hole")
+    values = _values(recording, plant, request)
+    nominals = free_parameters(recording, plant, values, REFITTED, request)
+    signals = [name for name in PREDICTED if name in channels]
+    drive = "speed" if "drive_velocity_command" in channels else "follow"
+    if drive == "follow":
+        signals = [name for name in signals if name not in ("drive_position", "drive_velocity")]
+    hypotheses = hypotheses_for(
+        plant, values, _modelled(recording, plant, values, nominals), signals, only=request.only,
+        without=request.without,
+    )  # fmt: skip
+    found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
+    period = sample_period(recording.records)
+    models = [
+        _model(recording, use, plant, values, list(found.values()), period, signals) for use in ("fit", "heldout")
+    ]
+    return Question(
+        "cable_hole", models[0], models[1], tuple(p.name for p in nominals), (), tuple(hypotheses),
+        {name: plant.table[name].unit for name in found},
+        lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted),
+    )  # fmt: skip
+
+
+def _values(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Start of all numbers of the plant; the hole's radius, where measured, makes the radius ratio."""
+    values = plant_values(recording, plant, request.rig)
+    radius = recording.value("hole_radius")
+    if radius is not None and "radius_ratio" not in {**recording.known, **recording.nominal}:
+        values["radius_ratio"] = radius / values["cable_radius"]
+    return values
+
+
+def _modelled(recording, plant, values, nominals) -> set[str]:
+    """Parameters whose physics the model has: refitted, or known and at work."""
+    nulls = {
+        p.aliases[plant.name]: p.null
+        for effect in plant.effects.effects.values()
+        for p in effect.parameters_on(plant.name)
+        if plant.name in p.aliases
+    }
+    known = {name for name in recording.known if name in nulls and values[name] != nulls[name]}
+    return known | {p.name for p in nominals}
+
+
+def _model(
+    recording: Recording, use: str, plant: Plant, values: dict[str, float], parameters: Sequence[Free], period: float,
+    signals: Sequence[str],
+) -> ReplayModel:  # fmt: skip
+    substeps = max(int(np.ceil(period / STEP - 1e-6)), 2)
+    runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
+    drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
+    return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
+
+
+def _run(recording: Recording, record: Record, values, period: float, substeps: int, signals: Sequence[str]) -> Run:
+    names = [name for name in recording.channels if name != "time"]
+    time, seen = resample(record, period, names)
+    early = time - time[0] <= SETTLING
+    if "drive_velocity_command" in seen:
+        usable = record.usable("drive_velocity_command")
+        spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
+        # the kernel takes the command in the middle of a step for the speed at its end
+        command, rate = spline(np.minimum(time + 0.5 * period / substeps, record.time[usable][-1])), None
+    else:
+        command, rate = smoothed(seen["drive_position"].values, period)
+    given = {}
+    if "wrap_angle" in seen:
+        given["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))
+    for name, value in record.conditions.items():
+        if name in ("load_mass", "wrap_angle") and not isinstance(value, str):
+            given[name] = value
+    weight = given.get("load_mass", values["load_mass"]) * values["gravity"] * values["load_gravity"]
+    if "load_position" in seen:
+        start = float(np.mean(seen["load_position"].values[early]))
+    elif "drive_position" in seen:
+        start = float(np.mean(seen["drive_position"].values[early])) - weight / values["cable_stiffness"]
+    else:
+        start = 0.0
+    along = _coordinates(time, seen, period)
+    blocks = tuple(
+        Block(record.name, name, time, seen[name].values, seen[name].good & ~early, CHANNELS["cable_hole"][name], along)
+        for name in signals
+    )
+    return Run(command, rate, start, tuple(signals), blocks, given)
+
+
+def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:
+    """Of the load's motion, or else the drive's; and of the tension."""
+    place = next((n for n in ("load_position", "drive_position") if n in seen), None)
+    if place:
+        found = motion_coordinates(time, seen[place].values, "m")
+    else:
+        path = np.cumsum(seen["drive_velocity_command"].values) * period
+        found = motion_coordinates(time, path, "m")
+    pull = next((n for n in ("drive_tension", "load_tension") if n in seen), None)
+    if pull is None:
+        return found
+    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0]))
