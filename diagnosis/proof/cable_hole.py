@@ -4,7 +4,8 @@
     m y'' = T2 - m g - k_l y - c_l y' + ...
 
 Z in [-1, 1] is a state that the slip y drives: 1 sliding up, -1 sliding down, in between at rest, so that
-the exponent itself carries the hysteresis. The drive follows a speed; kick-drift-kick as in `linear_drive`.
+the exponent itself carries the hysteresis. The drive follows a speed, that goes in straight lines from tick to tick, so
+that the recorded command is what it follows and not late by half a tick; kick-drift-kick as in `linear_drive`.
 """
 
 from collections.abc import Mapping
@@ -13,10 +14,11 @@ import numpy as np
 
 from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 
-STEP = 2e-4
+STEP = 1e-4
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 1e-6
+STIFF = 4e-7
+"""m; twice it, times a stiff cable's 3e5 N/m, is the tension by which sticking gives way: within its noise."""
 GUIDE = 4e-6
 GRAVITY = 9.81
 
@@ -108,23 +110,28 @@ def _run(p, reference, rate, start, out):
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     relax = 1.0 - np.exp(-h / p[CREEP_T])
     y, v, t, mean, held, rub, armed = reference[0], 0.0, start, 0.0, 0.0, 0.0, 1.0
-    x, vx, wanted = y + weight / k, 0.0, 0.0
+    pulled = -_loads(p, y, 0.0, start, 0.0)  # at rest friction has nothing to hold
+    x, vx, wanted = y + pulled / k, 0.0, 0.0
     if p[RIP_A] != 0.0:
         x -= p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
     nut, bristle = x, max(STIFF, p[SOFT])
-    stretch, crept, t1, t2 = weight / k, weight / k, weight, weight
+    stretch, crept, t1, t2 = pulled / k, pulled / k, pulled, pulled
     gained = _lengthened(p, start)
     for tick in range(len(reference)):
-        command = rate[tick] + p[KP] * (reference[tick] - y)
-        out[tick, 0], out[tick, 1], out[tick, 2], out[tick, 3] = x, vx, t1, y
-        out[tick, 4], out[tick, 5] = t2, command
-        for _ in range(_SUBSTEPS):
-            wanted += follow * (command - wanted)
+        ahead, out[tick, 0], out[tick, 1], out[tick, 2] = min(tick + 1, len(reference) - 1), x, vx, t1
+        out[tick, 3], out[tick, 4] = y, t2
+        out[tick, 5] = rate[tick] + p[KP] * (reference[tick] - y)
+        for n in range(_SUBSTEPS):
+            part = (n + (0.5 if p[LAG] > 0.0 else 1.0)) / _SUBSTEPS  # a lag takes the command's mean over the step
+            feed = rate[tick] + part * (rate[ahead] - rate[tick])
+            asked = reference[tick] + part * (reference[ahead] - reference[tick])
+            wanted += follow * (feed + p[KP] * (asked - y) - wanted)
+            before_v = vx
             vx += min(max(wanted - vx, -p[A_MAX] * h), p[A_MAX] * h)
             for stage in range(2):
                 if stage == 1:
                     dy, before = h * v, mean
-                    x, y, t = x + h * vx, y + dy, t + h
+                    x, y, t = x + 0.5 * h * (before_v + vx), y + dy, t + h
                     mean = slipped(mean, dy, STIFF, p[SOFT])
                     held = slipped(held, dy, GUIDE, 0.0)
                     rub = 0.0

@@ -102,9 +102,11 @@ def _run(p, logs, length, reference, rate, start, out):
             out[tick, 0], out[tick, 1], out[tick, 2] = angle, torque, theta
             out[tick, 3] = R5 * (tension[0, 4] - tension[1, 4])
             out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
-        for _ in range(settle if tick < 0 else _SUBSTEPS):
-            lagged += follow * (reference[now] - lagged)
-            feed += follow * (rate[now] - feed)
+        ahead = min(now + 1, len(reference) - 1) if tick >= 0 else now
+        for n in range(settle if tick < 0 else _SUBSTEPS):
+            part = (n + 0.5) / _SUBSTEPS if tick >= 0 else 0.0  # the command goes in straight lines from tick to tick
+            lagged += follow * (reference[now] + part * (reference[ahead] - reference[now]) - lagged)
+            feed += follow * (rate[now] + part * (rate[ahead] - rate[now]) - feed)
             speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
             angle += h * speed
             hauled = pulley if p[GAP] > 0.0 else angle
