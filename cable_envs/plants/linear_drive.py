@@ -189,7 +189,9 @@ def _step(x, p, u, e, s, g, i, dt):
     observed = u[MODE, i] > OBSERVED - 0.5
     pushed = _observed_force(p, u, s, g, i, y + half * v, v)
     force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
-    force, k, c = select(observed, pushed, force), select(observed, 0.0, k), select(observed, 0.0, c)
+    # the servo of an observed drive feels the carriage, which moves as the motor does; a lag lets part of it through
+    passed = select(observed & (g[FORCE_LEFT, i] > 0.0), 0.5 * (1.0 - g[FORCE_LEFT, i]), 1.0)
+    force, k, c = select(observed, pushed, force), passed * k, passed * c
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
     grip = half * (belt_c + half * belt_k)
     inertia = maximum(p[MOTOR, i], 1e-9) + dt * grip + half * (c + half * k)
@@ -198,7 +200,7 @@ def _step(x, p, u, e, s, g, i, dt):
     # one body, or the carriage
     direct, k, c = _motor_force(p, u, i, y + half * v, v)
     behind = observed & (g[FORCE_LEFT, i] > 0.0)
-    direct, k, c = select(behind, pushed, direct), select(behind, 0.0, k), select(behind, 0.0, c)
+    direct, k, c = select(behind, pushed, direct), passed * k, passed * c
     resist, load_k, load_c = _load(p, u, e, i, y + half * v, v)
     elastic = g[ELASTIC, i]
     drive = select(rigid, direct, pull + grip * alone)

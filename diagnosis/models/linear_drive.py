@@ -1,0 +1,296 @@
+"""Recordings of a one-axis drive as a model on the project's kernel: the drive runs again under its own controller.
+
+Where the recording has a position reference and a controller of the form
+
+    u = kp (reference - x) + kv reference' - kd x'          u: force, N, or voltage
+
+explains the recorded effort, the whole loop is replayed from the reference: position, speed and effort are all
+predicted, and what the loop hides in the position shows in the effort. The three gains are no physics: every refit
+moves them. Otherwise the drive is given the recorded effort and is held to the recorded position by a soft servo of
+our own, and the position that it would rather take is what is predicted ("observed").
+
+Both are `replay(..., drive="observed")`: the servo feels the carriage, and the amplifier's lag acts on its force. The
+reference goes between samples as a cubic, since straight lines would change the force by kp x'' dt^2 / 12.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cable_envs.errors import ConfigurationError
+from cable_envs.own_effects import with_own_effects
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from cable_envs.replay import distort, replay
+from diagnosis.hypotheses import Hypothesis, hypotheses_for
+from diagnosis.model import Block, Coordinate, Free
+from diagnosis.models.common import (
+    Sampled,
+    augmented_rig,
+    free_parameters,
+    motion_coordinates,
+    plant_values,
+    resample,
+    sample_period,
+    smooth_speed,
+)
+from diagnosis.models.question import Question, Request
+from diagnosis.recording import Record, Recording
+
+SETTLING = 0.5
+"""s at the start of a record that do not count: the state at its start is not known."""
+FINE = 4
+"""Input steps in each sample."""
+EXPLAINED = 0.98
+"""Share of the effort's variance that a controller must explain to be replayed."""
+GAINS = ("control.kp", "control.kv", "control.kd")
+OFFSET = "force_offset"
+_SOFT = 30.0
+"""rad/s, the natural frequency of our own servo."""
+_NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position", "load_dependent_friction", "slack")
+"""A position's zero says nothing; the others need a cable."""
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One record on the even clock: finely sampled input, and what the drive started from."""
+
+    path: np.ndarray
+    """[FINE (T - 1)] m, in the middle of each fine step"""
+    rate: np.ndarray
+    """the same, m/s"""
+    effort: np.ndarray
+    """[FINE (T - 1)] of an observed drive; 0 under its own controller"""
+    samples: np.ndarray
+    """[T] m of the path, at the samples"""
+    rates: np.ndarray
+    """the same, m/s"""
+    start: float
+    speed: float
+
+
+class DriveModel:
+    """See `diagnosis.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+
+    def __init__(
+        self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
+        period: float, closed: bool, substeps: int = 2,
+    ):  # fmt: skip
+        self.plant, self.parameters, self.period, self.closed = plant, tuple(parameters), period, closed
+        self.substeps = substeps
+        self.effort = _effort(recording)
+        table = plant.table
+        self._base = np.array([values[p.name] for p in table])
+        self._rows = {p.name: k for k, p in enumerate(self.parameters)}
+        self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters) if p.name in table]
+        self._given = dict(values)
+        wanted = [c for c in ("position", "velocity", self.effort, "motor_position") if c in recording.channels]
+        self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity")]
+        self.blocks: list[Block] = []
+        self._runs: list[_Run] = []
+        for record in recording.used_for(use):
+            self._add(record)
+
+    def _add(self, record: Record) -> None:
+        needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
+        time, series = resample(record, self.period, sorted(needs))
+        self._runs.append(_run(time, series, self.period, None if self.closed else self.effort))
+        along = motion_coordinates(time, series["position"].values, "m")
+        if self.effort in series:
+            along = (*along, Coordinate(self.effort, _UNIT[self.effort], series[self.effort].values))
+        late = time - time[0] > SETTLING
+        for channel in self.channels:
+            got = series[channel]
+            self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along))
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
+        columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
+        for k, row in self._inside:
+            columns[row] = values[k]
+        shown = {name: values[k] for name, k in self._rows.items()}
+        shown.setdefault(OFFSET, np.full(values.shape[1], self._given.get(OFFSET, 0.0)))
+        found: list[np.ndarray] = []
+        for run in self._runs:
+            signals = self._closed(columns, shown, run) if self.closed else self._observed(columns, shown, run)
+            found += [signals[channel] for channel in self.channels]
+        return found
+
+    def _of(self, columns: np.ndarray, name: str) -> np.ndarray:
+        return columns[self.plant.table.index(name)]
+
+    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+        per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
+        kp, kv, kd = (shown[name] for name in GAINS)
+        scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
+        # the controller feels scale x(t - late): kp (r - scale x + scale late x') + kv r' - kd x'
+        stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
+        path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
+        y, v, motor, first = self._replay(
+            columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET]
+        )
+        effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
+        return self._seen(columns, {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}, first)
+
+    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+        per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
+        scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
+        total = self._of(columns, "mass") + self._of(columns, "motor_mass")
+        force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
+        path, rate = run.path[:, None], run.rate[:, None]
+        y, v, motor, first = self._replay(columns, path, rate, total * _SOFT**2, 1.4 * total * _SOFT, run, force)
+        return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+
+    def _replay(self, columns, path, rate, stiff, damping, run: _Run, force):
+        """(position, speed, motor's position [T, n], the three at the start [3, n]) under a servo of those gains."""
+        table, n = self.plant.table, columns.shape[1]
+        columns, steps = columns.copy(), len(run.path)
+        total = columns[table.index("mass")] + columns[table.index("motor_mass")]
+        frequency = np.sqrt(np.maximum(stiff, 1e-9) / total)
+        columns[table.index("servo_frequency")] = frequency
+        columns[table.index("servo_damping_ratio")] = damping / (2.0 * frequency * total)
+        columns[table.index("force_limit")] = 1e6
+        state = self.plant.rest(self.plant.prepare(columns), np.full(n, run.start))
+        signals = ["position", "velocity", "motor_position"]
+        for name in ("velocity", "motor_velocity"):
+            state[self.plant.row(name)] = run.speed
+        first = state[[self.plant.row(name) for name in signals]].copy()
+        out = replay(
+            self.plant, columns, np.broadcast_to(path, (steps, n)), self.period / FINE, drive="observed", hold="step",
+            signals=signals, rate=np.broadcast_to(rate, (steps, n)), state=state, substeps=self.substeps,
+            disturbance=np.broadcast_to(force, (steps, n)), sensors=False,
+        )  # fmt: skip
+        whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
+        return whole[:, 0], whole[:, 1], whole[:, 2], first
+
+    def _seen(self, columns: np.ndarray, signals: dict[str, np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
+        """What the sensors show. A voltage is what the amplifier was told: it has no sensor."""
+        names = [name for name in self.channels if name != "voltage"]
+        out = np.stack([signals[name][1:] for name in names], axis=1)
+        start = np.stack([signals[name][0] for name in names])
+        shown = distort(self.plant, self.plant.prepare(columns), names, out, self.period, start)
+        seen = {name: np.concatenate([start[None, k], shown[:, k]]) for k, name in enumerate(names)}
+        return {**signals, **seen}
+
+
+_UNIT = {"position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "motor_position": "m"}
+
+
+def _effort(recording: Recording) -> str:
+    return "force" if "force" in recording.channels else "voltage"
+
+
+def _middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(values and slopes in the middle of each fine step, slopes at the samples) of a cubic through samples [T]."""
+    curve = CubicSpline(np.arange(len(values)) * period, values)
+    at = (np.arange(FINE * (len(values) - 1)) + 0.5) * (period / FINE)
+    return curve(at), curve(at, 1), curve(np.arange(len(values)) * period, 1)
+
+
+def _run(time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None) -> _Run:
+    position = series["position"].values
+    samples = series["position_reference"].values if effort is None else position
+    path, rate, rates = _middle(samples, period)
+    pushed = np.zeros(len(path)) if effort is None else np.repeat(_halfway(series[effort].values), FINE)
+    quiet = max(int(0.3 / period), 1)
+    first = position[:quiet]
+    moving = smooth_speed(position, period)[0]
+    still = abs(moving) * quiet * period < 4.0 * max(float(np.std(np.diff(first))) if quiet > 2 else 0.0, 1e-12)
+    start = float(first.mean()) if still else float(position[0])
+    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving))
+
+
+def _halfway(values: np.ndarray) -> np.ndarray:
+    return 0.5 * (values[1:] + values[:-1])
+
+
+def controller(recording: Recording, period: float) -> tuple[dict[str, float], float]:
+    """(gains of `GAINS`, share of the effort's variance that they explain) by least squares over the fit records."""
+    effort = _effort(recording)
+    rows, target = [], []
+    for record in recording.used_for("fit"):
+        _, series = resample(record, period, ("position", "position_reference", effort))
+        reference, position = series["position_reference"].values, series["position"].values
+        speed = smooth_speed(position, period, 0.05)
+        if "velocity" in recording.channels:
+            speed = resample(record, period, ("velocity",))[1]["velocity"].values
+        good = series[effort].good & series["position"].good
+        rows.append(np.column_stack([reference - position, _middle(reference, period)[2], -speed])[good])
+        target.append(series[effort].values[good])
+    table, wanted = np.concatenate(rows), np.concatenate(target)
+    gains = np.linalg.lstsq(table, wanted, rcond=None)[0]
+    left = wanted - table @ gains
+    return dict(zip(GAINS, gains.tolist(), strict=True)), 1.0 - float(np.var(left) / np.var(wanted))
+
+
+def prepare(recording: Recording, request: Request) -> Question:
+    """What a drive's recording asks. Raises ConfigurationError where position or an effort is missing."""
+    if not {"force", "voltage"} & set(recording.channels):
+        raise ConfigurationError(f"{recording.path}: a linear drive's diagnosis needs the channel force or voltage")
+    recording.require("position", purpose="a linear drive's diagnosis")
+    plant = with_own_effects(plant_for("linear_drive"), request.own)
+    values = {"viscous": 0.0, "coulomb": 0.0} if recording.rig is None and request.rig is None else {}
+    values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request)}
+    for name in (OFFSET,):
+        values[name] = recording.value(name) or 0.0
+    period = sample_period(recording.records)
+    nominals = [f for f in free_parameters(recording, plant, values, ("mass",), request) if _acts(f.name, recording)]
+    if OFFSET in recording.nominal:
+        std = recording.nominal[OFFSET].std
+        nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
+    gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, 0.0)
+    closed = explained > EXPLAINED and gains["control.kp"] > 0.0
+    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()] if closed else []
+    hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
+    free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in hypotheses for f in h.free}
+    made = {
+        use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed)
+        for use in ("fit", "heldout")
+    }
+    how = f"the whole loop is replayed: its controller explains {explained:.2%} of the effort"
+    how = how if closed else "the drive is held to the recorded position by a soft servo: no controller to replay"
+    return Question(
+        "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
+        (*GAINS, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
+        lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,),
+    )  # fmt: skip
+
+
+def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
+    """Friction is left out of the model where nobody names it."""
+    named = {*recording.known, *recording.nominal, *(request.rig or {})}
+    return {name: value for name, value in values.items() if name not in named}
+
+
+def _acts(name: str, recording: Recording) -> bool:
+    return name != "force_per_volt" or _effort(recording) == "voltage"
+
+
+def _unit(plant: Plant, name: str) -> str:
+    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", OFFSET: "N"}
+    return own[name] if name in own else plant.table[name].unit
+
+
+def _hypotheses(plant, recording, values, nominals, request: Request, closed: bool) -> list[Hypothesis]:
+    modelled = {f.name for f in nominals} | {n for n in recording.known if values.get(n)}
+    signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
+    found = hypotheses_for(
+        plant, values, modelled, signals, only=request.only, without=request.without
+    )  # fmt: skip
+    gone = set(_NO_HYPOTHESIS)
+    if values["belt_stiffness"] <= 0.0:
+        gone |= {"backlash", "stiffness_hardening", "viscoelastic_creep"}
+    if not closed:
+        gone |= {"sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag"}
+    return [h for h in found if h.name not in gone]
+
+
+def _rig(plant: Plant, values: Mapping[str, float], accepted: Sequence[str]) -> dict:
+    """The rig; a constant force stands as a tilt of the axis."""
+    values = dict(values)
+    weight = values["mass"] * values["gravity"]
+    if values.get(OFFSET):
+        values["gravity_share"] = min(max(values["gravity_share"] + values[OFFSET] / weight, -1.0), 1.0)
+    return augmented_rig(plant, values, accepted)
