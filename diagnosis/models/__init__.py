@@ -11,11 +11,14 @@ from diagnosis.models.question import Question, Request
 from diagnosis.recording import Recording
 
 _MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
+_BY_CHANNEL = {"speed_reading": "coupled_drives"}
+"""Linear drives that are modelled in another way, by a channel that only they have."""
 
 
 def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
     if recording.system not in _MODULES:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
-    module = import_module(f"diagnosis.models.{_MODULES[recording.system]}")
+    special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
+    module = import_module(f"diagnosis.models.{(special or [_MODULES[recording.system]])[0]}")
     return module.prepare(recording, request or Request())
