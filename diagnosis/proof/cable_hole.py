@@ -17,8 +17,8 @@ from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 STEP = 1e-4
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 4e-7
-"""m; twice it, times a stiff cable's 3e5 N/m, is the tension by which sticking gives way: within its noise."""
+STIFF = 1.5e-7
+"""m; twice it, times a stiff cable's 2e5 N/m, is the tension by which sticking gives way: within its noise."""
 GUIDE = 4e-6
 GRAVITY = 9.81
 

@@ -137,7 +137,7 @@ LIBRARY: Mapping[str, tuple[Missing, ...]] = {
             compare={"rigidity": ("bending_stiffness.rigidity", 1.0, "N m^2")},
             known={"bending_rigidity": 0.0},
         ),
-        Missing("cable_elongation", {"cable_elongation.compliance": 2e-6}, known={"cable_stiffness": 3e5}),
+        Missing("cable_elongation", {"cable_elongation.compliance": 2e-6}, known={"cable_stiffness": 2e5}),
         Missing("stiffness_hardening", {"stiffness_hardening.coefficient": 60.0}, largest=10.0),
         Missing(
             "viscoelastic_creep",

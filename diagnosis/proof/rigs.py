@@ -93,7 +93,7 @@ def _drive(rng, names, known) -> TrueRig:
 def _hole(rng, names, known) -> TrueRig:
     mass, wrap, rho = _between(rng, 3.0, 8.0), rng.uniform(0.6, 1.4), rng.uniform(1.3, 3.0)
     rigid = "cable_stiffness" in known or (not names and rng.random() < 0.2)
-    stiffness = 3e5 if rigid else _between(rng, 3e4, 9e4)
+    stiffness = 2e5 if rigid else _between(rng, 3e4, 9e4)
     spring = 0.0 if "load_stiffness" in known or rng.random() < 0.3 else _between(rng, 200.0, 800.0)
     if names & {"load_dependent_friction", "stiffness_hardening", "bending_stiffness"}:
         spring = _between(rng, 400.0, 1000.0)  # tensions that vary
