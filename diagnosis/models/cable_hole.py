@@ -98,7 +98,7 @@ def _model(
     recording: Recording, use: str, plant: Plant, values: dict[str, float], parameters: Sequence[Free], period: float,
     signals: Sequence[str],
 ) -> ReplayModel:  # fmt: skip
-    substeps = max(int(np.ceil(period / STEP - 1e-6)), 2)
+    substeps = max(int(np.ceil(period / STEP - 1e-3)), 2)
     runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
@@ -112,7 +112,10 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
         usable = record.usable("drive_velocity_command")
         spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
         # the kernel takes the command in the middle of a step for the speed at its end
-        command, rate = spline(np.minimum(time + 0.5 * period / substeps, record.time[usable][-1])), None
+        command = spline(np.minimum(time + 0.5 * period / substeps, record.time[usable][-1]))
+        # straight lines between samples h apart integrate to h^2 / 12 c' too much
+        command[1:-1] -= np.diff(command, 2) / 12.0
+        rate = None
     else:
         command, rate = smoothed(seen["drive_position"].values, period)
     given = {}

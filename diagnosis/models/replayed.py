@@ -1,8 +1,8 @@
 """Records of any plant as a `Model`: the drive's input goes through the kernel, every other channel is predicted.
 
-What happened before a record began is known to a constant only (where the load hung when the drive's counter was set).
-Such a constant shifts some channels by a known shape; how much is solved for in every prediction, from the record that
-is predicted, held out or not: it is its initial condition.
+What a record begins with is known to a constant only: where the load hung, what an encoder counts from. Such a
+constant shifts channels by a known shape; how much is solved for in every prediction, from the record that is
+predicted, held out or not: it is that record's initial condition.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,6 +24,7 @@ class Run:
     signals       | of the plant, one for each block
     blocks        | channels of this record
     given         | parameters that only this record has (its load, its wrap angle), SI
+    offset        | signals whose zero means nothing in this record
     """
 
     command: np.ndarray
@@ -32,6 +33,7 @@ class Run:
     signals: tuple[str, ...]
     blocks: tuple[Block, ...]
     given: Mapping[str, float] = field(default_factory=dict)
+    offset: tuple[str, ...] = ()
 
 
 class ReplayModel:
@@ -40,7 +42,7 @@ class ReplayModel:
     values     | the rig, by name of the plant's whole table
     parameters | rows that columns may change, of the plant's table
     drive      | how the kernel takes `Run.command`
-    shifted    | step of `Run.start` (m, rad) at which its effect on all channels is measured; 0: it is known
+    shifted    | step of `Run.start` (m, rad) at which its effect on all channels is measured; 0: the start is known
     lead       | control steps at rest before each record
     """
 
@@ -53,7 +55,7 @@ class ReplayModel:
         self.blocks: list[Block] = [block for run in runs for block in run.blocks]
         self._base = plant.table.pack(values)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
-        self._shift = [self._response(run, shifted) for run in runs] if shifted > 0.0 else None
+        self._shifts = [self._responses(run, shifted) for run in runs]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
@@ -62,8 +64,8 @@ class ReplayModel:
         found = []
         for k, run in enumerate(self.runs):
             out = self._replay(run, columns, run.start)
-            if self._shift is not None:
-                self._settle(run, self._shift[k], out)
+            if self._shifts[k].size:
+                _settle(run, self._shifts[k], out)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
@@ -83,24 +85,33 @@ class ReplayModel:
         )  # fmt: skip
         return out[self.lead :]
 
-    def _response(self, run: Run, step: float) -> np.ndarray:
-        """Change of every block [T, blocks] per change of the start, over the channels' noise."""
-        base = self._base[:, None]
-        change = self._replay(run, base, run.start + step) - self._replay(run, base, run.start)
-        return change[:, :, 0] / step
-
-    def _settle(self, run: Run, response: np.ndarray, out: np.ndarray) -> None:
-        """Shift predictions (in place) to the start that fits the record best, channels weighed by their noise."""
-        over, under = 0.0, 0.0
-        for j, block in enumerate(run.blocks):
-            weight = block.good / _jitter(block) ** 2
-            over = over + (weight * response[:, j]) @ (block.measured[:, None] - out[:, j])
-            under += float((weight * response[:, j]) @ response[:, j])
-        if under > 0.0:
-            out += response[:, :, None] * (over / under)
+    def _responses(self, run: Run, step: float) -> np.ndarray:
+        """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
+        found = []
+        if step > 0.0:
+            base = self._base[:, None]
+            change = self._replay(run, base, run.start + step) - self._replay(run, base, run.start)
+            found.append(change[:, :, 0] / step)
+        for j, signal in enumerate(run.signals):
+            if signal in run.offset:
+                found.append(np.zeros((len(run.command), len(run.blocks))))
+                found[-1][:, j] = 1.0
+        return np.stack(found, axis=2) if found else np.empty(0)
 
 
-def _jitter(block: Block) -> float:
+def _settle(run: Run, responses: np.ndarray, out: np.ndarray) -> None:
+    """Shift predictions [T, blocks, n] in place by the constants that fit the record best, by the channels' noise."""
+    matrix, right = 0.0, 0.0
+    for j, block in enumerate(run.blocks):
+        weighed = responses[:, j] * (block.good / jitter(block) ** 2)[:, None]
+        matrix = matrix + weighed.T @ responses[:, j]
+        right = right + weighed.T @ (block.measured[:, None] - out[:, j])
+    constants = np.linalg.pinv(matrix, hermitian=True) @ right
+    for j in range(len(run.blocks)):
+        out[:, j] += responses[:, j] @ constants
+
+
+def jitter(block: Block) -> float:
     """About the noise of a channel: from second differences, whose variance is 6 times that of white noise."""
     second = np.diff(block.measured[block.good], 2)
     scale = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0) if len(second) else 0.0

@@ -1,0 +1,113 @@
+"""A pulley-circuit recording as a model: the drive's servo, or the path it took, winds the cables.
+
+Where the command of the drive's angle was recorded, it goes through the servo of the plant, whose frequency and damping
+are refitted: a command has no noise. Without it the drive follows its recorded angle, smoothed.
+
+The plant is the chain of spans and contacts. The closed form lumps the friction of all idlers at the output, so that it
+has no slip fronts: MEASURED
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from diagnosis.hypotheses import hypotheses_for
+from diagnosis.model import Block, Coordinate, Free
+from diagnosis.models.common import (
+    augmented_rig,
+    free_parameters,
+    motion_coordinates,
+    plant_values,
+    resample,
+    sample_period,
+    smoothed,
+)
+from diagnosis.models.question import Question, Request
+from diagnosis.models.replayed import ReplayModel, Run
+from diagnosis.recording import CHANNELS, Record, Recording
+
+VARIANT = "chain"
+STEP = 2e-3
+"""Largest step of integration, s."""
+SETTLING = 0.5
+"""s at the start of a record that do not count."""
+LEAD = 30
+"""Control steps at rest before a record, in which the circuit finds its balance."""
+SIGNALS = {
+    "drive_angle": "drive_angle", "drive_torque": "drive_torque", "output_angle": "output_angle",
+    "output_torque": "output_torque", "tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom",
+}  # fmt: skip
+"""channel -> signal of the plant"""
+REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom")
+SERVO = ("servo_frequency", "servo_damping_ratio")
+
+
+def prepare(recording: Recording, request: Request) -> Question:
+    """What a pulley-circuit recording asks.
+
+    Raises ConfigurationError where neither the drive's angle nor its command, or no answer of it, was recorded.
+    """
+    channels = recording.channels
+    commanded = "drive_angle_command" in channels
+    if not commanded:
+        recording.require("drive_angle", purpose="replaying the drive")
+    if not {"drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"} & set(channels):
+        recording.require("drive_torque", purpose="the diagnosis of a circuit")
+    plant = plant_for("pulley_circuit", VARIANT)
+    values = plant_values(recording, plant, request.rig)
+    servo = SERVO if commanded and "drive_angle" in channels else ()
+    nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
+    names = [name for name in SIGNALS if name in channels and (commanded or name != "drive_angle")]
+    modelled = {name for name in recording.known if name not in ("output_damping", "brake_torque")}
+    hypotheses = hypotheses_for(
+        plant, values, modelled | {p.name for p in nominals}, [SIGNALS[name] for name in names], only=request.only,
+        without=request.without,
+    )  # fmt: skip
+    found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
+    period = sample_period(recording.records)
+    models = [_model(recording, use, plant, values, list(found.values()), period, names) for use in ("fit", "heldout")]
+    return Question(
+        "pulley_circuit", models[0], models[1], tuple(p.name for p in nominals), servo, tuple(hypotheses),
+        {name: plant.table[name].unit for name in found},
+        lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted),
+    )  # fmt: skip
+
+
+def _model(
+    recording: Recording, use: str, plant: Plant, values: dict[str, float], parameters: Sequence[Free], period: float,
+    names: Sequence[str],
+) -> ReplayModel:  # fmt: skip
+    substeps = max(int(np.ceil(period / STEP - 1e-3)), 2)
+    runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
+    drive = "position" if "drive_angle_command" in recording.channels else "follow"
+    return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
+
+
+def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:
+    time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
+    early = time - time[0] <= SETTLING
+    if "drive_angle_command" in seen:
+        command, rate = seen["drive_angle_command"].values, None
+    else:
+        command, rate = smoothed(seen["drive_angle"].values, period)
+    start = float(command[0]) * values["drive_radius"] / values["output_radius"]
+    along = _coordinates(time, seen, period)
+    units = CHANNELS["pulley_circuit"]
+    blocks = tuple(
+        Block(record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along)
+        for name in names
+    )
+    free = tuple(SIGNALS[name] for name in names if recording.channels[name].offset_free)
+    return Run(command, rate, start, tuple(SIGNALS[name] for name in names), blocks, offset=free)
+
+
+def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:
+    """Of the output's motion, or else the drive's; and of the torque."""
+    place = next(n for n in ("output_angle", "drive_angle", "drive_angle_command") if n in seen)
+    found = motion_coordinates(time, seen[place].values, "rad")
+    pull = next((n for n in ("output_torque", "drive_torque") if n in seen), None)
+    if pull is None:
+        return found
+    return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period)[0]))
