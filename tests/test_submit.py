@@ -107,6 +107,22 @@ def test_submitting_again_runs_nothing_again(place, submitted, cli):
     assert code == 0 and len(ResultStore(submitted / "records.jsonl").records()) == before
 
 
+def test_submitting_in_jobs_gives_the_serial_numbers(place, submitted, cli, tmp_path):
+    arguments = ("submit", place / "mine.py", "--protocol", place / "tiny.yaml", "--results", tmp_path, "--trust")
+    code, _, err = cli(*arguments, "--jobs", "2")
+    assert code == 0, err
+
+    def numbers(folder):
+        found = ResultStore(folder / "records.jsonl").records()
+        return {
+            (r["entrant"], r["seed"]): {k: v for k, v in r["metrics"].items() if k != "inference_us"} for r in found
+        }
+
+    assert len(numbers(tmp_path)) == 8 and numbers(tmp_path) == numbers(submitted)
+    code, _, err = cli(*arguments, "--backend", "rey")
+    assert code == 2 and "did you mean 'ray'" in err
+
+
 def test_every_row_replays_to_the_last_digit_with_the_command_on_the_board(submitted, cli):
     commands = [
         line.split("`")[1] for line in (submitted / "board.md").read_text().splitlines() if "`cablebench" in line

@@ -48,20 +48,7 @@ def evaluate(
     recipes = entrant_recipes(controller or (), gain or (), policy or ())
     store = None if results is None else ResultStore(results / RECORDS)
     conditions = (tasks, tuple(track or ()), store)
-    with progress_bar() as update:
-
-        def report(p: Any) -> None:
-            update("episodes", p.done, p.total, p.text)
-
-        if backend == "local" and jobs in (None, 1) and ray_address is None:
-            from cablebench.evaluate import evaluate as run
-
-            records = run(chosen, [recipe() for recipe in recipes], *conditions, report, resume)
-        else:
-            from cablebench.evaluate_jobs import evaluate_in_jobs
-
-            with open_backend(backend, jobs, ray_address) as workers:
-                records = evaluate_in_jobs(chosen, recipes, workers, *conditions, report, resume)
+    records = evaluate_on(backend, jobs, ray_address, chosen, recipes, conditions, resume)
     if as_json:
         print_json(records)
         return
@@ -71,6 +58,28 @@ def evaluate(
         out.print(f"{len(records)} records added to {store.path}", markup=False)
     else:
         out.print("Nothing was stored: --results FOLDER keeps the records.", style="dim")
+
+
+def evaluate_on(
+    backend: str, jobs: int | None, ray_address: str | None, protocol: Any, recipes: Any, conditions: Any, resume: bool
+) -> list[dict[str, Any]]:
+    """Evaluate what the recipes make, in this process or as jobs of a backend, under a progress bar; the new records.
+
+    conditions: tasks, tracks, store, as `cablebench.evaluate.evaluate` takes them.
+    """
+    with progress_bar() as update:
+
+        def report(p: Any) -> None:
+            update("episodes", p.done, p.total, p.text)
+
+        if backend == "local" and jobs in (None, 1) and ray_address is None:
+            from cablebench.evaluate import evaluate as run
+
+            return run(protocol, [recipe() for recipe in recipes], *conditions, report, resume)
+        from cablebench.evaluate_jobs import evaluate_in_jobs
+
+        with open_backend(backend, jobs, ray_address) as workers:
+            return evaluate_in_jobs(protocol, recipes, workers, *conditions, report, resume)
 
 
 def choose_entrants(controllers: Iterable[str], gains: Iterable[str], policies: Iterable[str]) -> tuple[Any, ...]:

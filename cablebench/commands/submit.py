@@ -9,9 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, progress_bar, require_ours, resolve_env
-from cablebench.commands.evaluate import RECORDS
+from cablebench.commands.common import console, require_ours, resolve_env
+from cablebench.commands.evaluate import RECORDS, evaluate_on
 from cablebench.commands.leaderboard import make_board, results_folder
+from cablebench.commands.recipes import NamedEntrant, named
+from cablebench.commands.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
 from cablebench.commands.trust import ask
 
 
@@ -27,6 +29,9 @@ def submit(
         bool, typer.Option("--trust", "--yes", help="Execute a .py file without asking: it can do all that you can.")
     ] = False,
     check_only: Annotated[bool, typer.Option("--check-only", help="Check and try it; evaluate nothing.")] = False,
+    jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
+    backend: Annotated[str, typer.Option(help=BACKEND_HELP)] = "local",
+    ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
     """Check a controller or policy, run the protocol, and add its row to the board."""
@@ -46,7 +51,7 @@ def submit(
     store = ResultStore(folder / RECORDS)
     records = store.records()
     with _tried(submission, path, bool(name)) as place:
-        entrant = _entrant(submission.flag, place)
+        entrant = _recipe(submission.flag, place)()
         tried = dry_run(entrant, chosen, tasks)
         check_name(entrant, [r for r in records if r["protocol_hash"] == chosen.hash()], _reserved())
     for t in tried:
@@ -59,9 +64,12 @@ def submit(
         kept = submission.keep(folder)
     except OSError as error:
         raise ConfigurationError(f"cannot copy {path} to {folder}: {error.strerror or error}") from error
-    entrant = _entrant(submission.flag, kept)
+    recipe = _recipe(submission.flag, kept)
+    entrant = recipe()
     entered = tuple(t.env_id for t in tried)
-    _run(chosen, entrant, _missing(chosen, records, entered, track), entered, tuple(track or ()), store)
+    recipes = (*_missing(chosen, records, entered, track), recipe)
+    # what the store holds is skipped: an interrupted submission goes on where it was when it is given again
+    evaluate_on(backend, jobs, ray_address, chosen, recipes, (entered, tuple(track or ()), store), resume=True)
     made = make_board(chosen, store, store.records(), folder, as_json, place=flags)
     _place(made, entrant, say)
 
@@ -76,11 +84,8 @@ def _tried(submission: Any, path: Path, renamed: bool) -> Iterator[Path]:
         yield submission.keep(Path(folder))
 
 
-def _entrant(flag: str, path: Path) -> Any:
-    from cablebench.commands.evaluate import choose_entrants
-
-    controllers, policies = ([str(path)], []) if flag == "--controller" else ([], [str(path)])
-    return choose_entrants(controllers, (), policies)[0]
+def _recipe(flag: str, path: Path) -> NamedEntrant:
+    return named(flag.removeprefix("--"), str(path))
 
 
 def _reserved() -> tuple[str, ...]:
@@ -89,10 +94,10 @@ def _reserved() -> tuple[str, ...]:
     return tuple(CONTROLLERS)
 
 
-def _missing(protocol: Any, records: list[Any], entered: tuple[str, ...], tracks: list[str] | None) -> tuple[Any, ...]:
+def _missing(
+    protocol: Any, records: list[Any], entered: tuple[str, ...], tracks: list[str] | None
+) -> tuple[NamedEntrant, ...]:
     """References without which a score cannot be said and that the store lacks on some task and track."""
-    from cablebench.entrants import reference_entrants
-
     known = {(r["env_id"], r["track"], r["entrant"]) for r in records if r["protocol_hash"] == protocol.hash()}
     wanted = {(c.task.env, c.track.name, c.task.family) for c in protocol.cells(entered, tuple(tracks or ()))}
     names = {
@@ -101,31 +106,7 @@ def _missing(protocol: Any, records: list[Any], entered: tuple[str, ...], tracks
         for name in (protocol.open_loop, protocol.oracle, protocol.paper.get(family, ""))
         if name in _reserved() and (env_id, track, name) not in known
     }
-    return reference_entrants(sorted(names)) if names else ()
-
-
-def _run(
-    protocol: Any,
-    entrant: Any,
-    references: tuple[Any, ...],
-    tasks: tuple[str, ...],
-    tracks: tuple[str, ...],
-    store: Any,
-) -> None:
-    """Evaluate what the store lacks; an interrupted submission goes on where it was when it is given again."""
-    from cablebench.evaluate import evaluate
-
-    with progress_bar() as update:
-        for group in filter(None, (references, (entrant,))):
-            evaluate(
-                protocol,
-                group,
-                tasks,
-                tracks,
-                store,
-                lambda p: update("episodes", p.done, p.total, p.text),
-                resume=True,
-            )
+    return tuple(named("controller", name) for name in sorted(names))
 
 
 def _place(board: Any, entrant: Any, say: Any) -> None:
