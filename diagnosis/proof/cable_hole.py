@@ -122,10 +122,11 @@ def _run(p, reference, rate, start, out):
         out[tick, 3], out[tick, 4] = y, t2
         out[tick, 5] = rate[tick] + p[KP] * (reference[tick] - y)
         for n in range(_SUBSTEPS):
-            part = (n + (0.5 if p[LAG] > 0.0 else 1.0)) / _SUBSTEPS  # a lag takes the command's mean over the step
+            late = 0.5 if p[LAG] > 0.0 else 1.0  # a lag takes the command's mean over the step
+            part = (n + late) / _SUBSTEPS
             feed = rate[tick] + part * (rate[ahead] - rate[tick])
             asked = reference[tick] + part * (reference[ahead] - reference[tick])
-            wanted += follow * (feed + p[KP] * (asked - y) - wanted)
+            wanted += follow * (feed + p[KP] * (asked - y - late * h * v) - wanted)
             before_v = vx
             vx += min(max(wanted - vx, -p[A_MAX] * h), p[A_MAX] * h)
             for stage in range(2):
