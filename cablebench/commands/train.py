@@ -1,5 +1,7 @@
 """``cablebench train``: train learning agents on the native batch and save them."""
 
+import time
+from collections.abc import Mapping
 from contextlib import closing
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,6 +22,9 @@ from cablebench.jobs import Backend, Done, Job, open_backend
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
+
+POLICY, CHECKPOINT = "policy.zip", "checkpoint.pt"
+"""What `agents.train` writes to a training's folder (importing it takes seconds)."""
 
 JOBS_HELP = "Jobs at a time; default: one with local, the cluster's cores with ray."
 BACKEND_HELP = "Where jobs run: local (processes of this machine) or ray."
@@ -42,7 +47,10 @@ def train(
         list[str] | None,
         typer.Option("--option", "-o", help="Environment option, KEY=YAML (randomize=true); repeatable."),
     ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="Go on from the checkpoint in --out.")] = False,
+    resume: Annotated[
+        bool,
+        typer.Option("--resume", help="Go on from the checkpoint in --out; of several seeds, finish what is missing."),
+    ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace the policy in --out.")] = False,
     tensorboard: Annotated[Path | None, typer.Option(help="Folder for TensorBoard's logs.")] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
@@ -57,11 +65,12 @@ def train(
     require_ours("agents")
     from agents.settings import load_settings
 
+    started = time.time()
     settings = load_settings(algo, env_id, steps, options)
     folders = run_folders(settings.algo, env_id, chosen, out)
     work = [
         training_job(
-            settings, number, folder, resume=resume, overwrite=overwrite,
+            settings, number, folder, resume=how_to_resume(resume, folders), overwrite=overwrite,
             tensorboard=tensorboard if tensorboard is None or len(chosen) == 1 else tensorboard / folder.name,
         )
         for number, folder in folders.items()
@@ -70,11 +79,7 @@ def train(
         ended, interrupted = _run(workers, work)
     results = _report(ended, dict(zip((job.key for job in work), folders.values())), as_json, single=len(work) == 1)
     if interrupted:
-        say = console(stderr=True)
-        for result in results:
-            if not result["complete"]:
-                say.print(f"seed {result['seed']}: stopped after {result['steps']} steps; saved", markup=False)
-        say.print("The same command with --resume goes on.")
+        _say_what_is_kept(results, folders, 0.0 if resume else started, resume)
         raise typer.Exit(INTERRUPTED)
 
 
@@ -83,6 +88,32 @@ def run_folders(algo: str, env_id: str, seeds: tuple[int, ...], out: Path | None
     if out is not None and len(seeds) == 1:
         return {seeds[0]: out}
     return {seed: (out or Path("runs")) / f"{algo}-{short_name(env_id)}-{seed}" for seed in seeds}
+
+
+def how_to_resume(asked: bool, folders: Mapping[int, Path]) -> bool | str:
+    """`agents.train.train`'s ``resume``: of several seeds some may be complete, others not begun."""
+    begun = any((folder / name).exists() for folder in folders.values() for name in (POLICY, CHECKPOINT))
+    return "auto" if asked and len(folders) > 1 and begun else asked
+
+
+def _say_what_is_kept(results: list[dict[str, Any]], folders: Mapping[int, Path], since: float, resumed: bool) -> None:
+    """After Ctrl-C: what each seed has, and how to go on. Checkpoints older than ``since`` are another training's."""
+    say, ended, kept = console(stderr=True), {r["seed"]: r for r in results}, False
+    if len(ended) == len(folders) and all(r["complete"] for r in results):
+        return
+    for seed, folder in folders.items():
+        result, checkpoint = ended.get(seed), folder / CHECKPOINT
+        goes_on = checkpoint.is_file() and checkpoint.stat().st_mtime >= since
+        if result is not None and result["complete"]:
+            text, goes_on = "complete", True
+        elif result is not None:
+            text = f"stopped after {result['steps']} steps; saved" + ("" if goes_on else ", but nothing to go on from")
+        else:
+            text = "stopped; its last checkpoint is kept" if goes_on else "nothing was saved"
+        say.print(f"seed {seed}: {text}", markup=False)
+        kept = kept or goes_on
+    again = "The same command" if resumed else "The same command with --resume"
+    say.print(f"{again} goes on." if kept else "The same command begins anew.", markup=False)
 
 
 def _run(workers: Backend, work: list[Job]) -> tuple[list[Done], bool]:

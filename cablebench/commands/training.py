@@ -17,7 +17,7 @@ def training_job(
     seed: int,
     folder: Path,
     *,
-    resume: bool = False,
+    resume: bool | str = False,
     overwrite: bool = False,
     checkpoint_every: float = 60.0,
     tensorboard: Path | None = None,
@@ -33,7 +33,7 @@ def training_job(
 
 
 def train_here(
-    context: Context, settings: Any, seed: int, resume: bool, overwrite: bool, checkpoint_every: float
+    context: Context, settings: Any, seed: int, resume: bool | str, overwrite: bool, checkpoint_every: float
 ) -> dict[str, Any]:
     """Body of a training's job. After a worker's death it goes on from the checkpoint, or anew where there is none."""
     from agents.train import Interrupted, train
