@@ -39,6 +39,8 @@ class Block:
     """One channel of one record: time s, what was measured (SI), and where that counts, each [T].
 
     along: coordinates at which a mismatch is looked for, besides the elapsed time.
+    memory: samples over which its noise may be coloured; 0 where what a right model leaves is no sensor's noise, and
+    colour would explain a slow mismatch away. None: as many as asked for.
     """
 
     record: str
@@ -48,6 +50,7 @@ class Block:
     good: np.ndarray
     unit: str = ""
     along: tuple[Coordinate, ...] = ()
+    memory: int | None = None
 
 
 class Model(Protocol):
@@ -94,5 +97,6 @@ def learn_whitener(blocks: Sequence[Block], series: Sequence[np.ndarray], max_or
             for block, values in zip(blocks, series, strict=True)
             if block.channel == channel
         ]
-        noise[channel] = learn_noise(of_channel, max_order)
+        memories = [b.memory for b in blocks if b.channel == channel and b.memory is not None]
+        noise[channel] = learn_noise(of_channel, min([max_order, *memories]))
     return Whitener(noise)

@@ -11,7 +11,7 @@ from diagnosis.models.question import Question, Request
 from diagnosis.recording import Recording
 
 _MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
-_BY_CHANNEL = {"speed_reading": "coupled_drives"}
+_BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
 
 

@@ -171,7 +171,7 @@ def _series(recording: Recording, record: Record, period: float) -> tuple[tuple[
         Coordinate("reading", "V", reading.values),
         Coordinate("time since the voltage stepped", "s", _since_step(voltage.values, period)),
     )
-    block = Block(record.name, "speed_reading", time, reading.values, good, "V", along)
+    block = Block(record.name, "speed_reading", time, reading.values, good, "V", along, memory=0)
     return (np.concatenate([past, voltage.values]), len(past)), block
 
 
