@@ -8,6 +8,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 
+import numpy as np
+
 from cable_envs.effects import Effect, EffectParameter
 from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.plants.base import Plant
@@ -16,12 +18,21 @@ from diagnosis.model import Free
 SIZES = (0.1, 1.0)
 """Probed sizes over the typical one of `EffectParameter`."""
 
+STIFFNESSES = (1.0, 5.0, 25.0)
+"""Probed stiffnesses over the typical one."""
+
+WAVES = (0.75, 20.0, 0.5)
+"""Waves of a ripple over the travel: from, to, step."""
+
 _SHAPES: Mapping[str, tuple[float, ...]] = {
     "stribeck_friction.velocity": (0.3, 1.0, 4.0, 16.0),
     "viscoelastic_creep.time": (0.1, 1.0),
     "friction_drift.time": (0.1, 0.5, 2.0),
 }
 """Probed shapes over their default; what is not here is probed at its default."""
+
+INVERSE = ("belt_stiffness", "cable_stiffness", "tensile_stiffness")
+"""Parameters of which there is the more effect the smaller they are."""
 
 _SIGNED = ("asymmetric_friction.difference", "position_ripple.force", "friction_drift.change")
 
@@ -56,10 +67,12 @@ def hypotheses_for(
     *,
     only: Sequence[str] | None = None,
     without: Sequence[str] = (),
+    travel: float | None = None,
 ) -> list[Hypothesis]:
     """Effects that the model of ``values`` leaves out and that could show in ``signals``.
 
-    modelled: parameters that are refitted already, or known; only, without: names of effects, from the command line.
+    modelled: parameters that are refitted already, or known; only, without: names of effects, from the command line;
+    travel: range of positions in the recording, m or rad, over which a ripple is looked for.
     A sensor's effect is a hypothesis for each signal, named "sensor_bias.force". Raises ConfigurationError for names
     that are no effects of the plant.
     """
@@ -77,7 +90,7 @@ def hypotheses_for(
             groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
         else:
             groups = [(effect.name, parameters)] if parameters else []
-        found += [h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled))]
+        found += [h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled, travel))]
     return found
 
 
@@ -88,8 +101,10 @@ def _hypothesis(
     parameters: Sequence[EffectParameter],
     values: Mapping[str, float],
     modelled: Collection[str],
+    travel: float | None,
 ) -> Hypothesis | None:
     rows = {p.aliases.get(plant.name, f"{effect.name}.{p.name}"): p for p in parameters}
+    # what a recording claims to know as absent is what may be missing
     absent = {row: p for row, p in rows.items() if row not in modelled and values[row] == p.null}
     sizes = {row: p for row, p in absent.items() if not p.shape}
     if not sizes:
@@ -103,12 +118,27 @@ def _hypothesis(
         free.append(Free(row, p.null, p.low, p.high, scale))
     for row, p in sizes.items():
         step = p.typical_on(plant.name) - p.null
-        shapes = {r: [f * absent[r].null for f in _SHAPES[r]] for r in absent if r in _SHAPES}
+        shapes = {r: [f * absent[r].typical_on(plant.name) for f in _SHAPES[r]] for r in absent if r in _SHAPES}
         signs = (1.0, -1.0) if row in _SIGNED and p.low < p.null else (1.0,)
-        for size, sign, *shape in product(SIZES, signs, *shapes.values()):
-            one = {row: min(max(p.null + sign * size * step, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
+        sizes_of = [f * p.typical_on(plant.name) for f in STIFFNESSES] if row in INVERSE else ()
+        values_of = sizes_of or [p.null + sign * size * step for size in SIZES for sign in signs]
+        for value, *shape in product(values_of, *shapes.values()):
+            one = {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
             probes.append((one,))
+    if effect.name == "position_ripple" and travel:
+        probes = _waves(next(iter(sizes)), sizes, plant.name, travel)
     nulls = {row: p.null for row, p in sizes.items()}
     return Hypothesis(
         name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls
     )  # fmt: skip
+
+
+def _waves(size: str, sizes: Mapping[str, EffectParameter], plant: str, travel: float) -> list:
+    """Sine and cosine together for every number of waves over the travel; steps of half a wave miss none."""
+    height = 0.1 * sizes[size].typical_on(plant)
+    found = []
+    for waves in np.arange(*WAVES):
+        period = travel / waves
+        one = {size: min(height, 0.1 * period), "position_ripple.period": period}
+        found.append(tuple({**one, "position_ripple.phase": phase} for phase in (0.0, 0.5 * np.pi)))
+    return found

@@ -15,6 +15,8 @@ from diagnosis.model import Model, Whitener, residuals
 STEP = 1e-3
 """Step of the differences over the parameter's size, or its scale where that is larger."""
 _DAMPINGS = (0.1, 1.0, 10.0)
+SETTLED = 0.05
+"""Fall of the whitened sum of squares below which a refit has ended: a fortieth of what one parameter gains by chance."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ class _Run:
         self.rows = [names.index(name) for name in start.free]
         given = {**{p.name: p.start for p in self.parameters}, **start.values}
         self.values = np.array([p.clip(given[p.name]) for p in self.parameters])
-        self.damping, self.done, self.evaluations = 1e-2, False, 0
+        self.damping, self.done, self.failed, self.evaluations = 1e-2, False, False, 0
         self.residual = self.jacobian = np.empty(0)
 
     def prior(self, values: np.ndarray) -> float:
@@ -90,7 +92,7 @@ class _Run:
     @property
     def cost(self) -> float:
         """Whitened sum of squares with priors."""
-        return float(self.residual @ self.residual + self.prior(self.values))
+        return np.inf if self.failed else float(self.residual @ self.residual + self.prior(self.values))
 
     def columns(self) -> np.ndarray:
         """The values and, for each free parameter, those a step below and above: [P, 1 + 2 free]."""
@@ -138,10 +140,10 @@ class _Run:
         gain = self.cost - cost
         if gain > 0.0:
             self.values, self.damping = values, max(self.damping * factor * 0.3, 1e-9)
-            self.done = gain < 1e-4
+            self.done = gain < SETTLED
         else:
             self.damping *= 100.0
-            self.done = self.damping > 1e6
+            self.done = self.damping > 1e4
 
     def fit(self) -> Fit:
         """The result."""
@@ -173,7 +175,10 @@ def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run]) -> None:
         run.evaluations += columns.shape[1]
         widths = np.array([columns[k, 2 + 2 * j] - columns[k, 1 + 2 * j] for j, k in enumerate(run.rows)])
         run.residual = mine[:, 0].copy()
-        run.jacobian = (mine[:, 1::2] - mine[:, 2::2]) / np.maximum(widths, 1e-300)
+        slopes = (mine[:, 1::2] - mine[:, 2::2]) / np.maximum(widths, 1e-300)
+        run.jacobian = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0)
+        if not np.isfinite(run.residual).all():  # a simulation that runs away: this start leads nowhere
+            run.residual, run.done, run.failed = np.zeros(len(mine)), True, True
 
 
 def _costs(model: Model, whitener: Whitener, columns: Sequence[np.ndarray], runs: Sequence[_Run]) -> list[float]:

@@ -1,27 +1,50 @@
-"""From scores to an answer: refit what scored best, rank on records that no refit has seen, accept or refuse.
+"""From scores to an answer: what is missing, one effect after the other, and whether anything is left.
 
-An effect is accepted only where the best score of all hypotheses beats noise (familywise), it also improves the
-held-out records, no parameter of it ends on a bound, its interval leaves the null out, and the sizes found on single
-records agree. Two effects: the same again around the model that has the first one. What is left then is tested once
-more: where hypotheses still beat noise but none is accepted, or the residual still follows a coordinate, the answer is
-"unknown".
+1. Refit the nominals; learn the noise.
+2. Score all hypotheses (`diagnosis.screen`), refit the best of them (`diagnosis.race`), rank by deviance.
+3. Accept the best where it gains more than noise would give to any of them, the held-out records do not speak against
+   it, none of its parameters ends on a bound, its interval leaves the null out, and parts of the record agree.
+4. Again on top of it. A further effect must also gain a share of what the first ones did: every formulation of physics
+   is a little wrong, and what a first effect leaves for that reason is no second effect.
+5. Each accepted effect is exchanged for every other hypothesis, given the others: the best stays.
+6. `diagnosis.adequacy` asks whether what is left is noise. Where it is not, nothing is named.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from diagnosis.adequacy import Adequacy, adequacy
 from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Model, Whitener, learn_whitener, residuals
-from diagnosis.refit import Fit, Start, refit
+from diagnosis.likelihood import Judged, raw_residuals, refit_and_learn
+from diagnosis.model import Model, Whitener
+from diagnosis.race import Candidate, race
+from diagnosis.refit import Fit, Start
 from diagnosis.screen import Screening, screen
 
-LEVEL = 0.05
-RIVALS = 6
-"""Best-scored hypotheses that are refitted."""
-MARGIN = 6.0
-"""Whitened sum of squares by which a hypothesis must beat another to be told from it: about e^3 to 1."""
+
+@dataclass(frozen=True)
+class Rules:
+    """What is asked of an answer; found on recordings that no proof uses (docs/diagnosis.md).
+
+    gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
+    share     | least gain of a further effect over that of all before it
+    margin    | fall of the deviance by which an effect must beat another to be told from it
+    left_p    | familywise p-value below which what is left is not noise
+    left      | share of all that was to be explained, which may be left when something is named
+    over      | RMS over the stated noise up to which a model may be right
+    most      | effects at the most
+    """
+
+    gain: float = 22.0
+    each: float = 4.0
+    share: float = 0.06
+    margin: float = 8.0
+    left_p: float = 1e-3
+    left: float = 0.12
+    over: float = 1.08
+    most: int = 2
 
 
 @dataclass(frozen=True)
@@ -32,24 +55,32 @@ class Accepted:
     gain: float
     heldout_gain: float
     alternatives: tuple[str, ...]
+    margin: float
+    """deviance of the best other hypothesis less its own; of those that are no alternatives"""
 
 
 @dataclass(frozen=True)
 class Selection:
     """The steps from the nominal refit to the last model, and the reasons."""
 
-    null: Fit
-    final: Fit
-    whitener: Whitener
+    null: Judged
+    final: Judged
     accepted: tuple[Accepted, ...]
     screenings: tuple[Screening, ...]
-    refused: dict[str, str] = field(default_factory=dict)
-    """why the refitted hypotheses that were not accepted were not"""
+    tried: tuple[tuple[Candidate, ...], ...]
+    before: Adequacy
+    after: Adequacy
+    adequate: bool
+    refused: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def p_value(self) -> float:
-        """Familywise p-value of the first screening: that noise alone would score so."""
-        return self.screenings[0].p_value if self.screenings else 1.0
+    def verdict(self) -> str:
+        """As in the specification."""
+        if not self.adequate:
+            return "unknown"
+        if not self.accepted:
+            return "no_detectable_mismatch"
+        return "equivalence_class" if any(a.alternatives for a in self.accepted) else "named"
 
 
 def select(
@@ -59,101 +90,125 @@ def select(
     hypotheses: Sequence[Hypothesis],
     rng: np.random.Generator,
     *,
-    most: int = 2,
+    rules: Rules | None = None,
+    stated: Mapping[str, float] | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Selection:
-    """The best model with at most ``most`` of the hypotheses over the refit of ``nominals``."""
+    """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
+
+    stated: channel -> standard deviation of its noise, where the recording says it.
+    """
+    rules = rules or Rules()
     tell("refitting the nominal parameters")
-    best, whitener = refit_and_learn(fit, [Start("nominal", nominals, {})])
-    null, accepted, screenings = best, [], []
-    refused: dict[str, str] = {}
-    left = list(hypotheses)
-    while left and len(accepted) <= most:
-        tell(f"scoring {len(left)} hypotheses")
-        screening = screen(fit, whitener, best, left, rng)
-        screenings.append(screening)
-        if screening.p_value >= LEVEL or len(accepted) == most:
+    null = refit_and_learn(fit, [Start("nominal", nominals, {})])
+    chosen: list[tuple[Hypothesis, Judged]] = []
+    screenings, tried, refused = [], [], {}
+    best = null
+    while len(chosen) < rules.most:
+        left = [h for h in hypotheses if h.name not in {c.name for c, _ in chosen}]
+        if not left:
             break
-        rivals = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
-        tell(f"refitting {', '.join(score.hypothesis.name for score in rivals)}")
-        fits, noise = _refit_rivals(fit, whitener, best, rivals)
-        found = _choose(fit, heldout, best, fits, noise, rivals, refused)
+        tell(f"scoring {len(left)} hypotheses")
+        screening = screen(fit, best.whitener, best.fit, left, rng)
+        screenings.append(screening)
+        tell("refitting the best of them")
+        candidates = race(fit, best, screening)
+        tried.append(tuple(candidates))
+        so_far = null.deviance - best.deviance
+        found = _first(fit, heldout, best, candidates, rules, so_far, refused)
         if found is None:
             break
-        accepted.append(found[0])
-        best, whitener = found[1], noise
-        left = [h for h in left if h.name != found[0].hypothesis.name]
-    return Selection(null, best, whitener, tuple(accepted), tuple(screenings), refused)
+        chosen.append((found.hypothesis, found.judged))
+        best = found.judged
+    if len(chosen) > 1:
+        tell("exchanging each effect for every other")
+        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules)
+        tried += swapped
+    tell("looking at what is left")
+    stated = dict(stated or {})
+    after = adequacy(fit, best, stated)
+    before = adequacy(fit, null, stated) if chosen else after
+    gain = null.deviance - best.deviance
+    accepted = _described(fit, heldout, null, best, chosen, tried, rules)
+    return Selection(
+        null, best, accepted, tuple(screenings), tuple(tried), before, after, _adequate(after, gain, rules), refused
+    )  # fmt: skip
 
 
-def refit_and_learn(model: Model, starts: Sequence[Start], rounds: int = 2) -> tuple[Fit, Whitener]:
-    """The best refit of ``starts`` with the noise learnt from what it leaves, the two in turns."""
-    values = np.array([[s.values.get(p.name, p.start) for s in starts] for p in model.parameters])
-    first = [np.asarray(r)[:, 0] for r in residuals(model.blocks, model.predict(values))]
-    whitener = learn_whitener(model.blocks, first, 0)
-    for _ in range(rounds):
-        best = min(refit(model, whitener, starts), key=lambda f: f.cost)
-        starts = [Start(best.label, best.free, best.values)]
-        whitener = learn_whitener(model.blocks, raw_residuals(model, best))
-    return refit(model, whitener, starts)[0], whitener
+def _adequate(after: Adequacy, gain: float, rules: Rules) -> bool:
+    """Whether what is left may stay: noise, or little beside what was explained."""
+    if after.over_noise > rules.over and gain <= 0.0:
+        return False
+    if after.p_value >= rules.left_p:
+        return after.over_noise <= rules.over
+    return after.excess < rules.left * gain and after.over_noise <= rules.over + 0.1
 
 
-def raw_residuals(model: Model, fit: Fit) -> list[np.ndarray]:
-    """Measured less predicted [T] of every block, in the channels' units."""
-    values = np.array([[fit.values[p.name]] for p in model.parameters])
-    return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]
+def _least(hypothesis: Hypothesis, rules: Rules, so_far: float) -> float:
+    return max(rules.gain + rules.each * (len(hypothesis.free) - 1), rules.share * so_far)
 
 
-def _refit_rivals(model, whitener, best, rivals) -> tuple[dict[str, Fit], Whitener]:
-    """Refits of all rivals with the noise that the best of them leaves, by name; "" is the model without any."""
-    starts = []
-    for score in rivals:
-        free = (*best.free, *(n for n in score.hypothesis.names if n not in best.free))
-        for probe in _best_probes(score, model):
-            starts.append(Start(score.hypothesis.name, free, {**best.values, **probe}))
-    fits = refit(model, whitener, starts)
-    top = min(fits, key=lambda f: f.cost)
-    noise = learn_whitener(model.blocks, raw_residuals(model, top))
-    again = [Start("", best.free, best.values)]
-    for name in dict.fromkeys(f.label for f in fits):
-        found = min((f for f in fits if f.label == name), key=lambda f: f.cost)
-        again.append(Start(name, found.free, found.values))
-    return {f.label: f for f in refit(model, noise, again)}, noise
-
-
-def _best_probes(score, model) -> list[dict[str, float]]:
-    """Start of a refit: the probe that scored best, as it is and at the size that its score suggests."""
-    bounds = {p.name: p for p in model.parameters}
-    found, suggested = {}, {}
-    for amount, direction in zip(score.amount, score.hypothesis.probes[score.probe], strict=True):
-        for name, value in direction.items():
-            null = score.hypothesis.nulls.get(name)
-            found[name] = value
-            size = min(max(abs(amount), 0.02), 20.0)
-            suggested[name] = value if null is None else bounds[name].clip(null + size * (value - null))
-    return [found] if found == suggested else [suggested, found]
-
-
-def _choose(fit, heldout, best, fits, noise, rivals, refused) -> tuple[Accepted, Fit] | None:
-    """The best rival that meets all conditions, with those that cannot be told from it."""
-    base_held = held_cost(heldout, noise, fits[""])
-    ranked = sorted((s.hypothesis for s in rivals), key=lambda h: fits[h.name].cost)
-    for hypothesis in ranked:
-        mine = fits[hypothesis.name]
-        held = base_held - held_cost(heldout, noise, mine)
-        reason = objection(hypothesis, mine, held) or _unstable(fit, noise, mine, hypothesis)
-        if reason:
-            refused[hypothesis.name] = reason
+def _first(fit, heldout, base, candidates, rules, so_far, refused) -> Candidate | None:
+    """The best candidate to which nothing is to be objected."""
+    base_held = held_cost(heldout, base.whitener, base.fit)
+    for candidate in candidates:
+        h, mine = candidate.hypothesis, candidate.judged
+        least = _least(h, rules, so_far)
+        if candidate.gain < least:
+            refused.setdefault(h.name, f"it gains {candidate.gain:.1f}, less than the {least:.1f} that is asked")
             continue
-        equal = tuple(
-            h.name
-            for h in ranked
-            if h is not hypothesis
-            and fits[h.name].cost - mine.cost < MARGIN
-            and len(h.free) <= len(hypothesis.free) + 1
-        )
-        return Accepted(hypothesis, fits[""].cost - mine.cost, held, equal), mine
+        held = base_held - held_cost(heldout, base.whitener, mine.fit)
+        reason = objection(h, mine.fit, held) or _unstable(mine.fit, h)
+        if not reason:
+            return candidate
+        refused[h.name] = reason
     return None
+
+
+def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules):
+    """Each chosen effect against every other hypothesis, given the rest; twice at the most."""
+    tried = []
+    for _ in range(2):
+        changed = False
+        for k in range(len(chosen) - 1):  # the last one was chosen given all others
+            others = [h for j, (h, _) in enumerate(chosen) if j != k]
+            names = {h.name for h, _ in chosen}
+            free = (*null.fit.free, *(n for h in others for n in h.names))
+            last = chosen[-1][1].fit.values
+            values = {n: v for n, v in last.items() if n in free}
+            base = refit_and_learn(fit, [Start("", free, values)], 1)
+            left = [h for h in hypotheses if h.name not in names or h is chosen[k][0]]
+            candidates = race(fit, base, screen(fit, base.whitener, base.fit, left, rng))
+            tried.append(tuple(candidates))
+            found = _first(fit, heldout, base, candidates, rules, 0.0, {})
+            if found is not None and found.judged.deviance < chosen[-1][1].deviance:
+                changed = found.hypothesis is not chosen[k][0]
+                rest = [pair for j, pair in enumerate(chosen) if j != k]
+                chosen = [*rest, (found.hypothesis, found.judged)]
+        if not changed:
+            break
+    best = min((judged for _, judged in chosen), key=lambda j: j.deviance)
+    return chosen, best, tried
+
+
+def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted, ...]:
+    found = []
+    for hypothesis, judged in chosen:
+        race_of = next(
+            (r for r in reversed(tried) for c in r if c.hypothesis is hypothesis and c.judged is judged), ()
+        )  # fmt: skip
+        own = next((c for c in race_of if c.hypothesis is hypothesis), None)
+        gain = own.gain if own else null.deviance - judged.deviance
+        taken = {h.name for h, _ in chosen}
+        rivals = [c for c in race_of if c.hypothesis.name not in taken]
+        equal = tuple(
+            c.hypothesis.name for c in rivals if gain - c.gain < rules.margin and not _bounded(c.hypothesis, c.judged.fit)
+        )  # fmt: skip
+        margin = min((gain - c.gain for c in rivals if c.hypothesis.name not in equal), default=gain)
+        whitener = best.whitener
+        held = held_cost(heldout, whitener, null.fit) - held_cost(heldout, whitener, judged.fit)
+        found.append(Accepted(hypothesis, gain, held, equal, margin))
+    return tuple(found)
 
 
 def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
@@ -162,14 +217,19 @@ def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
     return float(white @ white)
 
 
+def _bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
+    """Parameters of the hypothesis that ended on a bound; a size at its null is on none."""
+    shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
+    return shape + [n for n in fit.at_bounds if n in hypothesis.nulls and fit.values[n] != hypothesis.nulls[n]]
+
+
 def objection(hypothesis: Hypothesis, fit: Fit, heldout_gain: float) -> str:
     """Why a refitted hypothesis is not accepted; empty if nothing speaks against it."""
-    if not heldout_gain > 0.0:
+    if heldout_gain < -4.0:
         return f"it does not improve the held-out records (change of the sum of squares {-heldout_gain:+.1f})"
-    bound = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
-    away = [n for n in fit.at_bounds if n in hypothesis.nulls and fit.values[n] != hypothesis.nulls[n]]
-    if bound or away:
-        return f"{', '.join(bound + away)} ended on a bound"
+    bounded = _bounded(hypothesis, fit)
+    if bounded:
+        return f"{', '.join(bounded)} ended on a bound"
     for name, null in hypothesis.nulls.items():
         low, high = fit.interval(name)
         if not low <= null <= high:
@@ -177,16 +237,22 @@ def objection(hypothesis: Hypothesis, fit: Fit, heldout_gain: float) -> str:
     return "its 95 % interval holds the null"
 
 
-def _unstable(model: Model, noise: Whitener, fit: Fit, hypothesis: Hypothesis) -> str:
-    """Block resampling to first order: the effect's size from each quarter of the samples may not change its sign."""
+def _unstable(fit: Fit, hypothesis: Hypothesis) -> str:
+    """Block resampling to first order: parts of the record that show the effect may not give it another sign.
+
+    The samples are cut into eight; a part's own estimate of the leading size counts where the part shows it at all.
+    """
     sizes = [fit.free.index(n) for n in hypothesis.nulls]
-    agree = 0
-    for rows in np.array_split(np.arange(len(fit.residual)), 4):
-        j, r = fit.jacobian[rows], fit.residual[rows]
-        change = np.linalg.lstsq(j[:, sizes], r, rcond=None)[0]
-        moved = [fit.values[fit.free[k]] + c for k, c in zip(sizes, change, strict=True)]
-        nulls = list(hypothesis.nulls.values())
-        now = [fit.values[fit.free[k]] for k in sizes]
-        lead = int(np.argmax([abs(v - n) for v, n in zip(now, nulls, strict=True)]))
-        agree += (moved[lead] - nulls[lead]) * (now[lead] - nulls[lead]) > 0.0
-    return "" if agree >= 3 else "single parts of the record do not agree on its size"
+    nulls, now = list(hypothesis.nulls.values()), [fit.values[fit.free[k]] for k in sizes]
+    errors = [max(float(np.sqrt(fit.covariance[k, k])), 1e-300) for k in sizes]
+    lead = int(np.argmax([abs(v - n) / e for v, n, e in zip(now, nulls, errors, strict=True)]))
+    column, against = fit.jacobian[:, sizes[lead]], 0.0
+    total = float(column @ column)
+    for rows in np.array_split(np.arange(len(fit.residual)), 8):
+        weight = float(column[rows] @ column[rows])
+        if weight < 0.02 * total:
+            continue
+        own = now[lead] + float(column[rows] @ fit.residual[rows]) / weight
+        if (own - nulls[lead]) * (now[lead] - nulls[lead]) < 0.0:
+            against += weight / total
+    return "" if against <= 0.25 else "single parts of the record do not agree on its size"

@@ -29,6 +29,7 @@ from cable_envs.effects.rows import (
     CREEP_T,
     GAP,
     HARDENING,
+    LAG,
     NEUTRAL,
     PERIOD,
     PHASE_ANGLE,
@@ -117,8 +118,8 @@ COEFFICIENTS = (
 (MASS, MOTOR, BELT_K, BELT_C, VISCOUS, COULOMB, WEIGHT, LIMIT, PER_VOLT, SERVO_K, SERVO_D) = range(len(COEFFICIENTS))
 ROWS_X, ROWS_P, ROWS_U = len(SIGNALS), len(COEFFICIENTS), len(INPUTS)
 LAYOUT = Layout("linear_drive", PARAMETERS)
-FORCE, RISE, ELASTIC, FORCE_LEFT = range(ROWS_G, ROWS_G + 4)
-ALL_G = ROWS_G + 4
+FORCE, RISE, ELASTIC, FORCE_LEFT, FORCE_LATE = range(ROWS_G, ROWS_G + 5)
+ALL_G = ROWS_G + 5
 LAGGED = PLAY
 """State of the lag of an observed drive's force, in a row that a drive has no other use for."""
 STEP_Y, STEP_V = 1e-7, 1e-6
@@ -142,7 +143,7 @@ def _observed_force(p, u, s, g, i, y, v):
     wanted, _, _ = _motor_force(p, u, i, y, v)
     late = select(s[STARTED, i] > 0.5, s[LAGGED, i], wanted)
     s[LAGGED, i] = lagged(late, wanted, g[FORCE_LEFT, i])
-    return select(g[FORCE_LEFT, i] > 0.0, 0.5 * (late + s[LAGGED, i]), wanted)
+    return select(g[FORCE_LEFT, i] > 0.0, wanted + (late - wanted) * g[FORCE_LATE, i], wanted)
 
 
 @inline
@@ -190,7 +191,7 @@ def _step(x, p, u, e, s, g, i, dt):
     pushed = _observed_force(p, u, s, g, i, y + half * v, v)
     force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
     # the servo of an observed drive feels the carriage, which moves as the motor does; a lag lets part of it through
-    passed = select(observed & (g[FORCE_LEFT, i] > 0.0), 0.5 * (1.0 - g[FORCE_LEFT, i]), 1.0)
+    passed = select(observed, 1.0 - g[FORCE_LATE, i], 1.0)
     force, k, c = select(observed, pushed, force), passed * k, passed * c
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
     grip = half * (belt_c + half * belt_k)
@@ -246,6 +247,7 @@ def _substeps(x, p, u, e, s, g, lanes, substeps, dt):
         u[MODE, i] = select(g[IMPOSES, i] > 0.5, 0.0, u[MODE, i])
         observed = u[MODE, i] > OBSERVED - 0.5  # the amplifier is behind its servo, not before it
         g[FORCE_LEFT, i] = g[LAG_LEFT, i]
+        g[FORCE_LATE, i] = (1.0 - g[LAG_LEFT, i]) * e[LAG, i] / dt  # mean share of the old force over a step
         g[LAG_LEFT, i] = select(observed, 0.0, g[LAG_LEFT, i])
         x[SLACK, i], x[PEAK, i] = 0.0, 0.0
     for n in range(substeps):

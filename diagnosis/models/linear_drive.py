@@ -25,7 +25,7 @@ from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.replay import distort, replay
 from diagnosis.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model import Block, Coordinate, Free
+from diagnosis.model import Block, Free
 from diagnosis.models.common import (
     Sampled,
     augmented_rig,
@@ -41,11 +41,13 @@ from diagnosis.recording import Record, Recording
 
 SETTLING = 0.5
 """s at the start of a record that do not count: the state at its start is not known."""
-FINE = 4
+FINE = 2
 """Input steps in each sample."""
-EXPLAINED = 0.98
-"""Share of the effort's variance that a controller must explain to be replayed."""
+EXPLAINED = 2.0
+"""What a controller may leave of the effort, over what the sensors' noise makes of it, for the loop to be replayed."""
 GAINS = ("control.kp", "control.kv", "control.kd")
+HOLD = "control.hold"
+"""s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
 OFFSET = "force_offset"
 _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
@@ -98,8 +100,6 @@ class DriveModel:
         time, series = resample(record, self.period, sorted(needs))
         self._runs.append(_run(time, series, self.period, None if self.closed else self.effort))
         along = motion_coordinates(time, series["position"].values, "m")
-        if self.effort in series:
-            along = (*along, Coordinate(self.effort, _UNIT[self.effort], series[self.effort].values))
         late = time - time[0] > SETTLING
         for channel in self.channels:
             got = series[channel]
@@ -127,6 +127,7 @@ class DriveModel:
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
         # the controller feels scale x(t - late): kp (r - scale x + scale late x') + kv r' - kd x'
         stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
+        columns[self.plant.table.index("actuator_lag.time")] += shown[HOLD]
         path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
         y, v, motor, first = self._replay(
             columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET]
@@ -207,9 +208,9 @@ def _halfway(values: np.ndarray) -> np.ndarray:
 
 
 def controller(recording: Recording, period: float) -> tuple[dict[str, float], float]:
-    """(gains of `GAINS`, share of the effort's variance that they explain) by least squares over the fit records."""
+    """(gains of `GAINS`, what they leave of the effort over what noise makes of it) by least squares, fit records."""
     effort = _effort(recording)
-    rows, target = [], []
+    rows, target, noise = [], [], []
     for record in recording.used_for("fit"):
         _, series = resample(record, period, ("position", "position_reference", effort))
         reference, position = series["position_reference"].values, series["position"].values
@@ -219,10 +220,17 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
         good = series[effort].good & series["position"].good
         rows.append(np.column_stack([reference - position, _middle(reference, period)[2], -speed])[good])
         target.append(series[effort].values[good])
+        noise.append([_jitter(series[effort].values), _jitter(position), _jitter(speed)])
     table, wanted = np.concatenate(rows), np.concatenate(target)
     gains = np.linalg.lstsq(table, wanted, rcond=None)[0]
-    left = wanted - table @ gains
-    return dict(zip(GAINS, gains.tolist(), strict=True)), 1.0 - float(np.var(left) / np.var(wanted))
+    from_noise = np.sqrt(np.mean(noise, axis=0) ** 2 @ np.array([1.0, gains[0] ** 2, gains[2] ** 2]))
+    left = float(np.std(wanted - table @ gains))
+    return dict(zip(GAINS, gains.tolist(), strict=True)), left / max(float(from_noise), 0.003 * float(np.std(wanted)))
+
+
+def _jitter(values: np.ndarray) -> float:
+    """Standard deviation of the noise of samples [T], from their third differences."""
+    return float(np.std(np.diff(values, 3)) / np.sqrt(20.0))
 
 
 def prepare(recording: Recording, request: Request) -> Question:
@@ -240,20 +248,21 @@ def prepare(recording: Recording, request: Request) -> Question:
     if OFFSET in recording.nominal:
         std = recording.nominal[OFFSET].std
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
-    gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, 0.0)
-    closed = explained > EXPLAINED and gains["control.kp"] > 0.0
-    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()] if closed else []
+    gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
+    closed = explained < EXPLAINED and gains["control.kp"] > 0.0
+    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
+    control = [*control, Free(HOLD, 5e-4, 1e-6, 0.5 * period, 5e-4, 5e-4)] if closed else []
     hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in hypotheses for f in h.free}
     made = {
         use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed)
         for use in ("fit", "heldout")
     }
-    how = f"the whole loop is replayed: its controller explains {explained:.2%} of the effort"
+    how = f"the whole loop is replayed: a controller leaves {explained:.2f} of what noise alone makes of the effort"
     how = how if closed else "the drive is held to the recorded position by a soft servo: no controller to replay"
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
-        (*GAINS, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
+        (*GAINS, HOLD, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
         lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,),
     )  # fmt: skip
 
@@ -269,16 +278,17 @@ def _acts(name: str, recording: Recording) -> bool:
 
 
 def _unit(plant: Plant, name: str) -> str:
-    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", OFFSET: "N"}
+    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", HOLD: "s", OFFSET: "N"}
     return own[name] if name in own else plant.table[name].unit
 
 
 def _hypotheses(plant, recording, values, nominals, request: Request, closed: bool) -> list[Hypothesis]:
     modelled = {f.name for f in nominals} | {n for n in recording.known if values.get(n)}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
+    travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
     found = hypotheses_for(
-        plant, values, modelled, signals, only=request.only, without=request.without
-    )  # fmt: skip
+        plant, values, modelled, signals, only=request.only, without=request.without, travel=travel
+    )
     gone = set(_NO_HYPOTHESIS)
     if values["belt_stiffness"] <= 0.0:
         gone |= {"backlash", "stiffness_hardening", "viscoelastic_creep"}

@@ -1,0 +1,186 @@
+"""Whether what a model leaves is noise: no hypothesis is asked, only smooth functions of what a mismatch may follow.
+
+For every channel, bumps along each coordinate of its blocks (speed, position, tension, time since reversal, ...), the
+same with the sign of the direction, and slow waves of the elapsed time are filtered as the residual is, freed of what
+the parameters can still absorb, and regressed on. Under the right model the fall of the sum of squares is chi-square
+with as many degrees as functions. A single line of the spectrum is looked for beside it (Fisher's test). Where the
+recording states its noise, what is left is also held against that: the only test that sees white physics.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2
+
+from diagnosis.likelihood import Judged
+from diagnosis.model import Block, Model
+
+BUMPS = 7
+"""Along each coordinate, over quantiles of its values."""
+SLOW = 6
+"""Waves of the elapsed time, per record: half a period over the record, a whole one, ..."""
+_NOT_MAPPED = ("direction",)
+
+
+@dataclass(frozen=True)
+class Leftover:
+    """What is left beyond noise in one channel along one coordinate.
+
+    gain, functions | fall of the whitened sum of squares, and the chi-square's degrees of freedom
+    at, height, error | the smooth map: places along the coordinate, what is left there and its standard error
+    """
+
+    channel: str
+    coordinate: str
+    unit: str
+    gain: float
+    functions: int
+    p_value: float
+    at: tuple[float, ...] = ()
+    height: tuple[float, ...] = ()
+    error: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Adequacy:
+    """All of them, the largest first; ``p_value`` is familywise; ``excess`` a sum of squares beyond noise."""
+
+    p_value: float
+    excess: float
+    leftovers: tuple[Leftover, ...]
+    over_noise: float = 1.0
+    """largest RMS over what the recording states as a channel's noise; 1 where it states none"""
+
+
+def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = None) -> Adequacy:
+    """Look for structure in what a refit leaves. ``stated``: channel -> standard deviation of its noise, SI."""
+    span = _basis(_jacobian(judged))
+    white = judged.whitener.flat(model.blocks, judged.raw)
+    white = white - span @ (span.T @ white)
+    found = []
+    for channel in dict.fromkeys(b.channel for b in model.blocks):
+        for name, unit, columns, at in _families(model.blocks, channel):
+            found.append(_regressed(model, judged, span, white, channel, (name, unit), columns, at))
+        found.append(_line(model, judged, white, channel))
+    tests = len(found)
+    best = min(found, key=lambda f: f.p_value)
+    p = min(1.0, tests * best.p_value)
+    excess = max(max(f.gain - f.functions for f in found), 0.0)
+    over = _over_noise(model.blocks, judged, stated or {})
+    return Adequacy(p, excess, tuple(sorted(found, key=lambda f: f.p_value)), over)
+
+
+def _jacobian(judged: Judged) -> np.ndarray:
+    return judged.fit.jacobian
+
+
+def _basis(jacobian: np.ndarray) -> np.ndarray:
+    size = np.linalg.norm(jacobian, axis=0)
+    if not np.any(size > 0.0):
+        return np.zeros((len(jacobian), 0))
+    u, s, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0], full_matrices=False)
+    return u[:, s > 1e-8 * s[0]]
+
+
+def _families(blocks: Sequence[Block], channel: str):
+    """(coordinate, unit, columns by block, places of the bumps) of every family of functions of a channel."""
+    own = [b for b in blocks if b.channel == channel]
+    waves = []
+    for block in own:
+        at = (block.time - block.time[0]) / max(block.time[-1] - block.time[0], 1e-12)
+        waves.append((block, np.cos(np.pi * np.outer(at, np.arange(1, SLOW + 1)))))
+    for block, columns in waves:  # a family of its own for each record
+        name = "elapsed time" if len(own) == 1 else f"elapsed time of {block.record}"
+        yield name, "s", {id(block): columns}, ()
+    names = [(c.name, c.unit) for c in own[0].along if c.name not in _NOT_MAPPED]
+    sides = {id(b): next((c.values for c in b.along if c.name == "direction"), None) for b in own}
+    for k, (name, unit) in enumerate(names):
+        values = {id(b): [c for c in b.along if c.name not in _NOT_MAPPED][k].values for b in own}
+        if _is_its_own(own, k):
+            continue
+        at = _places(np.concatenate([values[id(b)][b.good] for b in own]))
+        if len(at) < 3:
+            continue
+        columns = {key: _bumps(v, at) for key, v in values.items()}
+        yield name, unit, columns, at
+        if name != "speed" and all(s is not None for s in sides.values()):
+            turned = {key: c * sides[key][:, None] for key, c in columns.items()}
+            yield f"{name} with direction", unit, turned, at
+
+
+def _is_its_own(own: Sequence[Block], k: int) -> bool:
+    """Whether a coordinate is the channel itself with its noise, which then is in both."""
+    for block in own:
+        values = [c for c in block.along if c.name not in _NOT_MAPPED][k].values
+        if np.array_equal(values, block.measured):
+            noise = float(np.std(np.diff(values, 3))) / np.sqrt(20.0)
+            return noise > 1e-3 * float(np.ptp(values))
+    return False
+
+
+def _places(values: np.ndarray) -> np.ndarray:
+    if not len(values) or np.ptp(values) == 0.0:
+        return np.empty(0)
+    return np.unique(np.quantile(values, np.linspace(0.02, 0.98, BUMPS)))
+
+
+def _bumps(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Hats: straight lines between the places, constant beyond [T, places]."""
+    return np.stack([np.interp(values, at, row) for row in np.eye(len(at))], axis=1)
+
+
+def _regressed(model, judged, span, white, channel, named, columns, at) -> Leftover:
+    count = next(iter(columns.values())).shape[1]
+    series = [columns.get(id(b), np.zeros((len(b.time), count))) for b in model.blocks]
+    functions = judged.whitener.flat(model.blocks, series)
+    functions = functions - span @ (span.T @ functions)
+    u, s, vt = np.linalg.svd(functions, full_matrices=False)
+    sound = s > 1e-6 * max(float(s[0]), 1e-300) if len(s) else np.zeros(0, dtype=bool)
+    rank = int(np.sum(sound))
+    if rank == 0:
+        return Leftover(channel, *named, 0.0, 0, 1.0)
+    parts = u[:, sound].T @ white
+    gain = float(parts @ parts)
+    p = float(chi2.sf(gain, rank))
+    height, error = (), ()
+    if len(at):
+        inverse = vt[sound].T / s[sound]
+        height, error = tuple(inverse @ parts), tuple(np.sqrt(np.sum(inverse**2, axis=1)))
+    return Leftover(channel, *named, gain, rank, p, tuple(at), height, error)
+
+
+def _line(model, judged, white, channel) -> Leftover:
+    """The strongest line of the whitened residual's spectrum, over all records of a channel together."""
+    first, power, width = 0, [], None
+    for block in model.blocks:
+        own = white[first : first + len(block.time)]
+        first += len(block.time)
+        if block.channel == channel:
+            width = width or 2 * len(own)
+            spectrum = np.abs(np.fft.rfft(own, width)) ** 2 / max(float(np.sum(own != 0.0)), 1.0)
+            power.append(spectrum[1:-1])
+            period = float(np.median(np.diff(block.time)))
+    count = len(power)
+    total = 2.0 * np.sum(power, axis=0)
+    k = int(np.argmax(total))
+    gain, tests = float(total[k]), 0.5 * len(total)
+    p = float(-np.expm1(tests * np.log1p(-min(chi2.sf(gain, 2 * count), 1.0 - 1e-12))))
+    frequency = (k + 1) / (width * period)
+    return Leftover(channel, "frequency", "Hz", gain, 2 * count, p, (frequency,))
+
+
+def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:
+    worst = 1.0
+    for channel, std in stated.items():
+        own = [r[b.good] for r, b in zip(judged.raw, blocks, strict=True) if b.channel == channel]
+        if own:
+            step = _step(np.concatenate([b.measured[b.good] for b in blocks if b.channel == channel]))
+            worst = max(worst, float(np.sqrt(np.mean(np.concatenate(own) ** 2) / (std**2 + step**2 / 12.0))))
+    return worst
+
+
+def _step(values: np.ndarray) -> float:
+    """Quantisation step: the least difference between values, where there are few of them."""
+    levels = np.unique(values)
+    return float(np.min(np.diff(levels))) if 1 < len(levels) < 0.5 * len(values) else 0.0

@@ -1,0 +1,67 @@
+"""How likely a recording is under a model: the noise of every channel, with its colour, is learnt from what is left.
+
+    deviance = sum over channels of  count ln(std^2) + order ln(count)
+
+with the autoregression's driving noise ``std`` and order (`diagnosis.noise`): -2 times the logarithm of the likelihood
+with the noise's own parameters at their best, and Schwarz's charge for them (Box, Jenkins, Time Series Analysis, ch. 7).
+Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the noise of a rival.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.model import Model, Whitener, learn_whitener, residuals
+from diagnosis.noise import MAX_ORDER
+from diagnosis.refit import Fit, Start, refit
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A refit with its residuals [T] by block, the noise learnt from them, and the deviance."""
+
+    fit: Fit
+    raw: tuple[np.ndarray, ...]
+    whitener: Whitener
+    deviance: float
+
+
+def raw_residuals(model: Model, fit: Fit) -> list[np.ndarray]:
+    """Measured less predicted [T] of every block, in the channels' units."""
+    values = np.array([[fit.values[p.name]] for p in model.parameters])
+    return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]
+
+
+def deviance(model: Model, whitener: Whitener) -> float:
+    """Of residuals whose noise ``whitener`` learnt; see the module."""
+    total = 0.0
+    for channel, noise in whitener.noise.items():
+        count = sum(_usable(block.good) for block in model.blocks if block.channel == channel)
+        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + noise.order * np.log(max(count, 1))
+    return float(total)
+
+
+def _usable(good: np.ndarray) -> int:
+    """Samples with a whole past, on which noise is learnt."""
+    whole = np.convolve(good, np.ones(MAX_ORDER + 1))[MAX_ORDER : len(good)]
+    return int(np.sum(whole > MAX_ORDER + 0.5))
+
+
+def judge(model: Model, fit: Fit) -> Judged:
+    """The deviance of a refit under the noise that it leaves."""
+    raw = raw_residuals(model, fit)
+    whitener = learn_whitener(model.blocks, raw)
+    return Judged(fit, tuple(raw), whitener, deviance(model, whitener))
+
+
+def refit_and_learn(model: Model, starts: Sequence[Start], rounds: int = 2) -> Judged:
+    """The best refit of ``starts``, with the noise learnt from what it leaves, the two in turns."""
+    values = np.array([[s.values.get(p.name, p.start) for s in starts] for p in model.parameters])
+    first = [np.asarray(r)[:, 0] for r in residuals(model.blocks, model.predict(values))]
+    whitener = learn_whitener(model.blocks, first, 0)
+    for _ in range(rounds):
+        best = min(refit(model, whitener, starts), key=lambda f: f.cost)
+        starts = [Start(best.label, best.free, best.values)]
+        whitener = learn_whitener(model.blocks, raw_residuals(model, best))
+    return judge(model, refit(model, whitener, starts)[0])

@@ -1,0 +1,97 @@
+"""Refits of many hypotheses around one model, all in one batch; those that fall behind are given up early."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.hypotheses import INVERSE, Hypothesis
+from diagnosis.likelihood import Judged, judge
+from diagnosis.model import Model, learn_whitener
+from diagnosis.refit import Fit, Start, refit
+from diagnosis.screen import Score, Screening
+
+RIVALS = 8
+"""Best-scored hypotheses that are refitted."""
+STARTS = 2
+"""Starts of each, from its best-scored probes."""
+BEHIND = 0.5
+"""Share of the leader's gain below which a hypothesis is given up after the first iterations."""
+_FIRST, _LAST = 4, 8
+PHASE = "position_ripple.phase"
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis refitted on top of a model, and the fall of the deviance that it brings."""
+
+    hypothesis: Hypothesis
+    judged: Judged
+    gain: float
+
+
+def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
+    """Candidates on top of ``base``, best gain first; each with the noise that it leaves."""
+    chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
+    starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
+    if not starts:
+        return []
+    first = refit(model, base.whitener, starts, _FIRST)
+    best = _best_of(first)
+    gains = {name: base.fit.cost - fit.cost for name, fit in best.items()}
+    leader = max(gains.values())
+    kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
+    top = best[max(kept, key=lambda name: gains[name])]
+    whitener = learn_whitener(model.blocks, judge(model, top).raw)
+    again = [Start(name, best[name].free, best[name].values) for name in kept]
+    hypotheses = {score.hypothesis.name: score.hypothesis for score in chosen}
+    found = []
+    for fit in refit(model, whitener, again, _LAST):
+        judged = judge(model, fit)
+        found.append(Candidate(hypotheses[fit.label], judged, base.deviance - judged.deviance))
+    return sorted(found, key=lambda c: -c.gain)
+
+
+def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:
+    best: dict[str, Fit] = {}
+    for fit in fits:
+        if fit.label not in best or fit.cost < best[fit.label].cost:
+            best[fit.label] = fit
+    return best
+
+
+def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list[Start]:
+    """Starts of a refit: the best probes of a hypothesis at the size that their scores suggest."""
+    hypothesis = score.hypothesis
+    free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
+    own = sorted((s for s in screening.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
+    found: list[dict[str, float]] = []
+    for probe in own:
+        values = _suggested(model, probe)
+        if values not in found:
+            found.append(values)
+        if len(found) == STARTS:
+            break
+    return [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
+
+
+def _suggested(model: Model, score: Score) -> Mapping[str, float]:
+    bounds = {p.name: p for p in model.parameters}
+    suggested = {}
+    directions = score.hypothesis.probes[score.probe]
+    if len(directions) == 2 and PHASE in directions[0]:  # a wave: sine and cosine parts are a size and a phase
+        (sine, cosine), (size,) = score.amount, [n for n in directions[0] if n in score.hypothesis.nulls]
+        height = bounds[size].clip(directions[0][size] * float(np.hypot(sine, cosine)))
+        return {**directions[0], size: height, PHASE: float(np.arctan2(cosine, sine))}
+    for amount, direction in zip(score.amount, directions, strict=True):
+        for name, value in direction.items():
+            null = score.hypothesis.nulls.get(name)
+            size = min(max(abs(amount), 0.05), 10.0)
+            if amount < 0.0:  # the wrong way: the other side of the null, or close to it where there is none
+                one_way = null is not None and null in (bounds[name].low, bounds[name].high)
+                size = 0.05 if one_way else -size
+            if name in INVERSE:  # the stiffer, the less of it
+                suggested[name] = bounds[name].clip(value / abs(size))
+                continue
+            suggested[name] = value if null is None else bounds[name].clip(null + size * (value - null))
+    return suggested
