@@ -46,9 +46,11 @@ def load_foreign(
     env_id: str,
     options: Mapping[str, Any] | None = None,
     policy_kwargs: Mapping[str, Any] | None = None,
-    policy: str = "MlpPolicy",
+    policy: str = "",
 ) -> ForeignPolicy:
     """The policy in a .zip of stable-baselines3, trained on ``env_id`` with ``options`` and ``policy_kwargs``.
+
+    policy: stable-baselines3's name of the network; default: the algorithm's network on vectors.
 
     Raises ConfigurationError for unknown names, for a file without weights, and where the weights do not fit the
     network that the arguments describe.
@@ -56,9 +58,10 @@ def load_foreign(
     path = Path(path)
     content = path.read_bytes()
     require_known("algorithm", [algo], ALGORITHMS)
-    settings = make_settings(algo, env_id, {"n_timesteps": 1, "policy_kwargs": dict(policy_kwargs or {})}, str(path))
-    kinds = settings.algorithm().policy_aliases
-    require_known(f"policy of {algo}", [policy], kinds)
+    kinds = ALGORITHMS[algo].policy_aliases
+    policy = policy or next(name for name in kinds if name.startswith("Mlp"))
+    data = {"n_timesteps": 1, "policy": policy, "policy_kwargs": dict(policy_kwargs or {})}
+    settings = make_settings(algo, env_id, data, str(path))
     torch.set_num_threads(1)  # a network this small is slower on several
     try:
         network = kinds[policy](
