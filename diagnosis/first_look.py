@@ -53,7 +53,7 @@ def _prepared(record: Record, load: str) -> dict[str, Any]:
     x, speed = signals["drive_angle"], np.gradient(signals["drive_angle"], time)
     inner = good & (time > time[0] + 1.0) & (time < time[-1] - 1.0)
     frequency = record.conditions.get("frequency")
-    since, way = _since_reversal(x)
+    since, way = since_reversal(x)
     return {
         "load": record.conditions.get(load), "frequency": frequency, "time": time, "x": x, "speed": speed,
         "inner": inner, "since": since, "way": way, "torque": signals["drive_torque"],
@@ -61,7 +61,7 @@ def _prepared(record: Record, load: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _since_reversal(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def since_reversal(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Travel, rad [samples], since the motion last turned, and its direction, 1 or -1.
 
     Turns of less than `TURN` are noise at a standstill, where the sign of the speed means nothing.

@@ -7,6 +7,7 @@ the other channels. Everything after that (refit, screening, selection, localisa
 from importlib import import_module
 
 from cable_envs.errors import ConfigurationError
+from diagnosis.models import transmission
 from diagnosis.models.question import Question, Request
 from diagnosis.recording import Recording
 
@@ -19,6 +20,8 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
     if recording.system not in _MODULES:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
+    if recording.system == "pulley_circuit" and transmission.fits(recording):
+        return transmission.prepare(recording, request or Request())
     special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
     module = import_module(f"diagnosis.models.{(special or [_MODULES[recording.system]])[0]}")
     return module.prepare(recording, request or Request())

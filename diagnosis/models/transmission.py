@@ -1,0 +1,168 @@
+"""Recordings with angle and torque at both ends of a cable transmission whose geometry is not known, as a model.
+
+Drive angle and drive torque (or current) go in as recorded, output angle and output torque are predicted
+(`transmission_kernel`). The project's circuit kernel is not used here: it needs pulleys, wraps, spans and pretension,
+none of which such a bench tells, and it takes the load to find the drive's torque, where this asks for the opposite.
+
+Signals go through the zero-phase low-pass of O'Neill, Stephens, Kowalewski, RA-L 3 (2018) 3027 (50 Hz), then onto a
+clock of 50 Hz; the first and last second do not count.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, filtfilt
+
+from diagnosis.first_look import FILTER_HZ, since_reversal
+from diagnosis.model import Block, Coordinate, Free
+from diagnosis.models.common import motion_coordinates, resample, sample_period, smooth_speed
+from diagnosis.models.question import Question, Request
+from diagnosis.models.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
+from diagnosis.models.transmission_kernel import ROWS, transmit
+from diagnosis.recording import Record, Recording
+
+PERIOD = 0.02
+"""s between samples: such a bench moves at a few Hz."""
+EDGE = 1.0
+"""s at either end of a record that do not count: the filter's ends, and the state at the start is not known."""
+SIGNALS = {"output_angle": "rad", "output_torque": "N m"}
+_GEOMETRY = ("pretension_top", "pretension_bottom", "tensile_stiffness", "drive_radius", "output_radius")
+
+
+def fits(recording: Recording) -> bool:
+    """Whether this is the model for a recording of a circuit: both ends measured, nothing said of what is between."""
+    said = {**recording.known, **recording.nominal}
+    ends = {"drive_angle", "output_angle", "output_torque"} <= set(recording.channels)
+    drive = {"drive_torque", "drive_current"} & set(recording.channels)
+    return ends and bool(drive) and recording.rig is None and not set(_GEOMETRY) & set(said)
+
+
+@dataclass(frozen=True)
+class Run:
+    """One record on the even clock, each [T] SI: drive angle, torque (or current), speed, direction; what to compare.
+
+    group: key of the records that share the output angle's zero.
+    """
+
+    x: np.ndarray
+    torque: np.ndarray
+    speed: np.ndarray
+    way: np.ndarray
+    group: str
+    blocks: tuple[Block, Block]
+
+
+class TransmissionModel:
+    """See `diagnosis.model.Model`. ``base``: value of every row; groups whose zero no fit has seen find it themselves.
+
+    A record of such a group has its zero from the mean of its own angle: an incremental encoder's, a start.
+    """
+
+    def __init__(
+        self, runs: Sequence[Run], parameters: Sequence[Free], base: Mapping[str, float], period: float,
+        seen: Sequence[str],
+    ):  # fmt: skip
+        self.runs, self.parameters, self.period = tuple(runs), tuple(parameters), period
+        self.blocks = [block for run in runs for block in run.blocks]
+        self._base, self._seen = np.array([base[row] for row in ROWS]), tuple(seen)
+        self._names = [p.name for p in parameters]
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
+        columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
+        for k, name in enumerate(self._names):
+            if name in ROWS:
+                columns[ROWS.index(name)] = values[k]
+        found = []
+        for run in self.runs:
+            angle, wrench = np.empty((2, values.shape[1], len(run.x)))
+            transmit(self.period, run.x, run.torque, run.speed, run.way, columns, angle, wrench)
+            if run.group in self._seen:
+                angle += values[self._names.index(zero_of(run.group))][:, None]
+            else:
+                good, measured = run.blocks[0].good, run.blocks[0].measured
+                angle += (measured[good] - angle[:, good]).mean(axis=1, keepdims=True) if good.any() else 0.0
+            found += [angle.T, wrench.T]
+        return found
+
+
+def zero_of(group: str) -> str:
+    """Name of the parameter that is the output angle's zero of a group of records, rad."""
+    return f"zero.{group}"
+
+
+def prepare(recording: Recording, request: Request) -> Question:
+    """What such a recording asks. Raises ConfigurationError where a channel is missing."""
+    source = "drive_torque" if "drive_torque" in recording.channels else "drive_current"
+    fit, heldout = models(recording, source)
+    missing = hypotheses(request)
+    nominals = nominals_of(fit.parameters)
+    units = {p.name: "rad" if p.name.startswith("zero.") else LIMITS[p.name].unit for p in fit.parameters}
+    notes = (f"low-pass {FILTER_HZ:g} Hz, zero phase; samples every {1e3 * fit.period:g} ms",)
+    return Question(
+        "pulley_circuit", fit, heldout, nominals, tuple(n for n in nominals if n != "ratio"), missing, units,
+        rig_of, notes,
+    )  # fmt: skip
+
+
+def nominals_of(parameters: Sequence[Free]) -> tuple[str, ...]:
+    """What the rigid, frictionless transmission has: its ratio, the angles' zeros, the torque sensor's zero."""
+    return ("ratio", "torque_zero", *(p.name for p in parameters if p.name.startswith("zero.")))
+
+
+def models(recording: Recording, source: str = "drive_torque") -> tuple[TransmissionModel, TransmissionModel]:
+    """Models of the records to fit and of those held out. ``source``: channel that says what the drive does."""
+    recording.require("drive_angle", source, *SIGNALS, purpose="the diagnosis of a transmission")
+    groups = {m: key for key, members in recording.offset_groups("output_angle").items() for m in members}
+    runs = {use: [run_of(r, source, groups.get(r.name, "all")) for r in recording.used_for(use)] for use in _USES}
+    period = PERIOD * max(1, round(sample_period(recording.records) / PERIOD))
+    return assemble(runs["fit"], runs["heldout"], period, source)
+
+
+_USES = ("fit", "heldout")
+
+
+def assemble(
+    fit: Sequence[Run], heldout: Sequence[Run], period: float, source: str = "drive_torque"
+) -> tuple[TransmissionModel, TransmissionModel]:
+    """Both models of runs that are there already; they start from straight lines through the runs to fit."""
+    seen = tuple(dict.fromkeys(run.group for run in fit))
+    x, y, torque, wrench = (np.concatenate(part) for part in zip(*(_joined(run) for run in fit), strict=True))
+    ratio, zero = np.polyfit(x, y, 1)
+    ratio = float(np.clip(ratio, LIMITS["ratio"].low, LIMITS["ratio"].high))
+    constant = 1.0
+    if source == "drive_current":  # the constant cannot be told from the output sensor's scale: straight line, and held
+        constant = abs(float(np.polyfit(torque, wrench, 1)[0])) * ratio
+    base = {**NULLS, "ratio": ratio, "torque_constant": constant}
+    parameters = [LIMITS[name].at(base[name], name) for name in ROWS if name != "torque_constant"]
+    parameters += [Free(zero_of(group), float(zero), -1e3, 1e3, 0.1) for group in seen]
+    return tuple(TransmissionModel(runs, parameters, base, period, seen) for runs in (fit, heldout))
+
+
+def _joined(run: Run) -> tuple[np.ndarray, ...]:
+    good = run.blocks[0].good & run.blocks[1].good
+    return run.x[good], run.blocks[0].measured[good], run.torque[good], run.blocks[1].measured[good]
+
+
+def run_of(record: Record, source: str, group: str) -> Run:
+    """A record, filtered, on the even clock."""
+    period = sample_period([record])
+    time, seen = resample(record, period, ("drive_angle", source, *SIGNALS))
+    values = {name: sampled.values for name, sampled in seen.items()}
+    if 0.5 / period > 1.2 * FILTER_HZ:
+        b, a = butter(2, FILTER_HZ * 2 * period)
+        values = {name: filtfilt(b, a, v) for name, v in values.items()}
+    every = max(1, round(PERIOD / period))
+    speed = smooth_speed(values["drive_angle"], period)[::every]
+    values, time = {name: v[::every] for name, v in values.items()}, time[::every]
+    x = values["drive_angle"]
+    inner = (time >= time[0] + EDGE) & (time <= time[-1] - EDGE)
+    good = np.logical_and.reduce([inner, *(s.good[::every] for s in seen.values())])
+    since, way = since_reversal(x)
+    along = (
+        *motion_coordinates(time, x, "rad"), Coordinate("travel since reversal", "rad", since),
+        Coordinate("drive torque" if source == "drive_torque" else "drive current", "N m", values[source]),
+    )  # fmt: skip
+    blocks = tuple(Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
+    return Run(x, values[source], speed, way, group, blocks)
