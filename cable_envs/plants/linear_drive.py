@@ -34,6 +34,7 @@ from cable_envs.effects.rows import (
     PERIOD,
     PHASE_ANGLE,
     PLAY,
+    PLAYED,
     PRE_0,
     PRESLIDING,
     RIPPLE,
@@ -120,8 +121,8 @@ ROWS_X, ROWS_P, ROWS_U = len(SIGNALS), len(COEFFICIENTS), len(INPUTS)
 LAYOUT = Layout("linear_drive", PARAMETERS)
 FORCE, RISE, ELASTIC, FORCE_LEFT, FORCE_LATE = range(ROWS_G, ROWS_G + 5)
 ALL_G = ROWS_G + 5
-LAGGED = PLAY
-"""State of the lag of an observed drive's force, in a row that a drive has no other use for."""
+LAGGED, BEFORE = PLAY, PLAYED
+"""Of an observed drive: the force behind its lag and the speed a step before, in rows that a drive does not use."""
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
 
@@ -138,10 +139,16 @@ def _motor_force(p, u, i, x, v):
 
 
 @inline
-def _observed_force(p, u, s, g, i, y, v):
-    """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves the lag on."""
-    wanted, _, _ = _motor_force(p, u, i, y, v)
-    late = select(s[STARTED, i] > 0.5, s[LAGGED, i], wanted)
+def _observed_force(p, u, s, g, i, y, v, half):
+    """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves the lag on.
+
+    The speed there goes on as it did in the step before: the servo is soft enough for that.
+    """
+    going = s[STARTED, i] > 0.5
+    ahead = select(going, 0.5 * (v - s[BEFORE, i]), 0.0)
+    s[BEFORE, i] = v
+    wanted, _, _ = _motor_force(p, u, i, y + half * (v + 0.5 * ahead), v + ahead)
+    late = select(going, s[LAGGED, i], wanted)
     s[LAGGED, i] = lagged(late, wanted, g[FORCE_LEFT, i])
     return select(g[FORCE_LEFT, i] > 0.0, wanted + (late - wanted) * g[FORCE_LATE, i], wanted)
 
@@ -188,11 +195,9 @@ def _step(x, p, u, e, s, g, i, dt):
     follows, half = g[FOLLOWS, i] > 0.5, 0.5 * dt
     # behind a belt both are solved together: its force in the middle of the step is pull + grip (change of vm - of v)
     observed = u[MODE, i] > OBSERVED - 0.5
-    pushed = _observed_force(p, u, s, g, i, y + half * v, v)
+    pushed = _observed_force(p, u, s, g, i, y, v, half)
     force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
-    # the servo of an observed drive feels the carriage, which moves as the motor does; a lag lets part of it through
-    passed = select(observed, 1.0 - g[FORCE_LATE, i], 1.0)
-    force, k, c = select(observed, pushed, force), passed * k, passed * c
+    force, k, c = select(observed, pushed, force), select(observed, 0.0, k), select(observed, 0.0, c)
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
     grip = half * (belt_c + half * belt_k)
     inertia = maximum(p[MOTOR, i], 1e-9) + dt * grip + half * (c + half * k)
@@ -200,8 +205,7 @@ def _step(x, p, u, e, s, g, i, dt):
     along = select(follows, 0.0, dt * grip / inertia)
     # one body, or the carriage
     direct, k, c = _motor_force(p, u, i, y + half * v, v)
-    behind = observed & (g[FORCE_LEFT, i] > 0.0)
-    direct, k, c = select(behind, pushed, direct), passed * k, passed * c
+    direct, k, c = select(observed, pushed, direct), select(observed, 0.0, k), select(observed, 0.0, c)
     resist, load_k, load_c = _load(p, u, e, i, y + half * v, v)
     elastic = g[ELASTIC, i]
     drive = select(rigid, direct, pull + grip * alone)

@@ -254,8 +254,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     control = [*control, Free(HOLD, 5e-4, 1e-6, 0.5 * period, 5e-4, 5e-4)] if closed else []
     hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in hypotheses for f in h.free}
+    steps = _substeps(values, period, {h.name for h in hypotheses})
     made = {
-        use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed)
+        use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
         for use in ("fit", "heldout")
     }
     how = f"the whole loop is replayed: a controller leaves {explained:.2f} of what noise alone makes of the effort"
@@ -265,6 +266,15 @@ def prepare(recording: Recording, request: Request) -> Question:
         (*GAINS, HOLD, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
         lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,),
     )  # fmt: skip
+
+
+def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) -> int:
+    """Steps in each fine one: a quarter of a radian of the belt's vibration where there is or may be one."""
+    stiffness = values["belt_stiffness"]
+    if stiffness <= 0.0:
+        return 4 if "cable_elongation" in hypotheses else 2
+    lighter = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
+    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.25), 2, 16))
 
 
 def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
