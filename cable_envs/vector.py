@@ -151,15 +151,15 @@ class CableVectorEnv(VectorEnv):
             self._start(self._all[self._finished])
         rewards, terminated, truncated = self._reward.copy(), self._flags[0] > 0.0, self._flags[1] > 0.0
         finished = terminated | truncated
-        self._finished, ended = finished, bool(finished.any())
+        self._finished, self._any_finished = finished, bool(finished.any())
         final: dict[str, Any] = {}
-        if ended and self.autoreset_mode == AutoresetMode.SAME_STEP:
+        if self._any_finished and self.autoreset_mode == AutoresetMode.SAME_STEP:
             final = {
                 "final_obs": self._obs.copy(), "_final_obs": finished.copy(),
                 "final_info": self.infos(finished), "_final_info": finished.copy(),
             }  # fmt: skip
             self._start(self._all[finished])
-        self._any_finished = ended and self.autoreset_mode != AutoresetMode.SAME_STEP
+            self._finished, self._any_finished = np.zeros(self.num_envs, dtype=np.bool_), False  # they run again
         infos = {**self.infos(), **final} if self.step_infos else final
         if self.render_mode is not None:
             self._draw()

@@ -323,6 +323,8 @@ def test_interrupted_training_is_saved_and_resumes(tmp_path):
     assert (whole.metadata.complete, whole.steps) == (True, 1200)
     assert whole.metadata.curve[: len(half.metadata.curve)] == half.metadata.curve
     assert not torch.equal(_weights(half), _weights(whole))
+    # the rollout before the stop ended with an episode in every environment: none of them begins twice
+    assert torch.equal(_weights(train(settings, 0, tmp_path / "undisturbed")), _weights(whole))
     # the optimiser went on, too: 6 rollouts of 2 epochs of 2 batches
     with zipfile.ZipFile(tmp_path / "policy.zip") as archive, archive.open("policy.optimizer.pth") as file:
         state = torch.load(file, weights_only=True)["state"]

@@ -131,6 +131,32 @@ def test_reset_mask_with_seeds_reseeds_only_its_lanes():
     assert np.array_equal(first, again) and batch.unwrapped.np_random_seed == (1, 2, 3, 4, 5)
 
 
+def test_same_step_mode_begins_an_ended_episode_once():
+    """Neither a restored state nor a masked reset of other lanes begins it again, which would draw another one."""
+    options = {"sensor_noise": True, "randomize": True, "duration": 0.1}
+    batch, other = (native(HOLE, mode=AutoresetMode.SAME_STEP, **options) for _ in range(2))
+    batch.reset(seed=3)
+    actions = np.full((LANES, 1), 49.05 / 60.0 - 1.0, np.float32)
+    early = np.arange(LANES) == 1
+    for step in range(9):
+        batch.step(actions)
+        if step == 4:
+            batch.reset(options={"reset_mask": early})
+    *_, truncated, _ = batch.step(actions)
+    assert np.array_equal(truncated, ~early)
+    other.restore(batch.state())
+    one, two = batch.step(actions), other.step(actions)
+    assert np.array_equal(one[0], two[0]) and np.all(one[4]["time"][~early] == two[4]["time"][~early])
+    assert np.all(np.abs(two[4]["time"][~early] - 0.01) < 1e-9)
+    for _ in range(3):
+        batch.step(actions)
+    *_, truncated, _ = batch.step(actions)
+    assert np.array_equal(truncated, early)
+    batch.reset(options={"reset_mask": np.arange(LANES) == 2})  # the kernel has lane 1 at the start of an episode
+    *_, infos = batch.step(actions)
+    assert abs(infos["time"][1] - 0.01) < 1e-9
+
+
 @pytest.mark.parametrize("mask", [[True] * LANES, np.ones(LANES), np.zeros(LANES, bool), np.ones(LANES + 1, bool)])
 def test_bad_reset_masks_are_refused(mask):
     batch = native(HOLE)

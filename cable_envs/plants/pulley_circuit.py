@@ -20,54 +20,38 @@ Limits: tensions follow D without waves; friction inside the hold is stored as i
 (the chain plant does); with a slack cable the other one carries on, ``out_of_range`` says so.
 """
 
-import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
+import numpy as np  # noqa: I001 (the blocks below: one name a line would fill the screen)
 
-from cable_envs.circuit_effects import output_step, pulley, rise, spring
+from cable_envs.circuit_effects import pulley, rise, spring
 from cable_envs.circuit_ends import (
-    ACTION_MODES, B_OUT, BRAKE, C5, COEFFICIENTS, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE,
-    PEAK, PHASE, PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT,
-    V_IN, V_OUT, any_payload, cosine, drive_step, effect_rows, load_torque, resolve, rest_elongation, rest_signals,
-    shared_coefficients,
+    ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T, R0, R5,
+    SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT, any_payload, cosine,
+    drive_step, effect_rows, load_torque, rest_elongation, rest_signals,
 )  # fmt: skip
 from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_statics import Statics
+from cable_envs.circuit_pieces import (
+    BRANCHES, C_TURN, D, DB1, DB2, DT1, DT2, K_IN, LENGTH_B, LENGTH_T, LEVEL, LOAD_C, LOAD_K, OB1, OB2, OFFSET, OT1,
+    OT2, OWN, RATE, ROWS_P, ROWS_W, TILE_P, TURNS, WANTED, begin_step, coefficients, cw_share, drive_torque, guess,
+    held_by_flag, mix, output_torques, output_velocity, share_with, steepest,
+)  # fmt: skip
 from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate, own_cable, own_load
-from cable_envs.effects.presliding_hysteresis import share as share_of
-from cable_envs.effects.rows import (
-    CREEP, CREEP_B, CREEP_T, DRIFT, HARDENING, PARTIAL, PARTIAL_0, PLAY, ROWS_E, ROWS_S, SPRING, STARTED,
-)  # fmt: skip
-from cable_envs.effects.rows import WORN as WORN_STATE
-from cable_envs.effects.seams import (
-    CREEP_LEFT, DOWN, FOLLOWS, ROWS_G, TARGET, UP, actuate, begin, dry_friction, end,
-)  # fmt: skip
+from cable_envs.effects.rows import CREEP, CREEP_B, CREEP_T, DRIFT, HARDENING, PLAY, ROWS_E, ROWS_S, SPRING, STARTED
+from cable_envs.effects.seams import CREEP_LEFT, FOLLOWS, ROWS_G, TARGET, actuate, begin, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.friction import stick_slip_step
-from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, minimum, select, store, tile
+from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
 from cable_envs.plants.base import COMMAND, INPUTS, Plant
 
-_OWN = (
-    "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
-    "output_top_ccw", "output_bottom_ccw", "output_top_cw", "output_bottom_cw",
-    "drive_stiffness", "drive_slope", "load_stiffness", "output_slope", "hold_rule", "length_top",
-    "length_bottom",
-)  # fmt: skip
-(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_TURN, K_OUT, SWING, HOLD, LENGTH_T,
- LENGTH_B) = range(SHARED, SHARED + len(_OWN))  # fmt: skip
-ROWS_P, ROWS_X, ROWS_U = SHARED + len(_OWN), len(SIGNALS), len(INPUTS)
-GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
-BRANCHES = 8  # the rows DT1 .. OB2; behind those of the effects they come again, with all friction drifted
+ROWS_X, ROWS_U = len(SIGNALS), len(INPUTS)
 LAYOUT = Layout("pulley_circuit", CIRCUIT, worn=BRANCHES)
 TILE_E = ROWS_E + BRANCHES
-D, RATE, WANTED, LOAD_K, LOAD_C, LEVEL, OFFSET, TURNS = range(8)
-ROWS_W = 8
 STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, rad and rad/s."""
-"""Rows of the scratch tile w: elongation angle, its rate and the load's torque, stiffness and damping at the middle of
-the step; cosine of the output angle (0 where no column of the block has a payload); with effects the pulley's angle
-less the drive's, and how it turns with it. In what follows e, s and g are None without effects: what asks for them is
-then left out before anything is compiled."""
+
+# In what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
+# A user's own effects (`cable_envs.own_effects`) replace own_cable, own_load and own_actuate in a copy of this file:
+# what calls one of them must stay here.
 
 
 @inline
@@ -84,55 +68,6 @@ def _stretched(p, e, s, i, d, rate):
         select(top <= 0.0, 0.0, maximum(top + damped, 0.0)),  # so written, a NaN passes on
         select(bottom <= 0.0, 0.0, maximum(bottom - damped, 0.0)),
     )
-
-
-@inline
-def _output_torques(p, i, top, bottom):
-    """(M_out ccw, M_out cw).  Z35."""
-    r5 = p[R5, i]
-    return r5 * (top * p[OT1, i] - bottom * p[OB1, i]), r5 * (top * p[OT2, i] - bottom * p[OB2, i])
-
-
-@inline
-def _share(v, ccw, cw, wanted):
-    """Share of the cw branch: 0 moving ccw, 1 moving cw, at rest the one that balances ``wanted``."""
-    stuck = clip((wanted - ccw) / maximum(cw - ccw, 1e-12), 0.0, 1.0)
-    return select(v > 0.0, 0.0, select(v < 0.0, 1.0, stuck))
-
-
-@inline
-def _share_with(e, s, i, share):
-    """The share where the idlers' friction turns round over an angle."""
-    if e is not None:
-        turned = select(s[STARTED, i] > 0.5, 1.0 - share_of(s, PARTIAL_0, i), share)
-        share = select(e[PARTIAL, i] > 0.0, turned, share)
-    return share
-
-
-@inline
-def _mix(share, a, b):
-    return a + share * (b - a)
-
-
-@inline
-def _drive_torque(p, i, top, bottom, share):
-    """M_in.  Z32."""
-    return p[R0, i] * (top * _mix(share, p[DT1, i], p[DT2, i]) - bottom * _mix(share, p[DB1, i], p[DB2, i]))
-
-
-@inline
-def _held_by_flag(p, i, v_in, top, bottom):
-    """True where Z47 (with its lost minus) holds the output: `circuit_statics.hold_flag` on the drive's branch."""
-    share = select(v_in > 0.0, 0.0, 1.0)
-    m_in = _drive_torque(p, i, top, bottom, share)
-    m_out = top * _mix(share, p[OT1, i], p[OT2, i]) - bottom * _mix(share, p[OB1, i], p[OB2, i])
-    return (p[HOLD, i] > 0.5) & (v_in * m_in < 0.0) & (v_in * m_out < 0.0)
-
-
-@inline
-def _steepest(x, p, e, i):
-    """Slope of M_in over the pulley's angle, not less than it is anywhere."""
-    return p[K_IN, i] * rise(e, i, maximum(x[T01_T, i], x[T01_B, i]))
 
 
 @inline
@@ -159,15 +94,15 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
     wanted, load_k, load_c = _load_with(x, p, w, e, g, i, half, v, wanted, load_k, load_c)
     along = a + 0.5 * dt * v_in
     if e is not None:
-        w[OFFSET, i], w[TURNS, i], _ = pulley(e, s, i, along, x[M_IN, i], _steepest(x, p, e, i))
+        w[OFFSET, i], w[TURNS, i], _ = pulley(e, s, i, along, x[M_IN, i], steepest(x, p, e, i))
         along += w[OFFSET, i]
         gear *= w[TURNS, i]
     d, rate = p[GEAR, i] * along - half, gear * v_in - v
     top, bottom = _stretched(p, e, s, i, d, rate)
-    ccw, cw = _output_torques(p, i, top, bottom)
-    share = _share_with(e, s, i, _share(v, ccw, cw, wanted))
-    late = 0.5 * p[C5, i] * _guess(p, g, i, v, ccw - wanted, cw - wanted)
-    m_in = _drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
+    ccw, cw = output_torques(p, i, top, bottom)
+    share = share_with(e, s, i, cw_share(v, ccw, cw, wanted))
+    late = 0.5 * p[C5, i] * guess(p, g, i, v, ccw - wanted, cw - wanted)
+    m_in = drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
     stiff = p[K_IN, i]
     if e is not None:
         m_in *= w[TURNS, i]
@@ -187,8 +122,8 @@ def _output_part(x, p, w, e, s, g, i, dt):
     """The output's step, with the drive's motion known."""
     v = x[V_OUT, i]
     top, bottom = _stretched(p, e, s, i, w[D, i], w[RATE, i])
-    new = _output_step(p, e, s, g, i, v, top, bottom, w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i], dt)
-    new = select(_held_by_flag(p, i, x[V_IN, i], top, bottom), 0.0, new)
+    new = output_velocity(p, e, s, g, i, v, top, bottom, w[WANTED, i], w[LOAD_K, i], w[LOAD_C, i], dt)
+    new = select(held_by_flag(p, i, x[V_IN, i], top, bottom), 0.0, new)
     x[THETA_OUT, i], x[V_OUT, i] = x[THETA_OUT, i] + 0.5 * dt * (v + new), new
     if e is not None:
         stretch, keep = p[EA5, i] * w[D, i], g[CREEP_LEFT, i]
@@ -199,60 +134,22 @@ def _output_part(x, p, w, e, s, g, i, dt):
 
 
 @inline
-def _guess(p, g, i, v, up, down):
-    """Change of the output's velocity in the step, roughly: the drive feels half of it through the cables' damping."""
-    if g is not None:
-        up, down = up - g[UP, i], down + g[DOWN, i]
-    else:
-        up, down = up - p[BRAKE, i], down + p[BRAKE, i]
-    net = select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
-    return p[GAIN, i] * net
-
-
-@inline
-def _output_step(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
-    """Output velocity after dt, from the stretches and the load at the predicted middle of the step."""
-    r5 = p[R5, i]
-    ccw, cw = _output_torques(p, i, top, bottom)
-    up, down = ccw - wanted - p[BRAKE, i], cw - wanted + p[BRAKE, i]
-    taut_t, taut_b = select(top > 0.0, r5, 0.0), select(bottom > 0.0, r5, 0.0)
-    slope_up = taut_t * p[OT1, i] + taut_b * p[OB1, i]
-    slope_down = taut_t * p[OT2, i] + taut_b * p[OB2, i]
-    if e is not None:
-        hard = rise(e, i, maximum(top / p[LENGTH_T, i], bottom / p[LENGTH_B, i]))
-        slope_up, slope_down = slope_up * hard, slope_down * hard
-        up, down = ccw - wanted - g[UP, i], cw - wanted + g[DOWN, i]
-    slope = select(select(v == 0.0, up, v) > 0.0, slope_up, slope_down)
-    stiffness = p[EA5, i] * slope + load_k
-    ahead = 0.5 * dt * stiffness * v  # what the step subtracts: these forces are those of the middle already
-    if e is not None:
-        return output_step(
-            e, s, g, i, v, p[J_OUT, i], ccw, cw, wanted, ahead, stiffness,
-            p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
-        )  # fmt: skip
-    return stick_slip_step(
-        v, p[J_OUT, i], up + ahead, down + ahead, stiffness,
-        p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
-    )  # fmt: skip
-
-
-@inline
 def _report(x, p, u, w, e, s, g, i, level):
     """Torques and tensions of the new state; ``level``: cosine of the output angle."""
     v_in, b, v = x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i]
     angle, gear = x[THETA_IN, i], p[GEAR, i]
     if e is not None:
-        offset, turns, inside = pulley(e, s, i, angle, x[M_IN, i], _steepest(x, p, e, i))
+        offset, turns, inside = pulley(e, s, i, angle, x[M_IN, i], steepest(x, p, e, i))
         s[PLAY, i] = inside
         angle += offset
         gear *= turns
     top, bottom = _stretched(p, e, s, i, p[GEAR, i] * angle - b, gear * v_in - v)
     wanted, load_k, load_c = load_torque(p, u, i, b, v, level)
     wanted, load_k, load_c = _load_with(x, p, w, e, g, i, b, v, wanted, load_k, load_c)
-    ccw, cw = _output_torques(p, i, top, bottom)
-    share = _share_with(e, s, i, _share(v, ccw, cw, wanted))
-    t01_t, t01_b = top * _mix(share, p[DT1, i], p[DT2, i]), bottom * _mix(share, p[DB1, i], p[DB2, i])
-    t45_t, t45_b = top * _mix(share, p[OT1, i], p[OT2, i]), bottom * _mix(share, p[OB1, i], p[OB2, i])
+    ccw, cw = output_torques(p, i, top, bottom)
+    share = share_with(e, s, i, cw_share(v, ccw, cw, wanted))
+    t01_t, t01_b = top * mix(share, p[DT1, i], p[DT2, i]), bottom * mix(share, p[DB1, i], p[DB2, i])
+    t45_t, t45_b = top * mix(share, p[OT1, i], p[OT2, i]), bottom * mix(share, p[OB1, i], p[OB2, i])
     x[T01_T, i], x[T01_B, i], x[T45_T, i], x[T45_B, i] = t01_t, t01_b, t45_t, t45_b
     x[M_IN, i] = p[R0, i] * (t01_t - t01_b)
     x[M_OUT, i] = p[R5, i] * (t45_t - t45_b)
@@ -264,32 +161,11 @@ def _report(x, p, u, w, e, s, g, i, level):
 
 
 @inline
-def _worn(p, e, s, i):
-    """Friction that has drifted: the branches go in a straight line to those of the final friction."""
-    if e is not None:
-        d = select(e[DRIFT, i] != 0.0, s[WORN_STATE, i], 0.0)
-        for k in range(BRANCHES):
-            final = e[ROWS_E + k, i]
-            p[DT1 + k, i] = select(d > 0.0, p[DT1 + k, i] + d * (final - p[DT1 + k, i]), p[DT1 + k, i])
-
-
-@inline
-def _begin(x, p, w, e, s, i, dt):
-    x[SLACK, i] = 0.0
-    x[PEAK, i] = 0.0
-    w[LEVEL, i] = 0.0
-    _worn(p, e, s, i)
-    resolve(p, i, p[K_IN, i], p[K_OUT, i], dt)
-    c_out = p[C5, i] * p[SWING, i] + p[B_OUT, i] + p[CONTACT_D, i]
-    p[GAIN, i] = dt / (p[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * p[K_OUT, i])
-
-
-@inline
 def _substeps(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once (see cable_hole)."""
     payload = any_payload(p, lanes)
     for i in range(lanes):
-        _begin(x, p, w, e, s, i, dt)
+        begin_step(x, p, w, e, s, i, dt)
         if e is not None:
             begin(e, s, g, u, i, x[THETA_IN, i], x[V_IN, i], x[THETA_OUT, i], x[V_OUT, i], substeps * dt, dt)
     for n in range(substeps):
@@ -362,34 +238,17 @@ def prepare(values: np.ndarray) -> np.ndarray:
     Columns of the whole `PLANT.table` give the rows of the effects too.
     """
     if len(values) == len(CIRCUIT):
-        return _prepare(values, None)
+        return coefficients(values, None)
     e = LAYOUT.coefficients(values[len(CIRCUIT) :])
-    p = np.concatenate([_prepare(values, e), e])
+    p = np.concatenate([coefficients(values, e), e])
     drifting = np.flatnonzero(e[DRIFT])
     if drifting.size:
         final = values[:, drifting].copy()
         final[CIRCUIT.index("cable_friction")] *= 1.0 + e[DRIFT, drifting]
         final[CIRCUIT.index("shaft_friction")] *= 1.0 + e[DRIFT, drifting]
-        worn = _prepare(final, e[:, drifting])[DT1 : DT1 + BRANCHES]
+        worn = coefficients(final, e[:, drifting])[DT1 : DT1 + BRANCHES]
         p[ROWS_P + ROWS_E : ROWS_P + TILE_E, drifting] = worn
     return np.ascontiguousarray(p)
-
-
-def _prepare(values: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
-    statics = Statics.from_values(values)
-    shared = shared_coefficients(values, statics, effects)
-    per_t, per_b = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
-    k_t, k_b = statics.product
-    turn = statics.drive_radius * shared[GEAR] * (per_t + per_b).max(axis=0)
-    swing = statics.output_radius * np.maximum(per_t[0] / k_t + per_b[0] * k_b, per_t[1] * k_t + per_b[1] / k_b)
-    own = np.array([
-        per_t[0], per_b[0], per_t[1], per_b[1],
-        per_t[0] / k_t, per_b[0] * k_b, per_t[1] * k_t, per_b[1] / k_b,
-        1.5 * shared[EA5] * turn,  # in the hold M_in is steeper than on a branch; too much costs no accuracy
-        turn, shared[EA5] * swing + shared[CONTACT_K], swing,
-        values[CIRCUIT.index("hold_rule")], *statics.length,
-    ])  # fmt: skip
-    return np.ascontiguousarray(np.concatenate([shared, own]))
 
 
 def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
@@ -415,7 +274,7 @@ def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
 PLANT = Plant(
     name="pulley_circuit",
     parameters=CIRCUIT,
-    coefficients=COEFFICIENTS + _OWN,
+    coefficients=COEFFICIENTS + OWN,
     signals=SIGNALS,
     action_modes=ACTION_MODES,
     prepare=prepare,

@@ -1,0 +1,124 @@
+"""Declared parameters and signals of the cable-hole plant, and the rows they have in its kernel."""
+
+import math
+
+import numpy as np
+
+from cable_envs.errors import ConfigurationError
+from cable_envs.params import Parameter, ParameterTable
+from cable_envs.plants.base import Signal
+
+MAX_HOLES = 4
+
+_TABLE_1 = "Table 2 / A1, Gu 2024"
+_TABLE_3 = "Table 3, Gu 2024"
+_LUMPED = "chosen: 1000 rad/s, above every motion of interest"
+
+PARAMETERS = ParameterTable(
+    Parameter("load_mass", "kg", 5.0, 1e-3, 1e4, "mass of the load", "inferred from the tension ranges of 5.3"),
+    Parameter("gravity", "m/s^2", 9.81, 0.0, 30.0, "gravitational acceleration"),
+    Parameter("load_gravity", "1", 1.0, 0.0, 1.0, "share of gravity along the cable: 1 hanging, 0 horizontal"),
+    Parameter("load_stiffness", "N/m", 0.0, 0.0, 1e7, "spring between load and ground, relaxed at y = 0"),
+    Parameter("load_damping", "N s/m", 0.0, 0.0, 1e5, "viscous damping of the load"),
+    Parameter("cable_stiffness", "N/m", 60e3, 1.0, 1e9, "EA / L of the span between drive and hole"),
+    Parameter("cable_damping", "N s/m", 100.0, 0.0, 1e6, "viscous damping of that span"),
+    Parameter("wrap_angle", "rad", math.pi / 3, 0.0, 4 * math.pi, "wrap of the cable in the hole", "5.3, Gu 2024"),
+    Parameter("radius_ratio", "1", 1.5, 1e-3, 1e6, "rho0 = hole radius / cable radius", "inferred, docs/physics.md"),
+    Parameter("cable_radius", "m", 1e-3, 1e-6, 0.1, "cable radius r"),
+    Parameter("bending_rigidity", "N m^2", 0.0, 0.0, 10.0, "flexural rigidity B of the cable, G1"),
+    Parameter("friction_coefficient", "1", 0.43, 0.0, 5.0, "Coulomb coefficient mu", _TABLE_1),
+    Parameter("extrusion_delta", "1", 0.02, -0.5, 1.0, "change of the radius ratio by extrusion, delta", _TABLE_1),
+    Parameter("extrusion_gain", "SI", 6574.0, 0.0, 1e7, "K in C = K v^omega", _TABLE_1),
+    Parameter("extrusion_exponent", "1", 2.03, 0.2, 10.0, "omega in C = K v^omega", _TABLE_1),
+    Parameter("drive_speed_limit", "m/s", 0.1, 1e-6, 10.0, "largest drive speed"),
+    Parameter("drive_acceleration_limit", "m/s^2", 2.0, 1e-6, 1e3, "largest drive acceleration"),
+    Parameter("inner_kp", "m/(s N)", 0.1, 0.0, 100.0, "proportional gain of the inner tension loop", _TABLE_3),
+    Parameter("inner_kd", "m/N", 0.005, 0.0, 100.0, "derivative gain of the inner tension loop", _TABLE_3),
+    Parameter("tension_command_limit", "N", 120.0, 1e-3, 1e5, "largest driving tension that can be commanded"),
+    Parameter("tension_limit", "N", 100.0, 1e-3, 1e6, "safety limit", "range of the tension sensor, 5.1, Gu 2024"),
+    Parameter("breaking_tension", "N", 1000.0, 1e-3, 1e7, "the cable tears above this tension"),
+)
+
+EXTRA_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient")
+
+
+def series_parameters(holes: int) -> ParameterTable:
+    """Parameters of the plant with ``holes`` holes."""
+    extra = [
+        Parameter(f"{q.name}_{h}", q.unit, q.default, q.low, q.high, f"{q.meaning}; hole {h} from the drive", q.source)
+        for h in range(2, holes + 1)
+        for q in (PARAMETERS[name] for name in EXTRA_HOLE)
+    ]
+    if holes > 1:
+        extra.append(Parameter("span_stiffness", "N/m", 120e3, 1.0, 1e9, "EA / L of a span between two holes"))
+        extra.append(Parameter("guide_mass", "kg", 0.02, 1e-6, 1e3, "lumped cable mass at an inner hole", _LUMPED))
+    return ParameterTable(*PARAMETERS, *extra)
+
+
+SIGNALS = (
+    Signal("drive_position", "m", "position of the drive, positive hauls in"),
+    Signal("drive_velocity", "m/s", "speed of the drive"),
+    Signal("drive_tension", "N", "cable tension on the drive side, T1"),
+    Signal("load_position", "m", "position of the load, positive lifted"),
+    Signal("load_velocity", "m/s", "speed of the load"),
+    Signal("load_tension", "N", "cable tension on the load side, T2"),
+    Signal("sliding", "1", "direction in which the cable slides at the load: -1, 0 (stuck), 1"),
+    Signal("slack_fraction", "1", "share of the last control step in which the drive span was slack"),
+    Signal("peak_tension", "N", "largest drive-side tension within the last control step"),
+)
+
+
+def series_signals(holes: int) -> tuple[Signal, ...]:
+    """Signals of the plant with ``holes`` holes: `SIGNALS`, then those of the inner holes."""
+    inner = tuple(
+        Signal(f"{name}_{h}", unit, f"{meaning} hole {h}")
+        for h in range(1, holes)
+        for name, unit, meaning in (
+            ("slip_position", "m", "cable paid through"),
+            ("slip_velocity", "m/s", "sliding speed in"),
+            ("span_tension", "N", "tension behind"),
+        )
+    )
+    return SIGNALS + inner
+
+
+COEFFICIENTS = (
+    "speed_limit", "acceleration_limit", "inner_kp", "inner_kd", "cable_stiffness", "cable_damping",
+    "load_mass", "load_weight", "load_stiffness", "load_damping", "extrusion_gain", "extrusion_exponent",
+    "bending_rigidity", "span_stiffness", "guide_mass",
+)  # fmt: skip
+OF_EACH_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient", "edge_radius")
+"""radius_ratio is rho0 (1 + delta), edge_radius is rho0 r in m."""
+(V_MAX, A_MAX, KP, KD, K_CABLE, C_CABLE, MASS, WEIGHT, LOAD_K, LOAD_C, GAIN, OMEGA, RIGIDITY, SPAN_K,
+ GUIDE) = range(len(COEFFICIENTS))  # fmt: skip
+BASE_P, HOLE_P = len(COEFFICIENTS), len(OF_EACH_HOLE)
+
+X, VX, T1, Y, VY, T2, SLIDING, SLACK, PEAK = range(len(SIGNALS))
+BASE_X, HOLE_X = len(SIGNALS), 3
+ROWS_P, ROWS_X = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1)
+"""Coefficients and signals of the plant with the most holes."""
+
+
+def coefficients(values: np.ndarray) -> list[np.ndarray]:
+    """Rows named by `COEFFICIENTS`, then `OF_EACH_HOLE` for each hole, of parameter columns without effects.
+
+    Raises ConfigurationError for what the bounds of single parameters cannot exclude.
+    """
+    holes = 1 if len(values) == len(PARAMETERS) else 1 + (len(values) - len(PARAMETERS) - 2) // len(EXTRA_HOLE)
+    value = dict(zip(series_parameters(holes).names, values, strict=True))
+    weight = value["load_mass"] * value["gravity"] * value["load_gravity"]
+    if np.any((weight == 0.0) & (value["load_stiffness"] == 0.0)):
+        raise ConfigurationError("the load is free: give it load_gravity > 0 or load_stiffness > 0")
+    if np.any(value["breaking_tension"] < value["tension_limit"]):
+        raise ConfigurationError("breaking_tension must not be below tension_limit")
+    none = np.zeros_like(weight)
+    rows = [
+        value["drive_speed_limit"], value["drive_acceleration_limit"], value["inner_kp"], value["inner_kd"],
+        value["cable_stiffness"], value["cable_damping"], value["load_mass"], weight, value["load_stiffness"],
+        value["load_damping"], value["extrusion_gain"], value["extrusion_exponent"], value["bending_rigidity"],
+        value.get("span_stiffness", none), value.get("guide_mass", none),
+    ]  # fmt: skip
+    for h in range(holes):
+        wrap, rho, mu = (value[name if h == 0 else f"{name}_{h + 1}"] for name in EXTRA_HOLE)
+        rows += [wrap, rho * (1.0 + value["extrusion_delta"]), mu, rho * value["cable_radius"]]
+    return rows
