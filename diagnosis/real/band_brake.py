@@ -1,0 +1,32 @@
+"""Band brake (Coble et al. 2022): dry friction alone against what displacement, force and both tensions ask for."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from diagnosis.models.band_brake import prepare
+from diagnosis.models.question import Request
+from diagnosis.real.finding import Alone, Finding, find
+from diagnosis.recording import Recording
+
+EXPECTED = ("load_dependent_friction", "backlash", "presliding_hysteresis")
+WRONG = "viscous_friction"
+
+
+@dataclass(frozen=True)
+class BandBrake:
+    """``viscous``: what viscous friction buys where it is the only effect; ``viscous_last``: on top of the answer."""
+
+    finding: Finding
+    viscous: Alone
+    viscous_last: float
+
+
+def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: None) -> BandBrake:
+    """Fitted at 0.5 Hz, held out at 1 Hz."""
+    tell("band brake")
+    finding = find("band brake", prepare(recording, Request()), tell=tell)
+    viscous = next(a for a in finding.alone if a.name == WRONG)
+    text = finding.left.get(WRONG, "")
+    words = text.split()
+    last = float(words[words.index("buys") + 1]) if "buys" in words else float("nan")
+    return BandBrake(finding, viscous, last)
