@@ -115,15 +115,16 @@ class _Run:
     def step(self, factor: float) -> np.ndarray:
         """Values after a step with the damping times ``factor``; what would leave its bounds stays on them."""
         matrix, gradient = self.normal()
-        scale = np.diag(matrix) + 1e-12 * max(float(np.max(np.diag(matrix), initial=0.0)), 1e-300)
+        scale = np.where(np.diag(matrix) > 0.0, np.diag(matrix), 1.0)
         held = np.zeros(len(self.rows), dtype=bool)
         values = self.values.copy()
         for _ in range(len(self.rows) + 1):
             move = np.flatnonzero(~held)
             if not len(move):
                 break
-            damped = matrix[np.ix_(move, move)] + np.diag(self.damping * factor * scale[move])
-            change = np.linalg.lstsq(damped, gradient[move], rcond=None)[0]
+            size = np.sqrt(scale[move])  # units differ by many powers of ten
+            damped = matrix[np.ix_(move, move)] / np.outer(size, size) + self.damping * factor * np.eye(len(move))
+            change = np.linalg.lstsq(damped, gradient[move] / size, rcond=None)[0] / size
             wanted = self.values.copy()
             wanted[[self.rows[j] for j in move]] += change
             values = np.array([p.clip(v) for p, v in zip(self.parameters, wanted, strict=True)])
@@ -156,8 +157,16 @@ class _Run:
         values = {p.name: float(v) for p, v in zip(self.parameters, self.values, strict=True)}
         return Fit(
             self.start.label, self.start.free, values, self.cost, self.residual, self.jacobian,
-            np.linalg.pinv(matrix, hermitian=True), tuple(bounds), self.evaluations,
+            _inverse(matrix), tuple(bounds), self.evaluations,
         )  # fmt: skip
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Pseudoinverse of a normal matrix whose rows have different units; what nothing shows has a huge variance."""
+    seen = np.diag(matrix) > 0.0
+    size = np.sqrt(np.where(seen, np.diag(matrix), 1.0))
+    scaled = matrix / np.outer(size, size) + np.diag(np.where(seen, 1e-12, 1e-30))
+    return np.linalg.inv(scaled) / np.outer(size, size)
 
 
 def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run]) -> None:

@@ -127,6 +127,7 @@ class DriveModel:
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
         # the controller feels scale x(t - late): kp (r - scale x + scale late x') + kv r' - kd x'
         stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
+        columns = columns.copy()
         columns[self.plant.table.index("actuator_lag.time")] += shown[HOLD]
         path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
         y, v, motor, first = self._replay(

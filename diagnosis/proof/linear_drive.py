@@ -18,8 +18,8 @@ STEP = 2e-4
 
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 1e-6
-"""m: the bristles that stand for true sticking; a fifth of the least position noise."""
+STIFF = 2e-7
+"""m: the bristles that stand for true sticking; far below any position noise."""
 
 TABLE = Table({
     "mass": 5.0, "viscous": 0.0, "coulomb": 0.0, "motor_share": 0.3, "kp": 4e3, "kd": 150.0,
