@@ -90,8 +90,9 @@ def _suggested(model: Model, score: Score) -> Mapping[str, float]:
             if amount < 0.0:  # the wrong way: the other side of the null, or close to it where there is none
                 one_way = null is not None and null in (bounds[name].low, bounds[name].high)
                 size = 0.05 if one_way else -size
-            if name in INVERSE:  # the stiffer, the less of it
-                suggested[name] = bounds[name].clip(value / abs(size))
+            if name in INVERSE:  # the stiffer, the less of it; what adds up is the compliance
+                rigid = 1.0 / null if null else 0.0
+                suggested[name] = bounds[name].clip(1.0 / max(rigid + abs(size) * (1.0 / value - rigid), 1e-300))
                 continue
             suggested[name] = value if null is None else bounds[name].clip(null + size * (value - null))
     return suggested

@@ -5,18 +5,25 @@ from cable_envs.effects.base import CIRCUITS, Effect, EffectParameter
 EFFECT = Effect(
     name="load_dependent_friction",
     seam="load",
-    equation="F = -coefficient T sign(v) (hole: T1); circuit: M = -coefficient R5 (T45t + T45b) sign(v)",
+    equation="hole: F = -coefficient T1 sign(v), mu -> mu (T1 / weight)^exponent; circuit: M = -coefficient R5 "
+    "(T45t + T45b) sign(v)",
     source="Zou 2022, section 3.2: friction that grows with pretension and the neglected bearings; bearing friction "
-    "mu r_s / R per tension: Eq. (24)",
+    "mu r_s / R per tension: Eq. (24); exponent -1/3 for elastic contacts: Bowden and Tabor, The Friction and "
+    "Lubrication of Solids, Oxford 1950",
     parameters=(
         EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension at the load or output", 0.03, 0.02),
+        EffectParameter(
+            "exponent", "1", 0.0, -2.0, 2.0, "growth of the hole's friction coefficient with the tension", 0.3,
+            plants=("cable_hole",),
+        ),
         EffectParameter(
             "shaft", "1", 0.0, 0.0, 2.0, "friction coefficient of the idlers on their shafts, mu_s", 0.15,
             aliases=dict.fromkeys(CIRCUITS, "shaft_friction"), plants=CIRCUITS,
         ),
     ),
     plants=("cable_hole", *CIRCUITS),
-    validity="Amontons; coefficient mu r_s / R of a plain bearing",
+    validity="Amontons; coefficient mu r_s / R of a plain bearing. On the hole a friction in proportion to T1 is what "
+    "the coefficient of friction does, too; the weight is that of the load at rest at y = 0",
     experiment="constant slow speed at four loads or pretensions: the slope of friction over tension",
     confusable=("coulomb_friction", "bending_stiffness"),
 )  # fmt: skip

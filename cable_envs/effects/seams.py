@@ -31,10 +31,11 @@ from cable_envs.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, FOLLOW, IMPOSED, MODE, RAMPED
 
 (ASKED, ASKED_RATE, RAMP, MEAN, LAG_LEFT, CREEP_LEFT, FACTOR, FOLLOWS, IMPOSES, START, START_V, TARGET, TARGET_V, UP,
- DOWN, STEEP, FROM) = range(17)  # fmt: skip
+ DOWN, STEEP, FROM, LATE) = range(18)  # fmt: skip
 """Rows of g: the command asked for, its rate, and whether it is ramped; the command that acts; what lag and creep keep
 over a step; factor on dry friction; whether the drive follows a path or its tension is imposed; the drive at the start
-of the control step and at the end of the step; dry friction up and down with its growth; the load's position at first.
+of the control step and at the end of the step; dry friction up and down with its growth; the load's position at first;
+share of the lagged command's distance to the command that is left in the mean over a step.
 """
 ROWS_G = 20
 
@@ -52,6 +53,7 @@ def begin(e, s, g, u, i, position, velocity, load, speed, period, dt):
     s[COMMAND_STATE, i] = select(fresh, u[COMMAND, i] - u[COMMAND_RATE, i] * period, s[COMMAND_STATE, i])
     s[RATE_STATE, i] = select(fresh, 0.0, s[RATE_STATE, i])
     g[LAG_LEFT, i], g[CREEP_LEFT, i] = keep(e[LAG, i], dt), kept(e[CREEP_TIME, i], dt)
+    g[LATE, i] = (1.0 - g[LAG_LEFT, i]) * e[LAG, i] / dt
     half = 0.5 * period  # what drifts slowly is taken in the middle of the control step
     worn = drifted(s[WORN, i], e[DRIFT, i], e[DRIFT_TIME, i], e[DRIFT_TRAVEL, i], half, half * abs(speed))
     g[FACTOR, i] = 1.0 + e[DRIFT, i] * worn
@@ -85,8 +87,10 @@ def actuate(e, s, g, u, i, n, substeps, dt):
     left = g[LAG_LEFT, i]
     late, late_rate = s[COMMAND_STATE, i], s[RATE_STATE, i]
     s[COMMAND_STATE, i], s[RATE_STATE, i] = lagged(late, command, left), lagged(late_rate, g[ASKED_RATE, i], left)
-    u[COMMAND, i] = select(left > 0.0, 0.5 * (late + s[COMMAND_STATE, i]), command)
-    u[COMMAND_RATE, i] = select(left > 0.0, 0.5 * (late_rate + s[RATE_STATE, i]), g[ASKED_RATE, i])
+    mean = g[LATE, i]  # not half of it: a lag far shorter than the step would come out as half a step
+    u[COMMAND, i] = select(left > 0.0, command + (late - command) * mean, command)
+    asked = g[ASKED_RATE, i]
+    u[COMMAND_RATE, i] = select(left > 0.0, asked + (late_rate - asked) * mean, asked)
     at = (n + 1.0) / substeps
     x, v = _hermite(g[START, i], g[START_V, i], g[ASKED, i], g[ASKED_RATE, i], period, at)
     g[TARGET, i], g[TARGET_V, i] = x, v

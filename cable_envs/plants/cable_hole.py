@@ -25,8 +25,8 @@ from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.rows import (
-    CONTACT_EXCESS, COULOMB, CREEP, CREEP_T, HARDENING, PLAY, PRESLIDING, PRE_0, ROWS_E, ROWS_S, SLACK_LENGTH,
-    STARTED, STRIBECK_V,
+    CONTACT_EXCESS, COULOMB, CREEP, CREEP_T, HARDENING, LOAD_EXPONENT, PLAY, PRESLIDING, PRE_0, ROWS_E, ROWS_S,
+    SLACK_LENGTH, STARTED, STRIBECK_V,
 )  # fmt: skip
 from cable_envs.effects.seams import CREEP_LEFT, FACTOR, IMPOSES, ROWS_G, actuate, begin, dry_friction, end, held_back
 from cable_envs.effects.stiffness_hardening import hardened, linear
@@ -99,9 +99,11 @@ def _pull(p, u, w, e, g, i, theta):
         w[MIDDLE, i] = select(imposed, maximum(u[COMMAND, i], 0.0), w[MIDDLE, i])
         w[RISE, i], w[C, i] = select(imposed, 0.0, w[RISE, i]), select(imposed, 0.0, w[C, i])
         extra, growth = excess_at(e[CONTACT_EXCESS, i], e[STRIBECK_V, i], v)
-        coulomb = (w[MU, i] + extra) * g[FACTOR, i] + own_contact(speed, w[MIDDLE, i], e, i)
+        exponent, over = e[LOAD_EXPONENT, i], maximum(w[MIDDLE, i], 0.1) / maximum(p[WEIGHT, i], 0.1)
+        factor = g[FACTOR, i] * select(exponent != 0.0, power(over, exponent), 1.0)
+        coulomb = (w[MU, i] + extra) * factor + own_contact(speed, w[MIDDLE, i], e, i)
         w[FRICTION, i] = coulomb + steep * speed
-        w[GROWTH, i] = p[OMEGA, i] * steep + g[FACTOR, i] * growth
+        w[GROWTH, i] = p[OMEGA, i] * steep + factor * growth
     else:
         w[FRICTION, i] = w[MU, i] + steep * speed
         w[GROWTH, i] = p[OMEGA, i] * steep

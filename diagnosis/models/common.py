@@ -1,7 +1,7 @@
 """What the models of all systems share: an even clock, the motion's coordinates, free parameters, the rig found."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -9,12 +9,15 @@ from scipy.signal import savgol_filter
 
 from cable_envs.plants.base import Plant
 from cable_envs.rigs import SCHEMA as RIG_SCHEMA
+from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.model import Coordinate, Free
 from diagnosis.models.question import Request
 from diagnosis.recording import Record, Recording
 
 REST = 0.02
 """Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
+SOFTER = (0.05, 0.3, 1.5)
+"""Probed compliances beyond the claimed one, over that."""
 _SMOOTHED = 0.15
 """s over which a speed is taken from a recorded position, for coordinates only."""
 
@@ -150,6 +153,22 @@ def free_parameters(
         scale = max(abs(start), 1e-3 * abs(p.default), 1e-9)
         std = given.std if given is not None and (request is None or not request.rig) else None
         found.append(Free(name, start, p.low, p.high, scale, std))
+    return found
+
+
+def claimed(hypotheses: Sequence[Hypothesis], values: Mapping[str, float]) -> list[Hypothesis]:
+    """The hypotheses with what the recording claims to know in the place of the effects' nulls.
+
+    A cable said to have 2e5 N may be softer, a bearing said to have next to no friction may have more.
+    """
+    found = []
+    for h in hypotheses:
+        probes = h.probes
+        for name in h.nulls:
+            if name in INVERSE and values[name] > 0.0:
+                probes = tuple(({name: values[name] / (1.0 + more)},) for more in SOFTER)
+        free = tuple(replace(p, start=p.clip(values[p.name])) if p.name in h.nulls else p for p in h.free)
+        found.append(replace(h, free=free, probes=probes, nulls={name: values[name] for name in h.nulls}))
     return found
 
 

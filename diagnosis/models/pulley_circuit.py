@@ -13,10 +13,11 @@ import numpy as np
 
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from diagnosis.hypotheses import hypotheses_for
+from diagnosis.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.common import (
     augmented_rig,
+    claimed,
     free_parameters,
     motion_coordinates,
     plant_values,
@@ -29,8 +30,13 @@ from diagnosis.models.replayed import ReplayModel, Run
 from diagnosis.recording import CHANNELS, Record, Recording
 
 VARIANT = "chain"
-STEP = 2e-3
-"""Largest step of integration, s."""
+STEP = 1e-3
+"""Largest step of integration, s, with `EASY` or less; shorter with stiffer cables: with longer ones the chain raises
+small inertias (`circuit_ends.resolve`), which shows in the torques."""
+EASY = 2e4
+"""N"""
+STIFF = 4e4
+"""N: a cable claimed to be this stiff is claimed not to stretch, which may be wrong."""
 SETTLING = 0.5
 """s at the start of a record that do not count."""
 LEAD = 30
@@ -60,11 +66,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
     names = [name for name in SIGNALS if name in channels and (commanded or name != "drive_angle")]
-    modelled = {name for name in recording.known if name not in ("output_damping", "brake_torque")}
-    hypotheses = hypotheses_for(
-        plant, values, modelled | {p.name for p in nominals}, [SIGNALS[name] for name in names], only=request.only,
-        without=request.without,
-    )  # fmt: skip
+    hypotheses = _hypotheses(recording, plant, values, nominals, [SIGNALS[name] for name in names], request)
     found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
     period = sample_period(recording.records)
     models = [_model(recording, use, plant, values, list(found.values()), period, names) for use in ("fit", "heldout")]
@@ -75,11 +77,28 @@ def prepare(recording: Recording, request: Request) -> Question:
     )  # fmt: skip
 
 
+def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
+    """What may be missing; what a recording claims to know as (nearly) absent may be there after all."""
+    effects = plant.effects.effects.values()
+    rows = {p.aliases[plant.name]: p for e in effects for p in e.parameters_on(plant.name) if plant.name in p.aliases}
+    absent = {"tensile_stiffness": values["tensile_stiffness"] >= STIFF, "output_damping": True}
+    absent |= {name: values[name] == p.null for name, p in rows.items() if name not in absent}
+    modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
+    as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
+    place = next(n for n in ("drive_angle", "drive_angle_command") if n in recording.channels)
+    travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
+    found = hypotheses_for(
+        plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
+    )
+    return claimed(found, values)
+
+
 def _model(
     recording: Recording, use: str, plant: Plant, values: dict[str, float], parameters: Sequence[Free], period: float,
     names: Sequence[str],
 ) -> ReplayModel:  # fmt: skip
-    substeps = max(int(np.ceil(period / STEP - 1e-3)), 2)
+    steps = period / STEP * float(np.sqrt(max(values["tensile_stiffness"] / EASY, 1.0)))
+    substeps = max(int(np.ceil(steps - 1e-3)), 2)
     runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
     drive = "position" if "drive_angle_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)

@@ -19,7 +19,7 @@ CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
 STIFF = 1.5e-7
 """m; twice it, times a stiff cable's 2e5 N/m, is the tension by which sticking gives way: within its noise."""
-GUIDE = 4e-6
+GUIDE = 1.5e-7
 GRAVITY = 9.81
 
 TABLE = Table({
@@ -150,8 +150,8 @@ def _run(p, reference, rate, start, out):
                 if p[CREEP] != 0.0:
                     t1 += p[CREEP] * k * (stretch - crept)
                 t1 = max(t1, 0.0) if stretch > 0.0 else 0.0
-                t2 = t1 * np.exp(-mean * _log_ratio(p, y, v, mean, t1, t2, t))
-                v += 0.5 * h * (t2 - rub - p[GUIDE_F] * held + _loads(p, y, v, t, armed)) / mass
+                t2 = t1 * np.exp(-mean * _log_ratio(p, y, v, mean, t1, t2, t)) - rub
+                v += 0.5 * h * (t2 - p[GUIDE_F] * held + _loads(p, y, v, t, armed)) / mass
             if p[RAT_F] != 0.0:
                 if y > p[RAT_X] + 2.5 * p[RAT_W]:
                     armed = 0.0

@@ -181,12 +181,22 @@ LIBRARY: Mapping[str, tuple[Missing, ...]] = {
             compare={"coefficient": ("viscous_friction.coefficient", 1.0, "N m s")},
             known={"output_damping": 2e-4},
         ),
-        Missing("stribeck_friction", {"stribeck_friction.excess": 0.1}, {"stribeck_friction.speed": (5e-4, 3e-3)}),
-        Missing("asymmetric_friction", {"asymmetric_friction.difference": 0.05}, signed=True, largest=8.0),
-        Missing("presliding_hysteresis", {"presliding_hysteresis.distance": 5e-5}),
-        Missing("load_dependent_friction", {"load_dependent_friction.exponent": 0.2}, signed=True, largest=4.0),
         Missing(
-            "cable_elongation", {"cable_elongation.compliance": 2e-5}, known={"tensile_stiffness": 2e5}, largest=5.0
+            "stribeck_friction",
+            {"stribeck_friction.excess": 4e-3},
+            {"stribeck_friction.speed": (0.05, 0.4)},
+            {"excess": ("stribeck_friction.excess", 1.0, "N m"), "velocity": ("stribeck_friction.speed", 1.0, "rad/s")},
+        ),
+        Missing("asymmetric_friction", {"asymmetric_friction.difference": 0.1}, signed=True, largest=8.0),
+        Missing("presliding_hysteresis", {"presliding_hysteresis.distance": 5e-3}, largest=20.0),
+        Missing(
+            "load_dependent_friction",
+            {"load_dependent_friction.coefficient": 5e-3},
+            compare={"coefficient": ("load_dependent_friction.coefficient", 1.0, "1")},
+            known={"brake_torque": 0.0},
+        ),
+        Missing(
+            "cable_elongation", {"cable_elongation.compliance": 2e-5}, known={"tensile_stiffness": 5e4}, largest=5.0
         ),
         Missing("stiffness_hardening", {"stiffness_hardening.coefficient": 30.0}, largest=10.0),
         Missing(

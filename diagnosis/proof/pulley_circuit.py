@@ -7,8 +7,8 @@ moves under
 
 which balances exactly where T_before / T_behind = lambda^Z, so that sliding (Z = 1 or -1) gives the law of Zou 2022. In
 between Z is what keeps the rope at rest: friction bounds the impulse of a step (Moreau's time stepping), nothing is
-solved or switched. With pre-sliding Z is a state of its own. Delay, transition and working phases
-follow; no equilibrium is solved for. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
+solved or switched. Delay, transition and working phases follow; no equilibrium is solved for. The output's own dry
+friction is a level times a state in [-1, 1] that its motion drives. Leapfrog at `STEP`. Geometry: Table 2 of Zou 2022.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,8 @@ from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 STEP = 5e-5
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 2e-6
+STIFF = 4e-5
+"""rad, of the output's sticking."""
 ROPE = 0.02
 """kg at an idler: far more than the rope's own, so that its vibration is resolved, and too little to be measured."""
 GRAVITY = 9.81
@@ -38,9 +39,9 @@ TABLE = Table({
     "contact_angle": 0.0, "contact_damping": 2e-3, "payload_mass": 0.0, "payload_arm": 15e-3,
     "servo_frequency": 60.0, "servo_damping_ratio": 0.9,
     "coulomb_friction.torque": 0.0, "viscous_friction.coefficient": 0.0,
-    "stribeck_friction.excess": 0.0, "stribeck_friction.speed": 0.002,
+    "stribeck_friction.excess": 0.0, "stribeck_friction.speed": 0.1,
     "asymmetric_friction.difference": 0.0, "presliding_hysteresis.distance": 0.0,
-    "load_dependent_friction.exponent": 0.0, "bending_stiffness.force": 0.0, "cable_elongation.compliance": 0.0,
+    "load_dependent_friction.coefficient": 0.0, "cable_elongation.compliance": 0.0,
     "stiffness_hardening.coefficient": 0.0, "viscoelastic_creep.share": 0.0, "viscoelastic_creep.time": 3.0,
     "friction_drift.change": 0.0, "friction_drift.time": 30.0, "backlash.gap": 0.0,
     "position_ripple.amplitude": 0.0, "position_ripple.number": 8.0, "position_ripple.phase": 0.0,
@@ -50,7 +51,7 @@ TABLE = Table({
     "ratchet.torque": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.06, "sheath_rubbing.curvature": 0.0,
 })  # fmt: skip
 (EA, PRE_T, PRE_B, MU_S, MU_C, J, B, CONTACT_K, CONTACT, CONTACT_C, PAYLOAD, ARM, SERVO, ZETA, BRAKE, ADD_B, STR_F,
- STR_V, ASYM, SOFT, LOAD_EXP, BEND, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH,
+ STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH,
  EXTRA_K, CUBIC, LAG, THERMAL, THERMAL_T, PEN_J, PEN_W, FLOOR_A, FLOOR_F, RAT_M, RAT_X, RAT_W, SHEATH) = indices(
     TABLE.names, *TABLE.names)  # fmt: skip
 
@@ -71,22 +72,31 @@ def contact_logs(mu_cable: float, mu_shaft: float) -> tuple[np.ndarray, np.ndarr
 
 
 @jit
-def _run(p, logs, length, reference, rate, start, out):
-    """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs [2, 4]; length [2, 5] of the spans with what is wrapped, m."""
+def _dry(p, omega, held, both, warm):
+    """Level of the output's dry friction, N m; ``both``: sum of the tensions at the driven pulley."""
+    level = p[BRAKE] * (1.0 + p[ASYM] * held) + p[LOAD_MU] * R5 * both
+    if p[STR_F] != 0.0:
+        level += p[STR_F] * np.exp(-((omega / p[STR_V]) ** 2))
+    return level * warm
+
+
+@jit
+def _run(p, logs, worn, length, reference, rate, start, out):
+    """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs, worn [2, 4]: ln lambda at first and when friction has drifted wholly;
+    length [2, 5] of the spans with what is wrapped, m."""
     h = STEP
     ea = 1.0 / (1.0 / p[EA] + p[COMPLIANCE])
     pre = np.array([p[PRE_T], p[PRE_B]])
     follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
     relax = 1.0 - np.exp(-h / p[CREEP_T])
     s, v = np.zeros((2, 4)), np.zeros((2, 4))
-    mean = np.zeros((2, 4))
     crept, tension = np.zeros((2, 5)), np.zeros((2, 5))
     stiffness, damping = np.empty((2, 5)), np.empty((2, 5))
     for a in range(2):
         for j in range(5):
             stiffness[a, j] = ea / length[a, j]
             damping[a, j] = CABLE_DAMPING / length[a, j]
-    soft = max(p[SOFT], STIFF)
+    dry = p[BRAKE] != 0.0 or p[LOAD_MU] != 0.0 or p[STR_F] != 0.0
     settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
     pulley, turning, feed = angle, 0.0, 0.0
@@ -112,9 +122,8 @@ def _run(p, logs, length, reference, rate, start, out):
             hauled = pulley if p[GAP] > 0.0 else angle
             if p[RIP_A] != 0.0:
                 hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
-            warm = 1.0 + p[DRIFT] * (1.0 - np.exp(-t / p[DRIFT_T])) if p[DRIFT] != 0.0 else 1.0
-            if p[SHEATH] != 0.0:
-                warm *= 1.0 + p[SHEATH] * theta * theta
+            done = 1.0 - np.exp(-t / p[DRIFT_T]) if p[DRIFT] != 0.0 else 0.0
+            rough = 1.0 + p[SHEATH] * theta * theta
             strain = 0.0
             if p[THERMAL] != 0.0:
                 strain = p[THERMAL] * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / p[THERMAL_T]))
@@ -137,20 +146,9 @@ def _run(p, logs, length, reference, rate, start, out):
                 for i in range(4):
                     both = tension[a, i] + tension[a, i + 1]
                     push = v[a, i] + h * (tension[a, i] - tension[a, i + 1]) / ROPE
-                    level = logs[a, i] * warm
-                    if p[STR_F] != 0.0:
-                        level *= 1.0 + p[STR_F] * np.exp(-((v[a, i] / p[STR_V]) ** 2))
-                    if p[ASYM] != 0.0:
-                        level *= 1.0 + p[ASYM] * side * (1.0 if push > 0.0 else -1.0)
-                    if p[LOAD_EXP] != 0.0:
-                        level *= (max(both, 0.1) / (2.0 * pre[a])) ** p[LOAD_EXP]
-                    if p[SOFT] == 0.0:  # Coulomb's law as a bound of the step's impulse: sticks exactly
-                        grip = h * (both * np.tanh(0.5 * level) + p[BEND]) / ROPE
-                        v[a, i] = push - grip if push > grip else (push + grip if push < -grip else 0.0)
-                    else:
-                        z = mean[a, i]
-                        rub = 0.5 * np.sqrt(0.5 * both * level / soft * ROPE) * (1.0 - z * z) * v[a, i]
-                        v[a, i] = push - h * (both * np.tanh(0.5 * z * level) + p[BEND] * z + rub) / ROPE
+                    level = (logs[a, i] + done * (worn[a, i] - logs[a, i])) * rough
+                    grip = h * both * np.tanh(0.5 * level) / ROPE  # bounds the impulse: sticks exactly
+                    v[a, i] = push - grip if push > grip else (push + grip if push < -grip else 0.0)
             torque = R0 * (tension[0, 0] - tension[1, 0])
             if p[GAP] > 0.0:
                 twist = angle - pulley
@@ -164,9 +162,11 @@ def _run(p, logs, length, reference, rate, start, out):
             if depth > 0.0:
                 load += max(p[CONTACT_K] * depth + p[CONTACT_C] * omega, 0.0)
             load += p[PAYLOAD] * p[ARM] * GRAVITY * np.cos(theta) if p[PAYLOAD] != 0.0 else 0.0
-            load += p[BRAKE] * held
-            if p[BRAKE] != 0.0 and abs(held) < 1.0:
-                load += 0.5 * np.sqrt(p[BRAKE] / 1e-4 * p[J]) * omega
+            if dry:
+                level = _dry(p, omega, held, tension[0, 4] + tension[1, 4], 1.0 + p[DRIFT] * done)
+                load += level * held
+                if abs(held) < 1.0:
+                    load += 0.5 * np.sqrt(level / max(STIFF, p[SOFT]) * p[J]) * (1.0 - held * held) * omega
             if p[FLOOR_A] != 0.0:
                 load += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
             if p[RAT_M] != 0.0:
@@ -182,12 +182,11 @@ def _run(p, logs, length, reference, rate, start, out):
                 swing += h * sway
             omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
             theta += h * omega
-            if p[BRAKE] != 0.0:
-                held = slipped(held, h * omega, 1e-4, 0.0)
+            if dry:
+                held = slipped(held, h * omega, STIFF, p[SOFT])
             for a in range(2):
                 for i in range(4):
                     s[a, i] += h * v[a, i]
-                    mean[a, i] = slipped(mean[a, i], h * v[a, i], STIFF, p[SOFT])
             if tick >= 0:
                 t += h
 
@@ -200,10 +199,11 @@ def simulate(values: Mapping[str, float], reference: np.ndarray, start: float = 
     """
     p = TABLE.pack(values)
     logs, slip = contact_logs(p[MU_C], p[MU_S])
+    worn, _ = contact_logs(p[MU_C] * (1.0 + p[DRIFT]), p[MU_S] * (1.0 + p[DRIFT]))
     wrapped = RADII * slip
     length = SPANS + 0.5 * (np.pad(wrapped, ((0, 0), (1, 0))) + np.pad(wrapped, ((0, 0), (0, 1))))
     reference = np.ascontiguousarray(reference, dtype=np.float64)
     out = np.empty((len(reference), len(OUTPUTS)))
-    _run(p, logs, length, reference, np.gradient(reference, CLOCK), start, out)
+    _run(p, logs, worn, length, reference, np.gradient(reference, CLOCK), start, out)
     signals = dict(zip(OUTPUTS, out.T, strict=True))
     return {"time": start + CLOCK * np.arange(len(reference)), **signals, "drive_angle_command": reference}

@@ -130,24 +130,29 @@ def _hole(rng, names, known) -> TrueRig:
 
 def _circuit(rng, names, known) -> TrueRig:
     rigid = "tensile_stiffness" in known
-    pre, ea = _between(rng, 35.0, 90.0), 2e5 if rigid else 1.684e4 * rng.uniform(0.9, 1.1)
+    pre, ea = _between(rng, 35.0, 90.0), 5e4 if rigid else 1.684e4 * rng.uniform(0.9, 1.1)
     contact, shaft = _between(rng, 0.05, 0.4), 0.157 * rng.uniform(0.85, 1.15)
     values = {
         "tensile_stiffness": ea, "pretension_top": pre, "pretension_bottom": pre,
         "shaft_friction": shaft, "contact_stiffness": contact, "contact_angle": 0.0,
     }  # fmt: skip
+    rubs = names & {"stribeck_friction", "asymmetric_friction", "presliding_hysteresis"}
+    rubs = rubs or ("brake_torque" not in known and rng.random() < 0.3)
+    brake = _between(rng, 5e-3, 2e-2) if rubs else 0.0
+    values["coulomb_friction.torque"] = brake
     measured = rng.random() < 0.5
     told = [
         Told("shaft_friction", shaft, "1"),
         Told("tensile_stiffness", ea, "N", not rigid),
         Told("pretension_top", pre, "N", not measured), Told("pretension_bottom", pre, "N", not measured),
         Told("contact_stiffness", contact, "N m/rad", False), Told("contact_angle", 0.0, "rad", False),
-        Told("contact_damping", 2e-3, "N m s", False), Told("brake_torque", 0.0, "N m", False),
+        Told("contact_damping", 2e-3, "N m s", False), Told("brake_torque", brake, "N m", brake > 0.0),
         Told("output_damping", 2e-4, "N m s", False), Told("payload_mass", 0.0, "kg", False),
         Told("cable_friction", 0.54, "1", False), Told("output_inertia", 2e-5, "kg m^2", False),
     ]  # fmt: skip
     free = [("shaft_friction",)] + ([] if rigid else [("tensile_stiffness",)])
     free += [] if measured else [("pretension_top",), ("pretension_bottom",)]
+    free += [("coulomb_friction.torque",)] if brake else []
     noise = {
         "drive_angle": _between(rng, 2e-4, 1e-3), "drive_torque": _between(rng, 1e-3, 4e-3),
         "output_angle": _between(rng, 5e-4, 2e-3), "output_torque": _between(rng, 5e-4, 2e-3),
