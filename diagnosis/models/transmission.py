@@ -65,12 +65,12 @@ class TransmissionModel:
     ):  # fmt: skip
         self.runs, self.parameters, self.period = tuple(runs), tuple(parameters), period
         self.blocks = [block for run in runs for block in run.blocks]
-        self._base, self._seen = np.array([base[row] for row in ROWS]), tuple(seen)
+        self.base, self._seen = dict(base), tuple(seen)
         self._names = [p.name for p in parameters]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
-        columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
+        columns = np.repeat(np.array([[self.base[row]] for row in ROWS]), values.shape[1], axis=1)
         for k, name in enumerate(self._names):
             if name in ROWS:
                 columns[ROWS.index(name)] = values[k]
@@ -107,8 +107,9 @@ def prepare(recording: Recording, request: Request) -> Question:
 
 
 def nominals_of(parameters: Sequence[Free]) -> tuple[str, ...]:
-    """What the rigid, frictionless transmission has: its ratio, the angles' zeros, the torque sensor's zero."""
-    return ("ratio", "torque_zero", *(p.name for p in parameters if p.name.startswith("zero.")))
+    """What the rigid, frictionless transmission has: ratio, angles' zeros, the torque's zero and motor's constant."""
+    own = ("ratio", "torque_zero", "torque_constant")
+    return tuple(p.name for p in parameters if p.name in own or p.name.startswith("zero."))
 
 
 def models(recording: Recording, source: str = "drive_torque") -> tuple[TransmissionModel, TransmissionModel]:
@@ -116,7 +117,8 @@ def models(recording: Recording, source: str = "drive_torque") -> tuple[Transmis
     recording.require("drive_angle", source, *SIGNALS, purpose="the diagnosis of a transmission")
     groups = {m: key for key, members in recording.offset_groups("output_angle").items() for m in members}
     runs = {use: [run_of(r, source, groups.get(r.name, "all")) for r in recording.used_for(use)] for use in _USES}
-    period = PERIOD * max(1, round(sample_period(recording.records) / PERIOD))
+    own = sample_period(recording.records)
+    period = own * max(1, round(PERIOD / own))
     return assemble(runs["fit"], runs["heldout"], period, source)
 
 
@@ -132,10 +134,11 @@ def assemble(
     ratio, zero = np.polyfit(x, y, 1)
     ratio = float(np.clip(ratio, LIMITS["ratio"].low, LIMITS["ratio"].high))
     constant = 1.0
-    if source == "drive_current":  # the constant cannot be told from the output sensor's scale: straight line, and held
+    if source == "drive_current":  # as long as the output sensor's scale is trusted, it is what makes current a torque
         constant = abs(float(np.polyfit(torque, wrench, 1)[0])) * ratio
     base = {**NULLS, "ratio": ratio, "torque_constant": constant}
-    parameters = [LIMITS[name].at(base[name], name) for name in ROWS if name != "torque_constant"]
+    known = ("torque_constant",) if source == "drive_torque" else ("sensor_scale.output_torque",)
+    parameters = [LIMITS[name].at(base[name], name) for name in ROWS if name not in known]
     parameters += [Free(zero_of(group), float(zero), -1e3, 1e3, 0.1) for group in seen]
     return tuple(TransmissionModel(runs, parameters, base, period, seen) for runs in (fit, heldout))
 
@@ -145,15 +148,15 @@ def _joined(run: Run) -> tuple[np.ndarray, ...]:
     return run.x[good], run.blocks[0].measured[good], run.torque[good], run.blocks[1].measured[good]
 
 
-def run_of(record: Record, source: str, group: str) -> Run:
-    """A record, filtered, on the even clock."""
+def run_of(record: Record, source: str, group: str, spacing: float = PERIOD) -> Run:
+    """A record, filtered, on an even clock of about ``spacing`` s (a whole number of its own samples)."""
     period = sample_period([record])
     time, seen = resample(record, period, ("drive_angle", source, *SIGNALS))
     values = {name: sampled.values for name, sampled in seen.items()}
     if 0.5 / period > 1.2 * FILTER_HZ:
         b, a = butter(2, FILTER_HZ * 2 * period)
         values = {name: filtfilt(b, a, v) for name, v in values.items()}
-    every = max(1, round(PERIOD / period))
+    every = max(1, round(spacing / period))
     speed = smooth_speed(values["drive_angle"], period)[::every]
     values, time = {name: v[::every] for name, v in values.items()}, time[::every]
     x = values["drive_angle"]
@@ -162,7 +165,7 @@ def run_of(record: Record, source: str, group: str) -> Run:
     since, way = since_reversal(x)
     along = (
         *motion_coordinates(time, x, "rad"), Coordinate("travel since reversal", "rad", since),
-        Coordinate("drive torque" if source == "drive_torque" else "drive current", "N m", values[source]),
+        Coordinate("output torque", "N m", values["output_torque"]),
     )  # fmt: skip
     blocks = tuple(Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
     return Run(x, values[source], speed, way, group, blocks)

@@ -28,7 +28,8 @@ MISSED = 2.0
 """Held-out gain below which an effect that is in goes again."""
 SHARE = 0.6
 """Of the held-out records that must gain."""
-RIVALS = 16
+RIVALS = 8
+"""Best-scored hypotheses that are refitted."""
 ROUNDS = 2
 
 

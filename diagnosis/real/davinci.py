@@ -1,0 +1,196 @@
+"""The da Vinci jaw: what the rigid, frictionless transmission lacks, found step by step, concealed and found again.
+
+The records of one series (15: five loads at three frequencies) are split so that the judge sees unseen loads and an
+unseen frequency: held out are 30 and 70 % load and everything at 0.3 Hz. Numbers are degrees and mN m, as published.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from diagnosis.model import Model
+from diagnosis.models.transmission import TransmissionModel, models, nominals_of
+from diagnosis.models.transmission_effects import LIMITS, hypotheses
+from diagnosis.real.stepwise import Rung, judge, ladder, rmse, settle
+from diagnosis.recording import Record, Recording, load_recording
+from diagnosis.refit import Fit, Start
+from diagnosis.select import raw_residuals
+
+SERIES = "Tool_4_Maryland_L_4"
+CONCEALED = (
+    "cable_elongation", "stiffness_hardening", "coulomb_friction", "load_dependent_friction", "presliding_hysteresis",
+)  # fmt: skip
+"""Taken out of the full model one at a time."""
+DEG, MNM = 180 / np.pi, 1e3
+BINS = 12
+Tell = Callable[[str], None]
+
+
+def load(folder: Path | str, series: str | None = SERIES, heldout: Callable[[Record], bool] | None = None) -> Recording:
+    """The records of a series (None: all) of an imported recording, split by ``heldout`` (default: `unseen`).
+
+    Raises ConfigurationError where the folder holds no recording.
+    """
+    recording = load_recording(folder)
+    chosen = [r for r in recording.records if series is None or r.conditions.get("series") == series]
+    return split(replace(recording, records=tuple(chosen)), heldout or unseen)
+
+
+def split(recording: Recording, heldout: Callable[[Record], bool]) -> Recording:
+    """The recording with every record's use set anew."""
+    records = tuple(replace(r, use="heldout" if heldout(r) else "fit") for r in recording.records)
+    return replace(recording, records=records)
+
+
+def load_of(record: Record) -> int:
+    """Load of the brake, per cent."""
+    return round(float(record.conditions["load_percent"]))
+
+
+def unseen(record: Record) -> bool:
+    """Held out for the ladder: two of the loads, and one of the frequencies."""
+    return load_of(record) in (30, 70) or round(float(record.conditions["frequency"]), 1) == 0.3
+
+
+def climb(
+    recording: Recording, tell: Tell = lambda text: None
+) -> tuple[TransmissionModel, TransmissionModel, list[Rung]]:
+    """(model to fit, held-out model, rungs) from the rigid, frictionless transmission up."""
+    fit, heldout = models(recording)
+    return fit, heldout, ladder(fit, heldout, nominals_of(fit.parameters), hypotheses(), tell=tell)
+
+
+def inside(rungs: Sequence[Rung]) -> tuple[str, ...]:
+    """Effects that are in at the top of a ladder, in the order in which they came."""
+    found: list[str] = []
+    for rung in rungs[1:]:
+        found = [name for name in (*found, rung.name) if name not in rung.dropped]
+    return tuple(found)
+
+
+def ladder_table(fit: Model, rungs: Sequence[Rung]) -> list[dict[str, Any]]:
+    """The ladder for a page: each accepted effect with what it bought on the held-out records."""
+    rows, before = [], rungs[0]
+    for rung in rungs:
+        now = in_units(rung.rmse[1])
+        was = in_units(before.rmse[1])
+        rows.append({
+            "effect": rung.name, "class": list(rung.alike), "confidence": rung.confidence,
+            "heldout_deg": now["deg"], "heldout_mnm": now["mnm"],
+            "fit_deg": in_units(rung.rmse[0])["deg"], "fit_mnm": in_units(rung.rmse[0])["mnm"],
+            "gain_deg": was["deg"] - now["deg"], "gain_mnm": was["mnm"] - now["mnm"],
+            "located": located(fit, rung.fit), "dropped": list(rung.dropped),
+            "parameters": {n: rung.fit.values[n] for n in rung.fit.free},
+        })  # fmt: skip
+        before = rung
+    return rows
+
+
+def in_units(errors: dict[str, float]) -> dict[str, float]:
+    """{"deg", "mnm"} of root mean squares by channel in SI."""
+    return {"deg": DEG * errors["output_angle"], "mnm": MNM * errors["output_torque"]}
+
+
+def located(model: Model, fit: Fit) -> dict[str, dict[str, float]]:
+    """Channel -> coordinate -> share of the residual's squares that it explains.
+
+    "direction" by itself (the mean level with it); of others, what their means over `BINS` bins of equal counts in each
+    direction of motion explain beyond it.
+    """
+    left = raw_residuals(model, fit)
+    found: dict[str, dict[str, float]] = {}
+    for channel in dict.fromkeys(b.channel for b in model.blocks):
+        mine = [(b, r) for b, r in zip(model.blocks, left, strict=True) if b.channel == channel]
+        residual = np.concatenate([r[b.good] for b, r in mine])
+        names = [c.name for c in mine[0][0].along]
+        along = {n: np.concatenate([b.along[k].values[b.good] for b, _ in mine]) for k, n in enumerate(names)}
+        way = (along.pop("direction") > 0).astype(int)
+        alone = _between(residual, way)
+        shares = {"direction": alone}
+        for name, values in along.items():
+            edges = np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1])
+            shares[name] = _between(residual, np.searchsorted(edges, values) + BINS * way) - alone
+        found[channel] = dict(sorted(shares.items(), key=lambda item: -item[1]))
+    return found
+
+
+def _between(residual: np.ndarray, cells: np.ndarray) -> float:
+    """Share of the squares that the means of the cells explain."""
+    counts, sums = np.bincount(cells), np.bincount(cells, residual)
+    return float(np.sum(sums[counts > 0] ** 2 / counts[counts > 0]) / np.sum(residual**2))
+
+
+def parameters(fit: Fit, stretches: float) -> dict[str, dict[str, Any]]:
+    """Values of the free parameters with 95 % intervals from the curvature; units as in `LIMITS`."""
+    return {
+        name: {
+            "value": fit.values[name], "ci95": list(fit.interval(name)), "stretches": stretches,
+            "unit": "rad" if name.startswith("zero.") else LIMITS[name].unit,
+        }
+        for name in fit.free
+    }  # fmt: skip
+
+
+def concealed(
+    fit: Model, heldout: Model, rungs: Sequence[Rung], tell: Tell = lambda text: None
+) -> list[dict[str, Any]]:
+    """Each of `CONCEALED` taken out of the full model, all else refitted, and the rest diagnosed."""
+    full, there = rungs[-1].fit, inside(rungs)
+    known = {h.name: h for h in hypotheses()}
+    rows = []
+    for name in (n for n in CONCEALED if n in there):
+        gone = known[name].names
+        if name == "cable_elongation":  # a spring that is not there cannot stiffen
+            gone += known["stiffness_hardening"].names
+        free = tuple(n for n in full.free if n not in gone)
+        start = Start("", free, {**full.values, **{n: LIMITS[n].null for n in gone}})
+        missing = [h for h in hypotheses() if not set(h.names) & set(free)]
+        steps = ladder(fit, heldout, (), missing, start=start, most=1)
+        found = steps[1] if len(steps) > 1 else None
+        answer = (found.name, *found.alike) if found else ()
+        rows.append({
+            "removed": name, "found": found.name if found else "", "class": list(found.alike) if found else [],
+            "right": bool(answer) and answer[0] == name, "in_class": name in answer,
+            "confidence": found.confidence if found else 0.0,
+            "experiment": known[found.name].experiment if found else "",
+            "full": in_units(rungs[-1].rmse[1]), "refit": in_units(steps[0].rmse[1]),
+            "augmented": in_units(steps[-1].rmse[1]), "located": located(fit, steps[0].fit),
+            "rivals": found.rivals if found else {}, "refused": steps[-1].refused,
+        })  # fmt: skip
+        tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['confidence']:.2f})")
+    return rows
+
+
+def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> list[dict[str, Any]]:
+    """Each series of the wrist's pitch: as the full model predicts it, and with its friction refitted.
+
+    Only the angle's zero is its own in the first: an incremental encoder's. With one session at each pitch, another
+    friction may be the session's or the pitch's.
+    """
+    recording = load_recording(folder)
+    names = dict.fromkeys(str(r.conditions["series"]) for r in recording.records)
+    moved = ("coulomb_friction.level", "load_dependent_friction.exponent", "torque_zero")
+    rows = []
+    for series in names:
+        model, _ = models(load(folder, series, lambda record: False))
+        zero = tuple(p.name for p in model.parameters if p.name.startswith("zero."))
+        carried = {n: v for n, v in values.items() if n in free and not n.startswith("zero.")}
+        as_is = settle(model, Start("", zero, carried))[0]
+        own = settle(model, Start("", (*zero, *(n for n in moved if n in free)), as_is.values))[0]
+        angles = [r.conditions.get("pitch") for r in recording.records if r.conditions["series"] == series]
+        rows.append({
+            "series": series, "pitch_deg": None if angles[0] is None else DEG * float(angles[0]),
+            "carried": in_units(rmse(model, as_is)), "refitted": in_units(rmse(model, own)),
+            "level_mnm": MNM * own.values["coulomb_friction.level"],
+            "exponent": own.values["load_dependent_friction.exponent"], "zero_mnm": MNM * own.values["torque_zero"],
+        })  # fmt: skip
+    return rows
+
+
+def stretches_of(heldout: Model, fit: Fit) -> float:
+    """How many independent stretches the held-out records have, by what the fit leaves in them."""
+    judged = judge(heldout, fit)
+    return sum(judged.counts.values()) / judged.together
