@@ -1,0 +1,67 @@
+"""Everything that is shown of the da Vinci jaw, as one dictionary of numbers: what `docs/recordings` keeps.
+
+cablebench import da-vinci-jaw ../shared/recordings/davinci_tool --out jaw
+python -m diagnosis.real.davinci_study jaw docs/recordings/davinci.json
+"""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from diagnosis.models.transmission_effects import hypotheses
+from diagnosis.real.davinci import (
+    Tell,
+    climb,
+    concealed,
+    inside,
+    ladder_table,
+    load,
+    parameters,
+    pitch,
+    stretches_of,
+)
+from diagnosis.real.davinci_splits import PUBLISHED, compare
+from diagnosis.real.feedforward import replayed, traces
+
+SHOWN = "Tool_4_Maryland_L_4_24.csv"
+"""The record of the figures: 50 % load at 0.3 Hz, held out."""
+
+
+def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = True) -> dict[str, Any]:
+    """Ladder, parameters, concealed effects, comparison, feedforward, wrist pitch, and traces of one record.
+
+    ``folder``: the imported data set. ``controls``: with the neighbours and networks. About five minutes.
+    """
+    recording = load(folder)
+    fit, heldout, rungs = climb(recording, tell)
+    naive, full = rungs[0].fit, rungs[-1].fit
+    uses = {"naive": naive.values, "augmented": full.values}
+    known = {h.name: h for h in hypotheses()}
+    return {
+        "records": {"fit": [r.name for r in recording.used_for("fit")],
+                    "heldout": [r.name for r in recording.used_for("heldout")]},
+        "ladder": ladder_table(fit, rungs), "inside": list(inside(rungs)), "refused": rungs[-1].refused,
+        "equations": {name: known[name].equation for name in inside(rungs)},
+        "parameters": parameters(full, stretches_of(heldout, full)),
+        "concealed": concealed(fit, heldout, rungs, tell),
+        "feedforward": replayed(heldout, uses),
+        "pitch": pitch(folder, full.free, full.values),
+        "published": PUBLISHED,
+        "compare": compare(recording, full.free, full.values, controls=controls, tell=tell),
+        "figures": {"record": traces(heldout, uses, SHOWN)},
+    }  # fmt: skip
+
+
+def rounded(value: Any) -> Any:
+    """Numbers to five significant digits: what is kept in the repository."""
+    if isinstance(value, dict):
+        return {key: rounded(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(item) for item in value]
+    return float(f"{value:.5g}") if isinstance(value, float) else value
+
+
+if __name__ == "__main__":
+    found = study(sys.argv[1], tell=lambda text: print(text, flush=True))
+    Path(sys.argv[2]).write_text(json.dumps(rounded(found), indent=1) + "\n", encoding="utf-8")
