@@ -1,10 +1,11 @@
 """How likely a recording is under a model: the noise of every channel, with its colour, is learnt from what is left.
 
-    deviance = sum over channels of  count ln(std^2) + order ln(count)
+    deviance = sum over channels of  count ln(std^2) + numbers ln(count)
 
-with the autoregression's driving noise ``std`` and order (`diagnosis.noise`): -2 times the logarithm of the likelihood
-with the noise's own parameters at their best, and Schwarz's charge for them (Box, Jenkins, Time Series Analysis, ch. 7).
-Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the noise of a rival.
+with the driving noise's ``std`` and how many numbers its colour has (`diagnosis.noise`): -2 times the logarithm of the
+likelihood with the noise's own parameters at their best, and Schwarz's charge for them (Box, Jenkins, Time Series
+Analysis, ch. 7). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the
+noise of a rival.
 """
 
 from collections.abc import Sequence
@@ -13,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.model import Model, Whitener, learn_whitener, residuals
-from diagnosis.noise import MAX_ORDER
+from diagnosis.noise import memory
 from diagnosis.refit import Fit, Start, refit
 
 
@@ -37,15 +38,17 @@ def deviance(model: Model, whitener: Whitener) -> float:
     """Of residuals whose noise ``whitener`` learnt; see the module."""
     total = 0.0
     for channel, noise in whitener.noise.items():
-        count = sum(_usable(block.good) for block in model.blocks if block.channel == channel)
-        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + noise.order * np.log(max(count, 1))
+        own = [block.good for block in model.blocks if block.channel == channel]
+        longest = memory([len(good) for good in own])
+        count = sum(_usable(good, longest) for good in own)
+        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + noise.numbers * np.log(max(count, 1))
     return float(total)
 
 
-def _usable(good: np.ndarray) -> int:
+def _usable(good: np.ndarray, longest: int) -> int:
     """Samples with a whole past, on which noise is learnt."""
-    whole = np.convolve(good, np.ones(MAX_ORDER + 1))[MAX_ORDER : len(good)]
-    return int(np.sum(whole > MAX_ORDER + 0.5))
+    whole = np.convolve(good, np.ones(longest + 1))[longest : len(good)]
+    return int(np.sum(whole > longest + 0.5))
 
 
 def judge(model: Model, fit: Fit) -> Judged:
@@ -64,4 +67,13 @@ def refit_and_learn(model: Model, starts: Sequence[Start], rounds: int = 2) -> J
         best = min(refit(model, whitener, starts), key=lambda f: f.cost)
         starts = [Start(best.label, best.free, best.values)]
         whitener = learn_whitener(model.blocks, raw_residuals(model, best))
-    return judge(model, refit(model, whitener, starts)[0])
+    return settled(model, judge(model, refit(model, whitener, starts)[0]))
+
+
+def settled(model: Model, judged: Judged, iterations: int = 2) -> Judged:
+    """The same with residual, Jacobian and covariance under the noise that it leaves, and refitted with it."""
+    again = Start(judged.fit.label, judged.fit.free, judged.fit.values)
+    fit = refit(model, judged.whitener, [again], iterations)[0]
+    raw = raw_residuals(model, fit)
+    last = learn_whitener(model.blocks, raw)
+    return Judged(fit, tuple(raw), judged.whitener, min(deviance(model, last), judged.deviance))

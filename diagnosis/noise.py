@@ -1,9 +1,11 @@
 """The noise of one channel with its colour: an autoregression learnt from residuals.
 
-    e(t) = a_1 e(t - 1) + ... + a_p e(t - p) + std w(t),   w white with variance 1
+    e(t) = a_1 e(t - 1) + ... + a_p e(t - p) + b_16 m_16(t) + b_32 m_32(t) + ... + std w(t),   w white with variance 1
 
-Coefficients by least squares (Luetkepohl, New Introduction to Multiple Time Series Analysis, 2005, ch. 3), the order by
-Schwarz's criterion. Whitened with the right model, what is left of a residual may be treated as independent samples.
+m_k(t) is the mean of the k values before t: few numbers for the long memory of drifting zeros and 1/f noise, that no
+short autoregression has (heterogeneous autoregression: Corsi, J. Fin. Econometrics 7 (2009) 174). Coefficients by least
+squares (Luetkepohl, New Introduction to Multiple Time Series Analysis, 2005, ch. 3), the number of them by Schwarz's
+criterion. Whitened with the right model, what is left of a residual may be treated as independent samples.
 """
 
 from collections.abc import Sequence
@@ -13,14 +15,22 @@ import numpy as np
 from scipy.signal import lfilter
 
 MAX_ORDER = 8
+LONG = (16, 32, 64, 128)
+"""Samples of the means; each comes with all shorter ones."""
+_RECORDS = 10
+"""Memories that a record must hold for a mean to be used."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Autoregression ``coefficients`` [order] and the standard deviation ``std`` of what drives it (channel's unit)."""
+    """Autoregression ``coefficients`` [order] and the standard deviation ``std`` of what drives it (channel's unit).
+
+    ``numbers``: how many of them are free.
+    """
 
     coefficients: np.ndarray
     std: float
+    numbers: int = 0
 
     @property
     def order(self) -> int:
@@ -34,9 +44,9 @@ class Noise:
         return white
 
     def simulate(self, count: int, rng: np.random.Generator) -> np.ndarray:
-        """``count`` samples of this noise, after 200 that are thrown away."""
-        drive = rng.normal(0.0, self.std, count + 200)
-        return lfilter([1.0], np.r_[1.0, -self.coefficients], drive)[200:]
+        """``count`` samples of this noise, after 1000 that are thrown away."""
+        drive = rng.normal(0.0, self.std, count + 1000)
+        return lfilter([1.0], np.r_[1.0, -self.coefficients], drive)[1000:]
 
     @property
     def floor(self) -> float:
@@ -45,27 +55,59 @@ class Noise:
         return float(self.std * np.sqrt(np.sum(response**2)))
 
 
+def memory(lengths: Sequence[int], max_order: int = MAX_ORDER) -> int:
+    """Longest past, samples, that records of these lengths can show."""
+    usable = [k for k in LONG if k * _RECORDS <= max(lengths, default=0)] if max_order == MAX_ORDER else []
+    return max(usable, default=max_order)
+
+
 def learn_noise(residuals: Sequence[np.ndarray], max_order: int = MAX_ORDER) -> Noise:
     """The noise of residuals [T] of several records; NaN marks samples that do not count.
 
     All orders are compared on the same samples. Raises ValueError where fewer than ten times ``max_order`` are usable.
     """
-    pasts, nows = [], []
+    longest = memory([len(r) for r in residuals], max_order)
+    columns, nows = [], []
     for residual in residuals:
-        rows = np.arange(max_order, len(residual))
-        pasts.append(residual[rows[:, None] - np.arange(1, max_order + 1)])
+        total = np.cumsum(np.r_[0.0, residual])  # a NaN makes every sum behind it one; means are taken apart below
+        rows = np.arange(longest, len(residual))
+        past = residual[rows[:, None] - np.arange(1, max_order + 1)] if max_order else np.empty((len(rows), 0))
+        means = [_means(residual, total, rows, k) for k in LONG if k <= longest and max_order == MAX_ORDER]
+        columns.append(np.column_stack([past, *means]))
         nows.append(residual[rows])
-    past, now = np.concatenate(pasts), np.concatenate(nows)
+    past, now = np.concatenate(columns), np.concatenate(nows)
     good = np.isfinite(past).all(axis=1) & np.isfinite(now)
     past, now = past[good], now[good]
     count = len(now)
     if count < 10 * max(max_order, 1):
         raise ValueError(f"{count} usable samples in a row do not show the noise; {10 * max(max_order, 1)} would")
     best = (np.inf, np.empty(0), 0.0)
-    for order in range(max_order + 1):
-        found = np.linalg.lstsq(past[:, :order], now, rcond=None)[0]
-        variance = float(np.mean((now - past[:, :order] @ found) ** 2))
-        score = count * np.log(max(variance, 1e-300)) + order * np.log(count)
+    gram, cross, power = past.T @ past, past.T @ now, float(now @ now)
+    for order in range(past.shape[1] + 1):
+        size = np.sqrt(np.maximum(np.diag(gram)[:order], 1e-300))
+        scaled = gram[:order, :order] / np.outer(size, size)
+        found = np.linalg.lstsq(scaled, cross[:order] / size, rcond=1e-12)[0] / size
+        variance = max((power - float(found @ cross[:order])) / count, 1e-300)
+        score = count * np.log(variance) + order * np.log(count)
         if score < best[0]:
-            best = (score, found, np.sqrt(max(variance, 1e-300)))
-    return Noise(best[1], float(best[2]))
+            best = (score, found, np.sqrt(variance))
+    return Noise(_as_lags(best[1], max_order), float(best[2]), len(best[1]))
+
+
+def _means(residual: np.ndarray, total: np.ndarray, rows: np.ndarray, width: int) -> np.ndarray:
+    """Mean of the ``width`` values before each row; NaN where one of them does not count."""
+    if np.isfinite(total[-1]):
+        return (total[rows] - total[rows - width]) / width
+    clean = np.where(np.isfinite(residual), residual, 0.0)
+    sums, bad = np.cumsum(np.r_[0.0, clean]), np.cumsum(np.r_[0, ~np.isfinite(residual)])
+    return np.where(bad[rows] > bad[rows - width], np.nan, (sums[rows] - sums[rows - width]) / width)
+
+
+def _as_lags(found: np.ndarray, max_order: int) -> np.ndarray:
+    """Coefficients of every lag from those of short lags and means."""
+    widths = LONG[: max(len(found) - max_order, 0)]
+    lags = np.zeros(max([min(len(found), max_order), *widths]))
+    lags[: min(len(found), max_order)] = found[:max_order]
+    for width, share in zip(widths, found[max_order:], strict=True):
+        lags[:width] += share / width
+    return lags

@@ -16,7 +16,7 @@ STEP = 1e-3
 """Step of the differences over the parameter's size, or its scale where that is larger."""
 _DAMPINGS = (0.1, 1.0, 10.0)
 SETTLED = 0.05
-"""Fall of the whitened sum of squares below which a refit has ended: a fortieth of what one parameter gains by chance."""
+"""Fall of the whitened sum of squares below which a refit has ended; chance gives a parameter about 1."""
 
 
 @dataclass(frozen=True)

@@ -11,13 +11,13 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from diagnosis.adequacy import Adequacy, adequacy
 from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import Judged, raw_residuals, refit_and_learn
+from diagnosis.likelihood import Judged, raw_residuals, refit_and_learn, settled
 from diagnosis.model import Model, Whitener
 from diagnosis.race import Candidate, race
 from diagnosis.refit import Fit, Start
@@ -157,6 +157,8 @@ def _first(fit, heldout, base, candidates, rules, so_far, refused) -> Candidate 
         if candidate.gain < least:
             refused.setdefault(h.name, f"it gains {candidate.gain:.1f}, less than the {least:.1f} that is asked")
             continue
+        mine = settled(fit, mine)
+        candidate = replace(candidate, judged=mine, gain=base.deviance - mine.deviance)
         held = base_held - held_cost(heldout, base.whitener, mine.fit)
         reason = objection(h, mine.fit, held) or _unstable(mine.fit, h)
         if not reason:
@@ -194,16 +196,14 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules):
 def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted, ...]:
     found = []
     for hypothesis, judged in chosen:
-        race_of = next(
-            (r for r in reversed(tried) for c in r if c.hypothesis is hypothesis and c.judged is judged), ()
-        )  # fmt: skip
-        own = next((c for c in race_of if c.hypothesis is hypothesis), None)
-        gain = own.gain if own else null.deviance - judged.deviance
+        # of the races that had it, the one nearest to the final model
+        races = [r for r in tried if any(c.hypothesis is hypothesis for c in r)]
+        race_of = min(races, key=lambda r: min(abs(c.judged.deviance - best.deviance) for c in r), default=())
+        gain = max((c.gain for c in race_of if c.hypothesis is hypothesis), default=null.deviance - judged.deviance)
         taken = {h.name for h, _ in chosen}
         rivals = [c for c in race_of if c.hypothesis.name not in taken]
-        equal = tuple(
-            c.hypothesis.name for c in rivals if gain - c.gain < rules.margin and not _bounded(c.hypothesis, c.judged.fit)
-        )  # fmt: skip
+        close = [c for c in rivals if gain - c.gain < rules.margin and not _bounded(c.hypothesis, c.judged.fit)]
+        equal = tuple(c.hypothesis.name for c in close)
         margin = min((gain - c.gain for c in rivals if c.hypothesis.name not in equal), default=gain)
         whitener = best.whitener
         held = held_cost(heldout, whitener, null.fit) - held_cost(heldout, whitener, judged.fit)

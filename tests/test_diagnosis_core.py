@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from diagnosis.likelihood import raw_residuals, refit_and_learn
 from diagnosis.model import learn_whitener
 from diagnosis.noise import Noise, learn_noise
 from diagnosis.refit import Start, refit
 from diagnosis.screen import screen
-from diagnosis.select import raw_residuals, refit_and_learn, select
+from diagnosis.select import select
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 
@@ -35,7 +36,7 @@ def test_refit_finds_parameters_and_their_intervals():
     covered = 0
     for seed in range(20):
         model = Toy({}, seed, colour=0.5)
-        fit, _ = refit_and_learn(model, [Start("", NOMINALS, {})])
+        fit = refit_and_learn(model, [Start("", NOMINALS, {})]).fit
         truth = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
         for name, value in truth.items():
             low, high = fit.interval(name)
@@ -47,7 +48,7 @@ def test_refit_finds_parameters_and_their_intervals():
 
 def test_refit_stops_at_bounds_and_says_so():
     model = Toy({"stiffness": 0.0, "coulomb": 0.0, "viscous": 0.0}, 1)
-    fit = refit_and_learn(model, [Start("", ("mass", "viscous", "coulomb", "excess"), {"excess": 2.0})])[0]
+    fit = refit_and_learn(model, [Start("", ("mass", "viscous", "coulomb", "excess"), {"excess": 2.0})]).fit
     assert all(p.low <= fit.values[p.name] <= p.high for p in model.parameters)
     assert fit.at_bounds
 
@@ -64,8 +65,8 @@ def test_a_prior_holds_a_parameter_that_nothing_shows():
 
 def test_identical_effects_are_seen_as_such():
     model = Toy({"bias": 1.0}, 3)
-    fit, whitener = refit_and_learn(model, [Start("", NOMINALS, {})])
-    found = screen(model, whitener, fit, HYPOTHESES, np.random.default_rng(0))
+    null = refit_and_learn(model, [Start("", NOMINALS, {})])
+    found = screen(model, null.whitener, null.fit, HYPOTHESES, np.random.default_rng(0))
     assert "difference_effect" in found.class_of("bias_effect")  # with Coulomb's level free they are one
 
 
@@ -93,7 +94,7 @@ def test_selection_finds_two_effects():
     found = select(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, HYPOTHESES, np.random.default_rng(0))
     assert {a.hypothesis.name for a in found.accepted} == {"stiffness_effect", "drift_effect"}
     for name, value in truth.items():
-        low, high = found.final.interval(name, 3.3)  # 99.9 %: two intervals of one seed
+        low, high = found.final.fit.interval(name, 3.3)  # 99.9 %: two intervals of one seed
         assert low <= value <= high
 
 
@@ -105,5 +106,5 @@ def test_selection_of_a_right_model_finds_nothing():
 
 def test_raw_residuals_are_in_the_channels_unit():
     model = Toy({}, 4, std=0.3)
-    fit = refit_and_learn(model, [Start("", NOMINALS, {})])[0]
+    fit = refit_and_learn(model, [Start("", NOMINALS, {})]).fit
     assert np.std(np.concatenate(raw_residuals(model, fit))) == pytest.approx(0.3, rel=0.1)
