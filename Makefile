@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow bench lint clean
+.PHONY: demo test test-slow bench recordings lint clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -16,6 +16,10 @@ test-slow: .venv/installed
 
 bench: .venv/installed
 	$(BIN)/python -m benchmarks
+
+# the public recordings are not part of the project: ../shared/recordings/README.md says where they are from
+recordings: .venv/installed
+	$(BIN)/cablebench recordings --out docs/recordings
 
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check .

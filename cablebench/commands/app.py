@@ -15,6 +15,7 @@ from cablebench.commands import (
     leaderboard,
     proof,
     publish,
+    recordings,
     replay,
     reproduce,
     run,
@@ -52,6 +53,6 @@ def common(
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
     identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
-    submit.submit, replay.replay,
+    submit.submit, replay.replay, recordings.recordings,
 ):  # fmt: skip
     app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)

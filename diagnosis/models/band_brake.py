@@ -31,6 +31,8 @@ RATE = 64.0
 """Hz to which records are averaged: a force sensor's ringing is above it, the load's rise takes 10 samples."""
 RIGID = 1e-9
 """m/N of a band that is taken as rigid: 5 um at 5 kN."""
+HARDEST = 1e-3
+"""1/N: six times as stiff at 5 kN. The law is of first order in the tension; a spring all of hardening is a play."""
 STILL = 0.01
 """Share of the fastest speed over which the sign of a friction turns, so that noise at rest does not switch it."""
 ELEMENTS, HALVINGS = 4, 40
@@ -46,7 +48,7 @@ PARAMETERS = (
     Free("load_dependent_friction.coefficient", 0.0, 0.0, 20.0, 1.0),
     Free("backlash.gap", 0.0, 0.0, 0.1, 1e-3),
     Free("cable_elongation.compliance", RIGID, RIGID, 1e-3, 1e-7),
-    Free("stiffness_hardening.coefficient", 0.0, 0.0, 1.0, 1e-4),
+    Free("stiffness_hardening.coefficient", 0.0, 0.0, HARDEST, 1e-4),
     Free("presliding_hysteresis.displacement", 0.0, 0.0, 0.1, 1e-3),
     Free("viscous", 0.0, 0.0, 1e6, 1e3),
     Free("viscous_friction.band", 0.0, 0.0, 1e6, 1e3),
@@ -217,7 +219,7 @@ _PROBES: Mapping[str, tuple[tuple[str, ...], tuple[dict[str, float], ...]]] = {
     "stiffness_hardening": (
         ("stiffness_hardening.coefficient", "cable_elongation.compliance"),
         tuple({"stiffness_hardening.coefficient": h, "cable_elongation.compliance": c}
-              for h in (1e-3, 1e-2) for c in (1e-6, 5e-6)),
+              for h in (1e-4, 6e-4) for c in (3e-7, 1e-6)),
     ),
     "presliding_hysteresis": (
         ("presliding_hysteresis.displacement",),

@@ -1,0 +1,44 @@
+"""``cablebench recordings``: the diagnosis of the public recordings of real rigs, as one page with figures."""
+
+import shlex
+import tempfile
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from cable_envs.errors import ConfigurationError, require_known
+from cablebench.commands.common import console
+
+
+def recordings(
+    out: Annotated[Path, typer.Option(help="Folder for index.html, figures and the numbers of each set as JSON.")],
+    shared: Annotated[Path, typer.Option(help="Folder that holds the sets as published.")] = Path(
+        "../shared/recordings"
+    ),
+    only: Annotated[list[str] | None, typer.Option(help="Run this set alone; may be repeated.")] = None,
+    page_only: Annotated[bool, typer.Option("--page-only", help="Make the page again from what is there.")] = False,
+) -> None:
+    """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 20 minutes."""
+    from cablebench.recordings_page import render, write_set
+    from cablebench.recordings_sets import SETS
+    from cablebench.store import write_atomic
+
+    names = list(dict.fromkeys(only or SETS))
+    require_known("set", names, SETS)
+    if page_only and only:
+        raise ConfigurationError("--page-only runs no set; leave out --only")
+    if not page_only and not shared.is_dir():
+        raise ConfigurationError(f"no folder {shared}; --shared names the one that holds the sets as published")
+    say = console(stderr=True)
+    with tempfile.TemporaryDirectory() as work:
+        for name in () if page_only else names:
+            began = time.perf_counter()
+            numbers, figures = SETS[name](shared, Path(work), lambda text: say.print(text, markup=False))
+            took = time.perf_counter() - began
+            command = shlex.join(["cablebench", "recordings", "--only", name, "--out", str(out)])
+            write_set(out, name, {"command": command, "seconds": round(took), **numbers}, figures)
+            say.print(f"{name}: {took:.0f} s", markup=False)
+    write_atomic(out / "index.html", render(out, list(SETS)))
+    say.print(f"wrote {out / 'index.html'}", markup=False)

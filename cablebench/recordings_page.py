@@ -1,0 +1,83 @@
+"""The HTML page of the real recordings, from the JSON and SVG files that each set has left in a folder."""
+
+import json
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from cable_envs.errors import ConfigurationError
+
+FIGURES = "figures"
+_SAID = {
+    "load_dependent_friction": "load-dependent friction", "presliding_hysteresis": "pre-sliding",
+    "sensor_rectification.speed_reading": "rectifying sensor", "actuator_lag": "lag of the drive",
+    "sensor_delay.speed_reading": "delay of the sensor", "detector_power.speed_reading": "curved sensor",
+}  # fmt: skip
+_SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
+
+
+def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping[str, str]) -> None:
+    """Leave a set's numbers as ``NAME.json`` and its figures as ``figures/NAME-FIGURE.svg``."""
+    from cablebench.store import jsonable, write_atomic
+
+    (out / FIGURES).mkdir(parents=True, exist_ok=True)
+    write_atomic(out / f"{name}.json", json.dumps(jsonable(numbers), indent=1, allow_nan=False) + "\n")
+    for figure, text in figures.items():
+        write_atomic(out / FIGURES / f"{name}-{figure}.svg", text.rstrip() + "\n")
+
+
+def render(out: Path, names: Sequence[str]) -> str:
+    """The page from what `write_set` left in ``out``; sets that are not there are said to be missing."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(plain=plain, number=number, estimate=estimate, error=error)
+    sets = {name: _read(out / f"{name}.json") for name in names if (out / f"{name}.json").is_file()}
+    if not sets:
+        raise ConfigurationError(f"{out} holds no set's numbers; leave out --page-only, or name another folder")
+
+    def figure(name: str, which: str) -> Any:
+        path = out / FIGURES / f"{name}-{which}.svg"
+        return Markup(path.read_text(encoding="utf-8")) if path.is_file() else ""
+
+    source = files("cablebench").joinpath("templates/recordings.html.j2").read_text(encoding="utf-8")
+    missing = [name for name in names if name not in sets]
+    return environment.from_string(source).render(sets=sets, missing=missing, figure=figure)
+
+
+def _read(path: Path) -> Any:
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError) as problem:
+        raise ConfigurationError(f"cannot read {path}: {problem}") from None
+
+
+def plain(name: str) -> str:
+    """An effect's name as a person says it."""
+    return _SAID.get(name, name.split(".")[0].replace("_", " ")) or "naive simulator"
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """Three digits, without an exponent where that reads well."""
+    if value is None:
+        return "–"
+    text = f"{float(value):.{digits}g}"
+    return f"{float(text):,.0f}".replace(",", "\u202f") if "e+" in text else text
+
+
+def error(value: float, unit: str) -> str:
+    """An error of a channel in the unit in which people read it."""
+    shown, factor = _SHOWN.get(unit, (unit, 1.0))
+    return f"{number(value * factor)} {shown}"
+
+
+def estimate(found: Mapping[str, Any]) -> str:
+    """A parameter with its interval."""
+    value, low, high, unit = (found[k] for k in ("value", "low", "high", "unit"))
+    factor, prefix = 1.0, ""
+    if unit in ("m", "s", "rad", "m/N") and abs(value) < 0.1:
+        factor, prefix = (1e6, "u") if abs(value) < 1e-4 else (1e3, "m")
+    shown = "" if unit == "1" else f" {prefix}{unit}"
+    return f"{number(factor * value)} [{number(factor * low)}, {number(factor * high)}]{shown}"

@@ -1,0 +1,179 @@
+"""Each set of real recordings as numbers (JSON) and figures (SVG): what the page of `cablebench recordings` shows."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, astuple
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cablebench import recordings_figures as draw
+from diagnosis.real.finding import Finding, Trace, pick
+
+Tell = Callable[[str], None]
+Made = tuple[dict[str, Any], dict[str, str]]
+"""(numbers, figure's name -> SVG)."""
+
+
+def numbers(finding: Finding) -> dict[str, Any]:
+    """A finding without its curves."""
+    found = {k: v for k, v in asdict(finding).items() if k != "traces"}
+    return found | {"named": list(finding.named)}
+
+
+def band_brake(shared: Path, work: Path, tell: Tell) -> Made:
+    """Load-dependent slip, backlash and pre-sliding; a viscous answer beside."""
+    from diagnosis.real.band_brake import band_brake as study
+    from diagnosis.real.sets import imported
+
+    found = study(imported("band-brake", shared, work), tell)
+    finding = found.finding
+    force, pull = pick(finding.traces, "force", "heldout")[0], _last(finding, "heldout")
+    second = force.time > force.time.mean()  # the full strokes, once
+    panels = [
+        _loop(t, second, title, label)
+        for t, title, label in (
+            (force, "Force, held-out record (1 Hz)", "force  [kN]"),
+            (pull, "Difference of the band's tensions", "T2 - T1  [kN]"),
+        )
+    ]
+    steps = [(s.name, s.fit, s.heldout) for s in finding.steps]
+    figures = {
+        "loops": draw.loops(panels),
+        "ladder": draw.ladder(
+            steps, {"force": ("Error of the force  [N]", 1.0), pull.channel: ("Error of T2 - T1  [N]", 1.0)}
+        ),
+        "alone": _alone(finding, "force", "error of the force, 1 Hz held out  [kN]; dot: 0.5 Hz, fitted"),
+        "alone_pull": _alone(finding, pull.channel, "error of T2 - T1, 1 Hz held out  [kN]; dot: 0.5 Hz, fitted"),
+    }
+    return {"finding": numbers(finding), "viscous_last": found.viscous_last}, figures
+
+
+def _alone(finding: Finding, channel: str, label: str) -> str:
+    rows = [(a.name, a.heldout[channel] / 1e3, a.fit[channel] / 1e3) for a in finding.alone]
+    return draw.bars(sorted(rows, key=lambda r: r[1]), label, finding.steps[0].heldout[channel] / 1e3, {})
+
+
+def _last(finding: Finding, use: str) -> Trace:
+    return next(t for t in finding.traces if t.use == use and t.channel != "force")
+
+
+def _loop(trace: Trace, part: np.ndarray, title: str, label: str) -> dict[str, Any]:
+    part = part & (trace.time < trace.time[part][0] + 2.2)
+    return {
+        "title": title, "xlabel": "displacement  [mm]", "ylabel": label, "x": 1e3 * trace.along["position"][part],
+        **{k: 1e-3 * getattr(trace, k)[part] for k in ("measured", "nominal", "final")},
+    }  # fmt: skip
+
+
+def emps(shared: Path, work: Path, tell: Tell) -> Made:
+    """Mass, friction and offset with intervals beside the published ones."""
+    from diagnosis.real.emps import PUBLISHED, UNITS
+    from diagnosis.real.emps import emps as study
+    from diagnosis.real.sets import imported
+
+    found = study(imported("emps", shared, work), tell)
+    words = {"coloured": "tool, noise coloured", "steps": "tool, ladder", "inverse": "inverse dynamics"}
+    titles = {"mass": "M", "viscous": "Fv", "coulomb": "Fc", "force_offset": "offset"}
+    panels = [
+        {
+            "title": f"{titles[name]}  [{UNITS[name]}]", "published": value,
+            "rows": [(words[m], *astuple(e[name])[:3]) for m, e in _in_order(found.estimates, words)],
+        }
+        for name, value in PUBLISHED.items()
+    ]  # fmt: skip
+    trace = pick(found.finding.traces, "position", "heldout")[0]
+    speed = trace.along["speed"]
+    zero = np.zeros_like(trace.time)
+    run = {
+        "title": "Held-out record: measured position less predicted", "ylabel": "error  [mm]", "time": trace.time,
+        "measured": zero, "nominal": 1e3 * (trace.measured - trace.nominal),
+        "final": 1e3 * (trace.measured - trace.final),
+    }  # fmt: skip
+    close = {
+        **run,
+        "title": "The same, nearer: what remains follows the speed's steps",
+        "nominal": np.full(len(zero), np.nan),
+    }
+    steps = [(s.name, s.fit, s.heldout) for s in found.finding.steps]
+    figures = {
+        "intervals": draw.intervals(panels),
+        "left": draw.runs([run, close], shared=True),
+        "ladder": draw.ladder(steps, {"position": ("Error of the position  [um]", 1e6)}),
+    }
+    left = trace.measured - trace.final
+    moving = np.abs(speed) > 0.02 * np.abs(speed).max()
+    return {
+        "finding": numbers(found.finding), "published": PUBLISHED, "units": UNITS,
+        "estimates": {m: {n: asdict(e) for n, e in of.items()} for m, of in found.estimates.items()},
+        "left_um": {
+            "moving": 1e6 * float(np.sqrt(np.mean(left[moving] ** 2))),
+            "at rest and reversals": 1e6 * float(np.sqrt(np.mean(left[~moving] ** 2))) if (~moving).any() else None,
+        },
+    }, figures  # fmt: skip
+
+
+def _in_order(estimates: Mapping[str, Any], names: Mapping[str, str]) -> list[tuple[str, Any]]:
+    return [(m, estimates[m]) for m in names if m in estimates]
+
+
+def coupled_drives(shared: Path, work: Path, tell: Tell) -> Made:
+    """Free run on the official split; the sensor's rectification against friction."""
+    from diagnosis.real.coupled_drives import PUBLISHED
+    from diagnosis.real.coupled_drives import coupled_drives as study
+    from diagnosis.real.sets import imported
+
+    found = study(imported("coupled-drives", shared, work), tell)
+    uniform, prbs = found.findings["uniform"], found.findings["PRBS"]
+    panels = [_joined(uniform, name, 4.0) for name in ("uniform_1", "uniform_2")]
+    panels.append(_joined(prbs, "prbs_1", 4.0))
+    base = uniform.steps[0].heldout["speed_reading"]
+    alone = [(_plain(a.name), a.heldout["speed_reading"], a.fit["speed_reading"]) for a in uniform.alone]
+    alone.sort(key=lambda r: r[1])
+    marks = {"nets": 0.095}
+    steps = {n: [(s.name, s.fit, s.heldout) for s in f.steps] for n, f in found.findings.items()}
+    figures = {
+        "runs": draw.runs(panels),
+        "ladder": draw.ladder(steps["uniform"], {"speed_reading": ("Uniform records: error of the reading  [V]", 1.0)}),
+        "ladder_prbs": draw.ladder(steps["PRBS"], {"speed_reading": ("PRBS records  [V]", 1.0)}),
+        "alone": draw.bars(alone, "free-run error on the test samples  [V]; dot: fitted samples", base, marks),
+    }
+    return {
+        "findings": {n: numbers(f) for n, f in found.findings.items()}, "published": PUBLISHED,
+        "test": {name: {"naive": pair[0], "named": pair[1]} for name, pair in found.test.items()},
+    }, figures  # fmt: skip
+
+
+def _plain(name: str) -> str:
+    return name.removesuffix(".speed_reading")
+
+
+def _joined(finding: Finding, name: str, since: float) -> dict[str, Any]:
+    """A record from ``since`` s on, its held-out end included."""
+    parts = [t for t in finding.traces if t.record.startswith(name)]
+    parts.sort(key=lambda t: t.time[0])
+    time = np.concatenate([t.time for t in parts])
+    late = time >= since
+    curves = {
+        k: np.concatenate([getattr(t, k) for t in parts])[late] for k in ("measured", "nominal", "final")
+    }  # fmt: skip
+    return {
+        "title": name.replace("_", " "), "ylabel": "reading  [V]", "time": time[late], "from_test": parts[-1].time[0],
+        **curves,
+    }  # fmt: skip
+
+
+def da_vinci(shared: Path, work: Path, tell: Tell) -> Made:
+    """The jaw: `diagnosis.real.davinci_study.study`, as it is."""
+    from cablebench.recordings_jaw import figures_of
+    from diagnosis.real.davinci_study import rounded, study
+    from diagnosis.real.sets import imported
+
+    recording = imported("da-vinci-jaw", shared, work)
+    found = rounded(study(recording.path.parent, tell))
+    return found, figures_of(found)
+
+
+SETS: Mapping[str, Callable[[Path, Path, Tell], Made]] = {
+    "da-vinci-jaw": da_vinci, "band-brake": band_brake, "emps": emps, "coupled-drives": coupled_drives,
+}  # fmt: skip
