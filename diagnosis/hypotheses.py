@@ -34,7 +34,10 @@ _SHAPES: Mapping[str, tuple[float, ...]] = {
 INVERSE = ("belt_stiffness", "cable_stiffness", "tensile_stiffness")
 """Parameters of which there is the more effect the smaller they are."""
 
-_SIGNED = ("asymmetric_friction.difference", "position_ripple.force", "friction_drift.change")
+_SIGNED = (
+    "asymmetric_friction.difference", "load_dependent_friction.exponent", "position_ripple.force",
+    "friction_drift.change",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,9 @@ def hypotheses_for(
             groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
         else:
             groups = [(effect.name, parameters)] if parameters else []
-        found += [h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled, travel))]
+        found += [
+            h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled, travel))
+        ]
     return found
 
 

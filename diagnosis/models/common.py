@@ -172,6 +172,19 @@ def claimed(hypotheses: Sequence[Hypothesis], values: Mapping[str, float]) -> li
     return found
 
 
+def leave_out(hypothesis: Hypothesis, names: Sequence[str]) -> Hypothesis:
+    """The hypothesis without some of its parameters, where it has others: what the nominals can do as well."""
+    nulls = {name: null for name, null in hypothesis.nulls.items() if name not in names}
+    if not nulls:
+        return hypothesis
+    return replace(
+        hypothesis,
+        free=tuple(p for p in hypothesis.free if p.name not in names),
+        probes=tuple(probe for probe in hypothesis.probes if not any(set(d) & set(names) for d in probe)),
+        nulls=nulls,
+    )
+
+
 def augmented_rig(
     plant: Plant, values: Mapping[str, float], accepted: Sequence[str], name: str = "augmented"
 ) -> dict[str, Any]:

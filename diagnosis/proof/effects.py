@@ -124,7 +124,13 @@ LIBRARY: Mapping[str, tuple[Missing, ...]] = {
         Missing("stribeck_friction", {"stribeck_friction.excess": 0.2}, {"stribeck_friction.speed": (0.001, 0.006)}),
         Missing("asymmetric_friction", {"asymmetric_friction.difference": 0.05}, signed=True, largest=8.0),
         Missing("presliding_hysteresis", {"presliding_hysteresis.distance": 1e-4}),
-        Missing("load_dependent_friction", {"load_dependent_friction.exponent": 0.1}, signed=True, largest=8.0),
+        Missing(
+            "load_dependent_friction",
+            {"load_dependent_friction.exponent": 0.1},
+            compare={"exponent": ("load_dependent_friction.exponent", 1.0, "1")},
+            signed=True,
+            largest=8.0,
+        ),
         Missing(
             "lateral_extrusion",
             {"lateral_extrusion.gain": 500.0},
@@ -184,7 +190,7 @@ LIBRARY: Mapping[str, tuple[Missing, ...]] = {
         Missing(
             "stribeck_friction",
             {"stribeck_friction.excess": 4e-3},
-            {"stribeck_friction.speed": (0.05, 0.4)},
+            {"stribeck_friction.speed": (0.6, 2.0)},
             {"excess": ("stribeck_friction.excess", 1.0, "N m"), "velocity": ("stribeck_friction.speed", 1.0, "rad/s")},
         ),
         Missing("asymmetric_friction", {"asymmetric_friction.difference": 0.1}, signed=True, largest=8.0),
