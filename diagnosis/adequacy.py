@@ -20,6 +20,8 @@ BUMPS = 7
 """Along each coordinate, over quantiles of its values."""
 SLOW = 6
 """Waves of the elapsed time, per record: half a period over the record, a whole one, ..."""
+SURE = 1e-3
+"""Familywise p-value below which something is left."""
 _NOT_MAPPED = ("direction",)
 
 
@@ -44,7 +46,7 @@ class Leftover:
 
 @dataclass(frozen=True)
 class Adequacy:
-    """All of them, the largest first; ``p_value`` is familywise; ``excess`` a sum of squares beyond noise."""
+    """All of them, the surest first; ``p_value`` is familywise; ``excess``: largest sum of squares beyond noise."""
 
     p_value: float
     excess: float
@@ -66,7 +68,7 @@ def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = Non
     tests = len(found)
     best = min(found, key=lambda f: f.p_value)
     p = min(1.0, tests * best.p_value)
-    excess = max(max(f.gain - f.functions for f in found), 0.0)
+    excess = max([f.gain - f.functions for f in found if tests * f.p_value < SURE], default=0.0)
     over = _over_noise(model.blocks, judged, stated or {})
     return Adequacy(p, excess, tuple(sorted(found, key=lambda f: f.p_value)), over)
 

@@ -36,7 +36,7 @@ def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
     starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
     if not starts:
         return []
-    first = refit(model, base.whitener, starts, _FIRST)
+    first = refit(model, base.whitener, starts, _FIRST, central=False)
     best = _best_of(first)
     gains = {name: base.fit.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())

@@ -52,11 +52,16 @@ class Fit:
         return self.values[name] - half, self.values[name] + half
 
 
-def refit(model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int = 20) -> list[Fit]:
-    """Refit from every start, all together. Raises KeyError where a start names no parameter of the model."""
+def refit(
+    model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int = 20, *, central: bool = True
+) -> list[Fit]:
+    """Refit from every start, all together. Raises KeyError where a start names no parameter of the model.
+
+    central: slopes from both sides; from one side they cost half, and do for finding out who leads.
+    """
     runs = [_Run(model, start) for start in starts]
     for _ in range(iterations):
-        _slopes(model, whitener, runs)
+        _slopes(model, whitener, runs, central)
         active = [run for run in runs if not run.done]
         if not active:
             break
@@ -66,7 +71,7 @@ def refit(model: Model, whitener: Whitener, starts: Sequence[Start], iterations:
             run.take([(cost, d, v) for cost, (r, d, v) in zip(costs, trials, strict=True) if r is run])
     for run in runs:
         run.done = False
-    _slopes(model, whitener, runs)
+    _slopes(model, whitener, runs, central)
     return [run.fit() for run in runs]
 
 
@@ -94,14 +99,21 @@ class _Run:
         """Whitened sum of squares with priors."""
         return np.inf if self.failed else float(self.residual @ self.residual + self.prior(self.values))
 
-    def columns(self) -> np.ndarray:
-        """The values and, for each free parameter, those a step below and above: [P, 1 + 2 free]."""
-        out = np.repeat(self.values[:, None], 1 + 2 * len(self.rows), axis=1)
-        for j, k in enumerate(self.rows):
-            p = self.parameters[k]
+    def columns(self, central: bool) -> tuple[np.ndarray, list[tuple[int, int]]]:
+        """(columns, of each free parameter the two between which its slope is taken); the first are the values."""
+        columns, pairs = [self.values], []
+        for k in self.rows:
+            p, ends = self.parameters[k], []
             step = STEP * max(abs(self.values[k]), p.scale)
-            out[k, 1 + 2 * j], out[k, 2 + 2 * j] = p.clip(self.values[k] - step), p.clip(self.values[k] + step)
-        return out
+            above = p.clip(self.values[k] + step)
+            for value in (p.clip(self.values[k] - step), above) if central or above == self.values[k] else (above,):
+                ends.append(len(columns))
+                columns.append(self.values.copy())
+                columns[-1][k] = value
+            if not central and above == self.values[k]:
+                ends = ends[:1]
+            pairs.append((ends[0], ends[1]) if len(ends) == 2 else (0, ends[0]))
+        return np.stack(columns, axis=1), pairs
 
     def normal(self) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix and gradient, priors included."""
@@ -169,22 +181,23 @@ def _inverse(matrix: np.ndarray) -> np.ndarray:
     return np.linalg.inv(scaled) / np.outer(size, size)
 
 
-def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run]) -> None:
+def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: bool) -> None:
     """Residual and Jacobian of every run that is not done, from one batch."""
     runs = [run for run in runs if not run.done]
     if not runs:
         return
-    groups = [run.columns() for run in runs]
-    predictions = model.predict(np.concatenate(groups, axis=1))
+    groups = [run.columns(central) for run in runs]
+    predictions = model.predict(np.concatenate([columns for columns, _ in groups], axis=1))
     white = whitener.flat(model.blocks, residuals(model.blocks, predictions))
     first = 0
-    for run, columns in zip(runs, groups, strict=True):
+    for run, (columns, pairs) in zip(runs, groups, strict=True):
         mine = white[:, first : first + columns.shape[1]]
         first += columns.shape[1]
         run.evaluations += columns.shape[1]
-        widths = np.array([columns[k, 2 + 2 * j] - columns[k, 1 + 2 * j] for j, k in enumerate(run.rows)])
+        low, high = [a for a, _ in pairs], [b for _, b in pairs]
+        widths = np.array([columns[k, b] - columns[k, a] for k, (a, b) in zip(run.rows, pairs, strict=True)])
         run.residual = mine[:, 0].copy()
-        slopes = (mine[:, 1::2] - mine[:, 2::2]) / np.maximum(widths, 1e-300)
+        slopes = (mine[:, low] - mine[:, high]) / np.where(widths == 0.0, 1e-300, widths)
         run.jacobian = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0)
         if not np.isfinite(run.residual).all():  # a simulation that runs away: this start leads nowhere
             run.residual, run.done, run.failed = np.zeros(len(mine)), True, True

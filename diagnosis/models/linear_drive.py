@@ -275,7 +275,7 @@ def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) 
     if stiffness <= 0.0:
         return 4 if "cable_elongation" in hypotheses else 2
     lighter = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
-    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.25), 2, 16))
+    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.4), 2, 16))
 
 
 def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
@@ -297,9 +297,7 @@ def _hypotheses(plant, recording, values, nominals, request: Request, closed: bo
     modelled = {f.name for f in nominals} | {n for n in recording.known if values.get(n)}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
     travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
-    found = hypotheses_for(
-        plant, values, modelled, signals, only=request.only, without=request.without, travel=travel
-    )
+    found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
     gone = set(_NO_HYPOTHESIS)
     if values["belt_stiffness"] <= 0.0:
         gone |= {"backlash", "stiffness_hardening", "viscoelastic_creep"}
