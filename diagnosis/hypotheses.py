@@ -5,7 +5,7 @@ probed at finite sizes and shapes; a probe is a direction in the space of record
 """
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import product
 
 import numpy as np
@@ -21,7 +21,7 @@ SIZES = (0.1, 1.0)
 STIFFNESSES = (1.0, 5.0, 25.0)
 """Probed stiffnesses over the typical one."""
 
-WAVES = (0.75, 20.0, 0.5)
+WAVES = (1.75, 20.0, 0.5)
 """Waves of a ripple over the travel: from, to, step."""
 
 _SHAPES: Mapping[str, tuple[float, ...]] = {
@@ -131,11 +131,19 @@ def _hypothesis(
             one = {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
             probes.append((one,))
     if effect.name == "position_ripple" and travel:
+        free = [_within(f, travel) for f in free]
         probes = _waves(next(iter(sizes)), sizes, plant.name, travel)
     nulls = {row: p.null for row, p in sizes.items()}
     return Hypothesis(
         name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls
     )  # fmt: skip
+
+
+def _within(free: Free, travel: float) -> Free:
+    """A ripple has at least one and a half waves over the travel, else it is a spring or a constant."""
+    if free.name != "position_ripple.period":
+        return free
+    return replace(free, start=travel / 4.0, low=travel / 25.0, high=travel / 1.5, scale=travel / 4.0)
 
 
 def _waves(size: str, sizes: Mapping[str, EffectParameter], plant: str, travel: float) -> list:

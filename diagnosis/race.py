@@ -17,6 +17,8 @@ STARTS = 2
 """Starts of each, from its best-scored probes."""
 BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
+CHARGE = 4.0
+"""For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
 _FIRST, _LAST = 4, 8
 PHASE = "position_ripple.phase"
 
@@ -29,9 +31,14 @@ class Candidate:
     judged: Judged
     gain: float
 
+    @property
+    def worth(self) -> float:
+        """The gain less a charge for every number beyond the first, by which hypotheses are ranked."""
+        return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
+
 
 def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
-    """Candidates on top of ``base``, best gain first; each with the noise that it leaves."""
+    """Candidates on top of ``base``, the worthiest first; each with the noise that it leaves."""
     chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
     starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
     if not starts:
@@ -49,7 +56,7 @@ def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
     for fit in refit(model, whitener, again, _LAST):
         judged = judge(model, fit)
         found.append(Candidate(hypotheses[fit.label], judged, base.deviance - judged.deviance))
-    return sorted(found, key=lambda c: -c.gain)
+    return sorted(found, key=lambda c: -c.worth)
 
 
 def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:

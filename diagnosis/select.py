@@ -199,12 +199,13 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
         # of the races that had it, the one nearest to the final model
         races = [r for r in tried if any(c.hypothesis is hypothesis for c in r)]
         race_of = min(races, key=lambda r: min(abs(c.judged.deviance - best.deviance) for c in r), default=())
-        gain = max((c.gain for c in race_of if c.hypothesis is hypothesis), default=null.deviance - judged.deviance)
+        own = [c for c in race_of if c.hypothesis is hypothesis]
+        gain, worth = (own[0].gain, own[0].worth) if own else (null.deviance - judged.deviance, np.inf)
         taken = {h.name for h, _ in chosen}
         rivals = [c for c in race_of if c.hypothesis.name not in taken]
-        close = [c for c in rivals if gain - c.gain < rules.margin and not _bounded(c.hypothesis, c.judged.fit)]
+        close = [c for c in rivals if worth - c.worth < rules.margin and not _bounded(c.hypothesis, c.judged.fit)]
         equal = tuple(c.hypothesis.name for c in close)
-        margin = min((gain - c.gain for c in rivals if c.hypothesis.name not in equal), default=gain)
+        margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
         whitener = best.whitener
         held = held_cost(heldout, whitener, null.fit) - held_cost(heldout, whitener, judged.fit)
         found.append(Accepted(hypothesis, gain, held, equal, margin))

@@ -30,7 +30,7 @@ class Question:
 
     fit, heldout | models with the same ``parameters`` in the same order
     nominals     | parameters that every refit moves
-    nuisance     | those of them that are no physics of the rig: offsets, the drive's own control; not reported as absorbed
+    nuisance     | those of them that are no physics of the rig: offsets, the drive's own control
     hypotheses   | what may be missing
     units        | unit of every parameter, for people
     rig          | (parameter values, names of accepted hypotheses) -> content of augmented.yaml
