@@ -71,9 +71,10 @@ def sometimes_fails(context, x, y):
 
 
 def killed_training(context, wait=0.0, **arguments):
-    """`train_here`, killed at the start of its third rollout; the next attempt writes down where it began.
+    """`train_here`, killed at the start of its third rollout; the next attempt writes down its first report.
 
-    A checkpoint is written at the start of a rollout, after the report: the one that is found holds one rollout.
+    A checkpoint is written at the start of a rollout, after the report: the one that is found holds one rollout, and
+    the first report comes after the next.
     """
     folder = context.folders[RUN]
 

@@ -146,9 +146,9 @@ class CrewBackend:
                             progress(event)
                         continue
                     running -= 1
-                    if isinstance(event, Done) and event.stopped and not stopping:
+                    if isinstance(event, Done) and event.stopped and not asked.is_set():
                         event = Died(event.job, event.attempts, "stopped by a signal that did not come from here")
-                    done = event if isinstance(event, Done) else self._again(event, queue, stopping)
+                    done = event if isinstance(event, Done) else self._again(event, queue, asked.is_set())
                     if done is not None:
                         yield done
         if stopping:

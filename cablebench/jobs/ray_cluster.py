@@ -165,7 +165,8 @@ def _remote(
         for name, path in files:
             write_atomic(places[name] / path, files[name, path])
         heart = _Heart(key, attempt, places, mailbox, every)
-        before = signal.getsignal(signal.SIGINT)
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # forgets what came meanwhile
+        mask = signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # Ray starts its workers with it blocked
         try:
             interrupt_once()
             heart.start()
@@ -177,6 +178,7 @@ def _remote(
         finally:
             signal.signal(signal.SIGINT, signal.SIG_IGN)
             heart.end()
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
             signal.signal(signal.SIGINT, before)
         return result, portable(error), heart.changed()
 
