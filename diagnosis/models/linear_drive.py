@@ -301,6 +301,8 @@ def _hypotheses(plant, recording, values, nominals, request: Request, closed: bo
     gone = set(_NO_HYPOTHESIS)
     if values["belt_stiffness"] <= 0.0:
         gone |= {"backlash", "stiffness_hardening", "viscoelastic_creep"}
+    if values["motor_mass"] <= 0.0:
+        gone.add("cable_elongation")  # a belt has two ends
     if not closed:
         gone |= {"sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag"}
     return [h for h in found if h.name not in gone]
