@@ -135,9 +135,10 @@ def _run(p, reference, rate, start, out):
                     x, y, t = x + 0.5 * h * (before_v + vx), y + dy, t + h
                     mean = slipped(mean, dy, STIFF, p[SOFT])
                     held = slipped(held, dy, GUIDE, 0.0)
+                    fade = 1.0 - mean * mean if p[SOFT] > 0.0 else min(50.0 * (1.0 - abs(mean)), 1.0)
                     rub = 0.0
                     if abs(mean) < 1.0 and mean != before:
-                        rub = 0.7 * np.sqrt(0.3 * weight * mass / bristle) * (1.0 - mean * mean) * v
+                        rub = 0.7 * np.sqrt(0.3 * weight * mass / bristle) * fade * v
                     nut = min(max(nut, x - 0.5 * p[GAP]), x + 0.5 * p[GAP])
                     hauled = nut
                     if p[RIP_A] != 0.0:

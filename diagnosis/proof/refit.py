@@ -5,11 +5,11 @@ sensitivities. All residuals count in standard deviations of their channel's noi
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.proof.rigs import TrueRig, observe
+from diagnosis.proof.rigs import CLOCK, SIMULATE, TrueRig, observe
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,30 @@ class Refit:
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
 
+    def _under(self, changes: Mapping[str, float]) -> np.ndarray:
+        """Scored channels without ``changes``, under the commands that are recorded with them.
+
+        On the hole a loop turns what is missing into other commands, and those are recorded without noise: whoever
+        drives a simulator with them sees only what is left. The other systems' commands are the reference.
+        """
+        if self.rig.system != "cable_hole" or not self.rig.values["kp"]:
+            return self._plain
+        rows = []
+        for reference, at in zip(self._references, self._at, strict=True):
+            command = self.simulate(changes, reference)["drive_velocity_command"]
+            path = reference[0] + CLOCK * np.concatenate([[0.0], np.cumsum(0.5 * (command[1:] + command[:-1]))])
+            channels = observe(replace(self.rig, values={**self.rig.values, "kp": 0.0}), {}, path, at)
+            rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
+        return np.concatenate(rows) / self._std
+
+    def simulate(self, changes: Mapping[str, float], reference: np.ndarray) -> dict[str, np.ndarray]:
+        """All signals at every tick, before sensors."""
+        own = {k: v for k, v in changes.items() if ":" not in k}
+        return SIMULATE[self.rig.system]({**self.rig.values, **own}, reference)
+
     def excess(self, changes: Mapping[str, float]) -> Excess:
         """What ``changes`` leave after the refit."""
-        raw = (self.see(changes) - self._plain).ravel()
+        raw = (self.see(changes) - self._under(changes)).ravel()
         left = raw if self._basis is None else raw - self._basis @ (self._basis.T @ raw)
         shaped = left.reshape(-1, len(self._std))
         rms = np.sqrt(np.mean(shaped**2, axis=0))
