@@ -43,9 +43,9 @@ def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
     starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
     if not starts:
         return []
-    first = refit(model, base.whitener, starts, _FIRST, central=False)
+    first = refit(model, screening.whitener, starts, _FIRST, central=False)
     best = _best_of(first)
-    gains = {name: base.fit.cost - fit.cost for name, fit in best.items()}
+    gains = {name: screening.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
     top = best[max(kept, key=lambda name: gains[name])]

@@ -12,8 +12,9 @@ from itertools import pairwise
 import numpy as np
 
 from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Model, Whitener
-from diagnosis.refit import Fit
+from diagnosis.likelihood import Judged
+from diagnosis.model import Block, Model, Whitener, learn_whitener
+from diagnosis.refit import STEP
 
 DRAWS = 2000
 
@@ -47,6 +48,10 @@ class Screening:
     """gain that noise alone exceeds in 5 % of recordings"""
     cosines: np.ndarray
     """between the best probes of all hypotheses, in the order of ``best`` [hypotheses, hypotheses]"""
+    whitener: Whitener
+    """the noise under which all this holds"""
+    cost: float
+    """whitened sum of squares of the residual under it"""
 
     def class_of(self, name: str, cosine: float = 0.97) -> tuple[str, ...]:
         """Other hypotheses whose best probe cannot be told from this one's."""
@@ -56,26 +61,42 @@ class Screening:
 
 
 def screen(
-    model: Model, whitener: Whitener, null: Fit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
+    model: Model,
+    base: Judged,
+    hypotheses: Sequence[Hypothesis],
+    rng: np.random.Generator,
+    whitener: Whitener | None = None,
 ) -> Screening:
-    """Score every probe around the refit ``null``. ``hypotheses`` must not be empty."""
-    base = np.array([null.values[p.name] for p in model.parameters])
+    """Score every probe around the refit ``base``. ``hypotheses`` must not be empty.
+
+    whitener: the noise, where it is known; else it is learnt from what all probes together cannot explain.
+    """
+    values = np.array([base.fit.values[p.name] for p in model.parameters])
     names = [p.name for p in model.parameters]
-    columns, owners = [base], []
+    columns, owners = [values], []
     for index, hypothesis in enumerate(hypotheses):
         for k, probe in enumerate(hypothesis.probes):
             for direction in probe:
-                column = base.copy()
+                column = values.copy()
                 for name, value in direction.items():
                     column[names.index(name)] = value
                 columns.append(column)
                 owners.append((index, k))
-    predictions = model.predict(np.stack(columns, axis=1))
-    white = whitener.flat(model.blocks, predictions)
-    change = white[:, 1:] - white[:, :1]
+    for name in base.fit.free:
+        row = names.index(name)
+        column = values.copy()
+        column[row] = model.parameters[row].clip(
+            values[row] + STEP * max(abs(values[row]), model.parameters[row].scale)
+        )
+        columns.append(column)
+    changes = [p[:, 1:] - p[:, :1] for p in model.predict(np.stack(columns, axis=1))]
+    whitener = whitener or _without_the_explained(model.blocks, base.raw, changes)
+    change = whitener.flat(model.blocks, changes)
     change[:, ~np.isfinite(change).all(axis=0)] = 0.0
-    span = _basis(null.jacobian)
-    residual = null.residual - span @ (span.T @ null.residual)
+    span = _basis(change[:, len(owners) :])
+    white = whitener.flat(model.blocks, base.raw)
+    residual = white - span @ (span.T @ white)
+    change = change[:, : len(owners)]
     left = change - span @ (span.T @ change)
     scores, units = [], []
     for index, k in dict.fromkeys(owners):
@@ -92,7 +113,27 @@ def screen(
     cosines = np.abs(np.stack(first, axis=1).T @ np.stack(first, axis=1))
     draws = _largest(units, rng)
     top = max(score.gain for score in scores)
-    return Screening(tuple(scores), best, _tail(draws, top), float(np.quantile(draws, 0.95)), cosines)
+    return Screening(
+        tuple(scores), best, _tail(draws, top), float(np.quantile(draws, 0.95)), cosines, whitener, float(white @ white)
+    )  # fmt: skip
+
+
+def _without_the_explained(
+    blocks: Sequence[Block], raw: Sequence[np.ndarray], changes: Sequence[np.ndarray]
+) -> Whitener:
+    """The noise of what all probes together cannot explain.
+
+    Learnt from the residual itself it would have the mismatch as its colour: a constant bias as an endless memory.
+    """
+    plain = learn_whitener(blocks, raw, 0)
+    columns = plain.flat(blocks, changes)
+    size = np.linalg.norm(columns, axis=0)
+    use = np.isfinite(size) & (size > 0.0)
+    found = np.zeros(len(size))
+    if np.any(use):
+        scaled = columns[:, use] / size[use]
+        found[use] = np.linalg.lstsq(scaled, plain.flat(blocks, raw), rcond=1e-8)[0] / size[use]
+    return learn_whitener(blocks, [r - c[:, use] @ found[use] for r, c in zip(raw, changes, strict=True)])
 
 
 def _basis(jacobian: np.ndarray) -> np.ndarray:

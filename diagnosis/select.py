@@ -109,13 +109,13 @@ def select(
         if not left:
             break
         tell(f"scoring {len(left)} hypotheses")
-        screening = screen(fit, best.whitener, best.fit, left, rng)
+        screening = screen(fit, best, left, rng)
         screenings.append(screening)
         tell("refitting the best of them")
         candidates = race(fit, best, screening)
         tried.append(tuple(candidates))
         so_far = null.deviance - best.deviance
-        found = _first(fit, heldout, best, candidates, rules, so_far, refused)
+        found = _first(fit, heldout, best, screening, candidates, rules, so_far, refused)
         if found is None:
             break
         chosen.append((found.hypothesis, found.judged))
@@ -148,9 +148,9 @@ def _least(hypothesis: Hypothesis, rules: Rules, so_far: float) -> float:
     return max(rules.gain + rules.each * (len(hypothesis.free) - 1), rules.share * so_far)
 
 
-def _first(fit, heldout, base, candidates, rules, so_far, refused) -> Candidate | None:
+def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) -> Candidate | None:
     """The best candidate to which nothing is to be objected."""
-    base_held = held_cost(heldout, base.whitener, base.fit)
+    base_held = held_cost(heldout, screening.whitener, base.fit)
     for candidate in candidates:
         h, mine = candidate.hypothesis, candidate.judged
         least = _least(h, rules, so_far)
@@ -159,7 +159,7 @@ def _first(fit, heldout, base, candidates, rules, so_far, refused) -> Candidate 
             continue
         mine = settled(fit, mine)
         candidate = replace(candidate, judged=mine, gain=base.deviance - mine.deviance)
-        held = base_held - held_cost(heldout, base.whitener, mine.fit)
+        held = base_held - held_cost(heldout, screening.whitener, mine.fit)
         reason = objection(h, mine.fit, held) or _unstable(mine.fit, h)
         if not reason:
             return candidate
@@ -168,29 +168,23 @@ def _first(fit, heldout, base, candidates, rules, so_far, refused) -> Candidate 
 
 
 def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules):
-    """Each chosen effect against every other hypothesis, given the rest; twice at the most."""
+    """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes."""
     tried = []
-    for _ in range(2):
-        changed = False
-        for k in range(len(chosen) - 1):  # the last one was chosen given all others
-            others = [h for j, (h, _) in enumerate(chosen) if j != k]
-            names = {h.name for h, _ in chosen}
-            free = (*null.fit.free, *(n for h in others for n in h.names))
-            last = chosen[-1][1].fit.values
-            values = {n: v for n, v in last.items() if n in free}
-            base = refit_and_learn(fit, [Start("", free, values)], 1)
-            left = [h for h in hypotheses if h.name not in names or h is chosen[k][0]]
-            candidates = race(fit, base, screen(fit, base.whitener, base.fit, left, rng))
-            tried.append(tuple(candidates))
-            found = _first(fit, heldout, base, candidates, rules, 0.0, {})
-            if found is not None and found.judged.deviance < chosen[-1][1].deviance:
-                changed = found.hypothesis is not chosen[k][0]
-                rest = [pair for j, pair in enumerate(chosen) if j != k]
-                chosen = [*rest, (found.hypothesis, found.judged)]
-        if not changed:
-            break
-    best = min((judged for _, judged in chosen), key=lambda j: j.deviance)
-    return chosen, best, tried
+    for k in range(len(chosen) - 1):  # the last one was chosen given all others
+        rest = [pair for pair in chosen if pair is not chosen[k]]
+        free = (*null.fit.free, *(n for h, _ in rest for n in h.names))
+        values = {n: v for n, v in chosen[-1][1].fit.values.items() if n in free}
+        base = refit_and_learn(fit, [Start("", free, values)], 1)
+        left = [h for h in hypotheses if h is chosen[k][0] or h.name not in {h.name for h, _ in chosen}]
+        screening = screen(fit, base, left, rng)
+        candidates = race(fit, base, screening)
+        tried.append(tuple(candidates))
+        found = _first(fit, heldout, base, screening, candidates, rules, null.deviance - base.deviance, {})
+        if found is None:
+            return [(h, base) for h, _ in rest], base, tried
+        if found.judged.deviance < chosen[-1][1].deviance:
+            chosen = [*rest, (found.hypothesis, found.judged)]
+    return chosen, min((judged for _, judged in chosen), key=lambda j: j.deviance), tried
 
 
 def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted, ...]:

@@ -66,7 +66,7 @@ def test_a_prior_holds_a_parameter_that_nothing_shows():
 def test_identical_effects_are_seen_as_such():
     model = Toy({"bias": 1.0}, 3)
     null = refit_and_learn(model, [Start("", NOMINALS, {})])
-    found = screen(model, null.whitener, null.fit, HYPOTHESES, np.random.default_rng(0))
+    found = screen(model, null, HYPOTHESES, np.random.default_rng(0))
     assert "difference_effect" in found.class_of("bias_effect")  # with Coulomb's level free they are one
 
 

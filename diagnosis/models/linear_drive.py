@@ -48,6 +48,8 @@ EXPLAINED = 2.0
 GAINS = ("control.kp", "control.kv", "control.kd")
 HOLD = "control.hold"
 """s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
+LONGEST_HOLD = 5e-4
+"""Drives are controlled at 1 kHz or faster; what is later than this is a lag."""
 OFFSET = "force_offset"
 _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
@@ -252,7 +254,11 @@ def prepare(recording: Recording, request: Request) -> Question:
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
-    control = [*control, Free(HOLD, 5e-4, 1e-6, 0.5 * period, 5e-4, 5e-4)] if closed else []
+    control = (
+        [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD, 0.5 * LONGEST_HOLD)]
+        if closed
+        else []
+    )
     hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in hypotheses for f in h.free}
     steps = _substeps(values, period, {h.name for h in hypotheses})

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from diagnosis.hypotheses import Hypothesis
+from diagnosis.likelihood import Judged, raw_residuals
 from diagnosis.model import Model, Whitener
 from diagnosis.noise import Noise
 from diagnosis.refit import Fit, Start, refit
 from diagnosis.screen import screen
-from diagnosis.select import raw_residuals
 
 MARGIN = 6.0
 """Held-out sum of squares, in independent stretches, that an effect must buy: about e^3 to 1."""
@@ -196,7 +196,8 @@ def _said(rung: Rung) -> str:
 
 def _climb(fit, heldout, best, whitener, left, rng) -> Rung:
     """The best of the hypotheses left; its name is empty where none is accepted."""
-    screening = screen(fit, whitener, best, left, rng)
+    known = Judged(best, tuple(raw_residuals(fit, best)), whitener, 0.0)
+    screening = screen(fit, known, left, rng, whitener)
     rivals = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
     starts = []
     for score in rivals:
