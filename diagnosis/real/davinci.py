@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.likelihood import raw_residuals
 from diagnosis.model import Model
 from diagnosis.models.transmission import TransmissionModel, models, nominals_of
 from diagnosis.models.transmission_effects import LIMITS, hypotheses
 from diagnosis.real.stepwise import Rung, judge, ladder, rmse, settle
 from diagnosis.recording import Record, Recording, load_recording
 from diagnosis.refit import Fit, Start
-from diagnosis.select import raw_residuals
 
 SERIES = "Tool_4_Maryland_L_4"
 CONCEALED = (

@@ -81,12 +81,13 @@ SPLITS = (
     Split("random, closing", *_RANDOM, aim=(0.25, 3.5)),
     Split("alternate loads held out, closing", *map(_closing, _ALTERNATE), aim=(0.30, 2.5)),
     Split("up to 70 %, tested at 90 %, closing", *map(_closing, _LOW), aim=(0.45, 4.0)),
-    Split("random, full cycle", *(_full(_lots(*edges)) for edges in _EDGES), aim=(0.50, 6.0)),
+    Split("random, full cycle", *(_full(_lots(*edges)) for edges in _EDGES[:2]), aim=(0.50, 6.0)),
     Split("alternate loads held out, full cycle", *map(_full, _ALTERNATE), aim=(0.50, 6.0)),
-    Split("random, closing, current", *_RANDOM, source="drive_current", aim=(0.55, 5.8)),
+    Split("random, closing, current", *_RANDOM[:2], source="drive_current", aim=(0.55, 5.8)),
     Split("alternate loads held out, closing, current", *map(_closing, _ALTERNATE), source="drive_current"),
 )  # fmt: skip
-"""Aims: those of the project; with current, to be better than both the physics and the network so far."""
+"""Only where an aim asks for it does validation choose further effects. Aims: the project's; with current, to be better
+than both the physics and the network so far."""
 
 
 def compare(
@@ -206,5 +207,7 @@ def _neighbours(fine, train, source, values):
 def _net(fine, train, source, values):
     from sklearn.neural_network import MLPRegressor
 
-    net = MLPRegressor((32, 32), random_state=0, max_iter=120, batch_size=256, learning_rate_init=3e-3, tol=1e-6)
+    net = MLPRegressor(
+        hidden_layer_sizes=(32, 32), random_state=0, max_iter=120, batch_size=256, learning_rate_init=3e-3, tol=1e-6
+    )
     return _learnt(net, NET_SAMPLES, fine, train)
