@@ -12,6 +12,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -93,14 +95,16 @@ def select(
     rules: Rules | None = None,
     stated: Mapping[str, float] | None = None,
     tell: Callable[[str], None] = lambda text: None,
+    keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:
     """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
 
-    stated: channel -> standard deviation of its noise, where the recording says it.
+    stated: channel -> standard deviation of its noise, where the recording says it. keep(name, make) gives ``make()``,
+    or what it gave before an interruption (`diagnosis.steps`).
     """
     rules = rules or Rules()
     tell("refitting the nominal parameters")
-    null = refit_and_learn(fit, [Start("nominal", nominals, {})])
+    null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []
     screenings, tried, refused = [], [], {}
     best = null
@@ -109,10 +113,10 @@ def select(
         if not left:
             break
         tell(f"scoring {len(left)} hypotheses")
-        screening = screen(fit, best, left, rng)
+        screening = keep("screen", partial(screen, fit, best, left, rng))
         screenings.append(screening)
         tell("refitting the best of them")
-        candidates = race(fit, best, screening)
+        candidates = keep("race", partial(race, fit, best, screening))
         tried.append(tuple(candidates))
         so_far = null.deviance - best.deviance
         found = _first(fit, heldout, best, screening, candidates, rules, so_far, refused)
@@ -122,7 +126,7 @@ def select(
         best = found.judged
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
-        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules)
+        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep)
         tried += swapped
     tell("looking at what is left")
     stated = dict(stated or {})
@@ -167,17 +171,17 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
     return None
 
 
-def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules):
+def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep):
     """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes."""
     tried = []
     for k in range(len(chosen) - 1):  # the last one was chosen given all others
         rest = [pair for pair in chosen if pair is not chosen[k]]
         free = (*null.fit.free, *(n for h, _ in rest for n in h.names))
         values = {n: v for n, v in chosen[-1][1].fit.values.items() if n in free}
-        base = refit_and_learn(fit, [Start("", free, values)], 1)
+        base = keep("rest", partial(refit_and_learn, fit, [Start("", free, values)], 1))
         left = [h for h in hypotheses if h is chosen[k][0] or h.name not in {h.name for h, _ in chosen}]
-        screening = screen(fit, base, left, rng)
-        candidates = race(fit, base, screening)
+        screening = keep("screen", partial(screen, fit, base, left, rng))
+        candidates = keep("race", partial(race, fit, base, screening))
         tried.append(tuple(candidates))
         found = _first(fit, heldout, base, screening, candidates, rules, null.deviance - base.deviance, {})
         if found is None:

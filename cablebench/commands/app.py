@@ -6,6 +6,7 @@ import typer
 
 from cablebench.commands import (
     demo,
+    diagnose,
     envs,
     evaluate,
     export,
@@ -53,6 +54,6 @@ def common(
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
     identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
-    submit.submit, replay.replay, recordings.recordings,
+    submit.submit, replay.replay, recordings.recordings, diagnose.diagnose,
 ):  # fmt: skip
     app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)

@@ -1,0 +1,57 @@
+"""``cablebench diagnose``: what physics a recording shows that its simulator leaves out."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cablebench.commands.common import console, print_json
+
+INTERRUPTED = 130
+
+
+def diagnose(
+    recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
+    out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json, augmented.yaml and report.html.")] = None,
+    effects: Annotated[str | None, typer.Option(help="Look for these only: names with commas between.")] = None,
+    without: Annotated[str | None, typer.Option(help="Do not look for these: names with commas between.")] = None,
+    effect_file: Annotated[Path | None, typer.Option(help="An effect of your own, looked for as well.")] = None,
+    rig: Annotated[Path | None, typer.Option(help="A rig whose numbers and effects count, as augmented.yaml.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of the draws behind p-values.")] = 0,
+    as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
+) -> None:
+    """Find, name and model the physics that a simulator leaves out.
+
+    Nominal parameters are refitted first; only what they cannot absorb counts. Answers: named, equivalence_class,
+    unknown, or no_detectable_mismatch.
+    """
+    from diagnosis.engine import diagnose as run
+
+    err = console(stderr=True)
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+    try:
+        found = run(
+            recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
+            seed=seed, out=out, tell=lambda text: err.print(f"{text} ...", markup=False),
+        )  # fmt: skip
+    except KeyboardInterrupt:
+        kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"
+        err.print(f"interrupted: {kept}", markup=False)
+        raise typer.Exit(INTERRUPTED) from None
+    if out is not None:
+        found.write(out)
+    if as_json:
+        print_json(found.as_json())
+        return
+    for line in lines(found):
+        console().print(line, markup=False)
+
+
+def _names(text: str | None) -> list[str] | None:
+    return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def lines(found: Any) -> list[str]:
+    """The verdict for a terminal, the sentence first."""
+    return [found.verdict]

@@ -1,0 +1,235 @@
+"""From the selected model to the verdict: effects in canonical names, errors by channel, what could have been seen."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+import cable_envs
+from cable_envs.effects import EFFECTS, Effect
+from diagnosis.adequacy import Adequacy
+from diagnosis.confidence import confidence
+from diagnosis.gate import Quality
+from diagnosis.hypotheses import INVERSE, Hypothesis
+from diagnosis.likelihood import Judged, raw_residuals
+from diagnosis.model import Model, residuals
+from diagnosis.models.question import Question
+from diagnosis.places import located, permuted
+from diagnosis.recording import Recording
+from diagnosis.screen import Score
+from diagnosis.select import Accepted, Rules, Selection
+from diagnosis.verdict import Diagnosis, Found, Trace
+
+_STANDS_OUT = 3.6
+"""Standard deviations that `diagnosis.screen.Score.visible` speaks of."""
+
+
+def answer(
+    recording: Recording,
+    question: Question,
+    selection: Selection,
+    quality: Quality,
+    rng: np.random.Generator,
+    about: Mapping[str, Any],
+    own: Sequence[Effect] = (),
+) -> Diagnosis:
+    """The verdict. Where what is left is no noise, nothing is named, and the refit stands for the augmented model."""
+    known = {**EFFECTS, **{e.name: e for e in own}}
+    found = tuple(_found(a, question, selection, known) for a in selection.accepted)
+    verdict = selection.verdict
+    named = verdict in ("named", "equivalence_class")
+    final = selection.final if named else selection.null
+    floors = _floors(recording, selection)
+    traces = _traces(question, selection.null, final, floors)
+    location, traces = located(recording.system, traces, selection, named, verdict == "no_detectable_mismatch")
+    accepted = [a.hypothesis.name for a in selection.accepted] if named else []
+    return Diagnosis(
+        verdict,
+        found if named else (),
+        tuple(location),
+        _absorbed(question, selection.null, final),
+        _errors(question, selection.null, final, floors),
+        _test(question, selection, known),
+        () if named else found,
+        _tried(question, selection, known),
+        tuple(_leftovers(selection)),
+        tuple(permuted(question.fit, selection.null, final, rng)),
+        quality.visited,
+        (*question.notes, *quality.notes),
+        {**about, "version": cable_envs.__version__, "rules": vars(Rules())},
+        rig=question.rig(final.fit.values, accepted),
+        traces=traces,
+    )
+
+
+def canonical(hypothesis: str) -> str:
+    """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"."""
+    return hypothesis.partition(".")[0]
+
+
+def parameter_name(row: str, hypothesis: str, known: Mapping[str, Effect]) -> str:
+    """What the effect calls a parameter that the plant may have under a name of its own."""
+    effect = known.get(canonical(hypothesis))
+    for p in effect.parameters if effect else ():
+        if row in p.aliases.values():
+            return p.name
+    return row.partition(".")[2] or row
+
+
+def _found(accepted: Accepted, question: Question, selection: Selection, known: Mapping[str, Effect]) -> Found:
+    h, fit, rules = accepted.hypothesis, selection.final.fit, Rules()
+    parameters = {
+        parameter_name(row, h.name, known): {
+            "value": fit.values[row], "unit": question.units[row], "ci95": list(fit.interval(row)), "row": row,
+        }
+        for row in h.names
+    }  # fmt: skip
+    others = tuple(dict.fromkeys(canonical(n) for n in accepted.alternatives))
+    explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
+    left = 0.0 if selection.after.p_value >= rules.left_p else selection.after.excess / explained
+    sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left)
+    return Found(
+        canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),
+        h.experiment, h.name, accepted.gain, accepted.margin, accepted.heldout_gain,
+    )  # fmt: skip
+
+
+def _floors(recording: Recording, selection: Selection) -> dict[str, float]:
+    """Standard deviation of each channel's noise, SI: as stated, else as the last model left it."""
+    floors = {name: noise.floor for name, noise in selection.final.whitener.noise.items()}
+    stated = {name: recording.channels[name].noise_std for name in floors if name in recording.channels}
+    return {name: stated.get(name) or floor for name, floor in floors.items()}
+
+
+def _traces(question: Question, null: Judged, final: Judged, floors: Mapping[str, float]) -> tuple[Trace, ...]:
+    made = []
+    for use, model in (("fit", question.fit), ("heldout", question.heldout)):
+        left = [raw_residuals(model, judged.fit) for judged in (null, final)]
+        for k, block in enumerate(model.blocks):
+            along = {c.name: (c.unit, c.values) for c in block.along}
+            before, after = (block.measured - series[k] for series in left)
+            made.append(Trace(
+                block.record, block.channel, block.unit, use, block.time, block.measured, block.good, before, after,
+                floors[block.channel], along,
+            ))  # fmt: skip
+    return tuple(made)
+
+
+def _absorbed(question: Question, null: Judged, final: Judged) -> dict[str, dict[str, Any]]:
+    starts = {p.name: p.start for p in question.fit.parameters}
+    return {
+        name: {
+            "before": starts[name], "after_refit": null.fit.values[name], "after_model": final.fit.values[name],
+            "unit": question.units.get(name, ""), "ci95": list(final.fit.interval(name)),
+        }
+        for name in question.nominals
+        if name not in question.nuisance
+    }  # fmt: skip
+
+
+def _errors(question: Question, null: Judged, final: Judged, floors: Mapping[str, float]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for use, model in (("heldout_rmse", question.heldout), ("fit_rmse", question.fit)):
+        nominal = np.array([[p.start] for p in model.parameters])
+        series = {
+            "nominal": [r[:, 0] for r in residuals(model.blocks, model.predict(nominal))],
+            "refit": raw_residuals(model, null.fit),
+            "augmented": raw_residuals(model, final.fit),
+        }
+        for channel in dict.fromkeys(b.channel for b in model.blocks):
+            unit = next(b.unit for b in model.blocks if b.channel == channel)
+            entry = found.setdefault(channel, {"unit": unit, "noise_floor": floors[channel]})
+            entry[use] = {name: _rms(model, values, channel) for name, values in series.items()}
+    return found
+
+
+def _rms(model: Model, series: Sequence[np.ndarray], channel: str) -> float:
+    own = [r[b.good] for r, b in zip(series, model.blocks, strict=True) if b.channel == channel]
+    return float(np.sqrt(np.mean(np.concatenate(own) ** 2)))
+
+
+def _test(question: Question, selection: Selection, known: Mapping[str, Effect]) -> dict[str, Any]:
+    first = selection.screenings[0] if selection.screenings else None
+    return {
+        "p_value": selection.before.p_value if first is None else min(first.p_value, 1.0),
+        "p_left": selection.after.p_value,
+        "rms_over_stated_noise": selection.after.over_noise,
+        "minimum_detectable": {h.name: _detectable(h, question, selection, known) for h in question.hypotheses},
+    }
+
+
+def _detectable(h: Hypothesis, question: Question, selection: Selection, known: Mapping[str, Effect]) -> str:
+    """Size at which the effect would gain what the rules ask for, by the probe that shows it best, with its unit."""
+    rules = Rules()
+    asked = np.sqrt(rules.gain + rules.each * (len(h.free) - 1)) / _STANDS_OUT
+    scores = [s for screening in selection.screenings[:1] for s in screening.scores if s.hypothesis is h]
+    scores = [s for s in scores if np.isfinite(s.visible)]
+    if not scores:
+        return "none: wholly absorbed"
+    lead = next(iter(h.nulls))
+    unit = question.units.get(lead, "")
+    unit = "" if unit in ("", "1") else f" {unit}"
+    bounds = next(p for p in h.free if p.name == lead)
+    name = parameter_name(lead, h.name, known)
+    if lead in INVERSE:
+        value = max(_probed(s, lead) / (s.visible * asked) for s in scores)
+        return f"{name} below {value:.3g}{unit}" if value > bounds.low else "none within its bounds"
+    size = min(abs(_probed(s, lead) - h.nulls[lead]) * s.visible * asked for s in scores)
+    if size > max(abs(bounds.high - h.nulls[lead]), abs(bounds.low - h.nulls[lead])):
+        return f"none within its bounds: it would take {size:.3g}{unit}"
+    return f"{size:.3g}{unit}"
+
+
+def _probed(score: Score, row: str) -> float:
+    return score.hypothesis.probes[score.probe][0].get(row, score.hypothesis.nulls[row])
+
+
+def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]) -> tuple[dict[str, Any], ...]:
+    """Every hypothesis: what it gained when it was refitted first, and what came of it."""
+    taken = {a.hypothesis.name: a for a in selection.accepted}
+    first = selection.screenings[0] if selection.screenings else None
+    refitted: dict[str, float] = {}
+    for race in selection.tried:
+        for candidate in race:
+            refitted.setdefault(candidate.hypothesis.name, candidate.gain)
+    rows = []
+    for h in question.hypotheses:
+        score = first.best.get(h.name) if first else None
+        like = first.class_of(h.name) if score is not None and score.gain > 0.0 else ()
+        rows.append({
+            "name": h.name, "effect": canonical(h.name), "score": score.gain if score else 0.0,
+            "gain": refitted.get(h.name), "absorbability_deg": score.absorbability if score else 0.0,
+            "looks_like": list(like), "declared_confusable": list(h.confusable),
+            "state": _state(h.name, taken, selection, refitted), "equation": h.equation,
+        })  # fmt: skip
+    return tuple(sorted(rows, key=lambda r: (r["name"] not in taken, -(r["gain"] or -1.0), -r["score"])))
+
+
+def _state(name: str, taken: Mapping[str, Accepted], selection: Selection, refitted: Mapping[str, float]) -> str:
+    if name in taken:
+        return "accepted" if selection.verdict != "unknown" else "helps, but does not explain what is left"
+    classes = [a.hypothesis.name for a in taken.values() if name in a.alternatives]
+    if classes:
+        return f"cannot be told from {', '.join(classes)}"
+    if name in selection.refused and not taken:
+        return f"refused: {selection.refused[name]}"
+    if name in refitted:
+        return "refitted; another one fits better" if taken else "refitted; gains too little"
+    return "scored only: others promise more"
+
+
+def _leftovers(selection: Selection) -> list[dict[str, Any]]:
+    """Smooth maps of what is left, before and after, the most surprising first."""
+
+    def rows(adequacy: Adequacy, when: str) -> list[dict[str, Any]]:
+        return [
+            {
+                "when": when, "channel": f.channel, "coordinate": f.coordinate, "unit": f.unit, "gain": f.gain,
+                "functions": f.functions, "p_value": f.p_value, "at": list(f.at), "height": list(f.height),
+                "error": list(f.error),
+            }
+            for f in adequacy.leftovers[:12]
+        ]  # fmt: skip
+
+    before = rows(selection.before, "after the refit")
+    return before if selection.before is selection.after else before + rows(selection.after, "after the model")

@@ -1,0 +1,25 @@
+"""How sure an answer is, in one place: the calibration's numbers are here and nowhere else.
+
+A named effect is wrong where another hypothesis would have fitted better but for the noise. The deviance of the best
+rival less its own, ``margin``, is twice the logarithm of the likelihood ratio, so exp(-margin / 2) is the odds of the
+rival (Burnham, Anderson, Model Selection and Multimodel Inference, 2002, ch. 2: Akaike weights of two models). The same
+of the gain over no effect at all. What is left beyond noise says that no hypothesis is quite right.
+"""
+
+import numpy as np
+
+MOST = 0.99
+"""No answer is surer: a simulator is never complete."""
+RIVAL, NOISE, LEFT = 2.0, 2.0, 3.0
+"""Scales: of the margin, of the gain beyond what was asked for, and of the share that is left."""
+
+
+def confidence(margin: float, gain: float, asked: float, left: float) -> float:
+    """Probability that an effect, or one of its declared alternatives, is there.
+
+    margin, gain: falls of the deviance against the best rival that is no alternative, and against no effect; asked:
+    the least gain that is accepted; left: excess of what is left over that gain, 0 where it is noise.
+    """
+    rival = 1.0 - 0.5 * np.exp(-max(margin, 0.0) / RIVAL)
+    noise = 1.0 - 0.5 * np.exp(-max(gain - asked, 0.0) / NOISE)
+    return float(min(MOST, rival * noise * np.exp(-LEFT * max(left, 0.0))))

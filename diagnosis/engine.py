@@ -1,0 +1,158 @@
+"""`diagnose`: from a recording to a verdict. Every step can be called by itself:
+
+    load_recording -> gate -> kept_back -> prepare -> select (refit, screen, race, accept, adequacy) -> answer
+
+Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
+"""
+
+import time as clock
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cable_envs.config import read_yaml
+from cable_envs.effects import Effect
+from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.own_effects import load_effect
+from cable_envs.plants import plant_for
+from cable_envs.rigs import Rig, load_rig
+from diagnosis.answer import answer
+from diagnosis.gate import gate
+from diagnosis.models import prepare
+from diagnosis.models.question import Question, Request
+from diagnosis.recording import Record, Recording, load_recording
+from diagnosis.select import Selection, select
+from diagnosis.steps import Steps, digest
+from diagnosis.verdict import Diagnosis
+
+KEPT_BACK = 1.0 / 3.0
+"""Share of each record that is held out where the recording has no record for it."""
+
+
+def diagnose(
+    recording: Recording | Path | str,
+    *,
+    effects: Sequence[str] | None = None,
+    without: Sequence[str] = (),
+    effect_file: Path | str | Effect | None = None,
+    rig: Path | str | Rig | None = None,
+    seed: int = 0,
+    out: Path | str | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """What a recording shows that its simulator leaves out.
+
+    effects, without | canonical names to look for only, and not to look for
+    effect_file      | an effect of one's own (`cable_envs.own_effects`), looked for beside the canonical ones
+    rig              | a rig (augmented.yaml) whose values and effects replace those of the recording
+    out              | folder in which finished steps are kept: an interrupted call goes on from there
+    tell             | called with what is being done
+
+    Raises ConfigurationError for recordings that cannot answer, and for data that no simulator should be held against.
+    """
+    started = clock.monotonic()
+    recording = recording if isinstance(recording, Recording) else load_recording(recording)
+    tell("looking at the data")
+    quality = gate(recording)
+    quality.require_usable()
+    request = request_of(recording, effects, without, effect_file, rig)
+    question = ask(recording, request)
+    rng = np.random.default_rng(seed)
+    options = (request.only, request.without, request.rig and sorted(request.rig.items()), effect_file, seed)
+    steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
+    selection = selected(recording, question, rng, steps, tell)
+    tell("locating the mismatch")
+    about = {
+        "recording": recording.path.name, "system": recording.system, "seed": seed,
+        "effects": None if effects is None else list(effects), "without": list(without),
+        "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
+        "rig": None if rig is None else str(getattr(rig, "name", rig)),
+    }  # fmt: skip
+    found = answer(recording, question, selection, quality, rng, about, request.own)
+    steps.forget()
+    return replace(found, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
+
+
+def request_of(
+    recording: Recording,
+    effects: Sequence[str] | None = None,
+    without: Sequence[str] = (),
+    effect_file: Path | str | Effect | None = None,
+    rig: Path | str | Rig | None = None,
+) -> Request:
+    """What the caller wants looked for. Raises ConfigurationError for unknown names and a rig of another plant."""
+    own = () if effect_file is None else (_own(effect_file),)
+    known = [*plant_for(recording.system).effects.effects, *(e.name for e in own)]
+    for names in (effects or (), without):
+        require_known("effect", names, known)
+    if effects is not None and not effects:
+        raise ConfigurationError("no effect is left to look for")
+    if effects is not None and set(effects) <= set(without):
+        raise ConfigurationError(f"without {', '.join(without)} no effect is left to look for")
+    return Request(None if effects is None else tuple(effects), tuple(without), own, _rig_values(recording, rig))
+
+
+def _own(effect: Path | str | Effect) -> Effect:
+    return effect if isinstance(effect, Effect) else load_effect(effect)
+
+
+def _rig_values(recording: Recording, rig: Path | str | Rig | None) -> Mapping[str, float] | None:
+    """Numbers that the rig gives, SI; what it leaves at the plant's default says nothing."""
+    if rig is None:
+        return None
+    loaded = load_rig(rig)
+    if loaded.plant != recording.system:
+        raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {recording.system}")
+    values = dict(loaded.values)
+    if not isinstance(rig, Rig) and Path(rig).suffix in (".yaml", ".yml"):
+        content = read_yaml(Path(rig))
+        named = set(content.get("parameters") or {})
+        aliases = loaded.simulated_by().effects.aliases
+        named |= {aliases[full] for full in _dotted_names(content.get("effects") or {}) if full in aliases}
+        values = {name: value for name, value in values.items() if name in named}
+    return {**values, **loaded.effects}
+
+
+def _dotted_names(effects: Mapping[str, Any]) -> list[str]:
+    from cable_envs.effects import dotted
+
+    return [name for name, _ in dotted(effects)]
+
+
+def ask(recording: Recording, request: Request) -> Question:
+    """The question of a recording (`diagnosis.models`), with something held out."""
+    if recording.used_for("heldout"):
+        return prepare(recording, request)
+    cut, ends = kept_back(recording)
+    question = prepare(cut, request)
+    for block in question.heldout.blocks:  # the whole record is run, for the state at the cut; its end is scored
+        block.good[block.time < ends[block.record]] = False
+    share = f"the last {KEPT_BACK:.0%} of each record is held out: the recording has no record for that"
+    return replace(question, notes=(*question.notes, share))
+
+
+def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:
+    """(a recording that fits the first part of each record and holds out the whole, where each is cut, s)."""
+    records: list[Record] = []
+    ends: dict[str, float] = {}
+    for record in recording.used_for("fit"):
+        count = int(len(record.time) * (1.0 - KEPT_BACK))
+        ends[record.name] = float(record.time[count])
+        first = {name: values[:count] for name, values in record.data.items()}
+        records += [replace(record, data=first), replace(record, use="heldout")]
+    return replace(recording, records=tuple(records)), ends
+
+
+def selected(
+    recording: Recording, question: Question, rng: np.random.Generator, steps: Steps, tell: Callable[[str], None]
+) -> Selection:
+    """The best model (`diagnosis.select`) under the noise that the recording states."""
+    stated = {n: c.noise_std for n, c in recording.channels.items() if c.noise_std is not None}
+    predicted = {b.channel for b in question.fit.blocks}
+    return select(
+        question.fit, question.heldout, question.nominals, question.hypotheses, rng,
+        stated={n: s for n, s in stated.items() if n in predicted}, tell=tell, keep=steps,
+    )  # fmt: skip

@@ -1,0 +1,140 @@
+"""The answer as data: what `cable-diagnosis/1` holds, to JSON and back."""
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from cable_envs.errors import ConfigurationError
+
+SCHEMA = "cable-diagnosis/1"
+VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
+
+
+@dataclass(frozen=True)
+class Found:
+    """An effect. ``confidence``: that it, or one of its alternatives, is there (`diagnosis.confidence`).
+
+    parameters: canonical name -> {value, unit, ci95}; ``hypothesis`` tells sensors apart: "sensor_bias.velocity".
+    """
+
+    name: str
+    confidence: float
+    parameters: Mapping[str, Mapping[str, Any]]
+    equation: str
+    alternatives: tuple[str, ...]
+    separating_experiment: str
+    hypothesis: str = ""
+    gain: float = 0.0
+    margin: float = 0.0
+    heldout_gain: float = 0.0
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One channel of one record for figures, SI, each [T]: what was measured, and both predictions.
+
+    along: coordinate -> (unit, values); shaded: where the mismatch is, s on the recording's clock.
+    """
+
+    record: str
+    channel: str
+    unit: str
+    use: str
+    time: np.ndarray
+    measured: np.ndarray
+    good: np.ndarray
+    refit: np.ndarray
+    augmented: np.ndarray
+    noise: float
+    along: Mapping[str, tuple[str, np.ndarray]]
+    shaded: tuple[tuple[float, float], ...] = ()
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The whole answer. Fields as in the JSON; those from ``suspected`` on are beyond the specification.
+
+    suspected  | effects that helped, where what is left forbids naming them (verdict "unknown")
+    hypotheses | every hypothesis tried: gain, absorbability, what it is confused with, why it was refused
+    leftover   | smooth maps of what is left: channel, coordinate, places, height, error, p_value
+    clues      | channel and coordinate -> p-values of block permutation, before and after
+    visited    | what the recording visited: ranges by channel, reversals
+    about      | recording, system, options, seed, seconds
+    rig        | content of augmented.yaml
+    traces     | for figures; not in the JSON
+    """
+
+    verdict: str
+    effects: tuple[Found, ...]
+    location: tuple[Mapping[str, Any], ...]
+    absorbed: Mapping[str, Mapping[str, Any]]
+    fit: Mapping[str, Mapping[str, Any]]
+    test: Mapping[str, Any]
+    suspected: tuple[Found, ...] = ()
+    hypotheses: tuple[Mapping[str, Any], ...] = ()
+    leftover: tuple[Mapping[str, Any], ...] = ()
+    clues: tuple[Mapping[str, Any], ...] = ()
+    visited: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    about: Mapping[str, Any] = field(default_factory=dict)
+    augmented_rig: str = "augmented.yaml"
+    rig: Mapping[str, Any] = field(default_factory=dict)
+    traces: tuple[Trace, ...] = ()
+
+    def as_json(self) -> dict[str, Any]:
+        """JSON types only, schema `SCHEMA`; numbers that are not finite are null."""
+        data: dict[str, Any] = {"schema": SCHEMA}
+        for f in fields(self):
+            if f.name not in ("rig", "traces"):
+                data[f.name] = _plain(getattr(self, f.name))
+        return data
+
+    def write(self, out: Path) -> None:
+        """diagnosis.json and augmented.yaml into a folder, which is made; each file is replaced whole."""
+        out.mkdir(parents=True, exist_ok=True)
+        replace_file(out / "diagnosis.json", json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n")
+        replace_file(out / self.augmented_rig, yaml.safe_dump(_plain(self.rig), sort_keys=False))
+
+
+def from_json(data: Mapping[str, Any]) -> Diagnosis:
+    """The diagnosis in a JSON record, without rig and traces. Raises ConfigurationError for another schema."""
+    if data.get("schema") != SCHEMA:
+        raise ConfigurationError(f"expected a verdict of schema '{SCHEMA}', found {data.get('schema')!r}")
+    if data.get("verdict") not in VERDICTS:
+        raise ConfigurationError(f"verdict {data.get('verdict')!r} is none of {', '.join(VERDICTS)}")
+    known = {f.name for f in fields(Diagnosis)}
+    given = {key: tuple(v) if isinstance(v, list) else v for key, v in data.items() if key in known}
+    for key in ("effects", "suspected"):
+        made = [Found(**{**e, "alternatives": tuple(e["alternatives"])}) for e in given.get(key, ())]
+        given[key] = tuple(made)
+    return Diagnosis(**given)
+
+
+def replace_file(path: Path, content: str | bytes) -> None:
+    """Write a file so that the name always holds the whole old or the whole new content."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_bytes(content.encode() if isinstance(content, str) else content)
+    os.replace(part, path)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Found):
+        return _plain(asdict(value))
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
