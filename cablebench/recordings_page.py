@@ -9,6 +9,9 @@ from typing import Any
 from cable_envs.errors import ConfigurationError
 
 FIGURES = "figures"
+JAW = "da-vinci-jaw"
+FILES = {JAW: "davinci"}
+"""Sets whose file of numbers has another name."""
 _SAID = {
     "load_dependent_friction": "load-dependent friction", "presliding_hysteresis": "pre-sliding",
     "sensor_rectification.speed_reading": "rectifying sensor", "actuator_lag": "lag of the drive",
@@ -18,13 +21,18 @@ _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
 
 def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping[str, str]) -> None:
-    """Leave a set's numbers as ``NAME.json`` and its figures as ``figures/NAME-FIGURE.svg``."""
+    """Leave a set's numbers as JSON (`numbers_of`) and its figures as ``figures/NAME-FIGURE.svg``."""
     from cablebench.store import jsonable, write_atomic
 
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
-    write_atomic(out / f"{name}.json", json.dumps(jsonable(numbers), indent=1, allow_nan=False) + "\n")
+    write_atomic(numbers_of(out, name), json.dumps(jsonable(numbers), indent=1, allow_nan=False) + "\n")
     for figure, text in figures.items():
         write_atomic(out / FIGURES / f"{name}-{figure}.svg", text.rstrip() + "\n")
+
+
+def numbers_of(out: Path, name: str) -> Path:
+    """The file of a set's numbers."""
+    return out / f"{FILES.get(name, name)}.json"
 
 
 def render(out: Path, names: Sequence[str]) -> str:
@@ -32,13 +40,19 @@ def render(out: Path, names: Sequence[str]) -> str:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
+    from cablebench.recordings_jaw import figures_of
+
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(plain=plain, number=number, estimate=estimate, error=error)
-    sets = {name: _read(out / f"{name}.json") for name in names if (out / f"{name}.json").is_file()}
+    sets = {name: _read(path) for name in names if (path := numbers_of(out, name)).is_file()}
     if not sets:
         raise ConfigurationError(f"{out} holds no set's numbers; leave out --page-only, or name another folder")
 
+    drawn = figures_of(sets[JAW]) if JAW in sets else {}  # the jaw's numbers hold the curves
+
     def figure(name: str, which: str) -> Any:
+        if name == JAW:
+            return Markup(drawn.get(which, ""))
         path = out / FIGURES / f"{name}-{which}.svg"
         return Markup(path.read_text(encoding="utf-8")) if path.is_file() else ""
 

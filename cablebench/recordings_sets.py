@@ -164,14 +164,12 @@ def _joined(finding: Finding, name: str, since: float) -> dict[str, Any]:
 
 
 def da_vinci(shared: Path, work: Path, tell: Tell) -> Made:
-    """The jaw: `diagnosis.real.davinci_study.study`, as it is."""
-    from cablebench.recordings_jaw import figures_of
+    """The jaw: `diagnosis.real.davinci_study.study`, as it is; the page draws its figures from the numbers."""
     from diagnosis.real.davinci_study import rounded, study
     from diagnosis.real.sets import imported
 
     recording = imported("da-vinci-jaw", shared, work)
-    found = rounded(study(recording.path.parent, tell))
-    return found, figures_of(found)
+    return rounded(study(recording.path.parent, tell)), {}
 
 
 SETS: Mapping[str, Callable[[Path, Path, Tell], Made]] = {
