@@ -14,6 +14,9 @@ from cable_envs.plants.base import Plant
 from cable_envs.replay import replay
 from diagnosis.model import Block, Free
 
+FINE = 4
+"""Parts of a control step, at least, in which a late sensor's signal is computed."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -55,42 +58,63 @@ class ReplayModel:
         self.blocks: list[Block] = [block for run in runs for block in run.blocks]
         self._base = plant.table.pack(values)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
-        signals = runs[0].signals if runs else ()
-        delays = {j: f"sensor_delay.{signal}" for j, signal in enumerate(signals)}
-        self._late = {j: plant.table.index(name) for j, name in delays.items() if name in plant.table}
+        self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
         self._shifts = [self._responses(run, shifted) for run in runs]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         columns[self._rows] = values
-        late = {j: columns[row].copy() for j, row in self._late.items() if np.any(columns[row] > 0.0)}
-        columns[list(self._late.values())] = 0.0
+        late = columns[self._late].copy()
+        columns[self._late] = 0.0
         found = []
         for k, run in enumerate(self.runs):
-            out = self._replay(run, columns, run.start)
-            for j, seconds in late.items():
-                out[:, j] = delayed(out[:, j], seconds / self.period)
+            out = self._seen(run, columns, late)
             if self._shifts[k].size:
                 _settle(run, self._shifts[k], out)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
-    def _replay(self, run: Run, columns: np.ndarray, start: float) -> np.ndarray:
-        """Signals [T, blocks, n] of a run."""
+    def _seen(self, run: Run, columns: np.ndarray, late: np.ndarray) -> np.ndarray:
+        """Signals [T, blocks, n] as sensors that are ``late`` [blocks, n] s show them.
+
+        Between samples 10 ms apart tensions turn corners, so a delay is made on a finer clock.
+        """
+        waits = np.any(late > 0.0, axis=0)
+        if not waits.any():
+            return self._replay(run, columns, run.start)
+        out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
+        if not waits.all():
+            out[:, :, ~waits] = self._replay(run, columns[:, ~waits], run.start)
+        fine = 1 if self.drive == "follow" else min(d for d in range(1, self.substeps + 1) if self._divides(d))
+        series = self._replay(run, columns[:, waits], run.start, fine)
+        for j in range(len(run.blocks)):
+            steps = late[j, waits] * fine / self.period
+            out[:, j, waits] = delayed(series[:, j], steps)[fine - 1 :: fine]
+        return out
+
+    def _divides(self, parts: int) -> bool:
+        """Whether a control step may be cut into so many: at least `FINE` if it has as many steps of integration."""
+        return self.substeps % parts == 0 and parts >= min(FINE, self.substeps)
+
+    def _replay(self, run: Run, columns: np.ndarray, start: float, fine: int = 1) -> np.ndarray:
+        """Signals [T fine, blocks, n] of a run, ``fine`` times in every control step."""
         if run.given:
             columns = columns.copy()
             for name, value in run.given.items():
                 columns[self.plant.table.index(name)] = value
         command, rate = run.command, run.rate
+        if fine > 1:
+            ends = np.arange(1, fine * len(command) + 1) / fine - 1.0
+            command, rate = np.interp(ends, np.arange(len(command)), command), None
         if self.lead:
-            command = np.concatenate([np.full(self.lead, command[0]), command])
+            command = np.concatenate([np.full(self.lead * fine, command[0]), command])
             rate = None if rate is None else np.concatenate([np.zeros(self.lead), rate])
         out = replay(
-            self.plant, columns, command, self.period, drive=self.drive, signals=run.signals, rate=rate, start=start,
-            substeps=self.substeps,
+            self.plant, columns, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
+            start=start, substeps=self.substeps // fine,
         )  # fmt: skip
-        return out[self.lead :]
+        return out[self.lead * fine :]
 
     def _responses(self, run: Run, step: float) -> np.ndarray:
         """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
