@@ -1,16 +1,34 @@
-"""Faults of the data, found before any physics is asked about: each names record, channel and row."""
+"""Faults of the data, found before any physics is asked about: each names record, channel and row.
 
-from dataclasses import dataclass
+A fault of the data must never end as a physical effect, so what a simulator cannot be held against is refused: gaps,
+a clock that jumps, dead, stuck and saturated sensors, outliers, units that are off by a power of ten
+(`diagnosis.scales`), and more rows than memory holds. What can be left out of the sums is left out and noted.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from cable_envs.errors import ConfigurationError
+from diagnosis.models.common import motion_coordinates
 from diagnosis.recording import Record, Recording
+from diagnosis.scales import wrong_units
 
 LONGEST_GAP = 5
 """Samples that may be missing in a row; they are left out of every sum."""
-_JITTER = 0.25
+FEWEST, MOST = 200, 200_000
+"""Samples: of a record, and of all records together. A refit holds some hundred predictions of every channel at once:
+2e5 samples of three channels take about 3 GB."""
+_JITTER, _PERIODS = 0.25, 0.01
+"""Of the clock's step; between records."""
 _MOST_EMPTY = 0.2
+_STILL = 8
+"""Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
+_OUTLIER = 30.0
+"""Times the step that 99 % of all steps stay below."""
+POSITIONS = ("position", "load_position", "drive_position", "output_angle", "drive_angle")
 
 
 @dataclass(frozen=True)
@@ -21,7 +39,7 @@ class Fault:
     channel: str
     row: int
     text: str
-    fatal: bool
+    fatal: bool = True
 
     def __str__(self) -> str:
         return f"{self.record}, channel {self.channel}, row {self.row}: {self.text}"
@@ -29,15 +47,15 @@ class Fault:
 
 @dataclass(frozen=True)
 class Quality:
-    """All faults, and the common sampling period, s."""
+    """All faults, and what the recording visited: ranges of its channels, reversals, duration (SI)."""
 
     faults: tuple[Fault, ...]
-    period: float
-    visited: dict
+    visited: Mapping[str, Any] = field(default_factory=dict)
 
     @property
-    def notes(self):
-        return tuple(str(f) for f in self.faults if not f.fatal)
+    def notes(self) -> tuple[str, ...]:
+        """Faults that are left out of all sums, in words."""
+        return tuple(str(fault) for fault in self.faults if not fault.fatal)
 
     def require_usable(self) -> None:
         """ConfigurationError with every fatal fault, one per line."""
@@ -47,66 +65,106 @@ class Quality:
 
 
 def gate(recording: Recording) -> Quality:
-    """Look through ``channels`` of every record. Raises ConfigurationError only where a channel is not there at all."""
-    channels = [c for c in recording.channels if c != "time" and not c.endswith(("_command", "_reference"))]
+    """Look through every channel of every record."""
+    total = sum(len(r.time) for r in recording.records)
+    if total > MOST:
+        last = recording.records[-1]
+        text = f"{total} samples in all records; at most {MOST} are diagnosed: cut the records, or average to fewer"
+        return Quality((Fault(last.name, "time", len(last.time), text),))
     faults: list[Fault] = []
     period = float(np.median(np.concatenate([np.diff(r.time) for r in recording.records])))
     for record in recording.records:
         faults += _clock(record, period)
-        for channel in channels:
-            faults += _channel(record, channel)
-    return Quality(tuple(faults), period, {})
+        for channel in recording.channels:
+            if channel != "time":
+                faults += _channel(record, channel)
+    if not any(f.fatal for f in faults):
+        faults += [Fault(*found) for found in wrong_units(recording)]
+    fatal = any(f.fatal for f in faults)
+    return Quality(tuple(faults), {} if fatal else visited(recording))
 
 
 def _clock(record: Record, period: float) -> list[Fault]:
+    if len(record.time) < FEWEST:
+        return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {FEWEST} are the least")]
     steps = np.diff(record.time)
     own = float(np.median(steps))
-    if abs(own - period) > 0.01 * period:
-        return [
-            Fault(record.name, "time", 1, f"sampled every {own:.3g} s, the other records every {period:.3g} s", True)
-        ]
-    if len(record.time) < 200:
-        return [Fault(record.name, "time", len(record.time), "fewer than 200 samples", True)]
+    if abs(own - period) > _PERIODS * period:
+        text = f"sampled every {own:.4g} s, the other records every {period:.4g} s; bring them to one clock"
+        return [Fault(record.name, "time", 1, text)]
     found = []
     late = np.flatnonzero(steps > (LONGEST_GAP + 0.5) * period)
     if len(late):
-        gap = steps[late[0]]
-        found.append(Fault(record.name, "time", int(late[0]) + 2, f"a gap of {gap:.3g} s; cut the record there", True))
+        text = f"a gap of {steps[late[0]]:.3g} s ({len(late)} of them); cut the record there into two"
+        found.append(Fault(record.name, "time", int(late[0]) + 2, text))
+    short = np.flatnonzero((steps > 1.5 * period) & (steps <= (LONGEST_GAP + 0.5) * period))
+    if len(short):
+        text = f"{len(short)} short gaps, the first of {steps[short[0]]:.3g} s, are left out"
+        found.append(Fault(record.name, "time", int(short[0]) + 2, text, fatal=False))
     regular = steps[steps < 1.5 * period]
-    if np.std(regular) > _JITTER * period:
-        worst = int(np.argmax(np.abs(steps - period)))
-        found.append(
-            Fault(
-                record.name, "time", worst + 2, f"the clock jitters by {np.std(regular) / period:.0%} of its step", True
-            )
-        )
+    if float(np.std(regular)) > _JITTER * period:
+        worst = int(np.argmin(steps))
+        text = f"the clock jitters by {np.std(regular) / period:.0%} of its step; stamp where the samples are taken"
+        found.append(Fault(record.name, "time", worst + 2, text))
     return found
+
+
+def _told(channel: str) -> bool:
+    """Whether a channel is what somebody asked for, that no sensor measured."""
+    return channel.endswith(("_command", "_reference")) or channel == "voltage"
 
 
 def _channel(record: Record, channel: str) -> list[Fault]:
     values, good = record.data[channel], record.usable(channel)
-    found = []
     empty = ~good
+    row = int(np.argmax(empty)) + 1
     if empty.mean() > _MOST_EMPTY:
-        row = int(np.argmax(empty)) + 1
-        found.append(Fault(record.name, channel, row, f"{empty.mean():.0%} of the samples are empty or in doubt", True))
+        return [Fault(record.name, channel, row, f"{empty.mean():.0%} of the samples are empty or marked in doubt")]
+    found = []
+    if empty.any():
+        start, longest = _longest_run(np.isnan(values))
+        if _told(channel) and longest > LONGEST_GAP:
+            text = f"{longest} samples in a row are empty, so what drove the rig there is not known; cut the record"
+            found.append(Fault(record.name, channel, start + 1, text))
+        text = f"{int(empty.sum())} samples that are empty or marked in doubt are left out"
+        found.append(Fault(record.name, channel, row, text, fatal=False))
+    if _told(channel) or channel == "wrap_angle":
         return found
     held = values[good]
     if np.ptp(held) == 0.0:
-        return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor or the wrong column", True)]
+        return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
+    return found + _still(record.name, channel, values, good) + _outlier(record.name, channel, values, good)
+
+
+def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
+    """Values that stand still although the noise elsewhere exceeds the resolution: saturated, or stuck."""
+    held = values[good]
+    levels = np.unique(held)
+    step = float(np.min(np.diff(levels)))
+    noise = float(np.median(np.abs(np.diff(held, 3)))) / 0.6745 / np.sqrt(20.0)
+    if noise < step or noise < 1e-9 * float(np.ptp(held)):
+        return []
     for level, what in ((held.max(), "highest"), (held.min(), "lowest")):
-        start, longest = _longest_run(values == level)
-        others = _longest_run(values == np.median(held))[1]
-        if longest > max(20, 3 * others) and np.mean(held == level) > 0.02:
-            text = f"at its {what} value {level:g} for {longest} samples: saturated"
-            found.append(Fault(record.name, channel, start + 1, text, True))
-    steps = np.abs(np.diff(held))
+        start, longest = _longest_run((values == level) & good)
+        if longest >= _STILL:
+            text = f"{longest} samples in a row at its {what} value {level:g}: saturated; mark them under 'quality'"
+            return [Fault(record, channel, start + 1, text)]
+    start, longest = _longest_run(np.r_[False, np.diff(values) == 0.0] & good)
+    if longest >= 3 * _STILL and values[start] != 0.0:  # a speed from an encoder's counts is 0 at rest
+        text = f"{longest + 1} equal samples in a row, {values[start]:g}: stuck; mark them under 'quality'"
+        return [Fault(record, channel, max(start, 1), text)]
+    return []
+
+
+def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
+    steps = np.abs(np.diff(values[good]))
     usual = float(np.quantile(steps, 0.99))
     jump = int(np.argmax(steps))
-    if usual > 0.0 and steps[jump] > 100.0 * usual:
-        row = int(np.flatnonzero(good)[jump + 1]) + 1
-        found.append(Fault(record.name, channel, row, f"a jump by {steps[jump]:g}, 100 times any usual step", True))
-    return found
+    if usual <= 0.0 or steps[jump] <= _OUTLIER * usual:
+        return []
+    row = int(np.flatnonzero(good)[jump + 1]) + 1
+    text = f"a jump by {steps[jump]:.3g}, {steps[jump] / usual:.0f} times what 99 % of its steps stay below"
+    return [Fault(record, channel, row, text)]
 
 
 def _longest_run(mask: np.ndarray) -> tuple[int, int]:
@@ -117,3 +175,27 @@ def _longest_run(mask: np.ndarray) -> tuple[int, int]:
     lengths = edges[1::2] - edges[::2]
     k = int(np.argmax(lengths))
     return int(edges[2 * k]), int(lengths[k])
+
+
+def visited(recording: Recording) -> dict[str, Any]:
+    """Ranges of all channels [low, high], speeds, reversals and seconds of the records to fit, SI."""
+    records = recording.used_for("fit")
+    ranges = {}
+    for channel in recording.channels:
+        if channel != "time":
+            values = np.concatenate([r.data[channel][r.usable(channel)] for r in records])
+            ranges[channel] = {"low": float(values.min()), "high": float(values.max()),
+                               "unit": recording.channels[channel].si_unit}  # fmt: skip
+    found: dict[str, Any] = {"ranges": ranges, "seconds": float(sum(r.time[-1] - r.time[0] for r in records))}
+    place = next((p for p in POSITIONS if p in recording.channels), None)
+    if place is None:
+        return found
+    fastest, turns = 0.0, 0
+    for record in records:
+        usable = record.usable(place)
+        unit = recording.channels[place].si_unit
+        along = {c.name: c.values for c in motion_coordinates(record.time[usable], record.data[place][usable], unit)}
+        fastest = max(fastest, float(along["size of speed"].max()))
+        ways = along["direction"][along["direction"] != 0.0]
+        turns += int(np.sum(np.diff(ways) != 0.0))
+    return {**found, "motion": place, "fastest": fastest, "reversals": turns}

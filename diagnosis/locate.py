@@ -23,6 +23,8 @@ WINDOW, HELD, IN_REGIME, SMOOTHED = 0.5, 0.92, 0.8, 0.3
 EVERYWHERE = 0.7
 """Share of the time from which a regime is no place any more."""
 BINS, DRAWS, BLOCK = 12, 400, 0.5
+_LATE = 1.6
+"""A record's excitation changes with time: that it acts late says little where its speed says nearly as much."""
 LEAST_CHANNEL = 0.05
 """Share of all energy below which a channel is not listed."""
 BY_SPEED, SINCE, ELAPSED = "size of speed", "time since reversal", "elapsed time"
@@ -70,7 +72,7 @@ def intervals(time: np.ndarray, energy: np.ndarray) -> tuple[list[list[float]], 
 def regime(coordinates: Sequence[Coordinate], energy: np.ndarray) -> Regime | None:
     """The coordinate whose range of bins holds `IN_REGIME` of the energy [T] in the least time; None: everywhere."""
     found = [r for c in coordinates if (r := _narrowest(c, energy)) is not None]
-    best = min(found, key=lambda r: r.time, default=None)
+    best = min(found, key=lambda r: r.time * (_LATE if r.coordinate == ELAPSED else 1.0), default=None)
     return best if best is not None and best.time < EVERYWHERE else None
 
 

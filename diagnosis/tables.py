@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Mapping
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from cable_envs.errors import ConfigurationError, nearest
 
 _DELIMITERS = (",", ";", "\t")
+CHUNK, MOST_ROWS = 50_000, 20_000_000
+"""Rows of text held at a time; rows whose numbers are (160 MB for each channel)."""
 _EMPTY = ("", "nan", "na", "n/a", "null")
 
 
@@ -37,41 +40,48 @@ def _find(columns: Mapping[str, str], header: list[str], path: Path) -> dict[str
 
 
 def _read_csv(path: Path, columns: Mapping[str, str]) -> dict[str, np.ndarray]:
+    """Streamed: of a long file only the wanted numbers are held, and `CHUNK` rows of text."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             first = file.readline()
             file.seek(0)
-            rows = list(csv.reader(file, delimiter=max(_DELIMITERS, key=first.count)))
+            rows = (row for row in csv.reader(file, delimiter=max(_DELIMITERS, key=first.count)) if row)
+            header = [cell.strip() for cell in next(rows, ())]
+            if not header:
+                raise ConfigurationError(
+                    f"{path.name}: the file is empty; expected a header row with {', '.join(columns.values())}"
+                )
+            places = _find(columns, header, path)
+            found: dict[str, list[np.ndarray]] = {channel: [] for channel in places}
+            done = 0
+            while chunk := list(islice(rows, CHUNK)):
+                for k, row in enumerate(chunk, done + 1):
+                    if len(row) != len(header):
+                        raise ConfigurationError(
+                            f"{path.name}, row {k}: {len(row)} cells where the header has {len(header)}"
+                        )
+                for channel, place in places.items():
+                    where = f"{path.name}, channel {channel} (column '{header[place]}')"
+                    found[channel].append(_numbers([row[place] for row in chunk], where, done))
+                done += len(chunk)
+                if done > MOST_ROWS:
+                    raise ConfigurationError(f"{path.name}: more than {MOST_ROWS} rows; cut it, or average to fewer")
     except OSError as error:
         raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from error
     except (UnicodeDecodeError, csv.Error) as error:
         raise ConfigurationError(f"{path.name} is not a text table: {error}") from error
-    rows = [row for row in rows if row]
-    if not rows:
-        raise ConfigurationError(
-            f"{path.name}: the file is empty; expected a header row with {', '.join(columns.values())}"
-        )
-    header = [cell.strip() for cell in rows[0]]
-    places = _find(columns, header, path)
-    for k, row in enumerate(rows[1:], 1):
-        if len(row) != len(header):
-            raise ConfigurationError(f"{path.name}, row {k}: {len(row)} cells where the header has {len(header)}")
-    return {
-        channel: _numbers(
-            [row[place] for row in rows[1:]], f"{path.name}, channel {channel} (column '{header[place]}')"
-        )
-        for channel, place in places.items()
-    }
+    return {channel: np.concatenate(parts) if parts else np.empty(0) for channel, parts in found.items()}
 
 
-def _numbers(cells: list[str], where: str) -> np.ndarray:
+def _numbers(cells: list[str], where: str, before: int) -> np.ndarray:
+    """``before``: data rows above the first cell."""
     try:
         values = np.array(cells, dtype=float) if cells else np.empty(0)
     except ValueError:
-        values = np.array([_number(cell, f"{where}, row {k}") for k, cell in enumerate(cells, 1)])
+        values = np.array([_number(cell, f"{where}, row {k}") for k, cell in enumerate(cells, before + 1)])
     infinite = np.isinf(values)
     if infinite.any():
-        raise ConfigurationError(f"{where}, row {1 + int(np.argmax(infinite))}: not a finite number")
+        raise ConfigurationError(f"{where}, row {before + 1 + int(np.argmax(infinite))}: not a finite number")
     return values
 
 
