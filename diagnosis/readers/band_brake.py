@@ -74,8 +74,18 @@ def _record(file: Path) -> RecordSpec:
             raise ConfigurationError(f"{file.name}, row {k}: expected {len(CHANNELS)} numbers, found {str(row)[:60]}")
     table = np.array(rows, float)
     conditions, doubts = _conditions(file, table)
+    doubts += _ends(file, table)
     columns = {c.name: table[:, k] for k, c in enumerate(CHANNELS)}
     return RecordSpec(file.stem, file.name, whole(columns), conditions, doubts=doubts)
+
+
+def _ends(file: Path, table: np.ndarray) -> tuple[Fault, ...]:
+    """The second end of the band is the tight one where the force is positive; else the two are swapped."""
+    pull = table[:, 5] - table[:, 4]
+    if np.sum((pull - pull.mean()) * (table[:, 2] - table[:, 2].mean())) >= 0.0:
+        return ()
+    text = "the first end of the band is tight where the force is positive, in the published set the second: swapped?"
+    return (Fault(file.name, "label", text, channel="band_tension_1"),)
 
 
 def _conditions(file: Path, table: np.ndarray) -> tuple[dict[str, object], tuple[Fault, ...]]:

@@ -4,7 +4,8 @@ Nothing is repaired but rows whose time is impossible, which are left out and to
 the sensor and what the mechanism may do by itself differ by these limits:
 
 stuck      a position stays the same number for 0.1 s and 20 samples, while another position moves by a fifth of its
-           range (a dead band at a reversal is a few per cent), or, where none is recorded, a force or command by 0.6
+           range (a dead band at a reversal is a few per cent), or its own recorded speed makes such a way, or, where
+           neither is recorded, a force or command moves by 0.6
 saturated  a force, torque, current or reading stays at its highest or lowest number for 5 samples and five times as
            long as it stays at a number elsewhere, and goes there by more than its resolution: a smooth peak does not
 gap        more than one and a half sampling intervals without a row
@@ -22,6 +23,8 @@ FORCES = (
     "drive_tension", "load_tension", "drive_torque", "drive_current", "output_torque", "tension_top", "tension_bottom",
     "force", "band_tension_1", "band_tension_2", "speed_reading",
 )  # fmt: skip
+SPEEDS = {"position": "velocity", "drive_position": "drive_velocity"}
+"""Position -> its speed, where that is recorded: what the position should have moved."""
 PAIRS = (("drive_angle", "output_angle"), ("drive_position", "load_position"), ("motor_position", "position"))
 """Motions that one transmission ratio connects: (drive, output)."""
 
@@ -239,7 +242,17 @@ class RecordCheck:
         travel = abs(self._factors[output]) * (self._high[output] - self._low[output]) if output else float("nan")
         return Summary(self._rows, clock.first, clock.last, clock.interval, ranges, ratio, offset, travel)
 
+    def _moved(self, name: str, thin: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
+        """``thin`` with the way that a recorded speed makes, in the position's raw unit, as a further motion."""
+        speed = SPEEDS.get(name)
+        if speed not in thin:
+            return thin
+        values = np.nan_to_num(thin[speed]) * self._factors[speed] / self._factors[name]
+        steps = 0.5 * (values[1:] + values[:-1]) * np.diff(thin["time"])
+        return {**thin, speed: np.concatenate(([0.0], np.cumsum(steps)))}
+
     def _stuck(self, name: str, thin: Mapping[str, np.ndarray]) -> None:
+        thin, speed = self._moved(name, thin), SPEEDS.get(name)
         others = [c for c in POSITIONS if c in thin and c != name]
         needed = STUCK_SHARE if others else STUCK_SHARE_FORCE
         others = others or [c for c in thin if c not in ("time", name) and not c.endswith("reference")]
@@ -247,11 +260,15 @@ class RecordCheck:
             inside = (thin["time"] >= run.start) & (thin["time"] <= run.end)
             for other in others:
                 part, span = thin[other][inside], self._high[other] - self._low[other]
+                least = needed
+                if other == speed:
+                    span, least = self._high[name] - self._low[name], STUCK_SHARE
                 part = part[np.isfinite(part)]
-                if len(part) > 1 and span > 0 and np.ptp(part) >= needed * span:
+                if len(part) > 1 and span > 0 and np.ptp(part) >= least * span:
+                    way = f"{other} makes a way of" if other == speed else f"{other} moves over"
                     self._log.add(
                         "stuck", f"stays at {run.value:.9g} for {run.length} rows, {run.start:.6g} to {run.end:.6g} s, "
-                        f"while {other} moves over {100 * np.ptp(part) / span:.0f} % of its range", channel=name,
+                        f"while {way} {100 * np.ptp(part) / span:.0f} % of its range", channel=name,
                         place=f"rows {run.first + 1} to {run.first + run.length}", start=run.start, end=run.end,
                     )  # fmt: skip
                     break

@@ -8,13 +8,13 @@ from functools import partial
 from pathlib import Path
 
 from cable_envs.errors import ConfigurationError, require_known
-from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, RecordSpec, Request, counted, files_at, whole
+from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
 from diagnosis.readers.mat import variables
 from diagnosis.readers.text import Layout, read_text
 
 SUMMARY = "coupled electric drives (CSV or MATLAB): a file, or a folder of them"
 OPTIONS = ()
-RATE, FIT_SECONDS = 50.0, 8.0
+RATE, FIT_SECONDS, ROWS = 50.0, 8.0, 500
 RECORDS = {
     "DATAPRBS": {f"prbs_{k}": (f"u{k}", f"z{k}") for k in (1, 2, 3)},
     "DATAUNIF": {f"uniform_{k}": (f"u1{k}", f"z1{k}") for k in (1, 2)},
@@ -62,5 +62,9 @@ def _timed(chunks, log):
 
 def _chunks(file: Path, voltage: str, reading: str, log):
     columns = {"voltage": voltage, "speed_reading": reading}
-    chunks = read_text(file, Layout(delimiter=",", decimal="."), columns, log)
-    return counted((Chunk(c.columns, c.lines) for c in chunks), RATE)
+    rows = 0
+    for chunk in counted(read_text(file, Layout(), columns, log), RATE):
+        rows += len(chunk.columns["time"])
+        yield chunk
+    if rows < ROWS:
+        log.add("other", f"{rows} rows, {ROWS} are published: cut off?")

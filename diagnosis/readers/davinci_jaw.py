@@ -42,7 +42,7 @@ CHANNELS = (
                 note="negative: the jaw pushes the brake towards closing; the sensor's zero is not given"),
 )  # fmt: skip
 COLUMNS = {"time": 1, "drive_angle": 2, "drive_torque": 3, "drive_current": 4, "output_angle": 5, "output_torque": 6}
-LAYOUT = Layout(delimiter=",", decimal=".", header_line=0, comment="%")
+LAYOUT = Layout(header_line=0, comment="%")
 _CELLS = 10
 _NUMBERED = re.compile(r"(.+)_(\d+)")
 

@@ -6,6 +6,8 @@ CSV as vendored by R packages: voltage and position, no header, 1 kHz. MATLAB as
 from functools import partial
 from pathlib import Path
 
+import numpy as np
+
 from cable_envs.errors import ConfigurationError, require_known
 from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
 from diagnosis.readers.mat import variables
@@ -14,6 +16,8 @@ from diagnosis.readers.text import Layout, read_text
 SUMMARY = "EMPS ball-screw axis (CSV or MATLAB): a file, or a folder of them"
 OPTIONS = ()
 RATE = 1000.0  # Hz
+ROWS, TRAVEL = 24_841, 1.0
+"""Rows as published; m, four times the travel there is."""
 FORCE_PER_VOLT = 35.1507  # N/V, gtau of the original file
 NOTES = {"voltage": "vir, command of the drive", "position": "qm", "position_reference": "qg"}
 UNITS = {"time": "s", "voltage": "V", "position": "m", "position_reference": "m"}
@@ -39,13 +43,27 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
         channels=tuple(ChannelSpec(n, UNITS[n], note=NOTES.get(n, "")) for n in names),
         records=tuple(records),
         source={"cite": "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019", "licence": "not known"},
-        known={"force_per_volt": {"value": FORCE_PER_VOLT, "unit": "N"}},
+        known={
+            "force_per_volt": {"value": FORCE_PER_VOLT, "unit": "N"},
+            "motor_mass": {"value": 0.0, "unit": "kg", "note": "one body: M is all that moves"},
+        },
         after=18.0,
     )
 
 
 def _chunks(file: Path, columns, log):
-    return counted(read_text(file, Layout(delimiter=",", decimal=".", header_line=0), columns, log), RATE)
+    rows, low, high = 0, np.full(2, np.inf), np.full(2, -np.inf)
+    for chunk in counted(read_text(file, Layout(header_line=0), columns, log), RATE):
+        table = np.stack([chunk.columns["voltage"], chunk.columns["position"]])
+        rows += table.shape[1]
+        low, high = np.fmin(low, table.min(axis=1, initial=np.inf)), np.fmax(high, table.max(axis=1, initial=-np.inf))
+        yield chunk
+    if rows < ROWS:
+        log.add("other", f"{rows} rows, {ROWS} are published: cut off?")
+    volts, metres = high - low
+    if metres > TRAVEL and volts < TRAVEL:
+        text = f"the position moves over {metres:.3g} m and the voltage over {volts:.3g} V: columns swapped?"
+        log.add("label", text, channel="position")
 
 
 def _matlab(file: Path) -> dict:

@@ -57,6 +57,8 @@ def read_text(path: Path, layout: Layout, columns: Mapping[str, str | int], log:
             number, lines = plan.first, list(islice(file, CHUNK_ROWS))
             while lines:
                 following = list(islice(file, CHUNK_ROWS))
+                if not following and not lines[-1].endswith(("\n", "\r")):
+                    log.say("the last line has no end: its last number may be cut off")
                 yield _parse(lines, number, plan, log, last=not following)
                 number, lines = number + len(lines), following
     except UnicodeDecodeError as error:
