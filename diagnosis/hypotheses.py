@@ -15,8 +15,11 @@ from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.plants.base import Plant
 from diagnosis.model import Free
 
-SIZES = (0.1, 1.0)
+SIZES = (0.1, 0.4, 1.0)
 """Probed sizes over the typical one of `EffectParameter`."""
+
+_FINE = {name: (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0) for name in ("backlash.gap", "presliding_hysteresis.displacement")}
+"""Sizes of what does not grow in proportion: refits from far away end elsewhere."""
 
 STIFFNESSES = (1.0, 5.0, 25.0)
 """Probed stiffnesses over the typical one."""
@@ -126,7 +129,7 @@ def _hypothesis(
         shapes = {r: [f * absent[r].typical_on(plant.name) for f in _SHAPES[r]] for r in absent if r in _SHAPES}
         signs = (1.0, -1.0) if row in _SIGNED and p.low < p.null else (1.0,)
         sizes_of = [f * p.typical_on(plant.name) for f in STIFFNESSES] if row in INVERSE else ()
-        values_of = sizes_of or [p.null + sign * size * step for size in SIZES for sign in signs]
+        values_of = sizes_of or [p.null + sign * size * step for size in _FINE.get(row, SIZES) for sign in signs]
         for value, *shape in product(values_of, *shapes.values()):
             one = {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
             probes.append((one,))

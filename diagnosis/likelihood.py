@@ -1,10 +1,10 @@
 """How likely a recording is under a model: the noise of every channel, with its colour, is learnt from what is left.
 
-    deviance = sum over channels of  count ln(std^2) + numbers ln(count)
+    deviance = sum over channels of  count ln(std^2) + 3 numbers
 
 with the driving noise's ``std`` and how many numbers its colour has (`diagnosis.noise`): -2 times the logarithm of the
-likelihood with the noise's own parameters at their best, and Schwarz's charge for them (Box, Jenkins, Time Series
-Analysis, ch. 7). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the
+likelihood with the noise's own parameters at their best, and a price for them (Box, Jenkins, Time Series Analysis,
+ch. 7). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the
 noise of a rival.
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from diagnosis.model import Model, Whitener, learn_whitener, residuals
-from diagnosis.noise import memory
+from diagnosis.noise import PRICE, memory
 from diagnosis.refit import Fit, Start, refit
 
 
@@ -41,7 +41,7 @@ def deviance(model: Model, whitener: Whitener) -> float:
         own = [block.good for block in model.blocks if block.channel == channel]
         longest = memory([len(good) for good in own])
         count = sum(_usable(good, longest) for good in own)
-        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + noise.numbers * np.log(max(count, 1))
+        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers
     return float(total)
 
 

@@ -4,8 +4,8 @@
 
 m_k(t) is the mean of the k values before t: few numbers for the long memory of drifting zeros and 1/f noise, that no
 short autoregression has (heterogeneous autoregression: Corsi, J. Fin. Econometrics 7 (2009) 174). Coefficients by least
-squares (Luetkepohl, New Introduction to Multiple Time Series Analysis, 2005, ch. 3), the number of them by Schwarz's
-criterion. Whitened with the right model, what is left of a residual may be treated as independent samples.
+squares (Luetkepohl, New Introduction to Multiple Time Series Analysis, 2005, ch. 3), the number of them by the deviance
+with a price for each. Whitened with the right model, what is left of a residual may be treated as independent samples.
 """
 
 from collections.abc import Sequence
@@ -17,6 +17,8 @@ from scipy.signal import lfilter
 MAX_ORDER = 8
 LONG = (16, 32, 64, 128)
 """Samples of the means; each comes with all shorter ones."""
+PRICE = 3.0
+"""Of a coefficient, in the deviance: Akaike's is 2. Schwarz's, ln(count), leaves slow noise in that is then physics."""
 _RECORDS = 10
 """Memories that a record must hold for a mean to be used."""
 
@@ -88,7 +90,7 @@ def learn_noise(residuals: Sequence[np.ndarray], max_order: int = MAX_ORDER) -> 
         scaled = gram[:order, :order] / np.outer(size, size)
         found = np.linalg.lstsq(scaled, cross[:order] / size, rcond=1e-12)[0] / size
         variance = max((power - float(found @ cross[:order])) / count, 1e-300)
-        score = count * np.log(variance) + order * np.log(count)
+        score = count * np.log(variance) + PRICE * order
         if score < best[0]:
             best = (score, found, np.sqrt(variance))
     return Noise(_as_lags(best[1], max_order), float(best[2]), len(best[1]))

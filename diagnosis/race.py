@@ -19,6 +19,8 @@ BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
+BENT = 1.5
+"""Standard deviations from its prior at which a nominal parameter counts as bent."""
 _FIRST, _LAST = 4, 8
 PHASE = "position_ripple.phase"
 
@@ -72,14 +74,25 @@ def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list
     hypothesis = score.hypothesis
     free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
     own = sorted((s for s in screening.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
-    found: list[dict[str, float]] = []
-    for probe in own:
-        values = _suggested(model, probe)
-        if values not in found:
+    found = [_suggested(model, own[0])]
+    as_is = max(own, key=lambda s: s.as_is)
+    single = len(hypothesis.probes[as_is.probe]) == 1
+    second = dict(hypothesis.probes[as_is.probe][0]) if single and as_is.as_is > 0.0 else None
+    for values in (second, *(_suggested(model, probe) for probe in own[1:])):
+        if values is not None and values not in found and len(found) < STARTS:
             found.append(values)
-        if len(found) == STARTS:
-            break
-    return [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
+    starts = [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
+    believed = _believed(model, base)
+    if believed:  # the refit has bent them to imitate what is missing: from there the way back is long
+        starts += [Start(hypothesis.name, free, {**start.values, **believed}) for start in starts]
+    return starts
+
+
+def _believed(model: Model, base: Fit) -> dict[str, float]:
+    """Nominal parameters at what the recording believes, where the refit has moved one far from it; else none."""
+    known = {p.name: p for p in model.parameters if p.name in base.free and p.std}
+    far = any(abs(base.values[name] - p.start) > BENT * p.std for name, p in known.items())
+    return {name: p.start for name, p in known.items()} if far else {}
 
 
 def _suggested(model: Model, score: Score) -> Mapping[str, float]:

@@ -35,6 +35,8 @@ class Score:
     absorbability: float
     visible: float
     """multiple of the probe at which it would stand out by 3.6 standard deviations"""
+    as_is: float = 0.0
+    """gain of the probe at the size that was probed, its directions together"""
 
 
 @dataclass(frozen=True)
@@ -153,7 +155,9 @@ def _score(hypothesis, k, residual, change, left) -> tuple[Score, np.ndarray]:
     sound = s > 1e-6 * s[0]
     parts = np.where(sound, u.T @ residual, 0.0)
     amount = vt.T @ np.where(sound, parts / np.where(sound, s, 1.0), 0.0)
-    return Score(hypothesis, k, float(parts @ parts), tuple(amount), angle, 3.6 / float(s[0])), u * sound
+    whole = left.sum(axis=1)
+    as_is = float(2.0 * (whole @ residual) - whole @ whole)
+    return Score(hypothesis, k, float(parts @ parts), tuple(amount), angle, 3.6 / float(s[0]), as_is), u * sound
 
 
 def _largest(units: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:

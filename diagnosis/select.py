@@ -172,22 +172,31 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
 
 
 def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep):
-    """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes."""
-    tried = []
-    for k in range(len(chosen) - 1):  # the last one was chosen given all others
-        rest = [pair for pair in chosen if pair is not chosen[k]]
+    """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes.
+
+    An effect that was exchanged puts all others in doubt again.
+    """
+    tried, sure = [], {chosen[-1][0].name}  # the last one was chosen given all others
+    for _ in range(3 * len(chosen)):
+        doubtful = next((pair for pair in chosen if pair[0].name not in sure), None)
+        if doubtful is None or len(chosen) == 1:
+            break
+        last = min((judged for _, judged in chosen), key=lambda j: j.deviance)
+        rest = [pair for pair in chosen if pair is not doubtful]
         free = (*null.fit.free, *(n for h, _ in rest for n in h.names))
-        values = {n: v for n, v in chosen[-1][1].fit.values.items() if n in free}
-        base = keep("rest", partial(refit_and_learn, fit, [Start("", free, values)], 1))
-        left = [h for h in hypotheses if h is chosen[k][0] or h.name not in {h.name for h, _ in chosen}]
+        start = Start("", free, {n: v for n, v in last.fit.values.items() if n in free})
+        base = keep("rest", partial(refit_and_learn, fit, [start], 1))
+        left = [h for h in hypotheses if h is doubtful[0] or h.name not in {h.name for h, _ in chosen}]
         screening = keep("screen", partial(screen, fit, base, left, rng))
         candidates = keep("race", partial(race, fit, base, screening))
         tried.append(tuple(candidates))
         found = _first(fit, heldout, base, screening, candidates, rules, null.deviance - base.deviance, {})
         if found is None:
-            return [(h, base) for h, _ in rest], base, tried
-        if found.judged.deviance < chosen[-1][1].deviance:
-            chosen = [*rest, (found.hypothesis, found.judged)]
+            chosen, sure = [(h, base) for h, _ in rest], {h.name for h, _ in rest[1:]}
+        elif found.hypothesis is doubtful[0] or found.judged.deviance >= last.deviance:
+            sure.add(doubtful[0].name)
+        else:
+            chosen, sure = [*rest, (found.hypothesis, found.judged)], {found.hypothesis.name}
     return chosen, min((judged for _, judged in chosen), key=lambda j: j.deviance), tried
 
 
