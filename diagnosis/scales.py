@@ -97,9 +97,12 @@ def _rates(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
         slope, seen = _speed(record, place), _series(record, rate)
         ratio = _ratio(seen, slope)
         if ratio is not None and not 0.2 <= ratio <= 5.0:
-            yield rate, (
-                f"{ratio:.3g} times the slope of {place} over time: one of the units of {rate}, {place} and time is "
-                f"wrong; {_hint(recording, rate, ratio)}"
+            yield (
+                rate,
+                (
+                    f"{ratio:.3g} times the slope of {place} over time: one of the units of {rate}, {place} and time is "
+                    f"wrong; {_hint(recording, rate, ratio)}"
+                ),
             )
 
 
@@ -109,9 +112,12 @@ def _pairs(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
             continue
         ratio = _ratio(_series(record, one), _series(record, other))
         if ratio is not None and not 1.0 / OFF <= ratio <= OFF:
-            yield one, (
-                f"{ratio:.3g} times {other}, which it should follow: the unit of one of them is wrong; "
-                f"{_hint(recording, one, ratio)}"
+            yield (
+                one,
+                (
+                    f"{ratio:.3g} times {other}, which it should follow: the unit of one of them is wrong; "
+                    f"{_hint(recording, one, ratio)}"
+                ),
             )
 
 
@@ -144,9 +150,12 @@ def _drive(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
     most = 100.0 if float(np.max(friction)) > 0.0 else 3000.0
     ratio = have / need
     if ratio > most or ratio < 1.0 / 30.0:
-        yield "force", (
-            f"{ratio:.3g} times what mass, acceleration and the claimed friction take: one of the units of force, "
-            f"position, time and mass is wrong; {_hint(recording, 'force', ratio)}"
+        yield (
+            "force",
+            (
+                f"{ratio:.3g} times what mass, acceleration and the claimed friction take: one of the units of force, "
+                f"position, time and mass is wrong; {_hint(recording, 'force', ratio)}"
+            ),
         )
 
 
@@ -156,9 +165,12 @@ def _hole(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
         if channel in recording.channels and weight > 0.0:
             ratio = float(np.median(np.abs(_series(record, channel)))) / weight
             if not 1.0 / OFF <= ratio <= OFF:
-                yield channel, (
-                    f"{ratio:.3g} times the load's weight of {weight:.3g} N: the unit of {channel} or of load_mass is "
-                    f"wrong; {_hint(recording, channel, ratio)}"
+                yield (
+                    channel,
+                    (
+                        f"{ratio:.3g} times the load's weight of {weight:.3g} N: the unit of {channel} or of load_mass is "
+                        f"wrong; {_hint(recording, channel, ratio)}"
+                    ),
                 )
 
 
@@ -176,6 +188,7 @@ def _circuit(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
         ratio = float(np.quantile(np.abs(_series(record, "drive_torque")), 0.95))
         ratio /= pretension * _value(recording, "drive_radius")
         if ratio > OFF or ratio < 1e-5:
-            yield "drive_torque", (
-                f"{ratio:.3g} times pretension and drive_radius; {_hint(recording, 'drive_torque', ratio)}"
+            yield (
+                "drive_torque",
+                (f"{ratio:.3g} times pretension and drive_radius; {_hint(recording, 'drive_torque', ratio)}"),
             )

@@ -30,7 +30,7 @@ from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import ReplayModel, Run
 from diagnosis.recording import CHANNELS, Record, Recording
 
-SUBSTEPS = (4, 40)
+SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the
 cable turns by 0.2 rad in each. Measured on records with nothing wrong: finer steps change no residual."""
 SETTLING = 0.5
@@ -109,7 +109,7 @@ def _model(
     signals: Sequence[str],
 ) -> ReplayModel:  # fmt: skip
     turn = period * float(np.sqrt(values["cable_stiffness"] / values["load_mass"]))
-    substeps = int(np.clip(np.ceil(turn / 0.2), *SUBSTEPS))
+    substeps = int(np.clip(np.ceil(turn / 0.07), *SUBSTEPS))
     runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
