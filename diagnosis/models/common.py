@@ -50,8 +50,8 @@ def _numbers(time: np.ndarray, period: float) -> np.ndarray:
 def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
     """(time [T] s, channel -> its samples) on an even clock, by straight lines between usable samples.
 
-    A sample is good where usable ones lie around it no further apart than one and a half periods. Raises KeyError for
-    a channel that the record does not have.
+    A sample is good where usable ones lie around it no further apart than one and a half periods, or one is just there.
+    Raises KeyError for a channel that the record does not have.
     """
     numbers = _numbers(record.time, period)
     first = float(np.mean(record.time - period * numbers)) if numbers[-1] else float(record.time[0])
@@ -68,6 +68,7 @@ def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np
             continue
         after = np.clip(np.searchsorted(stamps, time), 1, len(stamps) - 1)
         near = stamps[after] - stamps[after - 1] < 1.5 * period
+        near |= np.minimum(np.abs(time - stamps[after - 1]), np.abs(time - stamps[after])) < 0.1 * period
         inside = (time > stamps[0] - 0.5 * period) & (time < stamps[-1] + 0.5 * period)
         found[channel] = Sampled(np.interp(time, stamps, values), near & inside)
     return time, found

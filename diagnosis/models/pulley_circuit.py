@@ -4,7 +4,8 @@ Where the command of the drive's angle was recorded, it goes through the servo o
 are refitted: a command has no noise. Without it the drive follows its recorded angle, smoothed.
 
 The plant is the chain of spans and contacts. The closed form lumps the friction of all idlers at the output, so that it
-has no slip fronts: MEASURED
+has no slip fronts. On records with nothing wrong, made by a chain of another kind (`diagnosis.proof`), it leaves 3 to 12
+times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
 """
 
 from collections.abc import Sequence
@@ -50,8 +51,8 @@ REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension
 SERVO = ("servo_frequency", "servo_damping_ratio")
 
 
-def prepare(recording: Recording, request: Request) -> Question:
-    """What a pulley-circuit recording asks.
+def prepare(recording: Recording, request: Request, variant: str = VARIANT) -> Question:
+    """What a pulley-circuit recording asks; ``variant``: "chain", or "analytic" for the closed form.
 
     Raises ConfigurationError where neither the drive's angle nor its command, or no answer of it, was recorded.
     """
@@ -61,7 +62,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         recording.require("drive_angle", purpose="replaying the drive")
     if not {"drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"} & set(channels):
         recording.require("drive_torque", purpose="the diagnosis of a circuit")
-    plant = plant_for("pulley_circuit", VARIANT)
+    plant = plant_for("pulley_circuit", variant)
     values = plant_values(recording, plant, request.rig)
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)

@@ -1,0 +1,208 @@
+"""Recordings of a hole and of a circuit as models, against generators that share no integrator with their kernels."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from cable_envs.errors import ConfigurationError
+from cable_envs.plants import plant_for
+from cable_envs.rigs import load_rig
+from diagnosis.models import prepare
+from diagnosis.models.common import (
+    augmented_rig,
+    free_parameters,
+    motion_coordinates,
+    plant_values,
+    resample,
+    sample_period,
+    time_since_reversal,
+)
+from diagnosis.models.question import Request
+from diagnosis.models.replayed import delayed
+from diagnosis.proof.cases import Case, make
+from diagnosis.recording import Record, load_recording
+
+QUANTISED = float(np.sqrt(1.0 + 0.5**2 / 12.0))
+"""RMS of the generators' white noise once it is on a grid of half its standard deviation."""
+
+
+def _record(time, **data):
+    return Record("run", "fit", {"time": np.asarray(time, dtype=float), **{k: np.asarray(v) for k, v in data.items()}})
+
+
+def test_the_period_of_a_jittery_clock_does_not_drift():
+    rng = np.random.default_rng(3)
+    time = 5.0 + 0.01 * np.arange(6000) + rng.uniform(-1e-4, 1e-4, 6000)
+    assert sample_period([_record(time)]) == pytest.approx(0.01, abs=3e-9)  # 0.02 ms after a minute
+
+
+def test_gaps_and_unusable_samples_are_not_good():
+    time = np.r_[0.01 * np.arange(100), 2.0 + 0.01 * np.arange(100)]
+    values = 3.0 * time
+    values[20] = np.nan
+    at, seen = resample(_record(time, force=values), 0.01, ["force"])
+    got = seen["force"]
+    assert at[-1] == pytest.approx(time[-1]) and len(at) == 300
+    assert not got.good[20] and not got.good[105:199].any()
+    assert got.good[[0, 19, 21, 98, 201, 299]].all()
+    assert got.values[got.good] == pytest.approx(3.0 * at[got.good], abs=1e-9)
+
+
+def test_coordinates_of_a_motion():
+    time = 0.01 * np.arange(1000)
+    position = 0.02 * np.sin(2 * np.pi * 0.2 * time)
+    along = {c.name: c for c in motion_coordinates(time, position, "m")}
+    speed = 0.02 * 2 * np.pi * 0.2 * np.cos(2 * np.pi * 0.2 * time)
+    assert np.abs(along["speed"].values - speed)[20:-20].max() < 0.01 * speed.max()
+    assert along["speed"].unit == "m/s"
+    turned = along["time since reversal"].values
+    assert turned[600] == pytest.approx(6.0 - 3.75, abs=0.1)  # it turned at 1.25 s and at 3.75 s
+
+
+def test_a_rest_is_no_reversal():
+    direction = np.array([0, 1, 1, 0, 0, 1, -1, 0, -1, 1])
+    assert time_since_reversal(np.arange(10.0), direction).tolist() == [0, 1, 2, 3, 4, 5, 0, 1, 2, 0]
+
+
+def test_late_by_a_part_of_a_sample():
+    time = 0.01 * np.arange(300)
+    late = delayed(np.sin(2 * np.pi * 2 * time)[:, None].repeat(2, 1), np.array([0.16, 2.5]))
+    for k, seconds in enumerate((0.0016, 0.025)):
+        assert np.abs(late[:, k] - np.sin(2 * np.pi * 2 * (time - seconds)))[5:-5].max() < 1e-5
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """Folders and keys of recordings with nothing wrong, white noise."""
+    found = {}
+    for system, seed in (("cable_hole", 4711), ("pulley_circuit", 4712)):
+        folder = tmp_path_factory.mktemp(system)
+        found[system] = folder, make(Case("plain", seed, system, "nothing"), folder)
+    return found
+
+
+def _over_noise(model, key, changes=None, without=()):
+    """channel -> RMS of the residual at the true parameters, over that of the noise."""
+    true = {**key["true_nominal"], **(changes or {})}
+    predicted = model.predict(np.array([[true.get(p.name, p.start)] for p in model.parameters]))
+    left = {}
+    for block, p in zip(model.blocks, predicted, strict=True):
+        left.setdefault(block.channel, []).append((block.measured - p[:, 0])[block.good])
+    return {c: np.sqrt(np.mean(np.concatenate(r) ** 2)) / key["noise_std"][c] / QUANTISED for c, r in left.items()}
+
+
+@pytest.mark.parametrize("system", ["cable_hole", "pulley_circuit"])
+def test_with_nothing_wrong_only_noise_is_left(made, system):
+    """The chain, too, reaches the noise; what is above one standard error (1.5 %) would be numerics."""
+    folder, key = made[system]
+    question = prepare(load_recording(folder))
+    for model in (question.fit, question.heldout):
+        for channel, ratio in _over_noise(model, key).items():
+            assert ratio == pytest.approx(1.0, abs=0.05), channel
+    assert [p.name for p in question.fit.parameters] == [p.name for p in question.heldout.parameters]
+    assert set(question.nominals) <= {p.name for p in question.fit.parameters}
+
+
+def test_a_batch_gives_what_its_columns_give(made):
+    model = prepare(load_recording(made["cable_hole"][0])).fit
+    columns = np.array([[p.start, p.start * 1.02 + 1e-3 * p.scale] for p in model.parameters])
+    names = [p.name for p in model.parameters]
+    columns[names.index("sensor_delay.drive_tension"), 1] = 0.003
+    both, single = model.predict(columns), [model.predict(columns[:, [k]]) for k in range(2)]
+    for k in range(2):
+        for together, alone in zip(both, single[k], strict=True):
+            assert together[:, k] == pytest.approx(alone[:, 0], rel=1e-9, abs=1e-12)  # sums over other widths
+
+
+def test_where_the_load_hung_at_first_is_no_mismatch(made):
+    """A shift of both counters of a record by the same length changes no residual, but for the spring."""
+    recording = load_recording(made["cable_hole"][0])
+    before = prepare(recording).heldout
+    for record in recording.records:
+        for channel in ("drive_position", "load_position"):
+            record.data[channel][:] += 1e-5
+    after = prepare(recording).heldout
+    column = np.array([[p.start] for p in before.parameters])
+    for block, a, b in zip(after.blocks, before.predict(column), after.predict(column), strict=True):
+        moved = 1e-5 if block.channel.endswith("position") else 0.0
+        noise = made["cable_hole"][1]["noise_std"][block.channel]
+        assert np.abs(b - a - moved)[block.good].max() < 0.2 * noise, block.channel
+
+
+@pytest.mark.slow
+def test_an_effect_at_its_true_size_leaves_only_noise(tmp_path):
+    """Friction that grows with tension: the generator's exponent is the kernel's."""
+    key = make(Case("loaded", 4713, "cable_hole", "single", ("load_dependent_friction",), ">10"), tmp_path)
+    question = prepare(load_recording(tmp_path))
+    exponent = key["effects"][0]["parameters"]["exponent"]["value"]
+    with_it = _over_noise(question.fit, key, {"load_dependent_friction.exponent": exponent})
+    assert max(with_it.values()) < 1.05
+    assert max(_over_noise(question.fit, key).values()) > 1.2
+    assert "load_dependent_friction" in {h.name for h in question.hypotheses}
+
+
+def _edited(folder: Path, target: Path, change) -> Path:
+    content = yaml.safe_load((folder / "recording.yaml").read_text(encoding="utf-8"))
+    change(content)
+    for file in folder.glob("*.csv"):
+        (target / file.name).write_bytes(file.read_bytes())
+    (target / "recording.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    return target
+
+
+def test_a_claimed_stiffness_may_be_wrong(made, tmp_path):
+    def claim(content):
+        content["nominal"].pop("cable_stiffness", None)
+        content["known"]["cable_stiffness"] = {"value": 2e5, "unit": "N/m"}
+
+    plain = {h.name for h in prepare(load_recording(made["cable_hole"][0])).hypotheses}
+    assert "cable_elongation" not in plain  # refitted
+    question = prepare(load_recording(_edited(made["cable_hole"][0], tmp_path, claim)))
+    found = next(h for h in question.hypotheses if h.name == "cable_elongation")
+    assert found.nulls == {"cable_stiffness": 2e5}
+    assert all(direction["cable_stiffness"] < 2e5 for probe in found.probes for direction in probe)
+
+
+@pytest.mark.parametrize(
+    ("system", "gone", "named"),
+    [
+        ("cable_hole", ("drive_velocity_command", "drive_position"), "drive_position"),
+        ("cable_hole", ("drive_tension", "load_position", "load_tension"), "drive_tension"),
+        ("pulley_circuit", ("drive_angle_command", "drive_angle"), "drive_angle"),
+    ],
+)
+def test_what_is_missing_is_named(made, tmp_path, system, gone, named):
+    folder = _edited(made[system][0], tmp_path, lambda c: [c["channels"].pop(name, None) for name in gone])
+    with pytest.raises(ConfigurationError, match=named):
+        prepare(load_recording(folder))
+
+
+@pytest.mark.parametrize("system", ["cable_hole", "pulley_circuit"])
+def test_without_a_command_the_drive_follows_what_was_recorded(made, tmp_path, system):
+    """The noise of the recorded drive is then in all channels: they come within a few times their own."""
+    gone = ("drive_velocity_command", "drive_angle_command")
+    folder = _edited(made[system][0], tmp_path, lambda c: [c["channels"].pop(name, None) for name in gone])
+    question = prepare(load_recording(folder))
+    left = _over_noise(question.fit, made[system][1])
+    assert "drive_position" not in left and "drive_angle" not in left
+    assert max(left.values()) < 15.0
+
+
+def test_parameters_and_the_rig_found(made):
+    recording = load_recording(made["pulley_circuit"][0])
+    plant = plant_for("pulley_circuit", "chain")
+    values = plant_values(recording, plant)
+    free = {p.name: p for p in free_parameters(recording, plant, values, ("cable_damping",))}
+    assert set(recording.nominal) < set(free) and "cable_damping" in free
+    assert free["shaft_friction"].std == recording.nominal["shaft_friction"].std
+    assert not set(free) & set(recording.known)
+    found = {**values, "shaft_friction": 0.2, "backlash.gap": 1e-3, "sensor_bias.drive_torque": 0.01}
+    rig = load_rig(augmented_rig(plant, found, ["backlash", "sensor_bias.drive_torque"]))
+    assert rig.values["shaft_friction"] == 0.2
+    assert rig.effects["backlash.gap"] == 1e-3 and rig.effects["sensor_bias.drive_torque"] == 0.01
+    again = plant_values(recording, plant, {**rig.values, **rig.effects})
+    assert again["backlash.gap"] == 1e-3
+    question = prepare(recording, Request(rig={**rig.values, **rig.effects}))
+    assert "backlash" not in {h.name for h in question.hypotheses}
