@@ -4,8 +4,8 @@ Where the command of the drive's angle was recorded, it goes through the servo o
 are refitted: a command has no noise. Without it the drive follows its recorded angle, smoothed.
 
 The plant is the chain of spans and contacts. The closed form lumps the friction of all idlers at the output, so that it
-has no slip fronts. On records with nothing wrong, made by a chain of another kind (`diagnosis.proof`), it leaves 3 to 12
-times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
+has no slip fronts. On records with nothing wrong, made by a chain of another kind (`diagnosis.proof`), it leaves 3 to
+12 times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
 """
 
 from collections.abc import Sequence
