@@ -19,9 +19,12 @@ BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
+HOPE, WORTH = 0.4, 0.1
+"""Shares of the gain that is asked, and of the best score, that a hypothesis must have by its score to be refitted.
+Scores are of first order: a refit may double them."""
 BENT = 1.5
 """Standard deviations from its prior at which a nominal parameter counts as bent."""
-_FIRST, _LAST = 4, 8
+_FIRST, _LAST = 4, 6
 PHASE = "position_ripple.phase"
 
 
@@ -39,9 +42,14 @@ class Candidate:
         return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
 
 
-def race(model: Model, base: Judged, screening: Screening) -> list[Candidate]:
-    """Candidates on top of ``base``, the worthiest first; each with the noise that it leaves."""
+def race(model: Model, base: Judged, screening: Screening, least: float = 0.0) -> list[Candidate]:
+    """Candidates on top of ``base``, the worthiest first; each with the noise that it leaves.
+
+    least: gain that will be asked; what has not a share of it (`HOPE`) by its score is not refitted.
+    """
     chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
+    top = chosen[0].gain
+    chosen = [s for s in chosen if s.gain >= max(HOPE * least, WORTH * top)]
     starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
     if not starts:
         return []

@@ -15,7 +15,7 @@ from diagnosis.model import Model, Whitener, residuals
 STEP = 1e-3
 """Step of the differences over the parameter's size, or its scale where that is larger."""
 _DAMPINGS = (0.1, 1.0, 10.0)
-SETTLED = 0.05
+SETTLED = 0.1
 """Fall of the whitened sum of squares below which a refit has ended; chance gives a parameter about 1."""
 
 

@@ -41,7 +41,7 @@ class Rules:
 
     gain: float = 22.0
     each: float = 4.0
-    share: float = 0.06
+    share: float = 0.12
     margin: float = 8.0
     left_p: float = 1e-3
     left: float = 0.12
@@ -116,9 +116,9 @@ def select(
         screening = keep("screen", partial(screen, fit, best, left, rng))
         screenings.append(screening)
         tell("refitting the best of them")
-        candidates = keep("race", partial(race, fit, best, screening))
-        tried.append(tuple(candidates))
         so_far = null.deviance - best.deviance
+        candidates = keep("race", partial(race, fit, best, screening, max(rules.gain, rules.share * so_far)))
+        tried.append(tuple(candidates))
         found = _first(fit, heldout, best, screening, candidates, rules, so_far, refused)
         if found is None:
             break

@@ -127,15 +127,19 @@ class DriveModel:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         kp, kv, kd = (shown[name] for name in GAINS)
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
-        # the controller feels scale x(t - late): kp (r - scale x + scale late x') + kv r' - kd x'
+        # the controller feels scale x(t - late): kp (r - scale (x - late x' + late^2 x'' / 2)) + kv r' - kd x'
         stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
         columns = columns.copy()
         columns[self.plant.table.index("actuator_lag.time")] += shown[HOLD]
+        behind = 0.5 * stiff * late**2  # acts as a mass that is not there
+        columns[self.plant.table.index("motor_mass")] += behind * per_volt
         path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
         y, v, motor, first = self._replay(
             columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET]
         )
         effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
+        if np.any(behind):
+            effort = effort - behind * np.gradient(v, self.period, axis=0)
         return self._seen(columns, {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}, first)
 
     def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
