@@ -8,7 +8,7 @@ import numpy as np
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
 from diagnosis.adequacy import Adequacy
-from diagnosis.confidence import confidence
+from diagnosis.confidence import confidence, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
@@ -80,7 +80,8 @@ def _found(accepted: Accepted, question: Question, selection: Selection, known: 
     h, fit, rules = accepted.hypothesis, selection.final.fit, Rules()
     parameters = {
         parameter_name(row, h.name, known): {
-            "value": fit.values[row], "unit": question.units[row], "ci95": list(fit.interval(row)), "row": row,
+            "value": fit.values[row], "unit": question.units[row], "row": row,
+            "ci95": list(interval(fit, row, h.nulls.get(row, 0.0))),
         }
         for row in h.names
     }  # fmt: skip
@@ -120,7 +121,7 @@ def _absorbed(question: Question, null: Judged, final: Judged) -> dict[str, dict
     return {
         name: {
             "before": starts[name], "after_refit": null.fit.values[name], "after_model": final.fit.values[name],
-            "unit": question.units.get(name, ""), "ci95": list(final.fit.interval(name)),
+            "unit": question.units.get(name, ""), "ci95": list(interval(final.fit, name)),
         }
         for name in question.nominals
         if name not in question.nuisance

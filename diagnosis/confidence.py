@@ -8,6 +8,8 @@ of the gain over no effect at all. What is left beyond noise says that no hypoth
 
 import numpy as np
 
+from diagnosis.refit import Fit
+
 MOST = 0.99
 """No answer is surer: a simulator is never complete."""
 RIVAL, NOISE, LEFT = 2.0, 2.0, 3.0
@@ -23,3 +25,19 @@ def confidence(margin: float, gain: float, asked: float, left: float) -> float:
     rival = 1.0 - 0.5 * np.exp(-max(margin, 0.0) / RIVAL)
     noise = 1.0 - 0.5 * np.exp(-max(gain - asked, 0.0) / NOISE)
     return float(min(MOST, rival * noise * np.exp(-LEFT * max(left, 0.0))))
+
+
+WIDER, FORM = 1.4, 0.04
+"""Of the standard error, and of the size: what another integrator and another formulation of the same physics change,
+as found on recordings that no proof uses."""
+
+
+def interval(fit: Fit, name: str, null: float = 0.0) -> tuple[float, float]:
+    """95 % interval of a parameter: its standard error under the noise, with what the formulation may be off.
+
+    null: the value from which its size is counted.
+    """
+    value = fit.values[name]
+    low, high = fit.interval(name, 1.0)
+    half = 1.96 * float(np.hypot(WIDER * 0.5 * (high - low), FORM * (value - null)))
+    return value - half, value + half

@@ -37,6 +37,7 @@ from diagnosis.models.common import (
     smooth_speed,
 )
 from diagnosis.models.question import Question, Request
+from diagnosis.models.replayed import delayed
 from diagnosis.recording import Record, Recording
 
 SETTLING = 0.5
@@ -178,8 +179,13 @@ class DriveModel:
         names = [name for name in self.channels if name != "voltage"]
         out = np.stack([signals[name][1:] for name in names], axis=1)
         start = np.stack([signals[name][0] for name in names])
-        shown = distort(self.plant, self.plant.prepare(columns), names, out, self.period, start)
+        late = {name: self._of(columns, f"sensor_delay.{name}") / self.period for name in names}
+        prompt = columns.copy()
+        for name in names:  # delays below: straight lines between samples would bend the motion
+            prompt[self.plant.table.index(f"sensor_delay.{name}")] = 0.0
+        shown = distort(self.plant, self.plant.prepare(prompt), names, out, self.period, start)
         seen = {name: np.concatenate([start[None, k], shown[:, k]]) for k, name in enumerate(names)}
+        seen = {name: delayed(series, late[name]) if np.any(late[name]) else series for name, series in seen.items()}
         return {**signals, **seen}
 
 

@@ -40,7 +40,8 @@ class Missing:
 
 def _sensor(kind: str, channel: str, size: float, unit: str, signed: bool = True) -> Missing:
     key = f"{kind}:{channel}"
-    return Missing(f"sensor_{kind}", {key: size}, compare={channel: (key, 1.0, unit)}, signed=signed)
+    largest = 2.0 / size if kind == "rectification" else 30.0  # 1: half the wave is lost; 2: it is turned up
+    return Missing(f"sensor_{kind}", {key: size}, compare={channel: (key, 1.0, unit)}, signed=signed, largest=largest)
 
 
 _PHASE = (0.0, 2 * np.pi)
