@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis, hypotheses_for
@@ -55,7 +56,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         recording.require("drive_position", purpose="replaying the drive")
     if not {"drive_tension", "load_position", "load_tension"} & set(channels):
         recording.require("drive_tension", purpose="the diagnosis of a cable in a hole")
-    plant = plant_for("cable_hole")
+    plant = with_own_effects(plant_for("cable_hole"), request.own)
     values = _values(recording, plant, request)
     nominals = free_parameters(recording, plant, values, REFITTED, request)
     signals = [name for name in PREDICTED if name in channels]

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis, hypotheses_for
@@ -62,7 +63,7 @@ def prepare(recording: Recording, request: Request, variant: str = VARIANT) -> Q
         recording.require("drive_angle", purpose="replaying the drive")
     if not {"drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"} & set(channels):
         recording.require("drive_torque", purpose="the diagnosis of a circuit")
-    plant = plant_for("pulley_circuit", variant)
+    plant = with_own_effects(plant_for("pulley_circuit", variant), request.own)
     values = plant_values(recording, plant, request.rig)
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
