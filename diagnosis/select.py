@@ -39,12 +39,12 @@ class Rules:
     most      | effects at the most
     """
 
-    gain: float = 22.0
+    gain: float = 25.0
     each: float = 4.0
-    share: float = 0.12
+    share: float = 0.15
     margin: float = 8.0
     left_p: float = 1e-3
-    left: float = 0.12
+    left: float = 0.22
     over: float = 1.08
     most: int = 2
 

@@ -90,7 +90,7 @@ def _make(
     if quick:
         wanted = plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
     elif cases is not None:
-        wanted = plan(systems, cases, max(5 * cases, 1), seed)
+        wanted = plan(systems, cases, max(5 * cases, 10), seed)
     else:
         wanted = plan(systems, seed=seed)
     lines = {}
