@@ -8,7 +8,8 @@ contact     closing (M < 0 pulls):  M = w e^l - c          opening:  M = w e^-l 
             l is the capstan's or bearings' exponent over the whole path (Zou 2022 Eq. 12-13: tension ratio of a
             wrap; both signs), c the part without load: dry friction, or l times a pretension (cannot be told apart)
 sticking    set-valued: w stays as it is while M is between the two, else it is at the nearer one (play operator of
-            the torque). By the sign of the motion instead: the one or the other, whatever the torque's history
+            the torque: it knows no motion, so a pull that falls while the output still goes the same way leaves w
+            where it was). By the sign of the motion instead: the one or the other, whatever the torque's history
 two         a share of l and c in a contact at the drive, with a spring between, then the rest: slip arrives later
 springs     e = sum over both ends of C 2 T / (1 + sqrt(1 + 2 h |T|)): Hooke, stiffening as
             `cable_envs/effects/stiffness_hardening.py` has it, here for torques
