@@ -1,9 +1,11 @@
 # make demo and make test set up everything by themselves: a virtual environment in .venv with the tested versions.
 PYTHON ?= python3
 BIN := .venv/bin
+JOBS ?= 2
+PROOF ?= proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow bench recordings lint clean
+.PHONY: demo test test-slow bench proof proof-quick recordings lint clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -16,6 +18,13 @@ test-slow: .venv/installed
 
 bench: .venv/installed
 	$(BIN)/python -m benchmarks
+
+# hours: every effect 20 times on every system
+proof: .venv/installed
+	$(BIN)/cablebench proof --out proof --jobs $(JOBS)
+
+proof-quick: .venv/installed
+	$(BIN)/cablebench proof --quick --no-baselines --out $(PROOF) --jobs $(JOBS)
 
 # the public recordings are not part of the project: ../shared/recordings/README.md says where they are from
 recordings: .venv/installed

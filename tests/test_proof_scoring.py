@@ -120,6 +120,9 @@ def test_fail_rules():
     missed = [judge(key(), verdict("backlash", gap=[0.5, 0.6])) for _ in range(2)] + _results(17, 0, 0, 1, 0)
     assert "intervals cover 17 of 19" in failures(missed)[0]
     assert failures([]) == []
+    few = _results(20, 0, 0, 10, 2)  # 2 of 12 are 17 %, but the lower limit is 2 %
+    assert failures(few) and failures(few, sample=True) == []
+    assert failures(_results(20, 0, 0, 9, 3), sample=True)  # 3 of 12: the lower limit is 5.5 %
 
 
 def test_declared_classes_name_effects_that_exist():

@@ -47,7 +47,7 @@ def proof(
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
-    broken = _report(out, manifest, methods, asked, as_json)
+    broken = _report(out, manifest, methods, asked, quick, as_json)
     if broken and tool:
         raise typer.Exit(1)
 
@@ -113,14 +113,16 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
                 update(method, k, len(wanted))
 
 
-def _report(out: Path, manifest: dict[str, Any], methods: list[str], asked: str, as_json: bool) -> list[str]:
+def _report(
+    out: Path, manifest: dict[str, Any], methods: list[str], asked: str, quick: bool, as_json: bool
+) -> list[str]:
     from cablebench.proof_page import render
     from cablebench.store import jsonable, write_atomic
     from diagnosis.proof import report
     from diagnosis.proof.run import scored
 
     results = {method: scored(out, manifest, method) for method in methods}
-    about = {"command": asked, "cases_total": len(manifest["cases"])}
+    about = {"command": asked, "cases_total": len(manifest["cases"]), "sample": quick}
     whole = jsonable(report.record(results, about))
     text = report.markdown(results, about)
     import json

@@ -21,7 +21,7 @@ def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) ->
         }
         for method, own in results.items()
     }
-    return {"schema": SCHEMA, **about, "broken_rules": failures(first), "methods": methods}
+    return {"schema": SCHEMA, **about, "broken_rules": failures(first, bool(about.get("sample"))), "methods": methods}
 
 
 def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> str:
@@ -35,7 +35,9 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
         wanted = f"{row.direction} {100 * row.reach:g} %" if row.direction else "reported"
         lines.append(f"| {name} | {wanted} | " + " | ".join(cell(own[k]) for own in columns.values()) + " |")
     first = next(iter(results), "nobody")
-    broken = failures(results.get(first, ()))
+    broken = failures(results.get(first, ()), bool(about.get("sample")))
+    if about.get("sample"):
+        lines += ["", "A sample: a fail rule is broken where the 95 % limit of its share is beyond it."]
     lines += ["", "Shares with 95 % Clopper-Pearson limits, and counts. A dash: no such case, or no such statement."]
     lines += ["", f"Fail rules broken by {first}: {'; '.join(broken)}." if broken else f"{first} breaks no fail rule."]
     return "\n".join(lines) + "\n"

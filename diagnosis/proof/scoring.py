@@ -274,17 +274,25 @@ def calibration(
     return bins
 
 
-def failures(results: Sequence[Result]) -> list[str]:
-    """The fail rules that the results break, in words; a rule without cases is not broken."""
+def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
+    """The fail rules that the results break, in words; a rule without cases is not broken.
+
+    sample: a few dozen cases, of which one more or less means nothing: a rule is broken where the 95 % limit of the
+    share is beyond it, not the share itself.
+    """
     quiet = [r for r in results if r.kind in ("nothing", "decoy")]
     alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in quiet)
     covered = [hit for r in results for _, hit in r.intervals]
     claimed = [ok for r in results for c, ok in r.claims if c >= 0.9]
+
+    def share(count: int, total: int, least: bool) -> float:
+        return limits(count, total)[1 if least else 0] if sample else count / total
+
     broken = []
-    if quiet and alarms / len(quiet) > LIMITS["false_alarms"]:
+    if quiet and share(alarms, len(quiet), False) > LIMITS["false_alarms"]:
         broken.append(f"false alarms: {alarms} of {len(quiet)}, more than 5 %")
-    if covered and sum(covered) / len(covered) < LIMITS["coverage"]:
+    if covered and share(sum(covered), len(covered), True) < LIMITS["coverage"]:
         broken.append(f"95 % intervals cover {sum(covered)} of {len(covered)}, less than 90 %")
-    if claimed and sum(claimed) / len(claimed) < LIMITS["claimed_90"]:
+    if claimed and share(sum(claimed), len(claimed), True) < LIMITS["claimed_90"]:
         broken.append(f"answers claimed at 90 % or more: {sum(claimed)} of {len(claimed)} right, less than 85 %")
     return broken
