@@ -1,0 +1,104 @@
+"""The page of real recordings: what it says of numbers, what it does where a set is missing, and the committed one."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cable_envs.errors import ConfigurationError
+from cablebench import recordings_figures as draw
+from cablebench.cli import main
+from cablebench.recordings_page import error, estimate, number, plain, render, write_set
+from cablebench.recordings_sets import SETS, numbers
+from diagnosis.real.finding import Alone, Estimate, Finding, Step
+
+COMMITTED = Path(__file__).parent.parent / "docs" / "recordings"
+
+
+def step(name, force):
+    parameters = {"backlash.gap": Estimate(0.004, 0.0035, 0.0045, "m")}
+    errors = {"force": force, "band_tension_difference": force / 2}
+    return Step(name, 7.0, 0.98, ("cable_elongation",), errors, errors, parameters, {})
+
+
+def brake():
+    worse = {"force": 7777.0, "band_tension_difference": 10.0}
+    finding = Finding(
+        "band brake",
+        (step("", 6000.0), step("backlash", 350.0)),
+        (Alone("viscous_friction", worse, worse, -3.0),),
+        {},
+        (),
+    )
+    return {"command": "cablebench recordings --only band-brake", "seconds": 9, "finding": numbers(finding),
+            "viscous_last": 0.2}  # fmt: skip
+
+
+def test_numbers_read_as_people_write_them():
+    assert [number(v) for v in (350.4, 6069.7, 0.07323, -3.1648, None)] == ["350", "6\u202f070", "0.0732", "-3.16", "–"]
+    assert error(1.88e-5, "m") == "18.8 um" and error(0.25, "V") == "0.25 V" and error(np.pi, "rad") == "180 deg"
+    gap = {"value": 0.004, "low": 0.0035, "high": 0.0045, "unit": "m"}
+    assert estimate(gap) == "4 [3.5, 4.5] mm"
+    assert estimate({**gap, "value": 2e-5, "low": -1e-6, "high": 4e-5}) == "20 [-1, 40] um"
+    assert estimate({"value": 2.0, "low": 1.9, "high": 2.1, "unit": "1"}) == "2 [1.9, 2.1]"
+    assert plain("") == "naive simulator" and plain("stiffness_hardening") == "stiffness hardening"
+
+
+def test_a_page_of_one_set_shows_its_ladder_and_says_what_is_missing(tmp_path):
+    loop = {
+        "title": "t",
+        "xlabel": "x",
+        "ylabel": "y",
+        **dict.fromkeys(("x", "measured", "nominal", "final"), np.arange(9.0)),
+    }
+    write_set(tmp_path, "band-brake", brake(), {"loops": draw.loops([loop])})
+    page = render(tmp_path, list(SETS))
+    assert "Not run yet: da-vinci-jaw, emps, coupled-drives." in page
+    assert "4 [3.5, 4.5] mm" in page and "7\u202f780" in page
+    assert page.count("<svg") == 1 and "cable elongation" in page and 'id="emps"' not in page
+    assert json.loads((tmp_path / "band-brake.json").read_text())["finding"]["named"] == ["backlash"]
+    (tmp_path / "emps.json").write_text("{")
+    with pytest.raises(ConfigurationError, match=r"cannot read .*emps.json"):
+        render(tmp_path, list(SETS))
+
+
+def test_figures_hold_a_figure_of_the_data_and_no_copy():
+    x = np.linspace(0.0, 1.0, 50_000)
+    run = {"title": "t", "ylabel": "y", "time": x, "measured": x, "nominal": x, "final": np.sin(900.0 * x)}
+    text = draw.runs([run])
+    longest = max(len(re.findall(r"[LM]", path)) for path in re.findall(r' d="([^"]*)"', text))
+    assert 100 < longest <= draw.POINTS
+    bars = draw.bars([("a_b", 1.0, 2.0), ("worse", 4.0, 2.0)], "error", 3.0, {"nets": 0.5})
+    assert "a b" in bars and draw.NAIVE in bars and draw.NAMED in bars
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--only", "band-break"], "band-brake"),
+        (["--page-only", "--only", "emps"], "--page-only runs no set"),
+        (["--page-only"], "holds no set's numbers"),
+        (["--shared", "nowhere"], "no folder nowhere"),
+        (["--shared", "."], "da-vinci-jaw: no folder davinci_tool"),
+    ],
+)
+def test_what_cannot_be_run_is_said(tmp_path, monkeypatch, capsys, words, said):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as end:
+        main(["recordings", "--out", str(tmp_path / "out"), *words])
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err.replace("\n", " ")
+
+
+def test_the_committed_page_is_made_of_its_numbers_and_needs_nothing_else():
+    page = (COMMITTED / "index.html").read_text(encoding="utf-8")
+    assert render(COMMITTED, list(SETS)) == page
+    assert not re.search(r"<(?:script|link|img)\b|url\(\s*http", page)
+    coupled = json.loads((COMMITTED / "coupled-drives.json").read_text())
+    for finding in coupled["findings"].values():
+        assert finding["named"][0] == "sensor_rectification.speed_reading"
+    assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
+    named = json.loads((COMMITTED / "band-brake.json").read_text())["finding"]["named"]
+    assert {"load_dependent_friction", "backlash"} < set(named) and "viscous_friction" not in named
