@@ -14,6 +14,7 @@ from cablebench.commands import (
     identify,
     import_,
     leaderboard,
+    pays,
     proof,
     publish,
     recordings,
@@ -54,6 +55,6 @@ def common(
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
     identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
-    submit.submit, replay.replay, recordings.recordings, diagnose.diagnose,
+    submit.submit, replay.replay, recordings.recordings, diagnose.diagnose, pays.pays,
 ):  # fmt: skip
     app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)

@@ -1,0 +1,68 @@
+"""``cablebench pays``: whether controllers and agents gain from a simulator that a diagnosis has corrected."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from cablebench.commands.common import console, parse_pairs, print_json, progress_bar, require_ours
+
+INTERRUPTED = 130
+QUICK = {
+    "seeds": (0, 1), "steps": 8192, "trials": 4, "tuning_episodes": 1, "episodes": 2, "duration": 13.0,
+    "record_seconds": 13.0,
+}  # fmt: skip
+
+
+def pays(
+    out: Annotated[Path, typer.Option(help="Folder for recording, diagnosis, policies, scores and the page.")],
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Small budgets: shows that it runs, not what it brings.")
+    ] = False,
+    seed: Annotated[list[int] | None, typer.Option(min=0, help="Of tuning and training; may be repeated.")] = None,
+    steps: Annotated[int | None, typer.Option(min=1, help="Environment steps of each training.")] = None,
+    trials: Annotated[int | None, typer.Option(min=1, help="Trials of each tuning.")] = None,
+    tuning_episodes: Annotated[int | None, typer.Option(min=1, help="Episodes of a trial.")] = None,
+    episodes: Annotated[int | None, typer.Option(min=1, help="Episodes on the hidden rig for each seed.")] = None,
+    duration: Annotated[float | None, typer.Option(help="s of an episode.")] = None,
+    record_seconds: Annotated[float | None, typer.Option(help="s of each recorded motion.")] = None,
+    hide: Annotated[
+        list[str] | None, typer.Option(help="Concealed effect, as backlash.gap=0.1; may be repeated.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
+) -> None:
+    """Record a hidden rig, diagnose it, tune and train on nominal, corrected and true simulators, score on the rig."""
+    require_ours("agents")
+    from cablebench.commands.pays_steps import run
+    from cablebench.pays import Study
+
+    asked: dict[str, Any] = {
+        "seeds": tuple(seed) if seed else None, "steps": steps, "trials": trials, "tuning_episodes": tuning_episodes,
+        "episodes": episodes, "duration": duration, "record_seconds": record_seconds, "hidden": hidden(hide or ()),
+    }  # fmt: skip
+    given = {name: value for name, value in asked.items() if value is not None}
+    study = Study(**{**(QUICK if quick else {}), **given})
+    err = console(stderr=True)
+    try:
+        with progress_bar() as update:
+            result = run(study, out, quick, lambda text: err.print(text, markup=False), update)
+    except KeyboardInterrupt as stop:
+        err.print(f"interrupted: what is finished is kept in {out}; the same command goes on from there", markup=False)
+        raise typer.Exit(INTERRUPTED) from stop
+    if as_json:
+        print_json(result)
+        return
+    console().print((out / "pays.md").read_text(encoding="utf-8"), markup=False)
+
+
+def hidden(pairs: Any) -> dict[str, dict[str, float]] | None:
+    """``["backlash.gap=0.1"]`` as effects; None where none is given. Names are checked by `cablebench.pays.Study`."""
+    from cable_envs.errors import ConfigurationError
+
+    found: dict[str, dict[str, float]] = {}
+    for name, value in parse_pairs(pairs, "--hide").items():
+        effect, dot, parameter = name.partition(".")
+        if not dot or isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ConfigurationError(f"--hide expects EFFECT.PARAMETER=NUMBER, got '{name}={value}'")
+        found.setdefault(effect, {})[parameter] = float(value)
+    return found or None
