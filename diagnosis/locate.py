@@ -132,8 +132,9 @@ def words(found: Regime | None, system: str, coordinates: Mapping[str, Coordinat
         return f"within {high} after each reversal" if first else f"from {low} after each reversal on"
     name = "speeds" if found.coordinate == BY_SPEED else found.coordinate
     if found.coordinate == ELAPSED:
-        where = f"in the first {high}" if first else f"from {low} on" if last else f"from {low} to {high}"
-        return f"{where} of the record"
+        if first:
+            return f"in the first {high} of the record"
+        return f"from {low} of the record on" if last else f"from {low} to {high} of the record"
     if first:
         return f"at {name} below {high}"
     return f"at {name} above {low}" if last else f"at {name} from {low} to {high}"

@@ -100,8 +100,8 @@ def _rates(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
             yield (
                 rate,
                 (
-                    f"{ratio:.3g} times the slope of {place} over time: one of the units of {rate}, {place} and time is "
-                    f"wrong; {_hint(recording, rate, ratio)}"
+                    f"{ratio:.3g} times the slope of {place} over time: one of the units of {rate}, {place} and time "
+                    f"is wrong; {_hint(recording, rate, ratio)}"
                 ),
             )
 
@@ -168,8 +168,8 @@ def _hole(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
                 yield (
                     channel,
                     (
-                        f"{ratio:.3g} times the load's weight of {weight:.3g} N: the unit of {channel} or of load_mass is "
-                        f"wrong; {_hint(recording, channel, ratio)}"
+                        f"{ratio:.3g} times the load's weight of {weight:.3g} N: the unit of {channel} or of load_mass "
+                        f"is wrong; {_hint(recording, channel, ratio)}"
                     ),
                 )
 

@@ -1,18 +1,19 @@
 """``cablebench diagnose``: what physics a recording shows that its simulator leaves out."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
 from cablebench.commands.common import console, print_json
+from cablebench.diagnosis_words import lines
 
 INTERRUPTED = 130
 
 
 def diagnose(
     recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json, augmented.yaml and report.html.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json and augmented.yaml.")] = None,
     effects: Annotated[str | None, typer.Option(help="Look for these only: names with commas between.")] = None,
     without: Annotated[str | None, typer.Option(help="Do not look for these: names with commas between.")] = None,
     effect_file: Annotated[Path | None, typer.Option(help="An effect of your own, looked for as well.")] = None,
@@ -39,19 +40,17 @@ def diagnose(
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"
         err.print(f"interrupted: {kept}", markup=False)
         raise typer.Exit(INTERRUPTED) from None
+    record = found.as_json()
     if out is not None:
         found.write(out)
     if as_json:
-        print_json(found.as_json())
+        print_json(record)
         return
-    for line in lines(found):
+    for line in lines(record):
         console().print(line, markup=False)
+    if out is not None:
+        err.print(f"wrote diagnosis.json and {found.augmented_rig} to {out}", markup=False)
 
 
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
-
-
-def lines(found: Any) -> list[str]:
-    """The verdict for a terminal, the sentence first."""
-    return [found.verdict]

@@ -254,14 +254,14 @@ def prepare(recording: Recording, request: Request) -> Question:
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     values = {"viscous": 0.0, "coulomb": 0.0} if recording.rig is None and request.rig is None else {}
     values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request)}
-    for name in (OFFSET,):
-        values[name] = recording.value(name) or 0.0
+    # an augmented rig has the constant force as a tilt of its axis
+    values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
     nominals = [f for f in free_parameters(recording, plant, values, ("mass",), request) if _acts(f.name, recording)]
     # a refit may not do away with a belt that is there: other effects need it
     nominals = [replace(f, low=1e3) if f.name == "belt_stiffness" and f.start > 1e3 else f for f in nominals]
     if OFFSET in recording.nominal:
-        std = recording.nominal[OFFSET].std
+        std = None if request.rig else recording.nominal[OFFSET].std
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0

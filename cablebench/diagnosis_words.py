@@ -1,0 +1,129 @@
+"""A diagnosis in words: for the terminal and at the head of the report, from the verdict's JSON."""
+
+from collections.abc import Mapping
+from typing import Any
+
+VERDICT = {
+    "named": "Something is missing, and it has a name",
+    "equivalence_class": "Something is missing; this recording cannot tell which of a few",
+    "unknown": "Something is missing that no hypothesis explains",
+    "no_detectable_mismatch": "Nothing is missing that this recording could show",
+}
+_SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
+
+
+def plain(name: str) -> str:
+    """``load_dependent_friction`` -> load-dependent friction; ``sensor_bias.force`` -> sensor bias (force)."""
+    effect, _, channel = name.partition(".")
+    words = effect.replace("load_dependent", "load-dependent").replace("position_dependent", "position-dependent")
+    return words.replace("_", " ") + (f" ({channel.replace('_', ' ')})" if channel else "")
+
+
+def number(value: float | None, digits: int = 3) -> str:
+    """A number for a person; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}g}"
+
+
+def shown(value: float | None, unit: str) -> str:
+    """``(0.0031, "s")`` -> 3.1 ms."""
+    if value is None:
+        return "–"
+    name, factor = _SHOWN.get(unit, (unit, 1.0))
+    return f"{factor * value:.3g}" + ("" if name in ("", "1") else f" {name}")
+
+
+def interval(parameter: Mapping[str, Any]) -> str:
+    """``3.0 ms (2.9 to 3.1 ms)``."""
+    low, high = parameter.get("ci95") or (None, None)
+    unit = parameter["unit"]
+    return f"{shown(parameter['value'], unit)} (95 %: {shown(low, unit)} to {shown(high, unit)})"
+
+
+def headline(record: Mapping[str, Any]) -> str:
+    """What is missing and how sure, in one sentence."""
+    verdict, effects = record["verdict"], record["effects"]
+    if verdict == "no_detectable_mismatch":
+        return (
+            "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
+        )
+    if verdict == "unknown":
+        places = record["location"]
+        where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
+        return f"Something is missing, but none of the {len(record['hypotheses'])} hypotheses explains it.{where}"
+    several = " and ".join(_one(effect) for effect in effects)
+    return f"The simulator lacks {several}."
+
+
+def _one(effect: Mapping[str, Any]) -> str:
+    sure = f"{100 * effect['confidence']:.0f} % sure"
+    if effect["alternatives"]:
+        others = " or ".join(plain(n) for n in (effect["name"], *effect["alternatives"]))
+        return f"either {others} ({sure} that it is one of them)"
+    return f"{plain(effect['hypothesis'] or effect['name'])} ({sure})"
+
+
+def cost(record: Mapping[str, Any]) -> str:
+    """What it costs to leave it out: the channel whose held-out error falls most."""
+    worst = max(
+        record["fit"].items(), default=None,
+        key=lambda item: item[1]["heldout_rmse"]["refit"] / max(item[1]["heldout_rmse"]["augmented"], 1e-300),
+    )  # fmt: skip
+    if worst is None:
+        return ""
+    channel, fit = worst
+    held, unit = fit["heldout_rmse"], fit["unit"]
+    floor = shown(fit["noise_floor"], unit)
+    if record["verdict"] not in ("named", "equivalence_class"):
+        return (
+            f"On records that no fit has seen, {plain(channel)} is predicted to {shown(held['refit'], unit)} RMS "
+            f"(at the claimed parameters {shown(held['nominal'], unit)}); its noise is about {floor}."
+        )
+    change = 1.0 - held["augmented"] / max(held["refit"], 1e-300)
+    return (
+        f"To ignore it costs {plain(channel)} on unseen records {shown(held['refit'], unit)} RMS where "
+        f"{shown(held['augmented'], unit)} is possible ({change:.0%} less; the noise is {floor})."
+    )
+
+
+def advice(record: Mapping[str, Any]) -> str:
+    """What to do next."""
+    verdict = record["verdict"]
+    if verdict == "named":
+        rig = record["augmented_rig"]
+        if record["about"]["system"] == "linear_drive":  # no environment has it
+            return f"Take the corrected rig, {rig}: it has the effect and the refitted parameters."
+        return f"Simulate with the corrected rig: gymnasium.make(..., rig='{rig}') has the effect and the refit."
+    if verdict == "equivalence_class":
+        effect = next(e for e in record["effects"] if e["alternatives"])
+        return f"To tell them apart: {effect['separating_experiment']}."
+    if verdict == "unknown":
+        places = record["location"]
+        where = f" where the mismatch is ({places[0]['in_words']})" if places else ""
+        return (
+            f"Look at the rig{where}; then give your own idea as --effect-file. The maps of what is left say "
+            "what shape it must have."
+        )
+    return "Look below for the size that each effect would need for this recording to show it."
+
+
+def lines(record: Mapping[str, Any]) -> list[str]:
+    """The verdict for a terminal, the sentence first."""
+    found = [headline(record)]
+    if cost(record):
+        found.append(cost(record))
+    found.append(advice(record))
+    for effect in record["effects"]:
+        found.append(f"  {plain(effect['hypothesis'])}: {effect['equation']}")
+        found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
+    found += [f"  where: {place['where']}" for place in record["location"][:4]]
+    for name, p in record["absorbed"].items():
+        values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]
+        found.append(f"  {name}: claimed {values[0]}, refitted {values[1]}, with the answer {values[2]}")
+    for channel, fit in record["fit"].items():
+        held, unit = fit["heldout_rmse"], fit["unit"]
+        found.append(
+            f"  {channel}, unseen records, RMS: claimed {shown(held['nominal'], unit)}, refitted "
+            f"{shown(held['refit'], unit)}, with the answer {shown(held['augmented'], unit)}; noise "
+            f"{shown(fit['noise_floor'], unit)}"
+        )
+    return found + [f"  note: {note}" for note in record["notes"]]
