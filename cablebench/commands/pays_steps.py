@@ -131,8 +131,8 @@ def run(study: Study, out: Path, quick: bool, tell: Callable[[str], None], progr
     verdict, rig = augmented(study, out, tell)
     tell(f"diagnosis: {verdict['verdict']}, {', '.join(e['name'] for e in verdict['effects']) or 'no effect'}")
     scores: dict[str, dict[str, list[list[float]]]] = {learner: {s: [] for s in SIMULATORS} for learner in LEARNERS}
-    for learner in LEARNERS:
-        for seed in study.seeds:
+    for seed in study.seeds:
+        for learner in LEARNERS:
             for simulator in SIMULATORS:
                 tell(f"{learner} on the {simulator} simulator, seed {seed}")
                 scores[learner][simulator].append(scored(study, out, learner, simulator, rig, seed, progress))
