@@ -1,7 +1,7 @@
 """``cablebench diagnose``: what physics a recording shows that its simulator leaves out."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,7 +13,7 @@ INTERRUPTED = 130
 
 def diagnose(
     recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
-    out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json and augmented.yaml.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json, augmented.yaml and report.html.")] = None,
     effects: Annotated[str | None, typer.Option(help="Look for these only: names with commas between.")] = None,
     without: Annotated[str | None, typer.Option(help="Do not look for these: names with commas between.")] = None,
     effect_file: Annotated[Path | None, typer.Option(help="An effect of your own, looked for as well.")] = None,
@@ -43,14 +43,22 @@ def diagnose(
     record = found.as_json()
     if out is not None:
         found.write(out)
+        _write_report(out, record, found.traces)
     if as_json:
         print_json(record)
         return
     for line in lines(record):
         console().print(line, markup=False)
     if out is not None:
-        err.print(f"wrote diagnosis.json and {found.augmented_rig} to {out}", markup=False)
+        err.print(f"wrote diagnosis.json, {found.augmented_rig} and report.html to {out}", markup=False)
 
 
 def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _write_report(out: Path, record: dict[str, Any], traces: Any) -> None:
+    from cablebench.diagnosis_page import render
+    from cablebench.store import jsonable, write_atomic
+
+    write_atomic(out / "report.html", render(jsonable(record), traces))

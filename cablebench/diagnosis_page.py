@@ -1,0 +1,68 @@
+"""The HTML report of a diagnosis, from its JSON record and its traces: one file, no network."""
+
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from typing import Any
+
+from cablebench import diagnosis_figures as figures
+from cablebench import diagnosis_words as words
+
+_CHANNELS = 3
+"""Shown over time and along coordinates."""
+
+
+def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
+    """The page; ``traces`` (`diagnosis.verdict.Trace`) are drawn, without them the page has tables only."""
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(plain=words.plain, number=words.number, interval=words.interval)
+    environment.globals.update(shown=words.shown)
+    named = record["verdict"] in ("named", "equivalence_class")
+    shown = [
+        {"text": text, "time": Markup(time), "along": Markup(along)}
+        for text, time, along in _places(record, traces, named)
+    ]
+    last = [row for row in record["leftover"] if row["when"] == "after the model"] or record["leftover"]
+    source = files("cablebench").joinpath("templates/diagnosis.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(source).render(
+        record=record, named=named, title=words.VERDICT[record["verdict"]], headline=words.headline(record),
+        cost=words.cost(record), advice=words.advice(record), places=shown, left=last,
+        errors=Markup(figures.errors(record["fit"], named)), maps=Markup(figures.maps(last, record["fit"])),
+        top=max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), visited=_visited(record),
+    )  # fmt: skip
+
+
+def _places(record: Mapping[str, Any], traces: Sequence[Any], named: bool) -> list[tuple[str, str, str]]:
+    """(sentence, figure over time, figure along coordinates) of the channels that show most of the mismatch."""
+    fitted = [t for t in traces if t.use == "fit"]
+    found = []
+    places = {p["channel"]: p for p in reversed(record["location"])}  # the largest of each channel stays
+    channels = sorted(places, key=lambda c: -places[c]["share_of_all"]) or list(
+        dict.fromkeys(t.channel for t in fitted)
+    )
+    for channel in channels[:_CHANNELS]:
+        own, place = [t for t in fitted if t.channel == channel], places.get(channel)
+        if not own:
+            continue
+        first = next((t for t in own if place and t.record == place["record"]), own[0])
+        text = place["where"] if place else f"{words.plain(channel)} of {first.record}: nothing beyond noise"
+        found.append((text, figures.over_time(first, named), figures.along(own, place, named)))
+    return found
+
+
+def _visited(record: Mapping[str, Any]) -> str:
+    """What the records to fit have seen, in a sentence."""
+    seen = record["visited"]
+    if not seen:
+        return ""
+    ranges = [
+        f"{words.plain(c)} {words.shown(r['low'], r['unit'])} to {words.shown(r['high'], r['unit'])}"
+        for c, r in seen["ranges"].items()
+    ]
+    text = f"{seen['seconds']:.0f} s to fit: {'; '.join(ranges)}"
+    if "reversals" in seen:
+        unit = seen["ranges"][seen["motion"]]["unit"]
+        text += f"; {seen['reversals']} reversals, speeds up to {words.shown(seen['fastest'], unit + '/s')}"
+    return text + "."

@@ -1,0 +1,233 @@
+"""`cablebench diagnose` from a recording's folder to its files, on a drive that this test integrates by itself."""
+
+import json
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from cable_envs.errors import ConfigurationError
+from cable_envs.rigs import load_rig
+from cablebench.commands.app import app
+from diagnosis import engine, locate
+from diagnosis.engine import diagnose, kept_back
+from diagnosis.gate import gate
+from diagnosis.model import Coordinate
+from diagnosis.recording import load_recording
+from diagnosis.verdict import from_json
+from tests import drive_recording as drive
+
+LOOK_FOR = "position_dependent_load,actuator_lag"
+STIFFNESS = 60.0
+
+
+def spring(y, v, t):
+    return STIFFNESS * y
+
+
+@pytest.fixture(scope="module")
+def sprung(tmp_path_factory):
+    """(recording of a drive with a spring that nobody mentions, folder of its diagnosis, the command's result)."""
+    place = tmp_path_factory.mktemp("sprung")
+    recording, out = drive.write(place / "recording", spring), place / "out"
+    words = ["diagnose", str(recording), "--out", str(out), "--json", "--effects", LOOK_FOR]
+    return recording, out, CliRunner().invoke(app, words, catch_exceptions=False)
+
+
+def test_a_hidden_spring_is_named_sized_and_located(sprung):
+    _, out, done = sprung
+    assert done.exit_code == 0
+    record = json.loads(done.stdout)
+    assert record == json.loads((out / "diagnosis.json").read_text())
+    assert (record["schema"], record["verdict"]) == ("cable-diagnosis/1", "named")
+    (effect,) = record["effects"]
+    assert effect["name"] == "position_dependent_load" and effect["confidence"] > 0.9
+    low, high = effect["parameters"]["stiffness"]["ci95"]
+    assert low < STIFFNESS < high and high - low < 0.1 * STIFFNESS
+    for fit in record["fit"].values():
+        assert fit["heldout_rmse"]["augmented"] < 1.15 * fit["noise_floor"]
+    assert record["fit"]["force"]["heldout_rmse"]["refit"] > 1.3 * record["fit"]["force"]["noise_floor"]
+    inside = [b - a for a, b in record["location"][0]["intervals_s"]]
+    assert 0.0 < sum(inside) <= 8.0 and record["location"][0]["share_of_excess"] >= 0.9
+    assert abs(record["absorbed"]["mass"]["after_model"] - drive.MASS) < 0.05
+
+
+def test_nothing_is_written_outside_the_folder_asked_for(sprung):
+    recording, out, _ = sprung
+    assert {f.name for f in out.iterdir()} == {"diagnosis.json", "augmented.yaml", "report.html"}
+    assert {f.name for f in recording.iterdir()} == {"recording.yaml", "run_1.csv", "run_2.csv", "run_3.csv"}
+    assert {f.name for f in recording.parent.iterdir()} == {"recording", "out"}
+
+
+def test_the_augmented_rig_leaves_nothing_to_find(sprung):
+    recording, out, _ = sprung
+    rig = load_rig(out / "augmented.yaml")
+    assert rig.plant == "linear_drive"
+    again = diagnose(recording, rig=out / "augmented.yaml", effects=["actuator_lag", "sensor_scale"])
+    assert again.verdict == "no_detectable_mismatch" and not again.location
+
+
+def test_the_report_is_one_file_that_speaks_of_the_spring(sprung):
+    class Reader(HTMLParser):
+        links, text = [], ""
+
+        def handle_starttag(self, tag, attributes):
+            self.links += [v for k, v in attributes if k in ("src", "href") and not v.startswith("#")]
+
+        def handle_data(self, data):
+            self.text += data
+
+    reader = Reader()
+    reader.feed((sprung[1] / "report.html").read_text())
+    assert reader.links == []
+    assert "The simulator lacks position-dependent load" in reader.text
+    assert "actuator lag" in reader.text and "recorded − refitted" in reader.text
+
+
+def test_a_verdict_comes_back_from_its_json(sprung):
+    record = json.loads((sprung[1] / "diagnosis.json").read_text())
+    assert from_json(record).as_json() == record
+    with pytest.raises(ConfigurationError, match="cable-diagnosis/1"):
+        from_json({**record, "schema": "other"})
+
+
+def test_nothing_missing_is_answered_so_with_the_sizes_that_would_show(tmp_path):
+    recording = drive.write(tmp_path / "recording")
+    found = diagnose(recording, effects=LOOK_FOR.split(","))
+    assert found.verdict == "no_detectable_mismatch" and found.effects == ()
+    size = found.test["minimum_detectable"]["position_dependent_load"]
+    assert size.endswith(" N/m") and 0.01 < float(size.split()[0]) < STIFFNESS
+
+
+def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
+    recording, out = drive.write(tmp_path / "recording", spring), tmp_path / "out"
+
+    def stop(text):
+        if text.startswith("refitting the best"):
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        diagnose(recording, effects=["position_dependent_load"], out=out, tell=stop)
+    assert len(list(out.rglob("*.pickle"))) == 2
+    whole = diagnose(recording, effects=["position_dependent_load"])
+    monkeypatch.setattr("diagnosis.select.refit_and_learn", lambda *a: pytest.fail("a finished step was repeated"))
+    resumed = diagnose(recording, effects=["position_dependent_load"], out=out)
+    assert {**resumed.as_json(), "about": None} == {**whole.as_json(), "about": None}
+    assert not list(out.rglob("*.pickle"))
+
+
+def test_ctrl_c_ends_the_command_with_130(tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(engine, "diagnose", interrupted)
+    done = CliRunner().invoke(app, ["diagnose", str(tmp_path), "--out", str(tmp_path / "out")])
+    assert done.exit_code == 130 and "goes on from there" in done.stderr
+
+
+def _with(rows, column, value):
+    def change(k, table):
+        if k == 0:
+            table[rows, column] = value
+        return table
+
+    return change
+
+
+def _scaled(column, factor):
+    def change(k, table):
+        table[:, column] *= factor
+        return table
+
+    return change
+
+
+def _gap(k, table):
+    return np.delete(table, slice(300, 350), axis=0) if k == 0 else table
+
+
+FAULTS = {
+    "gap": (_gap, r"run_1.csv, channel time, row 301: a gap of 0.51 s"),
+    "dead": (_with(slice(None), 3, 0.25), r"run_1.csv, channel velocity, row 1: constant at 0.25"),
+    "stuck": (_with(slice(200, 260), 2, 0.0123), r"run_1.csv, channel position, row 201: .* stuck"),
+    "outlier": (_with(400, 4, 900.0), r"run_1.csv, channel force, row 401: a jump by"),
+    "empty": (_with(slice(100, 700), 3, np.nan), r"run_1.csv, channel velocity, row 101: 75% of the samples"),
+    "mm": (_scaled(2, 1e3), r"run_1.csv, channel position, row 1: .*'mm' would fit"),
+    "mN": (_scaled(4, 1e3), r"run_1.csv, channel force, row 1: .*'mN' would fit"),
+    "mm/s": (_scaled(3, 1e3), r"run_1.csv, channel velocity, row 1: .*'mm/s' would fit"),
+    "ms": (_scaled(0, 1e3), r"run_1.csv, channel time, row 1: a sample every 10 s; .*'ms' would fit"),
+    "shuffled": (_with(50, 0, 0.1), r"run_1.csv, channel time .* row 51: time must increase"),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_of_the_data_is_named_by_record_channel_and_row(tmp_path, fault):
+    change, message = FAULTS[fault]
+    recording = drive.write(tmp_path / "recording", change=change)
+    with pytest.raises(ConfigurationError, match=message):
+        diagnose(recording)
+
+
+def test_saturation_is_a_fault_and_no_friction(tmp_path):
+    def clipped(k, table):
+        table[:, 4] = np.clip(table[:, 4], -6.0, 6.0)
+        return table
+
+    with pytest.raises(ConfigurationError, match=r"channel force, row \d+: .* highest value 6: saturated"):
+        diagnose(drive.write(tmp_path / "recording", change=clipped))
+
+
+def test_single_empty_cells_are_left_out_and_noted(tmp_path):
+    quality = gate(load_recording(drive.write(tmp_path / "recording", change=_with(slice(100, 103), 3, np.nan))))
+    assert quality.notes == (
+        "run_1.csv, channel velocity, row 101: 3 samples that are empty or marked in doubt are left out",
+    )
+    assert quality.visited["motion"] == "position" and quality.visited["reversals"] > 5
+
+
+def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
+    monkeypatch.setattr("diagnosis.gate.MOST", 2000)
+    with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 samples"):
+        diagnose(drive.write(tmp_path / "recording"))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"effects": ["backlsh"]}, "did you mean 'backlash'"),
+        ({"without": ["coulomb"]}, "did you mean 'coulomb_friction'"),
+        ({"effects": ["backlash"], "without": ["backlash"]}, "no effect is left"),
+        ({"effect_file": "absent.py"}, "no such file"),
+        ({"rig": "gu-inferred"}, "belongs to cable_hole"),
+    ],
+)
+def test_options_that_cannot_be_meant_are_refused(tmp_path, options, message):
+    with pytest.raises(ConfigurationError, match=message):
+        diagnose(drive.write(tmp_path / "recording"), **options)
+
+
+def test_without_heldout_records_the_last_third_of_each_is_kept_back(tmp_path):
+    recording = load_recording(drive.write(tmp_path / "recording", uses=("fit", "fit")))
+    cut, ends = kept_back(recording)
+    assert [len(r.time) for r in cut.used_for("fit")] == [533, 533]
+    question = engine.ask(recording, engine.request_of(recording, ["actuator_lag"]))
+    assert {b.record for b in question.heldout.blocks} == {"run_1.csv", "run_2.csv"}
+    for block in question.heldout.blocks:
+        assert not block.good[block.time < ends[block.record]].any() and block.good[block.time > 5.4].all()
+    for block in question.fit.blocks:
+        assert block.time[-1] < ends[block.record]
+
+
+def test_the_regime_is_where_the_energy_is():
+    t = np.arange(0.0, 20.0, 0.01)
+    position = np.sin(t)
+    speed = Coordinate("speed", "m/s", np.cos(t))
+    along = [Coordinate("position", "m", position), speed]
+    found = locate.regime(along, np.where(speed.values > 0.5, 1.0, 0.001))
+    assert found.coordinate == "speed" and 0.3 < found.low < 0.6 and found.energy >= 0.8
+    text = locate.words(found, "linear_drive", {c.name: c for c in along})
+    assert text.startswith("moving forward, above")
+    assert locate.regime(along, np.ones(len(t))) is None
+    spans, held = locate.intervals(t, np.where((t > 5.0) & (t < 6.0), 1.0, 0.0))
+    assert spans == [[5.0, 6.0]] and held == 1.0
