@@ -159,9 +159,9 @@ def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> l
 def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
     steps = np.abs(np.diff(values[good]))
     usual = float(np.quantile(steps, 0.99))
-    jump = int(np.argmax(steps))
-    if usual <= 0.0 or steps[jump] <= _OUTLIER * usual:
+    if usual <= 0.0 or np.max(steps) <= _OUTLIER * usual:
         return []
+    jump = int(np.argmax(steps > _OUTLIER * usual))  # the way there, not the way back
     row = int(np.flatnonzero(good)[jump + 1]) + 1
     text = f"a jump by {steps[jump]:.3g}, {steps[jump] / usual:.0f} times what 99 % of its steps stay below"
     return [Fault(record, channel, row, text)]

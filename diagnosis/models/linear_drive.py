@@ -252,7 +252,8 @@ def prepare(recording: Recording, request: Request) -> Question:
         raise ConfigurationError(f"{recording.path}: a linear drive's diagnosis needs the channel force or voltage")
     recording.require("position", purpose="a linear drive's diagnosis")
     plant = with_own_effects(plant_for("linear_drive"), request.own)
-    values = {"viscous": 0.0, "coulomb": 0.0} if recording.rig is None and request.rig is None else {}
+    left_out = {"viscous": 0.0, "coulomb": 0.0, "motor_mass": 0.0}
+    values = left_out if recording.rig is None and request.rig is None else {}
     values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request)}
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
@@ -293,7 +294,7 @@ def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) 
 
 
 def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
-    """Friction is left out of the model where nobody names it."""
+    """Friction, and a motor's inertia apart from the mass, are left out of the model where nobody names them."""
     named = {*recording.known, *recording.nominal, *(request.rig or {})}
     return {name: value for name, value in values.items() if name not in named}
 
