@@ -89,7 +89,7 @@ def trained(study: Study, out: Path, simulator: str, rig: Mapping[str, Any], see
     from agents.train import Interrupted, train
 
     options = {**study.simulator_options(simulator, rig), "randomize": False}
-    settings = load_settings(AGENT, ENV, study.steps, options, {"curriculum": {}})
+    settings = load_settings(AGENT, ENV, study.steps, options)
     name = f"{AGENT}, {simulator}, seed {seed}"
     folder = out / "agents" / f"{simulator}-{seed}"
     try:
