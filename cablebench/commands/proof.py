@@ -22,6 +22,7 @@ def proof(
     out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path("proof"),
     quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
     cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
+    first: Annotated[int | None, typer.Option(help="Only so many of the plan; its order is random.", min=1)] = None,
     system: Annotated[list[str] | None, typer.Option(help="Only this system; may be repeated.")] = None,
     seed: Annotated[int, typer.Option(help="Of the plan; calibration uses others.", min=0)] = 5,
     jobs: Annotated[int, typer.Option(help="Recordings at a time.", min=1)] = 1,
@@ -39,10 +40,10 @@ def proof(
 
     systems = tuple(dict.fromkeys(system or SYSTEMS))
     require_known("system", systems, SYSTEMS)
-    asked = _asked(quick, cases, systems, seed)
+    asked = _asked(quick, cases, first, systems, seed)
     methods = _methods(tool, baselines)
     try:
-        manifest = _make(out, quick, cases, systems, seed, jobs, asked)
+        manifest = _make(out, _plan(quick, cases, first, systems, seed), jobs, asked)
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
@@ -72,20 +73,17 @@ def _methods(tool: bool, baselines: bool) -> list[str]:
     return ([TOOL] if tool else []) + (list(BASELINES) if baselines else [])
 
 
-def _asked(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> str:
+def _asked(quick: bool, cases: int | None, first: int | None, systems: Sequence[str], seed: int) -> str:
     words = ["cablebench", "proof"] + (["--quick"] if quick else [])
     words += ["--cases", str(cases)] if cases is not None else []
+    words += ["--first", str(first)] if first is not None else []
     for name in systems:
         words += ["--system", name]
     return shlex.join([*words, "--seed", str(seed)])
 
 
-def _make(
-    out: Path, quick: bool, cases: int | None, systems: Sequence[str], seed: int, jobs: int, asked: str
-) -> dict[str, Any]:
-    """Recordings, sealed keys, manifest."""
+def _plan(quick: bool, cases: int | None, first: int | None, systems: Sequence[str], seed: int) -> list[Any]:
     from diagnosis.proof.cases import plan
-    from diagnosis.proof.run import make_one, write_manifest
 
     if quick:
         wanted = plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
@@ -93,6 +91,13 @@ def _make(
         wanted = plan(systems, cases, max(5 * cases, 10), seed)
     else:
         wanted = plan(systems, seed=seed)
+    return wanted[:first]
+
+
+def _make(out: Path, wanted: Sequence[Any], jobs: int, asked: str) -> dict[str, Any]:
+    """Recordings, sealed keys, manifest."""
+    from diagnosis.proof.run import make_one, write_manifest
+
     lines = {}
     with progress_bar() as update, open_backend("local", jobs) as backend:
         for done in backend.run([Job(c.name, make_one, {"case": c, "out": str(out)}) for c in wanted]):
