@@ -44,12 +44,12 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
         "ladder": ladder_table(fit, rungs), "inside": list(inside(rungs)), "refused": rungs[-1].refused,
         "equations": {name: known[name].equation for name in inside(rungs)},
         "parameters": parameters(full, stretches_of(heldout, full)),
+        "figures": {"record": traces(heldout, uses, SHOWN)},
         "concealed": concealed(fit, heldout, rungs, tell),
         "feedforward": replayed(heldout, uses),
         "pitch": pitch(folder, full.free, full.values),
         "published": PUBLISHED,
         "compare": compare(recording, full.free, full.values, controls=controls, tell=tell),
-        "figures": {"record": traces(heldout, uses, SHOWN)},
     }  # fmt: skip
 
 

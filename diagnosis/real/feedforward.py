@@ -87,7 +87,7 @@ def replayed(model: TransmissionModel, uses: Mapping[str, Mapping[str, float]]) 
 
 def traces(model: Model, values: Mapping[str, Mapping[str, float]], record: str, every: int = 2) -> dict[str, Any]:
     """One record for a figure: measured, predicted and commanded by the simulators in ``values``; deg and mN m."""
-    run = next(r for r in model.runs if r.blocks[0].record == record)
+    number, run = next((k, r) for k, r in enumerate(model.runs) if r.blocks[0].record == record)
     cut = slice(None, None, every)
     angle, wrench = run.blocks
     found: dict[str, Any] = {
@@ -96,7 +96,7 @@ def traces(model: Model, values: Mapping[str, Mapping[str, float]], record: str,
         "output_angle_deg": (DEG * angle.measured[cut]).tolist(),
         "output_torque_mnm": (MNM * wrench.measured[cut]).tolist(),
     }  # fmt: skip
-    place = 2 * model.runs.index(run)
+    place = 2 * number
     for name, one in values.items():
         predicted = model.predict(np.array([[one[p.name]] for p in model.parameters]))
         found[f"{name}_angle_deg"] = (DEG * predicted[place][cut, 0]).tolist()
