@@ -42,7 +42,7 @@ def test_a_hidden_spring_is_named_sized_and_located(sprung):
     assert record == json.loads((out / "diagnosis.json").read_text())
     assert (record["schema"], record["verdict"]) == ("cable-diagnosis/1", "named")
     (effect,) = record["effects"]
-    assert effect["name"] == "position_dependent_load" and effect["confidence"] > 0.9
+    assert effect["name"] == "position_dependent_load" and effect["confidence"] > 0.7
     low, high = effect["parameters"]["stiffness"]["ci95"]
     assert low < STIFFNESS < high
     assert high - low < 0.25 * STIFFNESS  # 1.96 x 4 % either way is for the formulation (`confidence.FORM`)
