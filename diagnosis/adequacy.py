@@ -15,6 +15,7 @@ from scipy.stats import chi2
 
 from diagnosis.likelihood import Judged
 from diagnosis.model import Block, Model
+from diagnosis.screen import basis
 
 BUMPS = 7
 """Along each coordinate, over quantiles of its values."""
@@ -57,7 +58,7 @@ class Adequacy:
 
 def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = None) -> Adequacy:
     """Look for structure in what a refit leaves. ``stated``: channel -> standard deviation of its noise, SI."""
-    span = _basis(_jacobian(judged))
+    span = basis(judged.fit.jacobian)
     white = judged.whitener.flat(model.blocks, judged.raw)
     white = white - span @ (span.T @ white)
     found = []
@@ -71,18 +72,6 @@ def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = Non
     excess = max([f.gain - f.functions for f in found if tests * f.p_value < SURE], default=0.0)
     over = _over_noise(model.blocks, judged, stated or {})
     return Adequacy(p, excess, tuple(sorted(found, key=lambda f: f.p_value)), over)
-
-
-def _jacobian(judged: Judged) -> np.ndarray:
-    return judged.fit.jacobian
-
-
-def _basis(jacobian: np.ndarray) -> np.ndarray:
-    size = np.linalg.norm(jacobian, axis=0)
-    if not np.any(size > 0.0):
-        return np.zeros((len(jacobian), 0))
-    u, s, _ = np.linalg.svd(jacobian[:, size > 0.0] / size[size > 0.0], full_matrices=False)
-    return u[:, s > 1e-8 * s[0]]
 
 
 def _families(blocks: Sequence[Block], raw: Sequence[np.ndarray], channel: str):

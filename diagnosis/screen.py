@@ -95,7 +95,7 @@ def screen(
     whitener = whitener or _without_the_explained(model.blocks, base.raw, changes)
     change = whitener.flat(model.blocks, changes)
     change[:, ~np.isfinite(change).all(axis=0)] = 0.0
-    span = _basis(change[:, len(owners) :])
+    span = basis(change[:, len(owners) :])
     white = whitener.flat(model.blocks, base.raw)
     residual = white - span @ (span.T @ white)
     change = change[:, : len(owners)]
@@ -138,7 +138,7 @@ def _without_the_explained(
     return learn_whitener(blocks, [r - c[:, use] @ found[use] for r, c in zip(raw, changes, strict=True)])
 
 
-def _basis(jacobian: np.ndarray) -> np.ndarray:
+def basis(jacobian: np.ndarray) -> np.ndarray:
     """Orthonormal basis [samples, rank] of the columns that are not zero."""
     size = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian[:, size > 0.0] / size[size > 0.0]
