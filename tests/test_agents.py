@@ -379,12 +379,16 @@ def test_policy_for_other_channels_is_refused(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(("env_id", "share"), [(HOLE, 0.1), ("cable_envs/PulleyCircuit-Position-Sine-v0", 0.5)])
 def test_ppo_learns_to_track(env_id, share, tmp_path):
-    """With configs/agents/ppo.yaml and under half its steps: the error is a share of the open loop's."""
+    """With configs/agents/ppo.yaml as it is: the error on the paper's rig is a share of the open loop's.
+
+    All the steps of the file: its rigs are randomised, and what is learned shows while the learning rate falls to zero.
+    With 400 000 the hole's seed 0 was left at 0.0010 m; the boards' three policies are at 0.00004 to 0.00010 m.
+    """
     from cablebench.actors import PolicyActor
     from cablebench.entrants import controller_entrant
     from cablebench.evaluate import run_episode
 
-    policy = train(load_settings("ppo", env_id, 400_000), 0, tmp_path)
+    policy = train(load_settings("ppo", env_id), 0, tmp_path)
     env = gym.make(env_id, sensor_noise=True)
     learned = run_episode(env, PolicyActor(policy), seed=0)
     open_loop = run_episode(env, controller_entrant("open-loop").make(env.unwrapped.setup), seed=0)
