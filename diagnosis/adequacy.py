@@ -3,18 +3,24 @@
 For every channel, bumps along each coordinate of its blocks (speed, position, tension, time since reversal, ...), the
 same with the sign of the direction, and slow waves of the elapsed time are filtered as the residual is, freed of what
 the parameters can still absorb, and regressed on. Under the right model the fall of the sum of squares is chi-square
-with as many degrees as functions. A single line of the spectrum is looked for beside it (Fisher's test). Where the
-recording states its noise, what is left is also held against that: the only test that sees white physics.
+with as many degrees as functions. A single line of the spectrum is looked for beside it (Fisher's test).
+
+A mismatch that lasts is colour to a noise that is learnt from it: a bias an endless memory, a vibration a resonance.
+So the functions are taken out of the residual, the noise is learnt again from what is left, and the fall of the
+deviance (`diagnosis.likelihood`) counts where it is larger.
+
+Where the recording states its noise, what is left is also held against that: the only test that sees white physics.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.likelihood import Judged
-from diagnosis.model import Block, Model
+from diagnosis.likelihood import Judged, deviance
+from diagnosis.model import Block, Model, Whitener, learn_whitener
 from diagnosis.screen import basis
 
 BUMPS = 7
@@ -24,6 +30,11 @@ SLOW = 6
 SURE = 1e-3
 """Familywise p-value below which something is left."""
 _NOT_MAPPED = ("direction",)
+_APART = 1e-3
+"""Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
+that rounding follows what was measured."""
+LINES = 3
+"""Peaks of the spectrum that are looked at."""
 
 
 @dataclass(frozen=True)
@@ -117,7 +128,8 @@ def _without_noise(block: Block, values: np.ndarray, left: np.ndarray) -> np.nda
 def _places(values: np.ndarray) -> np.ndarray:
     if not len(values) or np.ptp(values) == 0.0:
         return np.empty(0)
-    return np.unique(np.quantile(values, np.linspace(0.02, 0.98, BUMPS)))
+    found = np.quantile(values, np.linspace(0.02, 0.98, BUMPS))
+    return found[np.r_[True, np.diff(found) > _APART * (found[-1] - found[0])]]
 
 
 def _bumps(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -136,7 +148,7 @@ def _regressed(model, judged, span, white, channel, named, columns, at) -> Lefto
     if rank == 0:
         return Leftover(channel, *named, 0.0, 0, 1.0)
     parts = u[:, sound].T @ white
-    gain = float(parts @ parts)
+    gain = max(float(parts @ parts), _relearned(model, judged, channel, columns))
     p = float(chi2.sf(gain, rank))
     height, error = (), ()
     if len(at):
@@ -145,24 +157,52 @@ def _regressed(model, judged, span, white, channel, named, columns, at) -> Lefto
     return Leftover(channel, *named, gain, rank, p, tuple(at), height, error)
 
 
+def _relearned(model, judged, channel: str, columns) -> float:
+    """Fall of the channel's deviance when the functions are taken out and the noise is learnt from what is left."""
+    own = [(b, r, columns[id(b)]) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel
+           and id(b) in columns]  # fmt: skip
+    others = [(b, r, None) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel
+              and id(b) not in columns]  # fmt: skip
+    blocks, raw = [b for b, *_ in own + others], [r for _, r, _ in own + others]
+    count = own[0][2].shape[1]
+    series = [np.zeros((len(r), count)) if c is None else c for _, r, c in own + others]
+    noise = Whitener({channel: judged.whitener.noise[channel]})
+    before = deviance(blocks, learn_whitener(blocks, raw))
+    for _ in range(2):
+        amount = np.linalg.lstsq(noise.flat(blocks, series), noise.flat(blocks, raw), rcond=1e-6)[0]
+        noise = learn_whitener(blocks, [r - c @ amount for r, c in zip(raw, series, strict=True)])
+    return before - deviance(blocks, noise)
+
+
 def _line(model, judged, white, channel) -> Leftover:
-    """The strongest line of the whitened residual's spectrum, over all records of a channel together."""
-    first, power, width = 0, [], None
-    for block in model.blocks:
-        own = white[first : first + len(block.time)]
-        first += len(block.time)
-        if block.channel == channel:
-            width = width or 2 * len(own)
-            spectrum = np.abs(np.fft.rfft(own, width)) ** 2 / max(float(np.sum(own != 0.0)), 1.0)
-            power.append(spectrum[1:-1])
-            period = float(np.median(np.diff(block.time)))
-    count = len(power)
-    total = 2.0 * np.sum(power, axis=0)
-    k = int(np.argmax(total))
-    gain, tests = float(total[k]), 0.5 * len(total)
+    """The strongest line of a channel's spectrum, over all its records together, each with its own phase."""
+    blocks = [b for b in model.blocks if b.channel == channel]
+    raw = [r for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel]
+    period = float(np.median(np.diff(blocks[0].time)))
+    width = 2 * max(len(b.time) for b in blocks)
+    edges = np.cumsum([0, *(len(b.time) for b in model.blocks)])
+    whole = [
+        white[a:b] for a, b, block in zip(edges, edges[1:], model.blocks, strict=False) if block.channel == channel
+    ]
+    simple = learn_whitener(blocks, raw, 1).flat(blocks, raw)
+    ends = np.cumsum([0, *(len(b.time) for b in blocks)])
+    coarse = [simple[a:b] for a, b in pairwise(ends)]
+    best, tests = (0.0, 0), 0.25 * width
+    for series, relearn in ((whole, False), (coarse, True)):
+        power = sum(np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
+        for k in np.argsort(power)[::-1][: LINES if relearn else 1]:
+            at = 2.0 * np.pi * (k + 1) / (width * period)
+            gain = 2.0 * float(power[k])
+            if relearn:
+                gain = sum(
+                    _relearned(model, judged, channel, {id(b): np.c_[np.cos(at * b.time), np.sin(at * b.time)]})
+                    for b in blocks
+                )
+            best = max(best, (gain, int(k)))
+    gain, k = best
+    count = len(blocks)
     p = float(-np.expm1(tests * np.log1p(-min(chi2.sf(gain, 2 * count), 1.0 - 1e-12))))
-    frequency = (k + 1) / (width * period)
-    return Leftover(channel, "frequency", "Hz", gain, 2 * count, p, (frequency,))
+    return Leftover(channel, "frequency", "Hz", gain, 2 * count, p, ((k + 1) / (width * period),))
 
 
 def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.model import Model, Whitener, learn_whitener, residuals
+from diagnosis.model import Block, Model, Whitener, learn_whitener, residuals
 from diagnosis.noise import PRICE, memory
 from diagnosis.refit import Fit, Start, refit
 
@@ -34,11 +34,11 @@ def raw_residuals(model: Model, fit: Fit) -> list[np.ndarray]:
     return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]
 
 
-def deviance(model: Model, whitener: Whitener) -> float:
+def deviance(blocks: Sequence[Block], whitener: Whitener) -> float:
     """Of residuals whose noise ``whitener`` learnt; see the module."""
     total = 0.0
     for channel, noise in whitener.noise.items():
-        own = [block.good for block in model.blocks if block.channel == channel]
+        own = [block.good for block in blocks if block.channel == channel]
         longest = memory([len(good) for good in own])
         count = sum(_usable(good, longest) for good in own)
         total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers
@@ -55,7 +55,7 @@ def judge(model: Model, fit: Fit) -> Judged:
     """The deviance of a refit under the noise that it leaves."""
     raw = raw_residuals(model, fit)
     whitener = learn_whitener(model.blocks, raw)
-    return Judged(fit, tuple(raw), whitener, deviance(model, whitener))
+    return Judged(fit, tuple(raw), whitener, deviance(model.blocks, whitener))
 
 
 def refit_and_learn(model: Model, starts: Sequence[Start], rounds: int = 2) -> Judged:
@@ -76,4 +76,4 @@ def settled(model: Model, judged: Judged, iterations: int = 2) -> Judged:
     fit = refit(model, judged.whitener, [again], iterations)[0]
     raw = raw_residuals(model, fit)
     last = learn_whitener(model.blocks, raw)
-    return Judged(fit, tuple(raw), judged.whitener, min(deviance(model, last), judged.deviance))
+    return Judged(fit, tuple(raw), judged.whitener, min(deviance(model.blocks, last), judged.deviance))

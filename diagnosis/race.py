@@ -1,6 +1,6 @@
 """Refits of many hypotheses around one model, all in one batch; those that fall behind are given up early."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,13 +42,17 @@ class Candidate:
         return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
 
 
-def race(model: Model, base: Judged, screening: Screening, least: float = 0.0) -> list[Candidate]:
+def race(
+    model: Model, base: Judged, screening: Screening, least: float = 0.0, without: Collection[str] = ()
+) -> list[Candidate]:
     """Candidates on top of ``base``, the worthiest first; each with the noise that it leaves.
 
-    least: gain that will be asked; what has not a share of it (`HOPE`) by its score is not refitted.
+    least: gain that will be asked; what has not a share of it (`HOPE`) by its score is not refitted. without: names of
+    hypotheses that do not take part.
     """
-    chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:RIVALS]
-    top = chosen[0].gain
+    running = [s for s in screening.best.values() if s.hypothesis.name not in without]
+    chosen = sorted(running, key=lambda s: -s.gain)[:RIVALS]
+    top = chosen[0].gain if chosen else 0.0
     chosen = [s for s in chosen if s.gain >= max(HOPE * least, WORTH * top)]
     starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
     if not starts:

@@ -31,7 +31,9 @@ class Rules:
     """What is asked of an answer; found on recordings that no proof uses (docs/diagnosis.md).
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
+    further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
+    races     | times that what was behind a refused hypothesis may race again
     margin    | fall of the deviance by which an effect must beat another to be told from it
     left_p    | familywise p-value below which what is left is not noise
     left      | share of all that was to be explained, which may be left when something is named
@@ -40,6 +42,7 @@ class Rules:
     """
 
     gain: float = 25.0
+    further: float = 60.0
     each: float = 4.0
     share: float = 0.15
     margin: float = 8.0
@@ -47,6 +50,7 @@ class Rules:
     left: float = 0.22
     over: float = 1.08
     most: int = 2
+    races: int = 3
 
 
 @dataclass(frozen=True)
@@ -117,9 +121,8 @@ def select(
         screenings.append(screening)
         tell("refitting the best of them")
         so_far = null.deviance - best.deviance
-        candidates = keep("race", partial(race, fit, best, screening, max(rules.gain, rules.share * so_far)))
-        tried.append(tuple(candidates))
-        found = _first(fit, heldout, best, screening, candidates, rules, so_far, refused)
+        found, races = _raced(fit, heldout, best, screening, rules, so_far, refused, keep)
+        tried += races
         if found is None:
             break
         chosen.append((found.hypothesis, found.judged))
@@ -148,8 +151,28 @@ def _adequate(after: Adequacy, gain: float, rules: Rules) -> bool:
     return after.excess < rules.left * gain and after.over_noise <= rules.over + 0.1
 
 
-def _least(hypothesis: Hypothesis, rules: Rules, so_far: float) -> float:
-    return max(rules.gain + rules.each * (len(hypothesis.free) - 1), rules.share * so_far)
+def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:
+    """Least gain of a hypothesis (of any, for None) on top of effects that gained ``so_far``."""
+    numbers = 0 if hypothesis is None else len(hypothesis.free) - 1
+    return max((rules.further if so_far > 0.0 else rules.gain) + rules.each * numbers, rules.share * so_far)
+
+
+def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
+    """(the best candidate to which nothing is to be objected or None, all races).
+
+    A hypothesis that gains most and is refused must not hide the others, which were given up because of its gain: they
+    race again without it.
+    """
+    races, out = [], set()
+    least = _least(None, rules, so_far)
+    while len(races) < rules.races:
+        candidates = keep("race", partial(race, fit, base, screening, least, frozenset(out)))
+        races.append(tuple(candidates))
+        found = _first(fit, heldout, base, screening, candidates, rules, so_far, refused)
+        if found is not None or not any(c.gain >= least for c in candidates):
+            return found, races
+        out |= {c.hypothesis.name for c in candidates}
+    return None, races
 
 
 def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) -> Candidate | None:
@@ -188,9 +211,8 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep):
         base = keep("rest", partial(refit_and_learn, fit, [start], 1))
         left = [h for h in hypotheses if h is doubtful[0] or h.name not in {h.name for h, _ in chosen}]
         screening = keep("screen", partial(screen, fit, base, left, rng))
-        candidates = keep("race", partial(race, fit, base, screening))
-        tried.append(tuple(candidates))
-        found = _first(fit, heldout, base, screening, candidates, rules, null.deviance - base.deviance, {})
+        found, races = _raced(fit, heldout, base, screening, rules, null.deviance - base.deviance, {}, keep)
+        tried += races
         if found is None:
             chosen, sure = [(h, base) for h, _ in rest], {h.name for h, _ in rest[1:]}
         elif found.hypothesis is doubtful[0] or found.judged.deviance >= last.deviance:

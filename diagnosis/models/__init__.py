@@ -4,6 +4,7 @@ A module lays the records on an even clock, drives the system's kernel by what w
 the other channels. Everything after that (refit, screening, selection, localisation, verdict) knows no system.
 """
 
+from dataclasses import replace
 from importlib import import_module
 
 from cable_envs.errors import ConfigurationError
@@ -20,8 +21,24 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
     if recording.system not in _MODULES:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
+    request = request or Request()
     if recording.system == "pulley_circuit" and transmission.fits(recording):
-        return transmission.prepare(recording, request or Request())
-    special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
-    module = import_module(f"diagnosis.models.{(special or [_MODULES[recording.system]])[0]}")
-    return module.prepare(recording, request or Request())
+        question = transmission.prepare(recording, request)
+    else:
+        special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
+        module = import_module(f"diagnosis.models.{(special or [_MODULES[recording.system]])[0]}")
+        question = module.prepare(recording, request)
+    _stated_is_white(recording, question)
+    return question
+
+
+def _stated_is_white(recording: Recording, question: Question) -> None:
+    """Channels whose noise the recording states are noisy from sample to sample: what lasts longer is no noise there.
+
+    Else a bias is an endless memory of the noise, a slow mismatch its colour, and each costs a few numbers only.
+    """
+    for model in (question.fit, question.heldout):
+        for k, block in enumerate(model.blocks):
+            channel = recording.channels.get(block.channel)
+            if channel is not None and channel.noise_std is not None:
+                model.blocks[k] = replace(block, memory=0)

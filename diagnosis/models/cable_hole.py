@@ -17,6 +17,8 @@ from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.common import (
+    SETTLING,
+    at_first,
     augmented_rig,
     claimed,
     free_parameters,
@@ -34,8 +36,6 @@ from diagnosis.recording import CHANNELS, Record, Recording
 SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the
 cable turns by 0.2 rad in each. Measured on records with nothing wrong: finer steps change no residual."""
-SETTLING = 0.5
-"""s at the start of a record that do not count."""
 AS_FRICTION = ("load_dependent_friction.coefficient", "extrusion_delta")
 """Parameters of effects that change nothing but the tension ratio, as the coefficient of friction does."""
 STIFF = 1.5e5
@@ -119,7 +119,8 @@ def _model(
 def _run(recording: Recording, record: Record, values, period: float, substeps: int, signals: Sequence[str]) -> Run:
     names = [name for name in recording.channels if name != "time"]
     time, seen = resample(record, period, names)
-    early = time - time[0] <= SETTLING
+    place = next((n for n in ("load_position", "drive_position") if n in seen), None)
+    early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values))
     if "drive_velocity_command" in seen:
         usable = record.usable("drive_velocity_command")
         spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
@@ -137,10 +138,11 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
         if name in ("load_mass", "wrap_angle") and not isinstance(value, str):
             given[name] = value
     weight = given.get("load_mass", values["load_mass"]) * values["gravity"] * values["load_gravity"]
+    quiet = time - time[0] <= SETTLING
     if "load_position" in seen:
-        start = float(np.mean(seen["load_position"].values[early]))
+        start = float(np.mean(seen["load_position"].values[quiet]))
     elif "drive_position" in seen:
-        start = float(np.mean(seen["drive_position"].values[early])) - weight / values["cable_stiffness"]
+        start = float(np.mean(seen["drive_position"].values[quiet])) - weight / values["cable_stiffness"]
     else:
         start = 0.0
     along = _coordinates(time, seen, period)

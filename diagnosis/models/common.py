@@ -74,6 +74,12 @@ def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np
     return time, found
 
 
+SETTLING = 0.5
+"""s at the start of a record that do not count."""
+LEFT = 0.03
+"""Share of a record's range of positions by which it must have left its first place."""
+
+
 def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED) -> np.ndarray:
     """Speed [T] from positions [T], by quadratics over ``seconds`` (Savitzky and Golay, Anal. Chem. 36 (1964) 1627)."""
     width = min(2 * max(round(0.5 * seconds / period), 2) + 1, 2 * ((len(position) - 1) // 2) + 1)
@@ -106,6 +112,18 @@ def motion_coordinates(time: np.ndarray, position: np.ndarray, unit: str = "m") 
         Coordinate("position", unit, position),
         Coordinate("time since reversal", "s", time_since_reversal(time, direction)),
     )
+
+
+def at_first(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+    """Samples [T] at a record's start that do not count: `SETTLING`, and until the position [T] has left its place.
+
+    What friction holds at rest (a torque, a tension, a stretch) was left there by what happened before the record.
+    """
+    found = time - time[0] <= SETTLING
+    away = np.abs(position - np.median(position[found])) > LEFT * np.ptp(position)
+    if np.any(away):
+        found |= time <= time[int(np.argmax(away & ~found))]
+    return found
 
 
 def time_since_reversal(time: np.ndarray, direction: np.ndarray) -> np.ndarray:

@@ -28,6 +28,7 @@ from diagnosis.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model import Block, Free
 from diagnosis.models.common import (
     Sampled,
+    at_first,
     augmented_rig,
     free_parameters,
     motion_coordinates,
@@ -40,8 +41,6 @@ from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import delayed
 from diagnosis.recording import Record, Recording
 
-SETTLING = 0.5
-"""s at the start of a record that do not count: the state at its start is not known."""
 FINE = 2
 """Input steps in each sample."""
 EXPLAINED = 2.0
@@ -103,7 +102,7 @@ class DriveModel:
         time, series = resample(record, self.period, sorted(needs))
         self._runs.append(_run(time, series, self.period, None if self.closed else self.effort))
         along = motion_coordinates(time, series["position"].values, "m")
-        late = time - time[0] > SETTLING
+        late = ~at_first(time, series["position"].values)
         for channel in self.channels:
             got = series[channel]
             self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along))

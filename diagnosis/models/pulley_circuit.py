@@ -18,6 +18,7 @@ from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.common import (
+    at_first,
     augmented_rig,
     claimed,
     free_parameters,
@@ -39,8 +40,6 @@ EASY = 2e4
 """N"""
 STIFF = 4e4
 """N: a cable claimed to be this stiff is claimed not to stretch, which may be wrong."""
-SETTLING = 0.5
-"""s at the start of a record that do not count."""
 LEAD = 30
 """Control steps at rest before a record, in which the circuit finds its balance."""
 SIGNALS = {
@@ -48,6 +47,8 @@ SIGNALS = {
     "output_torque": "output_torque", "tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom",
 }  # fmt: skip
 """channel -> signal of the plant"""
+PLACES = ("output_angle", "drive_angle", "drive_angle_command")
+"""Channels that say where the circuit is, the best first."""
 REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom")
 SERVO = ("servo_frequency", "servo_damping_ratio")
 
@@ -108,7 +109,7 @@ def _model(
 
 def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
-    early = time - time[0] <= SETTLING
+    early = at_first(time, seen[next(n for n in PLACES if n in seen)].values)
     if "drive_angle_command" in seen:
         command, rate = seen["drive_angle_command"].values, None
     else:
@@ -126,7 +127,7 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:
     """Of the output's motion, or else the drive's; and of the torque."""
-    place = next(n for n in ("output_angle", "drive_angle", "drive_angle_command") if n in seen)
+    place = next(n for n in PLACES if n in seen)
     found = motion_coordinates(time, seen[place].values, "rad")
     pull = next((n for n in ("output_torque", "drive_torque") if n in seen), None)
     if pull is None:

@@ -59,7 +59,8 @@ def random_rig(system: str, rng: np.random.Generator, effects: tuple[Missing, ..
 def _drive(rng, names, known) -> TrueRig:
     total, share = _between(rng, 3.0, 12.0), rng.uniform(0.1, 0.3)
     viscous = 0.0 if "viscous" in known or rng.random() < 0.15 else _between(rng, 10.0, 50.0)
-    dry = "coulomb" not in known and ("stribeck_friction" in names or rng.random() > 0.15)
+    rubs = names & {"stribeck_friction", "asymmetric_friction"}  # a difference alone would push in one direction
+    dry = "coulomb" not in known and (bool(rubs) or rng.random() > 0.15)
     coulomb = _between(rng, 3.0, 12.0) if dry or "friction_drift" in names or "presliding_hysteresis" in names else 0.0
     wide = rng.uniform(25.0, 45.0)  # rad/s, closed loop
     values = {
