@@ -182,7 +182,7 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection, known: 
 
 
 def _probed(score: Score, row: str) -> float:
-    return score.hypothesis.probes[score.probe][0].get(row, score.hypothesis.nulls[row])
+    return score.directions[0].get(row, score.hypothesis.nulls[row])
 
 
 def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]) -> tuple[dict[str, Any], ...]:

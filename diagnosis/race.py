@@ -11,7 +11,7 @@ from diagnosis.model import Model, learn_whitener
 from diagnosis.refit import Fit, Start, refit
 from diagnosis.screen import Score, Screening
 
-RIVALS = 8
+RIVALS = 10
 """Best-scored hypotheses that are refitted."""
 STARTS = 2
 """Starts of each, from its best-scored probes."""
@@ -19,7 +19,7 @@ BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
-HOPE, WORTH = 0.4, 0.1
+HOPE, WORTH = 0.4, 0.05
 """Shares of the gain that is asked, and of the best score, that a hypothesis must have by its score to be refitted.
 Scores are of first order: a refit may double them."""
 BENT = 1.5
@@ -86,11 +86,10 @@ def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list
     hypothesis = score.hypothesis
     free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
     own = sorted((s for s in screening.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
-    found = [_suggested(model, own[0])]
+    found = [_suggested(model, base, own[0])]
     as_is = max(own, key=lambda s: s.as_is)
-    single = len(hypothesis.probes[as_is.probe]) == 1
-    second = dict(hypothesis.probes[as_is.probe][0]) if single and as_is.as_is > 0.0 else None
-    for values in (second, *(_suggested(model, probe) for probe in own[1:])):
+    second = dict(as_is.directions[0]) if len(as_is.directions) == 1 and as_is.as_is > 0.0 else None
+    for values in (second, *(_suggested(model, base, probe) for probe in own[1:])):
         if values is not None and values not in found and len(found) < STARTS:
             found.append(values)
     starts = [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
@@ -107,10 +106,10 @@ def _believed(model: Model, base: Fit) -> dict[str, float]:
     return {name: p.start for name, p in known.items()} if far else {}
 
 
-def _suggested(model: Model, score: Score) -> Mapping[str, float]:
+def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:
     bounds = {p.name: p for p in model.parameters}
     suggested = {}
-    directions = score.hypothesis.probes[score.probe]
+    directions = score.directions
     if len(directions) == 2 and PHASE in directions[0]:  # a wave: sine and cosine parts are a size and a phase
         (sine, cosine), (size,) = score.amount, [n for n in directions[0] if n in score.hypothesis.nulls]
         height = bounds[size].clip(directions[0][size] * float(np.hypot(sine, cosine)))
@@ -119,6 +118,10 @@ def _suggested(model: Model, score: Score) -> Mapping[str, float]:
         for name, value in direction.items():
             null = score.hypothesis.nulls.get(name)
             size = min(max(abs(amount), 0.05), 10.0)
+            if name in base.free and name not in score.hypothesis.names:  # what hides the effect goes along
+                moved = value - base.values[name] + score.absorbed.get(name, 0.0)
+                suggested[name] = bounds[name].clip(base.values[name] + size * moved)
+                continue
             if amount < 0.0:  # the wrong way: the other side of the null, or close to it where there is none
                 one_way = null is not None and null in (bounds[name].low, bounds[name].high)
                 size = 0.05 if one_way else -size

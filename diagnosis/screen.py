@@ -5,31 +5,40 @@ probe, so a score is the improvement beyond the refit. p-values are familywise: 
 all probes under noise alone, drawn from the Gram matrix of the probes.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.hypotheses import Hypothesis
+from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged
 from diagnosis.model import Block, Model, Whitener, learn_whitener
-from diagnosis.refit import STEP
+from diagnosis.refit import STEP, Fit
 
 DRAWS = 2000
+ZOOMS = 3
+"""Times that a hypothesis is probed nearer to the size that its score suggests."""
+NEAR = 0.6
+"""Share of a probe's size, or its inverse, between which it is near enough."""
+HIDDEN = 30.0
+"""Degrees to what the free parameters can do, below which they go along."""
+FAR = 0.1
+"""Least share of a probe's size at which it is probed next: beyond that a score says nothing of the size."""
 
 
 @dataclass(frozen=True)
 class Score:
     """One probe of one hypothesis.
 
+    directions    | the probe: parameters that differ from the model's, one mapping for each direction
     gain          | fall of the whitened sum of squares, to first order
     amount        | best multiple of the probe's directions
     absorbability | degrees between the probe and what the nominal parameters can do: 0 is absorbed wholly
     """
 
     hypothesis: Hypothesis
-    probe: int
+    directions: tuple[Mapping[str, float], ...]
     gain: float
     amount: tuple[float, ...]
     absorbability: float
@@ -37,6 +46,8 @@ class Score:
     """multiple of the probe at which it would stand out by 3.6 standard deviations"""
     as_is: float = 0.0
     """gain of the probe at the size that was probed, its directions together"""
+    absorbed: Mapping[str, float] = field(default_factory=dict)
+    """how far the free parameters go to hide it; of probes of one direction"""
 
 
 @dataclass(frozen=True)
@@ -71,53 +82,126 @@ def screen(
 ) -> Screening:
     """Score every probe around the refit ``base``. ``hypotheses`` must not be empty.
 
-    whitener: the noise, where it is known; else it is learnt from what all probes together cannot explain.
+    Where a probe at a finite size is far from the size that its score suggests, it is probed again nearer to that
+    (`ZOOMS` times): most effects do not grow in proportion. whitener: the noise, where it is known; else it is learnt
+    from what all probes together cannot explain.
     """
-    values = np.array([base.fit.values[p.name] for p in model.parameters])
-    names = [p.name for p in model.parameters]
-    columns, owners = [values], []
-    for index, hypothesis in enumerate(hypotheses):
-        for k, probe in enumerate(hypothesis.probes):
-            for direction in probe:
-                column = values.copy()
-                for name, value in direction.items():
-                    column[names.index(name)] = value
-                columns.append(column)
-                owners.append((index, k))
-    for name in base.fit.free:
-        row = names.index(name)
-        column = values.copy()
-        column[row] = model.parameters[row].clip(
-            values[row] + STEP * max(abs(values[row]), model.parameters[row].scale)
-        )
-        columns.append(column)
-    changes = [p[:, 1:] - p[:, :1] for p in model.predict(np.stack(columns, axis=1))]
-    whitener = whitener or _without_the_explained(model.blocks, base.raw, changes)
-    change = whitener.flat(model.blocks, changes)
-    change[:, ~np.isfinite(change).all(axis=0)] = 0.0
-    span = basis(change[:, len(owners) :])
+    probing = _Probing(model, base)
+    probes = [(h, probe) for h in hypotheses for probe in h.probes]
+    changes = probing.changes([d for _, probe in probes for d in probe])
+    free, steps = probing.slopes()
+    both = [np.concatenate(pair, axis=1) for pair in zip(changes, free, strict=True)]
+    whitener = whitener or _without_the_explained(model.blocks, base.raw, both)
+    slopes = _flat(whitener, model, free)
+    span = basis(slopes)
     white = whitener.flat(model.blocks, base.raw)
     residual = white - span @ (span.T @ white)
-    change = change[:, : len(owners)]
-    left = change - span @ (span.T @ change)
-    scores, units = [], []
-    for index, k in dict.fromkeys(owners):
-        mine = [j for j, owner in enumerate(owners) if owner == (index, k)]
-        score, unit = _score(hypotheses[index], k, residual, change[:, mine], left[:, mine])
-        scores.append(score)
-        units.append(unit)
-    best: dict[str, Score] = {}
-    for score in scores:
-        if score.hypothesis.name not in best or score.gain > best[score.hypothesis.name].gain:
-            best[score.hypothesis.name] = score
-    places = {(score.hypothesis.name, score.probe): k for k, score in enumerate(scores)}
-    first = [units[places[score.hypothesis.name, score.probe]][:, 0] for score in best.values()]
-    cosines = np.abs(np.stack(first, axis=1).T @ np.stack(first, axis=1))
+    scores, units = _scores(probes, residual, _flat(whitener, model, changes), span, slopes, steps)
+    for _ in range(ZOOMS):
+        of = [(h, [s for s in scores if s.hypothesis is h]) for h in hypotheses]
+        probes = [(h, probe) for h, own in of if (probe := _nearer(model, base.fit, own))]
+        if not probes:
+            break
+        changes = probing.changes([d for _, probe in probes for d in probe])
+        more, their = _scores(probes, residual, _flat(whitener, model, changes), span, slopes, steps)
+        scores, units = scores + more, units + their
+    best: dict[str, int] = {}
+    for k, score in enumerate(scores):
+        name = score.hypothesis.name
+        if name not in best or score.gain > scores[best[name]].gain:
+            best[name] = k
+    first = np.stack([units[k][:, 0] for k in best.values()], axis=1)
     draws = _largest(units, rng)
     top = max(score.gain for score in scores)
     return Screening(
-        tuple(scores), best, _tail(draws, top), float(np.quantile(draws, 0.95)), cosines, whitener, float(white @ white)
+        tuple(scores), {name: scores[k] for name, k in best.items()}, _tail(draws, top),
+        float(np.quantile(draws, 0.95)), np.abs(first.T @ first), whitener, float(white @ white),
     )  # fmt: skip
+
+
+class _Probing:
+    """Changes of all predictions with parameters that differ from those of a refit."""
+
+    def __init__(self, model: Model, base: Judged):
+        self.model, self._base = model, base
+        self._names = [p.name for p in model.parameters]
+        self._values = np.array([base.fit.values[name] for name in self._names])
+        self._plain = model.predict(self._values[:, None])
+
+    def changes(self, directions: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+        """By block [T, directions]."""
+        columns = np.repeat(self._values[:, None], len(directions), axis=1)
+        for k, direction in enumerate(directions):
+            for name, value in direction.items():
+                columns[self._names.index(name), k] = value
+        return [p - q for p, q in zip(self.model.predict(columns), self._plain, strict=True)]
+
+    def slopes(self) -> tuple[list[np.ndarray], dict[str, float]]:
+        """(the same for a small step of each parameter of the refit, those steps)."""
+        values = self._base.fit.values
+        free = [p for p in self.model.parameters if p.name in self._base.fit.free]
+        moved = {p.name: p.clip(values[p.name] + STEP * max(abs(values[p.name]), p.scale)) for p in free}
+        return self.changes([{n: v} for n, v in moved.items()]), {n: v - values[n] for n, v in moved.items()}
+
+
+def _flat(whitener: Whitener, model: Model, changes: Sequence[np.ndarray]) -> np.ndarray:
+    found = whitener.flat(model.blocks, changes)
+    found[:, ~np.isfinite(found).all(axis=0)] = 0.0
+    return found
+
+
+def _scores(probes, residual, change, span, slopes, steps) -> tuple[list[Score], list[np.ndarray]]:
+    left = change - span @ (span.T @ change)
+    size = np.linalg.norm(slopes, axis=0)
+    size[size == 0.0] = 1.0
+    hiding = -np.linalg.lstsq(slopes / size, change - left, rcond=1e-8)[0] / size[:, None]
+    scores, units, first = [], [], 0
+    for hypothesis, probe in probes:
+        mine = slice(first, first + len(probe))
+        first += len(probe)
+        score, unit = _score(hypothesis, probe, residual, change[:, mine], left[:, mine])
+        if len(probe) == 1:
+            by = hiding[:, mine.start]
+            score = replace(score, absorbed={n: float(k * h) for (n, h), k in zip(steps.items(), by, strict=True)})
+        scores.append(score)
+        units.append(unit)
+    return scores, units
+
+
+def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[str, float], ...] | None:
+    """A probe of the hypothesis at the size that its best score suggests; None where it was near to that.
+
+    The parameters that hide most of it go along: what is left is then seen at its size and not at the first step. Where
+    the suggestion is negative and cannot be, or next to nothing, the smallest size was too large by far.
+    """
+    single = [s for s in scores if len(s.directions) == 1 and np.isfinite(s.visible)]
+    best = max(single, key=lambda s: s.gain, default=None)
+    sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls] if best else []
+    if len(sizes) != 1 or sizes[0] in INVERSE:
+        return None
+    size, null, amount = sizes[0], best.hypothesis.nulls[sizes[0]], best.amount[0]
+    row = next(p for p in model.parameters if p.name == size)
+    value, one_way, from_ = best.directions[0][size], not row.low < null < row.high, best
+    if NEAR < amount < 1.0 / NEAR:
+        return None
+    if abs(amount) < FAR or (amount < 0.0 and one_way):
+        amount = -FAR if amount < 0.0 and not one_way else FAR
+        from_ = min((s for s in single if size in s.directions[0]), key=lambda s: abs(s.directions[0][size] - null))
+        value = from_.directions[0][size]
+    nearer = row.clip(null + min(max(amount, -1.0 / FAR), 1.0 / FAR) * (value - null))
+    along = from_.absorbability < HIDDEN
+    done = [s for s in single if size in s.directions[0] and (not along or set(s.directions[0]) & set(fit.free))]
+    if any(abs(nearer - s.directions[0][size]) <= 0.05 * abs(nearer - null) for s in done):
+        return None
+    found = {**from_.directions[0], size: nearer}
+    if along:
+        share = (nearer - null) / (value - null)
+        for p in model.parameters:
+            if p.name in from_.absorbed:
+                now = fit.values[p.name]
+                moved = found.get(p.name, now) - now + from_.absorbed[p.name]
+                found[p.name] = p.clip(now + share * moved)
+    return (found,)
 
 
 def _without_the_explained(
@@ -146,18 +230,18 @@ def basis(jacobian: np.ndarray) -> np.ndarray:
     return u[:, s > 1e-8 * max(float(s.max(initial=0.0)), 1e-300)]
 
 
-def _score(hypothesis, k, residual, change, left) -> tuple[Score, np.ndarray]:
+def _score(hypothesis, probe, residual, change, left) -> tuple[Score, np.ndarray]:
     size, rest = np.linalg.norm(change), np.linalg.norm(left)
     angle = float(np.degrees(np.arcsin(min(rest / size, 1.0)))) if size > 0.0 else 0.0
     if size == 0.0 or rest < 1e-6 * size:
-        return Score(hypothesis, k, 0.0, (0.0,) * change.shape[1], angle, np.inf), np.zeros_like(left)
+        return Score(hypothesis, probe, 0.0, (0.0,) * change.shape[1], angle, np.inf), np.zeros_like(left)
     u, s, vt = np.linalg.svd(left, full_matrices=False)
     sound = s > 1e-6 * s[0]
     parts = np.where(sound, u.T @ residual, 0.0)
     amount = vt.T @ np.where(sound, parts / np.where(sound, s, 1.0), 0.0)
     whole = left.sum(axis=1)
     as_is = float(2.0 * (whole @ residual) - whole @ whole)
-    return Score(hypothesis, k, float(parts @ parts), tuple(amount), angle, 3.6 / float(s[0]), as_is), u * sound
+    return Score(hypothesis, probe, float(parts @ parts), tuple(amount), angle, 3.6 / float(s[0]), as_is), u * sound
 
 
 def _largest(units: Sequence[np.ndarray], rng: np.random.Generator) -> np.ndarray:

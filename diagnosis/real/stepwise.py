@@ -204,7 +204,7 @@ def _climb(fit, heldout, best, whitener, left, rng) -> Rung:
         free = (*best.free, *(n for n in score.hypothesis.names if n not in best.free))
         tried = sorted((s for s in screening.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)[:2]
         for one in tried:
-            probe = {k: v for direction in score.hypothesis.probes[one.probe] for k, v in direction.items()}
+            probe = {k: v for direction in one.directions for k, v in direction.items()}
             starts.append(Start(score.hypothesis.name, free, {**best.values, **probe}))
     fits: dict[str, Fit] = {}
     for one in refit(fit, whitener, starts, iterations=12):
