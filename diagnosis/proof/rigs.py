@@ -72,7 +72,8 @@ def _drive(rng, names, known) -> TrueRig:
     free = [("mass",)] + [(n,) for n, on in (("viscous", viscous > 0), ("coulomb", coulomb > 0)) if on]
     belt = "backlash" in names or (not known and rng.random() < 0.3)
     if belt and "cable_elongation" not in names:
-        stiffness = _between(rng, 1e5, 3e5)
+        # 9 times the loop's bandwidth: with the load's position fed back a softer belt, damped as below, is unstable
+        stiffness = max(_between(rng, 1e5, 3e5), (9.0 * wide) ** 2 * total * share * (1.0 - share))
         values["cable_elongation.compliance"] = 1.0 / stiffness
         damping = 0.2 * np.sqrt(stiffness * total * share * (1 - share))
         told += [Told("belt_stiffness", stiffness, "N/m"), Told("belt_damping", damping, "N s/m", False)]
