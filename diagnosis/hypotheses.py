@@ -15,11 +15,14 @@ from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.plants.base import Plant
 from diagnosis.model import Free
 
-SIZES = (0.1, 0.4, 1.0)
-"""Probed sizes over the typical one of `EffectParameter`."""
+SIZES = (0.1, 1.0)
+"""Probed sizes over the typical one of `EffectParameter`; a screening goes on to nearer ones (`diagnosis.screen`)."""
 
 _FINE = {name: (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0) for name in ("backlash.gap", "presliding_hysteresis.displacement")}
 """Sizes of what does not grow in proportion: refits from far away end elsewhere."""
+
+PROPORTIONAL = ("sensor_bias", "sensor_scale", "sensor_rectification")
+"""Effects of which twice the size is twice the change: one probe says all."""
 
 LEAST: Mapping[str, float] = {"viscoelastic_creep.time": 0.2, "friction_drift.time": 1.0}
 """Least shapes that are looked for: creep that is over in 0.1 s is a cable's damping."""
@@ -41,8 +44,8 @@ INVERSE = ("belt_stiffness", "cable_stiffness", "tensile_stiffness")
 """Parameters of which there is the more effect the smaller they are."""
 
 _SIGNED = (
-    "asymmetric_friction.difference", "load_dependent_friction.exponent", "position_ripple.force",
-    "friction_drift.change",
+    "asymmetric_friction.difference", "asymmetric_friction.contact", "load_dependent_friction.exponent",
+    "position_ripple.force", "friction_drift.change",
 )  # fmt: skip
 
 
@@ -132,7 +135,8 @@ def _hypothesis(
         shapes = {r: [f * absent[r].typical_on(plant.name) for f in _SHAPES[r]] for r in absent if r in _SHAPES}
         signs = (1.0, -1.0) if row in _SIGNED and p.low < p.null else (1.0,)
         sizes_of = [f * p.typical_on(plant.name) for f in STIFFNESSES] if row in INVERSE else ()
-        values_of = sizes_of or [p.null + sign * size * step for size in _FINE.get(row, SIZES) for sign in signs]
+        scales = SIZES[-1:] if effect.name in PROPORTIONAL else _FINE.get(row, SIZES)
+        values_of = sizes_of or [p.null + sign * size * step for size in scales for sign in signs]
         for value, *shape in product(values_of, *shapes.values()):
             one = {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
             probes.append((one,))

@@ -11,12 +11,15 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.hypotheses import INVERSE, Hypothesis
+from diagnosis.hypotheses import INVERSE, PROPORTIONAL, Hypothesis
+from diagnosis.hypotheses import WAVES as ALL_WAVES
 from diagnosis.likelihood import Judged
 from diagnosis.model import Block, Model, Whitener, learn_whitener
 from diagnosis.refit import STEP, Fit
 
 DRAWS = 2000
+WAVES = 10
+"""Waves of a ripple that are probed, of all those that `diagnosis.hypotheses` has."""
 ZOOMS = 3
 """Times that a hypothesis is probed nearer to the size that its score suggests."""
 NEAR = 0.6
@@ -87,7 +90,7 @@ def screen(
     from what all probes together cannot explain.
     """
     probing = _Probing(model, base)
-    probes = [(h, probe) for h in hypotheses for probe in h.probes]
+    probes = [(h, probe) for h in hypotheses for probe in _promising(model, base, h)]
     changes = probing.changes([d for _, probe in probes for d in probe])
     free, steps = probing.slopes()
     both = [np.concatenate(pair, axis=1) for pair in zip(changes, free, strict=True)]
@@ -144,6 +147,29 @@ class _Probing:
         return self.changes([{n: v} for n, v in moved.items()]), {n: v - values[n] for n, v in moved.items()}
 
 
+def _promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[tuple[Mapping[str, float], ...]]:
+    """Probes of a hypothesis; of many waves along the position those that the residual has most of.
+
+    A wave is seen, more or less turned and damped, in the residual along the position itself, which costs no replay.
+    """
+    probes, period = hypothesis.probes, "position_ripple.period"
+    if len(probes) <= WAVES or not all(len(p) == 2 and period in p[0] for p in probes):
+        return probes
+    longest, powers = max(p[0][period] for p in probes), np.zeros(len(probes))
+    for block, left in zip(model.blocks, base.raw, strict=True):
+        place = next((c.values for c in block.along if c.name == "position"), None)
+        if place is None or np.ptp(place[block.good]) == 0.0:
+            return probes
+        way = (place - np.min(place[block.good])) / np.ptp(place[block.good])
+        white = base.whitener.flat([block], [left])
+        for k, probe in enumerate(probes):
+            at = 2.0 * np.pi * ALL_WAVES[0] * longest / probe[0][period] * way
+            waves = base.whitener.flat([block], [np.column_stack([np.sin(at), np.cos(at)])])
+            basis_, _ = np.linalg.qr(waves)
+            powers[k] += float(np.sum((basis_.T @ white) ** 2))
+    return [probes[k] for k in sorted(np.argsort(powers)[::-1][:WAVES])]
+
+
 def _flat(whitener: Whitener, model: Model, changes: Sequence[np.ndarray]) -> np.ndarray:
     found = whitener.flat(model.blocks, changes)
     found[:, ~np.isfinite(found).all(axis=0)] = 0.0
@@ -174,6 +200,8 @@ def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[st
     The parameters that hide most of it go along: what is left is then seen at its size and not at the first step. Where
     the suggestion is negative and cannot be, or next to nothing, the smallest size was too large by far.
     """
+    if scores[0].hypothesis.name.split(".")[0] in PROPORTIONAL:
+        return None
     single = [s for s in scores if len(s.directions) == 1 and np.isfinite(s.visible)]
     best = max(single, key=lambda s: s.gain, default=None)
     sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls] if best else []

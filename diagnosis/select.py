@@ -38,6 +38,7 @@ class Rules:
     left_p    | familywise p-value below which what is left is not noise
     left      | share of all that was to be explained, which may be left when something is named
     over      | RMS over the stated noise up to which a model may be right
+    clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
     most      | effects at the most
     """
 
@@ -49,6 +50,8 @@ class Rules:
     left_p: float = 1e-3
     left: float = 0.22
     over: float = 1.08
+    clean: float = 0.05
+    white: float = 1.04
     most: int = 2
     races: int = 3
 
@@ -106,7 +109,7 @@ def select(
     stated: channel -> standard deviation of its noise, where the recording says it. keep(name, make) gives ``make()``,
     or what it gave before an interruption (`diagnosis.steps`).
     """
-    rules = rules or Rules()
+    rules, stated = rules or Rules(), dict(stated or {})
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []
@@ -127,12 +130,14 @@ def select(
             break
         chosen.append((found.hypothesis, found.judged))
         best = found.judged
+        left = adequacy(fit, best, stated)
+        if left.p_value > rules.clean and left.over_noise < rules.white:
+            break  # nothing is left that a further effect could gain by
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
         chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep)
         tried += swapped
     tell("looking at what is left")
-    stated = dict(stated or {})
     after = adequacy(fit, best, stated)
     before = adequacy(fit, null, stated) if chosen else after
     gain = null.deviance - best.deviance

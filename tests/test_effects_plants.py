@@ -27,6 +27,10 @@ HOLE_TENSIONS = {  # tension that raises and lowers the load steadily at 5 mm/s,
     "coulomb_friction": ({"coulomb_friction.level": 4.0}, (WEIGHT + 4.0) * N, (WEIGHT - 4.0) / N),
     "viscous_friction": ({"viscous_friction.coefficient": 400.0}, (WEIGHT + 2.0) * N, (WEIGHT - 2.0) / N),
     "asymmetric_friction": ({"asymmetric_friction.difference": 3.0}, (WEIGHT + 3.0) * N, WEIGHT / N),
+    "asymmetric_friction, contact": (
+        {"asymmetric_friction.contact": 0.3}, WEIGHT * ratio(1.5, 0.43 * 1.3, math.pi / 3),
+        WEIGHT / ratio(1.5, 0.43 * 0.7, math.pi / 3),
+    ),
     "load_dependent_friction": (
         {"load_dependent_friction.coefficient": 0.1}, WEIGHT / (1 / N - 0.1), WEIGHT / (N + 0.1)
     ),

@@ -6,18 +6,24 @@ from cable_envs.kernels import inline, maximum
 EFFECT = Effect(
     name="asymmetric_friction",
     seam="load",
-    equation="F = -max(difference, 0) for v > 0, +max(-difference, 0) for v < 0: never gives energy",
+    equation="F = -max(difference, 0) for v > 0, +max(-difference, 0) for v < 0: never gives energy; hole: "
+    "mu -> mu (1 + contact sign(v))",
     source="Armstrong-Helouvry, Control of Machines with Friction, Kluwer 1991, ch. 4",
     parameters=(
         EffectParameter(
             "difference", "N", 0.0, -1e4, 1e4, "dry friction moving up less that moving down, load or output", 2.0, 0.01
         ),
+        EffectParameter(
+            "contact", "1", 0.0, -0.9, 0.9, "share by which the hole rubs more hauling in than paying out", 0.2,
+            plants=("cable_hole",),
+        ),
     ),
     plants=PLANTS,
-    validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force",
+    validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force; contact: "
+    "the lay of the strands, an edge that is rounder on one side; at rest the mean of both directions holds",
     experiment="the same in both directions with the force sensor's zero checked outside: else it is a bias",
     confusable=("sensor_bias", "coulomb_friction", "position_dependent_load"),
-)
+)  # fmt: skip
 
 
 @inline

@@ -10,8 +10,8 @@ OWN = 8
 PARAMETERS = (
     "on",
     "coulomb_friction.level", "stribeck_friction.excess", "stribeck_friction.contact", "stribeck_friction.velocity",
-    "asymmetric_friction.difference", "presliding_hysteresis.displacement", "load_dependent_friction.coefficient",
-    "load_dependent_friction.exponent",
+    "asymmetric_friction.difference", "asymmetric_friction.contact", "presliding_hysteresis.displacement",
+    "load_dependent_friction.coefficient", "load_dependent_friction.exponent",
     "stiffness_hardening.coefficient", "viscoelastic_creep.share", "viscoelastic_creep.time",
     "friction_drift.change", "friction_drift.time", "friction_drift.travel", "backlash.gap", "slack.length",
     "partial_slip.angle", "position_ripple.amplitude", "position_ripple.period", "position_ripple.phase",
@@ -20,9 +20,9 @@ PARAMETERS = (
 )  # fmt: skip
 """Coefficient rows. An effect's parameter that is not here is a parameter of the plant itself, or of a sensor."""
 
-(ON, COULOMB, EXCESS, CONTACT_EXCESS, STRIBECK_V, DIFFERENCE, PRESLIDING, LOAD_SHARE, LOAD_EXPONENT, HARDENING, CREEP,
- CREEP_TIME, DRIFT, DRIFT_TIME, DRIFT_TRAVEL, GAP, SLACK_LENGTH, PARTIAL, RIPPLE, PERIOD, PHASE_ANGLE, SPRING, NEUTRAL,
- LAG, OWN_0) = range(len(PARAMETERS) - OWN + 1)  # fmt: skip
+(ON, COULOMB, EXCESS, CONTACT_EXCESS, STRIBECK_V, DIFFERENCE, LOPSIDED, PRESLIDING, LOAD_SHARE, LOAD_EXPONENT,
+ HARDENING, CREEP, CREEP_TIME, DRIFT, DRIFT_TIME, DRIFT_TRAVEL, GAP, SLACK_LENGTH, PARTIAL, RIPPLE, PERIOD,
+ PHASE_ANGLE, SPRING, NEUTRAL, LAG, OWN_0) = range(len(PARAMETERS) - OWN + 1)  # fmt: skip
 ROWS_E = len(PARAMETERS)
 
 ELEMENTS = 4

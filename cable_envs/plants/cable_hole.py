@@ -25,8 +25,8 @@ from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.rows import (
-    CONTACT_EXCESS, COULOMB, CREEP, CREEP_T, HARDENING, LOAD_EXPONENT, PLAY, PRESLIDING, PRE_0, ROWS_E, ROWS_S,
-    SLACK_LENGTH, STARTED, STRIBECK_V,
+    CONTACT_EXCESS, COULOMB, CREEP, CREEP_T, HARDENING, LOAD_EXPONENT, LOPSIDED, PLAY, PRESLIDING, PRE_0, ROWS_E,
+    ROWS_S, SLACK_LENGTH, STARTED, STRIBECK_V,
 )  # fmt: skip
 from cable_envs.effects.seams import CREEP_LEFT, FACTOR, IMPOSES, ROWS_G, actuate, begin, dry_friction, end, held_back
 from cable_envs.effects.stiffness_hardening import hardened, linear
@@ -101,6 +101,7 @@ def _pull(p, u, w, e, g, i, theta):
         extra, growth = excess_at(e[CONTACT_EXCESS, i], e[STRIBECK_V, i], v)
         exponent, over = e[LOAD_EXPONENT, i], maximum(w[MIDDLE, i], 0.1) / maximum(p[WEIGHT, i], 0.1)
         factor = g[FACTOR, i] * select(exponent != 0.0, power(over, exponent), 1.0)
+        factor *= 1.0 + e[LOPSIDED, i] * sign(v)
         coulomb = (w[MU, i] + extra) * factor + own_contact(speed, w[MIDDLE, i], e, i)
         w[FRICTION, i] = coulomb + steep * speed
         w[GROWTH, i] = p[OMEGA, i] * steep + factor * growth
