@@ -35,6 +35,7 @@ class Rules:
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
     margin    | fall of the deviance by which an effect must beat another to be told from it
+    alike     | the same as a share of its gain: the formulation of either is a little wrong
     left_p    | familywise p-value below which what is left is not noise
     left      | share of all that was to be explained, which may be left when something is named
     over      | RMS over the stated noise up to which a model may be right
@@ -47,6 +48,7 @@ class Rules:
     each: float = 4.0
     share: float = 0.15
     margin: float = 8.0
+    alike: float = 0.01
     left_p: float = 1e-3
     left: float = 0.22
     over: float = 1.08
@@ -237,7 +239,8 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
         gain, worth = (own[0].gain, own[0].worth) if own else (null.deviance - judged.deviance, np.inf)
         taken = {h.name for h, _ in chosen}
         rivals = [c for c in race_of if c.hypothesis.name not in taken]
-        close = [c for c in rivals if worth - c.worth < rules.margin and not _bounded(c.hypothesis, c.judged.fit)]
+        least = max(rules.margin, rules.alike * gain)
+        close = [c for c in rivals if worth - c.worth < least and not _bounded(c.hypothesis, c.judged.fit)]
         equal = tuple(c.hypothesis.name for c in close)
         margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
         whitener = best.whitener

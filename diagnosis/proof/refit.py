@@ -1,7 +1,8 @@
 """How much of an effect is left after the nominal parameters are refitted, and the size that leaves a wanted share.
 
-The refit is linear about the truth: effects are small, so what the parameters can absorb is the projection on their
-sensitivities. All residuals count in standard deviations of their channel's noise.
+The refit is a step of Gauss and Newton from the truth, and where the parameters absorb half or more a second one from
+where it led: an effect that hides almost wholly moves them far. All residuals count in standard deviations of their
+channel's noise.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,7 +40,8 @@ class Refit:
         for names in rig.free:
             step = {name: 1.01 * rig.values[name] for name in names}
             columns.append((self.see(step) - self._plain).ravel() / 0.01)
-        self._basis = np.linalg.svd(np.column_stack(columns), full_matrices=False)[0] if columns else None
+        self._slopes = np.column_stack(columns) if columns else np.zeros((self._plain.size, 0))
+        self._basis = np.linalg.svd(self._slopes, full_matrices=False)[0]
 
     def see(self, changes: Mapping[str, float]) -> np.ndarray:
         """Scored channels of all records under ``changes``, in standard deviations [samples, channels]."""
@@ -49,19 +51,19 @@ class Refit:
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
 
-    def _under(self, changes: Mapping[str, float]) -> np.ndarray:
-        """Scored channels without ``changes``, under the commands that are recorded with them.
+    def _under(self, changes: Mapping[str, float], moved: Mapping[str, float]) -> np.ndarray:
+        """Scored channels without ``changes``, under the commands that are recorded with them; ``moved``: parameters.
 
         On the hole a loop turns what is missing into other commands, and those are recorded without noise: whoever
         drives a simulator with them sees only what is left. The other systems' commands are the reference.
         """
         if self.rig.system != "cable_hole" or not self.rig.values["kp"]:
-            return self._plain
+            return self.see(moved) if moved else self._plain
         rows = []
         for reference, at in zip(self._references, self._at, strict=True):
             command = self.simulate(changes, reference)["drive_velocity_command"]
             path = reference[0] + CLOCK * np.concatenate([[0.0], np.cumsum(0.5 * (command[1:] + command[:-1]))])
-            channels = observe(replace(self.rig, values={**self.rig.values, "kp": 0.0}), {}, path, at)
+            channels = observe(replace(self.rig, values={**self.rig.values, **moved, "kp": 0.0}), {}, path, at)
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
 
@@ -72,8 +74,17 @@ class Refit:
 
     def excess(self, changes: Mapping[str, float]) -> Excess:
         """What ``changes`` leave after the refit."""
-        raw = (self.see(changes) - self._under(changes)).ravel()
-        left = raw if self._basis is None else raw - self._basis @ (self._basis.T @ raw)
+        seen = self.see(changes)
+        raw = (seen - self._under(changes, {})).ravel()
+        left = raw - self._basis @ (self._basis.T @ raw)
+        if raw @ raw > 2.0 * (left @ left) and np.isfinite(raw).all():
+            step = np.clip(np.linalg.lstsq(self._slopes, raw, rcond=1e-8)[0], -0.5, 0.5)
+            moved = {
+                n: (1.0 + s) * self.rig.values[n] for names, s in zip(self.rig.free, step, strict=True) for n in names
+            }
+            again = (seen - self._under(changes, moved)).ravel()
+            again -= self._basis @ (self._basis.T @ again)
+            left = again if again @ again < left @ left else left
         shaped = left.reshape(-1, len(self._std))
         rms = np.sqrt(np.mean(shaped**2, axis=0))
         energy = float(raw @ raw)

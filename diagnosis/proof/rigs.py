@@ -69,7 +69,8 @@ def _drive(rng, names, known) -> TrueRig:
     }  # fmt: skip
     told = [Told("mass", total * (1 - share), "kg"), Told("motor_mass", total * share, "kg", False)]
     told += [Told("viscous", viscous, "N s/m", viscous > 0.0), Told("coulomb", coulomb, "N", coulomb > 0.0)]
-    free = [("mass",)] + [(n,) for n, on in (("viscous", viscous > 0), ("coulomb", coulomb > 0)) if on]
+    free = [("mass",), ("kp",), ("kd",)]  # the recording does not tell the controller's gains
+    free += [(n,) for n, on in (("viscous", viscous > 0), ("coulomb", coulomb > 0)) if on]
     belt = "backlash" in names or (not known and rng.random() < 0.3)
     if belt and "cable_elongation" not in names:
         # 9 times the loop's bandwidth: with the load's position fed back a softer belt, damped as below, is unstable
