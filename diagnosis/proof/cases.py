@@ -145,8 +145,8 @@ def _sizes(
         own = change(size)
         changes.update(own)
         parameters = {
-            name: {"value": _as_named(effect, source, factor * own[source]), "unit": unit}
-            for name, (source, factor, unit) in effect.compare.items()
+            name: {"value": sum(there) + _as_named(effect, source, factor * own[source]), "unit": unit}
+            for name, (source, factor, unit, *there) in effect.compare.items()
         }
         entries.append({
             "name": effect.name, "parameters": parameters, "changes": own, "added": left.added, "wanted": wanted,

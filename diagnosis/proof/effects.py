@@ -17,7 +17,7 @@ class Missing:
 
     sized    | simulator's parameter (or "kind:channel" of a sensor) -> value at size 1; the size multiplies all of them
     shaped   | parameter -> (low, high) of what only shapes the effect; drawn evenly in the logarithm where low > 0
-    compare  | parameter of the verdict -> (simulator's parameter, factor, unit)
+    compare  | parameter of the verdict -> (simulator's parameter, factor, unit), or with what the rig has of it anyway
     known    | what the recording claims as measured, because the simulator leaves it out
     signed   | whether the size may be negative
     """
@@ -25,7 +25,7 @@ class Missing:
     name: str
     sized: Mapping[str, float]
     shaped: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    compare: Mapping[str, tuple[str, float, str]] = field(default_factory=dict)
+    compare: Mapping[str, tuple] = field(default_factory=dict)
     known: Mapping[str, float] = field(default_factory=dict)
     signed: bool = False
     largest: float = 30.0
@@ -185,7 +185,7 @@ LIBRARY: Mapping[str, tuple[Missing, ...]] = {
         Missing(
             "viscous_friction",
             {"viscous_friction.coefficient": 4e-3},
-            compare={"coefficient": ("viscous_friction.coefficient", 1.0, "N m s")},
+            compare={"coefficient": ("viscous_friction.coefficient", 1.0, "N m s", 2e-4)},
             known={"output_damping": 2e-4},
         ),
         Missing(
