@@ -57,8 +57,8 @@ TABLE = Table({
 
 OUTPUTS = ("drive_angle", "drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom")
 _COUPLING, _PULLEY = 1500.0, 2e-5
-"""N m/rad and kg m^2 of the driving pulley behind a coupling with play: 0.1 N m twists it by a twentieth of a small gap,
-so that the gap is what is lost."""
+"""N m/rad and kg m^2 of the driving pulley behind a coupling with play: 0.1 N m twists it by a twentieth of a small
+gap, so that the gap is what is lost."""
 
 
 def contact_logs(mu_cable: float, mu_shaft: float) -> tuple[np.ndarray, np.ndarray]:
