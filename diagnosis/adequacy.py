@@ -159,13 +159,10 @@ def _regressed(model, judged, span, white, channel, named, columns, at) -> Lefto
 
 def _relearned(model, judged, channel: str, columns) -> float:
     """Fall of the channel's deviance when the functions are taken out and the noise is learnt from what is left."""
-    own = [(b, r, columns[id(b)]) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel
-           and id(b) in columns]  # fmt: skip
-    others = [(b, r, None) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel
-              and id(b) not in columns]  # fmt: skip
-    blocks, raw = [b for b, *_ in own + others], [r for _, r, _ in own + others]
-    count = own[0][2].shape[1]
-    series = [np.zeros((len(r), count)) if c is None else c for _, r, c in own + others]
+    own = [(b, r) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel]
+    blocks, raw = [b for b, _ in own], [r for _, r in own]
+    count = next(iter(columns.values())).shape[1]
+    series = [columns.get(id(b), np.zeros((len(r), count))) for b, r in own]
     noise = Whitener({channel: judged.whitener.noise[channel]})
     before = deviance(blocks, learn_whitener(blocks, raw))
     for _ in range(2):
@@ -175,34 +172,33 @@ def _relearned(model, judged, channel: str, columns) -> float:
 
 
 def _line(model, judged, white, channel) -> Leftover:
-    """The strongest line of a channel's spectrum, over all its records together, each with its own phase."""
+    """The strongest line of a channel's spectrum, over all its records together, each with its own phase.
+
+    A noise of eight coefficients takes a line for a resonance of its own; one of one coefficient leaves it in sight.
+    """
     blocks = [b for b in model.blocks if b.channel == channel]
     raw = [r for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel]
-    period = float(np.median(np.diff(blocks[0].time)))
-    width = 2 * max(len(b.time) for b in blocks)
-    edges = np.cumsum([0, *(len(b.time) for b in model.blocks)])
-    whole = [
-        white[a:b] for a, b, block in zip(edges, edges[1:], model.blocks, strict=False) if block.channel == channel
-    ]
+    period, width = float(np.median(np.diff(blocks[0].time))), 2 * max(len(b.time) for b in blocks)
+    power = _periodogram([w for b, w in _by_block(model.blocks, white) if b.channel == channel], width)
+    candidates = [(2.0 * float(np.max(power)), int(np.argmax(power)))]
     simple = learn_whitener(blocks, raw, 1).flat(blocks, raw)
-    ends = np.cumsum([0, *(len(b.time) for b in blocks)])
-    coarse = [simple[a:b] for a, b in pairwise(ends)]
-    best, tests = (0.0, 0), 0.25 * width
-    for series, relearn in ((whole, False), (coarse, True)):
-        power = sum(np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
-        for k in np.argsort(power)[::-1][: LINES if relearn else 1]:
-            at = 2.0 * np.pi * (k + 1) / (width * period)
-            gain = 2.0 * float(power[k])
-            if relearn:
-                gain = sum(
-                    _relearned(model, judged, channel, {id(b): np.c_[np.cos(at * b.time), np.sin(at * b.time)]})
-                    for b in blocks
-                )
-            best = max(best, (gain, int(k)))
-    gain, k = best
-    count = len(blocks)
-    p = float(-np.expm1(tests * np.log1p(-min(chi2.sf(gain, 2 * count), 1.0 - 1e-12))))
-    return Leftover(channel, "frequency", "Hz", gain, 2 * count, p, ((k + 1) / (width * period),))
+    for k in np.argsort(_periodogram([w for _, w in _by_block(blocks, simple)], width))[::-1][:LINES]:
+        at = 2.0 * np.pi * (k + 1) / (width * period)
+        waves = [{id(b): np.c_[np.cos(at * b.time), np.sin(at * b.time)]} for b in blocks]
+        candidates.append((sum(_relearned(model, judged, channel, w) for w in waves), int(k)))
+    gain, k = max(candidates)
+    p = float(-np.expm1(0.25 * width * np.log1p(-min(chi2.sf(gain, 2 * len(blocks)), 1.0 - 1e-12))))
+    return Leftover(channel, "frequency", "Hz", gain, 2 * len(blocks), p, ((k + 1) / (width * period),))
+
+
+def _by_block(blocks: Sequence[Block], flat: np.ndarray) -> list[tuple[Block, np.ndarray]]:
+    edges = pairwise(np.cumsum([0, *(len(b.time) for b in blocks)]))
+    return [(b, flat[first:last]) for b, (first, last) in zip(blocks, edges, strict=True)]
+
+
+def _periodogram(series: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Sum over whitened series, without the ends; 1 each for white noise."""
+    return sum(np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
 
 
 def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:
