@@ -68,5 +68,5 @@ class Toy:
 
     def predict(self, values):
         """As the protocol says."""
-        p = dict(zip([q.name for q in self.parameters], values, strict=True))
+        p = dict(zip([q.name for q in PARAMETERS], values[: len(PARAMETERS)], strict=True))
         return [force(p, *motion) for motion in self._motion]

@@ -1,0 +1,114 @@
+"""What decides an answer: probes near the size, noise stated or learnt anew, refusals, the start of a record."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.adequacy import adequacy
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.likelihood import refit_and_learn
+from diagnosis.model import Coordinate, Free
+from diagnosis.models.common import LEFT, SETTLING, at_first
+from diagnosis.refit import Start
+from diagnosis.screen import screen
+from diagnosis.select import Rules, select
+from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
+
+
+class Root(Toy):
+    """A toy with an effect whose force grows with the root of its size, nearly all of which the mass can hide."""
+
+    def __init__(self, size, seed):
+        self._size = size
+        super().__init__({}, seed)
+        self.parameters = (*PARAMETERS, Free("root", 0.0, 0.0, 1e3, 1.0))
+        for block, seen in zip(self.blocks, self._extra(np.array([size])), strict=True):
+            block.measured[:] += seen[:, 0]
+
+    def _extra(self, root):
+        return [np.sqrt(root) * (0.5 * a + 4.0 * y)[:, None] for _, y, _, a in self._motion]
+
+    def predict(self, values):
+        plain = super().predict(values)
+        return [p + e for p, e in zip(plain, self._extra(values[-1]), strict=True)]
+
+
+def _white(model):
+    model.blocks = [replace(b, memory=0) for b in model.blocks]
+    return model
+
+
+def test_probes_go_nearer_to_the_size_and_along_what_hides_them():
+    model = _white(Root(1.0, 1))
+    null = refit_and_learn(model, [Start("", NOMINALS, {})])
+    far = Hypothesis("root_effect", (model.parameters[-1],), (({"root": 1000.0},),), nulls={"root": 0.0})
+    found = screen(model, null, [far], np.random.default_rng(0))
+    sizes = [s.directions[0]["root"] for s in found.scores]
+    assert sizes[0] == 1000.0 and min(abs(np.log(s)) for s in sizes) < np.log(3.0)
+    nearest = min(found.scores, key=lambda s: abs(np.log(s.directions[0]["root"])))
+    assert nearest.directions[0]["mass"] < null.fit.values["mass"]  # the mass had taken most of it
+    assert 0.5 < nearest.amount[0] < 2.0
+    truth = refit_and_learn(model, [Start("", (*NOMINALS, "root"), {"root": 1.0})])
+    assert found.best["root_effect"].gain == pytest.approx(null.deviance - truth.deviance, rel=0.3)
+
+
+def test_where_noise_is_stated_a_bias_is_no_memory_of_it():
+    gains = []
+    for treat in (lambda m: m, _white):
+        found = select(
+            treat(Toy({"bias": 0.2}, 3)), treat(Toy({"bias": 0.2}, 53, 1)), NOMINALS,
+            [h for h in HYPOTHESES if h.name == "bias_effect"], np.random.default_rng(0),
+        )  # fmt: skip
+        gains.append(found.null.deviance - found.final.deviance)
+    # 3000 samples at 0.2 / 0.3 of the noise, of which Coulomb's level with the direction's mean takes next to nothing
+    assert gains[1] > 900.0 > gains[0]
+
+
+def test_a_vibration_is_no_resonance_of_the_noise():
+    vibrating = Toy({}, 5, colour=0.7, extra=lambda t, y, v: 0.25 * np.sin(2 * np.pi * 4.0 * t))
+    left = adequacy(vibrating, refit_and_learn(vibrating, [Start("", NOMINALS, {})]))
+    line = next(f for f in left.leftovers if f.coordinate == "frequency")
+    assert left.p_value < 1e-3 and line.at[0] == pytest.approx(4.0, abs=0.1)
+    quiet = [Toy({}, 60 + seed, colour=0.7) for seed in range(6)]
+    clean = [adequacy(m, refit_and_learn(m, [Start("", NOMINALS, {})])).p_value for m in quiet]
+    assert min(clean) > 1e-3
+
+
+def test_rounding_at_rest_is_no_coordinate():
+    """A speed that is measured less what is left is one number at rest but for rounding, which follows the noise."""
+    model = Toy({}, 8, std=0.3)
+    judged = refit_and_learn(model, [Start("", NOMINALS, {})])
+    for k, (block, raw) in enumerate(zip(model.blocks, judged.raw, strict=True)):
+        rest = np.sin(2 * np.pi * 0.3 * block.time) > -0.8
+        speed = np.where(rest, (0.7 + raw) - raw, 0.7 + np.cos(block.time))
+        model.blocks[k] = replace(block, along=(Coordinate("speed", "m/s", speed),))
+    assert adequacy(model, judged).p_value > 1e-3
+
+
+def test_a_refused_hypothesis_hides_no_other():
+    """One that fits these records only gains most, and is refused by the held-out one; the true one is found then."""
+    truth = {"stiffness": 9.0}
+    fit, heldout = Toy(truth, 2), Toy(truth, 52, 1)
+    special = np.random.default_rng(4).normal(0.0, 1.0, 1500)
+    for model, sign in ((fit, 1.0), (heldout, -1.0)):
+        model.parameters = (*PARAMETERS, Free("own", 0.0, -10.0, 10.0, 1.0))
+        plain = model.predict
+        model.predict = lambda v, plain=plain, sign=sign: [p + sign * v[-1] * special[:, None] for p in plain(v)]
+    for block in fit.blocks:
+        block.measured[:] += special
+    for block in heldout.blocks:
+        block.measured[:] += special
+    own = Hypothesis("own_effect", (fit.parameters[-1],), (({"own": 1.0},),), nulls={"own": 0.0})
+    found = select(fit, heldout, NOMINALS, [*HYPOTHESES, own], np.random.default_rng(0), rules=Rules(left=1e9))
+    assert "held-out" in found.refused["own_effect"]
+    assert [a.hypothesis.name for a in found.accepted][:1] == ["stiffness_effect"]
+
+
+def test_a_record_counts_once_it_has_moved():
+    time = 0.01 * np.arange(1000)
+    position = np.where(time < 2.0, 0.0, 0.1 * np.sin(time - 2.0))
+    early = at_first(time, position + 1e-4 * np.random.default_rng(0).standard_normal(1000))
+    left = time[~early][0]
+    assert left == pytest.approx(2.0 + LEFT * 2.0, abs=0.03) and not early[int(left / 0.01) + 1 :].any()
+    assert time[~at_first(time, np.zeros(1000))][0] == pytest.approx(SETTLING, abs=0.02)
