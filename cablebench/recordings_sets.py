@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from cablebench import recordings_figures as draw
-from diagnosis.real.finding import Finding, Trace, pick
+from diagnosis.real.finding import Finding, pick
+from diagnosis.verdict import Trace
 
 Tell = Callable[[str], None]
 Made = tuple[dict[str, Any], dict[str, str]]
 """(numbers, figure's name -> SVG)."""
+_CURVES = {"measured": "measured", "nominal": "refit", "final": "augmented"}
+"""Curve of a figure -> field of `Trace`."""
 
 
 def numbers(finding: Finding) -> dict[str, Any]:
@@ -61,8 +64,8 @@ def _last(finding: Finding, use: str) -> Trace:
 def _loop(trace: Trace, part: np.ndarray, title: str, label: str) -> dict[str, Any]:
     part = part & (trace.time < trace.time[part][0] + 2.2)
     return {
-        "title": title, "xlabel": "displacement  [mm]", "ylabel": label, "x": 1e3 * trace.along["position"][part],
-        **{k: 1e-3 * getattr(trace, k)[part] for k in ("measured", "nominal", "final")},
+        "title": title, "xlabel": "displacement  [mm]", "ylabel": label, "x": 1e3 * trace.along["position"][1][part],
+        **{k: 1e-3 * getattr(trace, of)[part] for k, of in _CURVES.items()},
     }  # fmt: skip
 
 
@@ -83,12 +86,12 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
         for name, value in PUBLISHED.items()
     ]  # fmt: skip
     trace = pick(found.finding.traces, "position", "heldout")[0]
-    speed = trace.along["speed"]
+    speed = trace.along["speed"][1]
     zero = np.zeros_like(trace.time)
     run = {
         "title": "Held-out record: measured position less predicted", "ylabel": "error  [mm]", "time": trace.time,
-        "measured": zero, "nominal": 1e3 * (trace.measured - trace.nominal),
-        "final": 1e3 * (trace.measured - trace.final),
+        "measured": zero, "nominal": 1e3 * (trace.measured - trace.refit),
+        "final": 1e3 * (trace.measured - trace.augmented),
     }  # fmt: skip
     close = {
         **run,
@@ -101,7 +104,7 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
         "left": draw.runs([run, close], shared=True),
         "ladder": draw.ladder(steps, {"position": ("Error of the position  [um]", 1e6)}),
     }
-    left = trace.measured - trace.final
+    left = trace.measured - trace.augmented
     moving = np.abs(speed) > 0.02 * np.abs(speed).max()
     return {
         "finding": numbers(found.finding), "published": PUBLISHED, "units": UNITS,
@@ -155,7 +158,7 @@ def _joined(finding: Finding, name: str, since: float) -> dict[str, Any]:
     time = np.concatenate([t.time for t in parts])
     late = time >= since
     curves = {
-        k: np.concatenate([getattr(t, k) for t in parts])[late] for k in ("measured", "nominal", "final")
+        k: np.concatenate([getattr(t, of) for t in parts])[late] for k, of in _CURVES.items()
     }  # fmt: skip
     return {
         "title": name.replace("_", " "), "ylabel": "reading  [V]", "time": time[late], "from_test": parts[-1].time[0],

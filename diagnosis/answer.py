@@ -12,12 +12,13 @@ from diagnosis.confidence import confidence, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
+from diagnosis.limits import jitter
 from diagnosis.model import Model, residuals
 from diagnosis.models.question import Question
 from diagnosis.places import located, permuted
 from diagnosis.recording import Recording
 from diagnosis.screen import Score
-from diagnosis.select import Accepted, Rules, Selection
+from diagnosis.select import Accepted, Selection
 from diagnosis.verdict import Diagnosis, Found, Trace
 
 _STANDS_OUT = 3.6
@@ -39,7 +40,7 @@ def answer(
     verdict = selection.verdict
     named = verdict in ("named", "equivalence_class")
     final = selection.final if named else selection.null
-    floors = _floors(recording, selection)
+    floors = _floors(recording, question.fit, selection)
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(recording.system, traces, selection, named, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
@@ -56,7 +57,8 @@ def answer(
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
         (*question.notes, *quality.notes),
-        {**about, "version": cable_envs.__version__, "rules": vars(Rules())},
+        {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
+        steps=selection.steps,
         rig=question.rig(final.fit.values, accepted),
         traces=traces,
     )
@@ -77,7 +79,7 @@ def parameter_name(row: str, hypothesis: str, known: Mapping[str, Effect]) -> st
 
 
 def _found(accepted: Accepted, question: Question, selection: Selection, known: Mapping[str, Effect]) -> Found:
-    h, fit, rules = accepted.hypothesis, selection.final.fit, Rules()
+    h, fit, rules = accepted.hypothesis, selection.final.fit, selection.rules
     parameters = {
         parameter_name(row, h.name, known): {
             "value": fit.values[row], "unit": question.units[row], "row": row,
@@ -87,7 +89,8 @@ def _found(accepted: Accepted, question: Question, selection: Selection, known: 
     }  # fmt: skip
     others = tuple(dict.fromkeys(canonical(n) for n in accepted.alternatives))
     explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
-    left = 0.0 if selection.after.p_value >= rules.left_p else selection.after.excess / explained
+    # where unseen records judge, what is left is known to be no noise, and counts against no answer
+    left = 0.0 if selection.steps or selection.after.p_value >= rules.left_p else selection.after.excess / explained
     sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left)
     return Found(
         canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),
@@ -95,9 +98,14 @@ def _found(accepted: Accepted, question: Question, selection: Selection, known: 
     )  # fmt: skip
 
 
-def _floors(recording: Recording, selection: Selection) -> dict[str, float]:
-    """Standard deviation of each channel's noise, SI: as stated, else as the last model left it."""
+def _floors(recording: Recording, model: Model, selection: Selection) -> dict[str, float]:
+    """Standard deviation of each channel's noise, SI: as stated, else as the last model left it.
+
+    Where unseen records judge, what is left is no noise: then from the measured channel's third differences.
+    """
     floors = {name: noise.floor for name, noise in selection.final.whitener.noise.items()}
+    if selection.steps:
+        floors = {name: jitter([b for b in model.blocks if b.channel == name]) for name in floors}
     stated = {name: recording.channels[name].noise_std for name in floors if name in recording.channels}
     return {name: stated.get(name) or floor for name, floor in floors.items()}
 
@@ -161,7 +169,7 @@ def _test(question: Question, selection: Selection, known: Mapping[str, Effect])
 
 def _detectable(h: Hypothesis, question: Question, selection: Selection, known: Mapping[str, Effect]) -> str:
     """Size at which the effect would gain what the rules ask for, by the probe that shows it best, with its unit."""
-    rules = Rules()
+    rules = selection.rules
     asked = np.sqrt(rules.gain + rules.each * (len(h.free) - 1)) / _STANDS_OUT
     scores = [s for screening in selection.screenings[:1] for s in screening.scores if s.hypothesis is h]
     scores = [s for s in scores if np.isfinite(s.visible)]
@@ -193,6 +201,8 @@ def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]
     for race in selection.tried:
         for candidate in race:
             refitted.setdefault(candidate.hypothesis.name, candidate.gain)
+    for step in selection.steps:
+        refitted = {**step.rivals, **refitted}
     rows = []
     for h in question.hypotheses:
         score = first.best.get(h.name) if first else None

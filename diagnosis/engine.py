@@ -2,12 +2,14 @@
 
     load_recording -> gate -> kept_back -> prepare -> select (refit, screen, race, accept, adequacy) -> answer
 
+Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
+(`diagnosis.select`), and "unseen", where the model's own error does: then held-out records judge (`diagnosis.unseen`).
 Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
 """
 
 import time as clock
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,15 +23,28 @@ from cable_envs.plants import plant_for
 from cable_envs.rigs import Rig, load_rig
 from diagnosis.answer import answer
 from diagnosis.gate import gate
-from diagnosis.models import prepare
+from diagnosis.limits import limited_by_the_model
+from diagnosis.models import looked_at, prepare
 from diagnosis.models.question import Question, Request
 from diagnosis.recording import Record, Recording, load_recording
 from diagnosis.select import Selection, select
 from diagnosis.steps import Steps, digest
+from diagnosis.unseen import select_unseen
 from diagnosis.verdict import Diagnosis
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
+JUDGES = ("noise", "unseen")
+"""What accepts an effect."""
+
+
+@dataclass(frozen=True)
+class Examined:
+    """A diagnosis with the question that it answers and the models that it rests on."""
+
+    question: Question
+    selection: Selection
+    diagnosis: Diagnosis
 
 
 def diagnose(
@@ -39,6 +54,7 @@ def diagnose(
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | None = None,
+    judge: str = "noise",
     seed: int = 0,
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
@@ -48,32 +64,56 @@ def diagnose(
     effects, without | canonical names to look for only, and not to look for
     effect_file      | an effect of one's own (`cable_envs.own_effects`), looked for beside the canonical ones
     rig              | a rig (augmented.yaml) whose values and effects replace those of the recording
+    judge            | what accepts effects: "noise" (likelihood under the sensors' noise), "unseen" (held-out records)
     out              | folder in which finished steps are kept: an interrupted call goes on from there
     tell             | called with what is being done
 
     Raises ConfigurationError for recordings that cannot answer, and for data that no simulator should be held against.
     """
+    return examine(
+        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, judge=judge, seed=seed, out=out,
+        tell=tell,
+    ).diagnosis  # fmt: skip
+
+
+def examine(
+    recording: Recording | Path | str,
+    *,
+    effects: Sequence[str] | None = None,
+    without: Sequence[str] = (),
+    effect_file: Path | str | Effect | None = None,
+    rig: Path | str | Rig | None = None,
+    judge: str = "noise",
+    seed: int = 0,
+    out: Path | str | None = None,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Examined:
+    """`diagnose`, with what its answer rests on."""
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
     tell("looking at the data")
-    quality = gate(recording)
+    require_known("judge", [judge], JUDGES)
+    quality = gate(recording, looked_at(recording))
     quality.require_usable()
     request = request_of(recording, effects, without, effect_file, rig)
     question = ask(recording, request)
     rng = np.random.default_rng(seed)
-    options = (request.only, request.without, request.rig and sorted(request.rig.items()), effect_file, seed)
+    options = (request.only, request.without, request.rig and sorted(request.rig.items()), effect_file, judge, seed)
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
-    selection = selected(recording, question, rng, steps, tell)
+    selection = selected(recording, question, judge, rng, steps, tell)
     tell("locating the mismatch")
     about = {
-        "recording": recording.path.name, "system": recording.system, "seed": seed,
+        "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
         "rig": None if rig is None else str(getattr(rig, "name", rig)),
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about, request.own)
     steps.forget()
-    return replace(found, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
+    hint = limited_by_the_model(question.fit, selection, _stated(recording)) if judge == "noise" else ""
+    notes = (*found.notes, hint) if hint else found.notes
+    found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
+    return Examined(question, selection, found)
 
 
 def request_of(
@@ -147,12 +187,17 @@ def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:
 
 
 def selected(
-    recording: Recording, question: Question, rng: np.random.Generator, steps: Steps, tell: Callable[[str], None]
-) -> Selection:
-    """The best model (`diagnosis.select`) under the noise that the recording states."""
-    stated = {n: c.noise_std for n, c in recording.channels.items() if c.noise_std is not None}
+    recording: Recording, question: Question, judge: str, rng: np.random.Generator, steps: Steps,
+    tell: Callable[[str], None],
+) -> Selection:  # fmt: skip
+    """The best model by a criterion, under the noise that the recording states."""
     predicted = {b.channel for b in question.fit.blocks}
-    return select(
-        question.fit, question.heldout, question.nominals, question.hypotheses, rng,
-        stated={n: s for n, s in stated.items() if n in predicted}, tell=tell, keep=steps,
-    )  # fmt: skip
+    stated = {n: s for n, s in _stated(recording).items() if n in predicted}
+    asked = (question.fit, question.heldout, question.nominals, question.hypotheses)
+    if judge == "unseen":
+        return select_unseen(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
+    return select(*asked, rng, stated=stated, tell=tell, keep=steps)
+
+
+def _stated(recording: Recording) -> dict[str, float]:
+    return {n: c.noise_std for n, c in recording.channels.items() if c.noise_std is not None}

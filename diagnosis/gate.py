@@ -6,21 +6,23 @@ a clock that jumps, dead, stuck and saturated sensors, outliers, units that are 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from cable_envs.errors import ConfigurationError
 from diagnosis.models.common import motion_coordinates
+from diagnosis.models.question import Look
 from diagnosis.recording import Record, Recording
 from diagnosis.scales import wrong_units
 
 LONGEST_GAP = 5
 """Samples that may be missing in a row; they are left out of every sum."""
 FEWEST, MOST = 200, 200_000
-"""Samples: of a record, and of all records together. A refit holds some hundred predictions of every channel at once:
-2e5 samples of three channels take about 3 GB."""
+FEWEST_HELDOUT = 50
+"""Samples: of a record, of all records together as a model uses them, of a record that is only predicted. A refit holds
+some hundred predictions of every channel at once: 2e5 samples of three channels take about 3 GB."""
 _JITTER, _PERIODS = 0.25, 0.01
 """Of the clock's step; between records."""
 _MOST_EMPTY = 0.2
@@ -28,6 +30,7 @@ _STILL = 8
 """Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
 _OUTLIER = 30.0
 """Times the step that 99 % of all steps stay below."""
+_ALL = Look()
 POSITIONS = ("position", "load_position", "drive_position", "output_angle", "drive_angle")
 
 
@@ -40,6 +43,7 @@ class Fault:
     row: int
     text: str
     fatal: bool = True
+    jump: bool = False
 
     def __str__(self) -> str:
         return f"{self.record}, channel {self.channel}, row {self.row}: {self.text}"
@@ -64,10 +68,10 @@ class Quality:
             raise ConfigurationError("the data cannot be diagnosed:\n  " + "\n  ".join(fatal))
 
 
-def gate(recording: Recording) -> Quality:
-    """Look through every channel of every record."""
+def gate(recording: Recording, look: Look = _ALL) -> Quality:
+    """Look through every channel of every record; ``look``: what the model will use of it."""
     total = sum(len(r.time) for r in recording.records)
-    if total > MOST:
+    if sum(_used(r, look) for r in recording.records) > MOST:
         last = recording.records[-1]
         text = f"{total} samples in all records; at most {MOST} are diagnosed: cut the records, or average to fewer"
         return Quality((Fault(last.name, "time", len(last.time), text),))
@@ -77,16 +81,32 @@ def gate(recording: Recording) -> Quality:
         faults += _clock(record, period)
         for channel in recording.channels:
             if channel != "time":
-                faults += _channel(record, channel)
+                faults += [_at_edge(record, fault, look) for fault in _channel(record, channel)]
     if not any(f.fatal for f in faults):
         faults += [Fault(*found) for found in wrong_units(recording)]
     fatal = any(f.fatal for f in faults)
     return Quality(tuple(faults), {} if fatal else visited(recording))
 
 
+def _used(record: Record, look: Look) -> int:
+    """Samples of a record that a model compares."""
+    own = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 1.0
+    return int(len(record.time) * min(own / look.spacing, 1.0)) if look.spacing else len(record.time)
+
+
+def _at_edge(record: Record, fault: Fault, look: Look) -> Fault:
+    """A jump within what the model leaves out at the ends of each record is noted only."""
+    time = record.time[fault.row - 1]
+    outside = min(time - record.time[0], record.time[-1] - time) < look.edge
+    if not (fault.fatal and fault.jump and outside):
+        return fault
+    return replace(fault, fatal=False, text=f"{fault.text}; within {look.edge:g} s of the end, which is left out")
+
+
 def _clock(record: Record, period: float) -> list[Fault]:
-    if len(record.time) < FEWEST:
-        return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {FEWEST} are the least")]
+    fewest = FEWEST if record.use == "fit" else FEWEST_HELDOUT
+    if len(record.time) < fewest:
+        return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {fewest} are the least")]
     steps = np.diff(record.time)
     own = float(np.median(steps))
     if abs(own - period) > _PERIODS * period:
@@ -128,12 +148,24 @@ def _channel(record: Record, channel: str) -> list[Fault]:
             found.append(Fault(record.name, channel, start + 1, text))
         text = f"{int(empty.sum())} samples that are empty or marked in doubt are left out"
         found.append(Fault(record.name, channel, row, text, fatal=False))
+    held = values[good]
+    if channel == "voltage":
+        return found + _flat_voltage(record.name, values, good)
     if _told(channel) or channel == "wrap_angle":
         return found
-    held = values[good]
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
     return found + _still(record.name, channel, values, good) + _outlier(record.name, channel, values, good)
+
+
+def _flat_voltage(record: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
+    """A voltage may be held by its author, and may lie at the drive's limit; elsewhere noise that stops is a fault."""
+    held = values[good]
+    if np.ptp(held) == 0.0:
+        return [Fault(record, "voltage", 1, f"constant at {held[0]:g}: nothing drives the rig, or the wrong column")]
+    limits = (values == held.max()) | (values == held.min())
+    inner = np.where(limits, np.nan, values)
+    return _still(record, "voltage", inner, good & ~limits) if np.isfinite(inner).sum() > FEWEST_HELDOUT else []
 
 
 def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
@@ -164,7 +196,7 @@ def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) ->
     jump = int(np.argmax(steps > _OUTLIER * usual))  # the way there, not the way back
     row = int(np.flatnonzero(good)[jump + 1]) + 1
     text = f"a jump by {steps[jump]:.3g}, {steps[jump] / usual:.0f} times what 99 % of its steps stay below"
-    return [Fault(record, channel, row, text)]
+    return [Fault(record, channel, row, text, jump=True)]
 
 
 def _longest_run(mask: np.ndarray) -> tuple[int, int]:

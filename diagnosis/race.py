@@ -73,6 +73,13 @@ def race(
     return sorted(found, key=lambda c: -c.worth)
 
 
+def refits(model: Model, base: Fit, screening: Screening, most: int | None = RIVALS) -> dict[str, Fit]:
+    """The best refit of each of the ``most`` best-scored hypotheses (None: of all) on top of ``base``, by name."""
+    chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:most]
+    starts = [start for score in chosen for start in _starts(model, base, score, screening)]
+    return _best_of(refit(model, screening.whitener, starts, _FIRST + _LAST + 2))
+
+
 def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:
     best: dict[str, Fit] = {}
     for fit in fits:

@@ -136,6 +136,8 @@ def _value(recording: Recording, name: str) -> float:
 def _drive(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
     if not {"position", "force"} <= set(recording.channels):
         return
+    if recording.rig is None and "mass" not in {**recording.known, **recording.nominal}:
+        return  # nobody says what mass is moved
     speed = _speed(record, "position")
     period = float(np.median(np.diff(record.time)))
     mass = _value(recording, "mass") + (recording.value("motor_mass") or 0.0)

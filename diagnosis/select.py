@@ -24,6 +24,7 @@ from diagnosis.model import Model, Whitener
 from diagnosis.race import Candidate, race
 from diagnosis.refit import Fit, Start
 from diagnosis.screen import Screening, screen
+from diagnosis.verdict import Step
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,9 @@ class Selection:
     after: Adequacy
     adequate: bool
     refused: Mapping[str, str] = field(default_factory=dict)
+    rules: Rules = field(default_factory=Rules)
+    steps: tuple[Step, ...] = ()
+    """of the ladder, where the held-out records judge (`diagnosis.unseen`)"""
 
     @property
     def verdict(self) -> str:
@@ -145,7 +149,8 @@ def select(
     gain = null.deviance - best.deviance
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
     return Selection(
-        null, best, accepted, tuple(screenings), tuple(tried), before, after, _adequate(after, gain, rules), refused
+        null, best, accepted, tuple(screenings), tuple(tried), before, after, _adequate(after, gain, rules), refused,
+        rules,
     )  # fmt: skip
 
 
@@ -240,7 +245,7 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
         taken = {h.name for h, _ in chosen}
         rivals = [c for c in race_of if c.hypothesis.name not in taken]
         least = max(rules.margin, rules.alike * gain)
-        close = [c for c in rivals if worth - c.worth < least and not _bounded(c.hypothesis, c.judged.fit)]
+        close = [c for c in rivals if worth - c.worth < least and not bounded(c.hypothesis, c.judged.fit)]
         equal = tuple(c.hypothesis.name for c in close)
         margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
         whitener = best.whitener
@@ -255,7 +260,7 @@ def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
     return float(white @ white)
 
 
-def _bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
+def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
     """Parameters of the hypothesis that ended on a bound; a size at its null is on none."""
     shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
     return shape + [n for n in fit.at_bounds if n in hypothesis.nulls and fit.values[n] != hypothesis.nulls[n]]
@@ -265,9 +270,9 @@ def objection(hypothesis: Hypothesis, fit: Fit, heldout_gain: float) -> str:
     """Why a refitted hypothesis is not accepted; empty if nothing speaks against it."""
     if heldout_gain < -4.0:
         return f"it does not improve the held-out records (change of the sum of squares {-heldout_gain:+.1f})"
-    bounded = _bounded(hypothesis, fit)
-    if bounded:
-        return f"{', '.join(bounded)} ended on a bound"
+    stuck = bounded(hypothesis, fit)
+    if stuck:
+        return f"{', '.join(stuck)} ended on a bound"
     for name, null in hypothesis.nulls.items():
         low, high = fit.interval(name)
         if not low <= null <= high:

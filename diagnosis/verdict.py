@@ -37,6 +37,39 @@ class Found:
 
 
 @dataclass(frozen=True)
+class Estimate:
+    """A parameter with its 95 % interval, in ``unit``."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One effect that the held-out records asked for; the first step is the refit of the nominals alone, named "".
+
+    gain       | held-out fall of the sum of squares, in independent stretches
+    alike      | other names that these records do not tell from it
+    fit, heldout | RMS error by channel, SI
+    parameters | those that were free at this step
+    rivals     | held-out gain of every hypothesis that was refitted at this step
+    dropped    | effects that were in before, and are not missed any more
+    """
+
+    name: str
+    gain: float
+    confidence: float
+    alike: tuple[str, ...]
+    fit: Mapping[str, float]
+    heldout: Mapping[str, float]
+    parameters: Mapping[str, Estimate]
+    rivals: Mapping[str, float]
+    dropped: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
 class Trace:
     """One channel of one record for figures, SI, each [T]: what was measured, and both predictions.
 
@@ -67,6 +100,7 @@ class Diagnosis:
     clues      | channel and coordinate -> p-values of block permutation, before and after
     visited    | what the recording visited: ranges by channel, reversals
     about      | recording, system, options, seed, seconds
+    steps      | from the refit up, where the held-out records judge; else empty
     rig        | content of augmented.yaml
     traces     | for figures; not in the JSON
     """
@@ -85,6 +119,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
     augmented_rig: str = "augmented.yaml"
+    steps: tuple[Step, ...] = ()
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
 
@@ -114,7 +149,13 @@ def from_json(data: Mapping[str, Any]) -> Diagnosis:
     for key in ("effects", "suspected"):
         made = [Found(**{**e, "alternatives": tuple(e["alternatives"])}) for e in given.get(key, ())]
         given[key] = tuple(made)
+    given["steps"] = tuple(_step(entry) for entry in given.get("steps", ()))
     return Diagnosis(**given)
+
+
+def _step(entry: Mapping[str, Any]) -> Step:
+    parameters = {name: Estimate(**estimate) for name, estimate in entry["parameters"].items()}
+    return Step(**{**entry, "parameters": parameters, **{k: tuple(entry[k]) for k in ("alike", "dropped")}})
 
 
 def replace_file(path: Path, content: str | bytes) -> None:
@@ -125,7 +166,7 @@ def replace_file(path: Path, content: str | bytes) -> None:
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, Found):
+    if isinstance(value, (Found, Step, Estimate)):
         return _plain(asdict(value))
     if isinstance(value, Mapping):
         return {str(k): _plain(v) for k, v in value.items()}

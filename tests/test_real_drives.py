@@ -8,15 +8,16 @@ import pytest
 
 from cable_envs.plants.linear_drive import PLANT
 from cable_envs.replay import replay
+from diagnosis.likelihood import refit_and_learn
 from diagnosis.models import prepare
 from diagnosis.models.band_brake import PARAMETERS, RIGID, _pulls
 from diagnosis.models.coupled_drives import RECTIFIED
 from diagnosis.models.question import Request
 from diagnosis.real import band_brake, emps
 from diagnosis.real.sets import FOLDERS, imported
-from diagnosis.real.stepwise import rmse, settle
 from diagnosis.recording import Quantity
 from diagnosis.refit import Start
+from diagnosis.weights import resampled, rmse, settle
 
 SHARED = Path(__file__).parent.parent.parent / "shared" / "recordings"
 needs = {
@@ -80,10 +81,7 @@ def test_presliding_turns_over_its_distance_and_takes_the_gap_in_series():
 @needs["band-brake"]
 def test_the_band_brake_slips_with_its_load_and_a_viscous_answer_fails_at_another_speed(tmp_path):
     recording = imported("band-brake", SHARED, tmp_path)
-    question = prepare(recording)
-    wanted = (*band_brake.EXPECTED, band_brake.WRONG)
-    chosen = tuple(h for h in question.hypotheses if h.name in wanted)
-    found = band_brake.find("slice", replace(question, hypotheses=chosen))
+    found = band_brake.find("slice", recording, effects=(*band_brake.EXPECTED, band_brake.WRONG))
     assert set(found.named) == set(band_brake.EXPECTED)
     first, last = found.steps[0], found.steps[-1]
     assert last.heldout["force"] < 0.1 * first.heldout["force"]
@@ -126,3 +124,19 @@ def test_emps_parameters_come_out_by_two_ways(tmp_path):
         assert inverse[name].value == pytest.approx(published, rel=0.03)
         # half the record at a fifth of its rate; what the whole one gives is in docs/recordings
         assert refitted[name].value == pytest.approx(published, rel=tolerance[name])
+
+
+@needs["emps"]
+def test_emps_intervals_from_parts_of_the_record_hold_what_was_published(tmp_path):
+    """What is left follows the motion. Taken for noise, its curvature gives the damping to a quarter of what it is."""
+    recording = imported("emps", SHARED, tmp_path)
+    nominal = {name: Quantity(value) for name, value in emps.STARTS.items()}
+    thin = tuple(emps.thinned(record, 5) for record in recording.records)
+    question = prepare(replace(recording, nominal=nominal, records=thin), Request(without=emps.WITHOUT))
+    fit, _ = settle(question.fit, Start("", question.nominals, {}))
+    for name, published in emps.PUBLISHED.items():
+        low, high = fit.interval(name)
+        assert low < published < high and high - low < 0.4 * abs(published)
+    whitened = refit_and_learn(question.fit, [Start("", question.nominals, fit.values)]).fit
+    by_curvature, by_parts = (np.diff(f.interval("viscous"))[0] for f in (whitened, resampled(question.fit, whitened)))
+    assert by_parts > 2.0 * by_curvature

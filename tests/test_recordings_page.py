@@ -12,7 +12,8 @@ from cablebench import recordings_figures as draw
 from cablebench.cli import main
 from cablebench.recordings_page import error, estimate, number, plain, render, write_set
 from cablebench.recordings_sets import SETS, numbers
-from diagnosis.real.finding import Alone, Estimate, Finding, Step
+from diagnosis.real.finding import Alone, Finding
+from diagnosis.verdict import Estimate, Step
 
 COMMITTED = Path(__file__).parent.parent / "docs" / "recordings"
 
@@ -27,6 +28,7 @@ def brake():
     worse = {"force": 7777.0, "band_tension_difference": 10.0}
     finding = Finding(
         "band brake",
+        "named",
         (step("", 6000.0), step("backlash", 350.0)),
         (Alone("viscous_friction", worse, worse, -3.0),),
         {},

@@ -9,7 +9,7 @@ from importlib import import_module
 
 from cable_envs.errors import ConfigurationError
 from diagnosis.models import transmission
-from diagnosis.models.question import Question, Request
+from diagnosis.models.question import Look, Question, Request
 from diagnosis.recording import Recording
 
 _MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
@@ -25,9 +25,7 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     if recording.system == "pulley_circuit" and transmission.fits(recording):
         question = transmission.prepare(recording, request)
     else:
-        special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
-        module = import_module(f"diagnosis.models.{(special or [_MODULES[recording.system]])[0]}")
-        question = module.prepare(recording, request)
+        question = import_module(f"diagnosis.models.{_module(recording)}").prepare(recording, request)
     _stated_is_white(recording, question)
     return question
 
@@ -42,3 +40,17 @@ def _stated_is_white(recording: Recording, question: Question) -> None:
             channel = recording.channels.get(block.channel)
             if channel is not None and channel.noise_std is not None:
                 model.blocks[k] = replace(block, memory=0)
+
+
+def looked_at(recording: Recording) -> Look:
+    """What of the records the model uses."""
+    if recording.system == "pulley_circuit" and transmission.fits(recording):
+        return Look(transmission.PERIOD, transmission.EDGE)
+    if recording.system in _MODULES and _module(recording) == "band_brake":
+        return Look(1.0 / import_module("diagnosis.models.band_brake").RATE)
+    return Look()
+
+
+def _module(recording: Recording) -> str:
+    special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
+    return (special or [_MODULES[recording.system]])[0]

@@ -25,6 +25,14 @@ class Request:
 
 
 @dataclass(frozen=True)
+class Look:
+    """What of a record a model uses: ``spacing``, s between samples (0: all), less ``edge`` s at either end."""
+
+    spacing: float = 0.0
+    edge: float = 0.0
+
+
+@dataclass(frozen=True)
 class Question:
     """The models of the records to fit and of those held out, what is refitted, and what may be missing.
 

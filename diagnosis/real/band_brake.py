@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from diagnosis.models.band_brake import prepare
-from diagnosis.models.question import Request
 from diagnosis.real.finding import Alone, Finding, find
 from diagnosis.recording import Recording
 
@@ -24,7 +22,7 @@ class BandBrake:
 def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: None) -> BandBrake:
     """Fitted at 0.5 Hz, held out at 1 Hz."""
     tell("band brake")
-    finding = find("band brake", prepare(recording, Request()), tell=tell)
+    finding = find("band brake", recording, tell=tell)
     viscous = next(a for a in finding.alone if a.name == WRONG)
     text = finding.left.get(WRONG, "")
     words = text.split()

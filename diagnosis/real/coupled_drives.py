@@ -9,10 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.models.coupled_drives import prepare
-from diagnosis.models.question import Request
-from diagnosis.real.finding import Finding, Trace, find
+from diagnosis.real.finding import Finding, find
 from diagnosis.recording import Recording
+from diagnosis.verdict import Trace
 
 GROUPS = {"uniform": "uniform_", "PRBS": "prbs_"}
 PUBLISHED = {"recurrent net, GP-NARX": (0.10, 0.09), "linear": (0.29, 0.33)}
@@ -33,11 +32,10 @@ def coupled_drives(recording: Recording, tell: Callable[[str], None] = lambda te
     for name, prefix in GROUPS.items():
         records = tuple(r for r in recording.records if r.name.startswith(prefix))
         tell(f"coupled drives, {name}: {len(records)} records")
-        question = prepare(replace(recording, records=records), Request())
-        findings[name] = find(name, question, tell=tell)
+        findings[name] = find(name, replace(recording, records=records), tell=tell)
         for trace in findings[name].traces:
             if trace.use == "heldout":
-                test[trace.record.split("_after")[0]] = (_rms(trace, trace.nominal), _rms(trace, trace.final))
+                test[trace.record.split("_after")[0]] = (_rms(trace, trace.refit), _rms(trace, trace.augmented))
     return CoupledDrives(findings, test)
 
 

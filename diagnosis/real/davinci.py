@@ -4,20 +4,23 @@ The records of one series (15: five loads at three frequencies) are split so tha
 unseen frequency: held out are 30 and 70 % load and everything at 0.3 Hz. Numbers are degrees and mN m, as published.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from diagnosis.likelihood import raw_residuals
-from diagnosis.model import Model
-from diagnosis.models.transmission import TransmissionModel, models, nominals_of
+from diagnosis.engine import Examined, examine
+from diagnosis.ladder import held, inside, ladder
+from diagnosis.model import Model, residuals
+from diagnosis.models.transmission import models
 from diagnosis.models.transmission_effects import LIMITS, hypotheses
-from diagnosis.real.stepwise import Rung, judge, ladder, rmse, settle
 from diagnosis.recording import Record, Recording, load_recording
 from diagnosis.refit import Fit, Start
+from diagnosis.unseen import sure
+from diagnosis.verdict import Step
+from diagnosis.weights import rmse, settle
 
 SERIES = "Tool_4_Maryland_L_4"
 CONCEALED = (
@@ -55,37 +58,26 @@ def unseen(record: Record) -> bool:
     return load_of(record) in (30, 70) or round(float(record.conditions["frequency"]), 1) == 0.3
 
 
-def climb(
-    recording: Recording, tell: Tell = lambda text: None
-) -> tuple[TransmissionModel, TransmissionModel, list[Rung]]:
-    """(model to fit, held-out model, rungs) from the rigid, frictionless transmission up."""
-    fit, heldout = models(recording)
-    return fit, heldout, ladder(fit, heldout, nominals_of(fit.parameters), hypotheses(), tell=tell)
+def diagnosed(recording: Recording, tell: Tell = lambda text: None) -> Examined:
+    """`cablebench diagnose --judge unseen` from the rigid, frictionless transmission up."""
+    return examine(recording, judge="unseen", tell=tell)
 
 
-def inside(rungs: Sequence[Rung]) -> tuple[str, ...]:
-    """Effects that are in at the top of a ladder, in the order in which they came."""
-    found: list[str] = []
-    for rung in rungs[1:]:
-        found = [name for name in (*found, rung.name) if name not in rung.dropped]
-    return tuple(found)
-
-
-def ladder_table(fit: Model, rungs: Sequence[Rung]) -> list[dict[str, Any]]:
+def ladder_table(model: Model, steps: Sequence[Step]) -> list[dict[str, Any]]:
     """The ladder for a page: each accepted effect with what it bought on the held-out records."""
-    rows, before = [], rungs[0]
-    for rung in rungs:
-        now = in_units(rung.rmse[1])
-        was = in_units(before.rmse[1])
+    rows, before = [], steps[0]
+    for step in steps:
+        now, was = in_units(step.heldout), in_units(before.heldout)
+        values = {n: e.value for n, e in step.parameters.items()}
         rows.append({
-            "effect": rung.name, "class": list(rung.alike), "confidence": rung.confidence,
+            "effect": step.name, "class": list(step.alike), "confidence": step.confidence,
             "heldout_deg": now["deg"], "heldout_mnm": now["mnm"],
-            "fit_deg": in_units(rung.rmse[0])["deg"], "fit_mnm": in_units(rung.rmse[0])["mnm"],
+            "fit_deg": in_units(step.fit)["deg"], "fit_mnm": in_units(step.fit)["mnm"],
             "gain_deg": was["deg"] - now["deg"], "gain_mnm": was["mnm"] - now["mnm"],
-            "located": located(fit, rung.fit), "dropped": list(rung.dropped),
-            "parameters": {n: rung.fit.values[n] for n in rung.fit.free},
+            "located": located(model, {**{p.name: p.start for p in model.parameters}, **values}),
+            "dropped": list(step.dropped), "parameters": values,
         })  # fmt: skip
-        before = rung
+        before = step
     return rows
 
 
@@ -94,13 +86,14 @@ def in_units(errors: dict[str, float]) -> dict[str, float]:
     return {"deg": DEG * errors["output_angle"], "mnm": MNM * errors["output_torque"]}
 
 
-def located(model: Model, fit: Fit) -> dict[str, dict[str, float]]:
+def located(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, float]]:
     """Channel -> coordinate -> share of the residual's squares that it explains.
 
     "direction" by itself (the mean level with it); of others, what their means over `BINS` bins of equal counts in each
     direction of motion explain beyond it.
     """
-    left = raw_residuals(model, fit)
+    column = np.array([[values[p.name]] for p in model.parameters])
+    left = [r[:, 0] for r in residuals(model.blocks, model.predict(column))]
     found: dict[str, dict[str, float]] = {}
     for channel in dict.fromkeys(b.channel for b in model.blocks):
         mine = [(b, r) for b, r in zip(model.blocks, left, strict=True) if b.channel == channel]
@@ -124,7 +117,7 @@ def _between(residual: np.ndarray, cells: np.ndarray) -> float:
 
 
 def parameters(fit: Fit, stretches: float) -> dict[str, dict[str, Any]]:
-    """Values of the free parameters with 95 % intervals from the curvature; units as in `LIMITS`."""
+    """Values of the free parameters with 95 % intervals (`weights.resampled`); units as in `LIMITS`."""
     return {
         name: {
             "value": fit.values[name], "ci95": list(fit.interval(name)), "stretches": stretches,
@@ -134,11 +127,10 @@ def parameters(fit: Fit, stretches: float) -> dict[str, dict[str, Any]]:
     }  # fmt: skip
 
 
-def concealed(
-    fit: Model, heldout: Model, rungs: Sequence[Rung], tell: Tell = lambda text: None
-) -> list[dict[str, Any]]:
+def concealed(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str, Any]]:
     """Each of `CONCEALED` taken out of the full model, all else refitted, and the rest diagnosed."""
-    full, there = rungs[-1].fit, inside(rungs)
+    fit, heldout, ladder_steps = whole.question.fit, whole.question.heldout, whole.diagnosis.steps
+    full, there = whole.selection.final.fit, inside(ladder_steps)
     known = {h.name: h for h in hypotheses()}
     rows = []
     for name in (n for n in CONCEALED if n in there):
@@ -154,11 +146,11 @@ def concealed(
         rows.append({
             "removed": name, "found": found.name if found else "", "class": list(found.alike) if found else [],
             "right": bool(answer) and answer[0] == name, "in_class": name in answer,
-            "confidence": found.confidence if found else 0.0,
+            "confidence": sure(found) if found else 0.0,
             "experiment": known[found.name].experiment if found else "",
-            "full": in_units(rungs[-1].rmse[1]), "refit": in_units(steps[0].rmse[1]),
-            "augmented": in_units(steps[-1].rmse[1]), "located": located(fit, steps[0].fit),
-            "rivals": found.rivals if found else {}, "refused": steps[-1].refused,
+            "full": in_units(ladder_steps[-1].heldout), "refit": in_units(steps[0].rmse[1]),
+            "augmented": in_units(steps[-1].rmse[1]), "located": located(fit, steps[0].fit.values),
+            "rivals": dict(found.rivals) if found else {}, "refused": dict(steps[-1].refused),
         })  # fmt: skip
         tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['confidence']:.2f})")
     return rows
@@ -192,5 +184,4 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
 
 def stretches_of(heldout: Model, fit: Fit) -> float:
     """How many independent stretches the held-out records have, by what the fit leaves in them."""
-    judged = judge(heldout, fit)
-    return sum(judged.counts.values()) / judged.together
+    return held(heldout, fit).stretches

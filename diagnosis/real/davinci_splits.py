@@ -17,12 +17,13 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.ladder import ladder
 from diagnosis.models.transmission import TransmissionModel, assemble, nominals_of, run_of
 from diagnosis.models.transmission_effects import hypotheses
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from diagnosis.real.stepwise import ladder, rmse, settle
 from diagnosis.recording import Record, Recording
 from diagnosis.refit import Start
+from diagnosis.weights import rmse, settle
 
 CLOSING = -0.25
 """rad/s."""

@@ -9,12 +9,12 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from diagnosis.ladder import inside
 from diagnosis.models.transmission_effects import hypotheses
 from diagnosis.real.davinci import (
     Tell,
-    climb,
     concealed,
-    inside,
+    diagnosed,
     ladder_table,
     load,
     parameters,
@@ -34,18 +34,20 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
     ``folder``: the imported data set. ``controls``: with the neighbours and networks. About five minutes.
     """
     recording = load(folder)
-    fit, heldout, rungs = climb(recording, tell)
-    naive, full = rungs[0].fit, rungs[-1].fit
+    whole = diagnosed(recording, tell)
+    steps, refused, heldout = whole.diagnosis.steps, dict(whole.selection.refused), whole.question.heldout
+    naive, full = whole.selection.null.fit, whole.selection.final.fit
     uses = {"naive": naive.values, "augmented": full.values}
     known = {h.name: h for h in hypotheses()}
     return {
         "records": {"fit": [r.name for r in recording.used_for("fit")],
                     "heldout": [r.name for r in recording.used_for("heldout")]},
-        "ladder": ladder_table(fit, rungs), "inside": list(inside(rungs)), "refused": rungs[-1].refused,
-        "equations": {name: known[name].equation for name in inside(rungs)},
+        "ladder": ladder_table(whole.question.fit, steps), "inside": list(inside(steps)), "refused": refused,
+        "verdict": whole.diagnosis.verdict,
+        "equations": {name: known[name].equation for name in inside(steps)},
         "parameters": parameters(full, stretches_of(heldout, full)),
         "figures": {"record": traces(heldout, uses, SHOWN)},
-        "concealed": concealed(fit, heldout, rungs, tell),
+        "concealed": concealed(whole, tell),
         "feedforward": replayed(heldout, uses),
         "pitch": pitch(folder, full.free, full.values),
         "published": PUBLISHED,

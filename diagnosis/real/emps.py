@@ -2,10 +2,15 @@
 
 Three estimates beside the published ones, which rest on other weights of the same record:
 
-coloured | the tool's refit, with the noise of the position and its colour learnt from what is left; 1 kHz
-steps    | the ladder, where what is left counts by its size and its independent stretches; 200 Hz
+steps    | `diagnose --judge unseen`: what is left counts by its size and its independent stretches; 200 Hz
+coloured | the refit of `--judge noise`: what is left is whitened; 1 kHz
 inverse  | least squares of the filtered force on acceleration, speed, its sign and one (Gautier, IDIM-LS): the way the
          | published numbers were found; it uses no simulator and is here to check one
+
+What is left is ten times the encoder's noise and follows the motion: model error, not noise. Whitened, it counts where
+it changes quickly, just behind reversals, and the estimate is that of the friction there. The curvature takes it for
+noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so both
+intervals are from parts (`diagnosis.weights.resampled`).
 """
 
 from collections.abc import Callable, Mapping
@@ -17,9 +22,11 @@ from scipy.signal import butter, decimate, filtfilt
 from diagnosis.likelihood import refit_and_learn
 from diagnosis.models.linear_drive import prepare
 from diagnosis.models.question import Request
-from diagnosis.real.finding import Estimate, Finding, find
+from diagnosis.real.finding import Finding, find
 from diagnosis.recording import Quantity, Record, Recording
 from diagnosis.refit import Start
+from diagnosis.verdict import Estimate
+from diagnosis.weights import resampled
 
 PUBLISHED = {"mass": 95.1, "viscous": 203.5, "coulomb": 20.4, "force_offset": -3.16}
 """kg, N s/m, N, N."""
@@ -49,8 +56,7 @@ def emps(recording: Recording, tell: Callable[[str], None] = lambda text: None) 
     tell("EMPS: ladder")
     naive = {name: Quantity(STARTS[name]) for name in ("mass", "force_offset")}
     thin = tuple(thinned(record, THINNED) for record in one_body.records)
-    question = prepare(replace(one_body, nominal=naive, records=thin), Request(without=WITHOUT))
-    finding = find("EMPS", question, tell=tell)
+    finding = find("EMPS", replace(one_body, nominal=naive, records=thin), without=WITHOUT, tell=tell)
     last = finding.steps[-1].parameters
     estimates["steps"] = {name: last[name] for name in PUBLISHED if name in last}
     return Emps(estimates, finding)
@@ -60,7 +66,7 @@ def coloured(recording: Recording) -> dict[str, Estimate]:
     """All four parameters refitted together on the fit record."""
     nominal = {name: Quantity(value) for name, value in STARTS.items()}
     question = prepare(replace(recording, nominal=nominal), Request(without=WITHOUT))
-    fit = refit_and_learn(question.fit, [Start("", question.nominals, {})]).fit
+    fit = resampled(question.fit, refit_and_learn(question.fit, [Start("", question.nominals, {})]).fit)
     return {name: Estimate(fit.values[name], *fit.interval(name), UNITS[name]) for name in PUBLISHED}
 
 
