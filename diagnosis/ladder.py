@@ -45,7 +45,7 @@ Keep = Callable[[str, Callable[[], Any]], Any]
 class Rung:
     """A step of the ladder: the effect that was added, its refit, and what it bought.
 
-    gain        | fall of the held-out sum of squares, in independent stretches of what the effect leaves
+    gain        | fall of the held-out sum of squares, in independent stretches (`Held.gain`)
     rivals      | the same of every refitted hypothesis, for all in stretches of what the step before leaves; at a refit
                 | on which nothing stands, of those refused
     margin      | of it over the best rival that is not ``alike``, on the scale of ``rivals``
@@ -79,11 +79,13 @@ class Held:
     def gain(self, other: "Held", stretch: float | None = None) -> float:
         """Log likelihood ratio, doubled, of ``other`` over this: stretches times the log of the sums' quotient.
 
-        stretch: samples of one; None: as ``other`` leaves them, as `diagnosis.likelihood` judges each model with its
-        own noise: a mismatch that is slow would else make all stretches long, and by that hide what removes it.
+        stretch: samples of one; None: the shorter of what both leave. A change in coloured errors is as sure as the
+        product of both autocorrelations is short (Bartlett): a slow mismatch may not hide what removes it, nor a slow
+        rest what removed quick errors.
         """
+        stretch = stretch or min(self.together, other.together)
         return sum(
-            count / (stretch or other.together) * float(np.log(self._total(channel) / other._total(channel)))
+            count / stretch * float(np.log(self._total(channel) / other._total(channel)))
             for channel, count in self.counts.items()
         )
 

@@ -74,9 +74,18 @@ def race(
 
 
 def refits(model: Model, base: Fit, screening: Screening, most: int | None = RIVALS) -> dict[str, Fit]:
-    """The best refit of each of the ``most`` best-scored hypotheses (None: of all) on top of ``base``, by name."""
+    """The best refit of each of the ``most`` best-scored hypotheses (None: of all) on top of ``base``, by name.
+
+    Starts are those of a race and the best-scored probes as they are: a gap behind a spring has a minimum of its own.
+    """
     chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:most]
     starts = [start for score in chosen for start in _starts(model, base, score, screening)]
+    for score in chosen:
+        free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
+        own = sorted((s for s in screening.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
+        for one in own[:STARTS]:
+            probe = {k: v for direction in score.hypothesis.probes[one.probe] for k, v in direction.items()}
+            starts.append(Start(score.hypothesis.name, free, {**base.values, **probe}))
     return _best_of(refit(model, screening.whitener, starts, _FIRST + _LAST + 2))
 
 
