@@ -106,6 +106,11 @@ def advice(record: Mapping[str, Any]) -> str:
     return "Look below for the size that each effect would need for this recording to show it."
 
 
+def _stepped(step: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
+    errors = ", ".join(f"{plain(c)} {shown(value, fit[c]['unit'])}" for c, value in step["heldout"].items())
+    return f"  step: {plain(step['name'])}; unseen records then: {errors}"
+
+
 def lines(record: Mapping[str, Any]) -> list[str]:
     """The verdict for a terminal, the sentence first."""
     found = [headline(record)]
@@ -115,6 +120,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for effect in record["effects"]:
         found.append(f"  {plain(effect['hypothesis'])}: {effect['equation']}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
+    found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
     found += [f"  where: {place['where']}" for place in record["location"][:4]]
     for name, p in record["absorbed"].items():
         values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]

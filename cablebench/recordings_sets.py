@@ -76,7 +76,7 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
     from diagnosis.real.sets import imported
 
     found = study(imported("emps", shared, work), tell)
-    words = {"coloured": "tool, noise coloured", "steps": "tool, ladder", "inverse": "inverse dynamics"}
+    words = {"steps": "tool, unseen records", "coloured": "tool, taken for noise", "inverse": "inverse dynamics"}
     titles = {"mass": "M", "viscous": "Fv", "coulomb": "Fc", "force_offset": "offset"}
     panels = [
         {

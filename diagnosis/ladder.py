@@ -48,8 +48,8 @@ class Rung:
     gain        | fall of the held-out sum of squares, in independent stretches (`Held.gain`)
     rivals      | the same of every refitted hypothesis, for all in stretches of what the step before leaves; at a refit
                 | on which nothing stands, of those refused
-    margin      | of it over the best rival that is not ``alike``, on the scale of ``rivals``
-    alike       | rivals within `MARGIN` of it: on these records not told from it
+    margin      | gain over the best rival that is not ``alike``
+    alike       | rivals over which it gains less than `MARGIN`: on these records not told from it
     rmse        | (fit, held-out) by channel, SI
     dropped     | effects that were in, and are not missed any more
     refused     | hypothesis -> why it was not taken at this step; at the last rung, at the step that found none
@@ -183,15 +183,16 @@ def _climb(fit, heldout, best, whitener: Whitener, left, rng) -> Rung:
     open_to = {name: gain for name, gain in sums.items() if name not in refused}
     if not open_to:
         return Rung("", best, 0.0, 0.0, sums, (), ({}, {}), (), refused, screening)
-    highest = max(open_to.values())
-    near = [h for h in left if highest - open_to.get(h.name, -np.inf) < MARGIN]
-    worth = {h.name: open_to[h.name] - 2.0 * len(h.free) for h in near}  # Akaike's price of a parameter
+    top = judged[max(open_to, key=open_to.get)]
+    behind = {name: judged[name].gain(top) for name in fits}  # by what those two leave, not by what both have removed
+    near = [h for h in left if h.name in open_to and behind[h.name] < MARGIN]
+    worth = {h.name: -behind[h.name] - 2.0 * len(h.free) for h in near}  # Akaike's price of a parameter
     # two springs in series are one until friction lies between them: of equals, the library's first
     name = next(h.name for h in near if worth[h.name] > max(worth.values()) - EQUAL)
     alike = tuple(h.name for h in near if h.name != name)
-    others = [gain for other, gain in sums.items() if other != name and other not in alike]
-    margin = min(open_to[name] - max(others, default=0.0), open_to[name])
-    return Rung(name, fits[name], base.gain(judged[name]), margin, sums, alike, ({}, {}), (), refused, screening)
+    gain = base.gain(judged[name])
+    margin = min([judged[n].gain(judged[name]) for n in fits if n not in (name, *alike)], default=gain)
+    return Rung(name, fits[name], gain, min(margin, gain), sums, alike, ({}, {}), (), refused, screening)
 
 
 def _against(hypothesis: Hypothesis, fit: Fit, gain: float, better: int, records: int) -> str:

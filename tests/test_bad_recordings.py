@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from cable_envs.errors import ConfigurationError
+from diagnosis.gate import gate
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request
 from diagnosis.readers.writer import write_data_set
@@ -172,3 +173,56 @@ def test_brake_records_under_each_others_names_are_named(tmp_path):
     (folder / names[1]).write_text((SETS / "band_brake" / names[0]).read_text())
     _, done = take("band-brake", tmp_path, names[0], (SETS / "band_brake" / names[1]).read_text())
     assert len(done.faults) == 2 and all("files swapped?" in fault for fault in done.faults)
+
+
+def _constant(values):
+    values[:] = 0.31
+
+
+def _held(values):
+    values[7000:8500] = values[7000]
+
+
+def _clipped(values):
+    np.clip(values, -2.0, 2.0, out=values)
+
+
+@needs["emps"]
+@pytest.mark.parametrize(
+    ("spoil", "said"),
+    [
+        (_constant, "channel voltage, row 1: constant at 0.31: nothing drives the rig, or the wrong column"),
+        (_held, "channel voltage, row 7001: 1500 equal samples in a row, .*: stuck"),
+        (_clipped, None),  # an amplifier's limit is what the drive was told: no fault
+    ],
+)
+def test_an_axis_whose_voltage_does_not_move_is_refused_before_any_physics(tmp_path, spoil, said):
+    table = np.array([[float(cell) for cell in line.split(",")] for line in lines_of("emps/EMPS_est.csv")[:10_000]])
+    spoil(table[:, 0])
+    text = "\n".join(f"{u:.9g},{x:.9g}" for u, x in table) + "\n"
+    recording, _ = take("emps", tmp_path, "EMPS_est.csv", text)
+    if said is None:
+        gate(recording).require_usable()
+        return
+    with pytest.raises(ConfigurationError, match=said):
+        gate(recording).require_usable()
+
+
+@needs["coupled_drives"]
+@pytest.mark.parametrize(
+    ("first", "last", "value", "said"),
+    [
+        (0, 500, 2.0, "speed_reading, row 1: constant at 2"),
+        (100, 180, 0.7, "speed_reading, row 1..: .* in a row, 0.7: stuck"),
+    ],
+)
+def test_a_reading_that_does_not_move_is_refused_before_any_physics(tmp_path, first, last, value, said):
+    lines = lines_of("coupled_drives/DATAUNIF.csv")
+    column = lines[0].replace('"', "").split(",").index("z11")
+    rows = [line.split(",") for line in lines[1:]]
+    for row in rows[first:last]:
+        row[column] = str(value)
+    text = "\n".join([lines[0], *(",".join(row) for row in rows)]) + "\n"
+    recording, _ = take("coupled-drives", tmp_path, "DATAUNIF.csv", text)
+    with pytest.raises(ConfigurationError, match=said):
+        gate(recording).require_usable()

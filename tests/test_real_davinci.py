@@ -20,7 +20,7 @@ from diagnosis.models.transmission_kernel import ROWS, transmit
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request as Asked
 from diagnosis.readers.writer import write_data_set
-from diagnosis.real.davinci import concealed, diagnosed, in_units, load_of, located, split
+from diagnosis.real.davinci import concealed, diagnosed, in_units, load, located
 from diagnosis.real.davinci_splits import SPLITS, compare
 from diagnosis.real.feedforward import command
 from diagnosis.recording import load_recording
@@ -261,8 +261,10 @@ def test_a_rig_that_noise_does_not_limit_is_said_to_be_one(jaw):
 
 @needs_jaw
 @pytest.mark.slow
-def test_effects_taken_out_of_the_real_jaw_are_found_again(jaw):
-    whole = diagnosed(split(jaw, lambda record: load_of(record) in (30, 70)))
+def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
+    data = reader("da-vinci-jaw").open_dataset(JAW, Asked(None, True))
+    write_data_set(data, tmp_path / "series", chosen=["Tool_4_Maryland_L_4_??"])
+    whole = diagnosed(load(tmp_path / "series"))
     there = inside(whole.diagnosis.steps)
     assert {"coulomb_friction", "load_dependent_friction", "presliding_hysteresis", "cable_elongation"} <= set(there)
     rows = concealed(whole)
