@@ -84,7 +84,7 @@ def refits(model: Model, base: Fit, screening: Screening, most: int | None = RIV
         free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
         own = sorted((s for s in screening.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
         for one in own[:STARTS]:
-            probe = {k: v for direction in score.hypothesis.probes[one.probe] for k, v in direction.items()}
+            probe = {k: v for direction in one.directions for k, v in direction.items()}
             starts.append(Start(score.hypothesis.name, free, {**base.values, **probe}))
     return _best_of(refit(model, screening.whitener, starts, _FIRST + _LAST + 2))
 
