@@ -8,29 +8,44 @@ import pytest
 import yaml
 
 from cable_envs.errors import ConfigurationError
-from cablebench import pays
+from cablebench import pays, pays_page
 from cablebench.cli import main
 from cablebench.entrants import controller_entrant
 from cablebench.evaluate import setup_of
-from cablebench.pays import AGENT, CONTROLLER, ENV, SIMULATORS, Study, page, summary
+from cablebench.pays import SIMULATORS, Study, summary
+from cablebench.pays_rigs import RIGS
 
+CONTROLLER, AGENT, ENV = "feedforward-pid", "residual-ppo", RIGS["circuit"].env
 GAINS = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
+EFFECTS = {"circuit": ("backlash", "gap", 0.1, 0.09), "hole": ("coulomb_friction", "level", 4.0, 3.9)}
+"""rig -> (effect, its parameter, as it is hidden, as a diagnosis found it)"""
 
 
-def test_only_the_oracle_is_told_what_is_hidden():
-    study = Study(hidden={"backlash": {"gap": 0.1}})
-    rig = {
-        "schema": "cable-rig/1",
-        "name": "augmented",
-        "plant": "pulley_circuit",
-        "effects": {"backlash": {"gap": 0.09}},
-    }
-    gaps = {
-        name: setup_of(ENV, study.simulator_options(name, rig)).rig.effects.get("backlash.gap") for name in SIMULATORS
-    }
-    assert gaps == {"nominal": None, "augmented": 0.09, "oracle": 0.1}
-    hidden = setup_of(ENV, study.hidden_options())
-    assert hidden.plant.name == "pulley_chain" and hidden.rig.effects["backlash.gap"] == 0.1
+@pytest.mark.parametrize("rig", sorted(RIGS))
+def test_only_the_oracle_is_told_what_is_hidden(rig):
+    effect, name, true, seen = EFFECTS[rig]
+    study = Study(rig=rig, hidden={effect: {name: true}})
+    hidden = setup_of(study.bench.env, study.hidden_options())
+    found = {"schema": "cable-rig/1", "name": "augmented", "plant": hidden.rig.plant, "effects": {effect: {name: seen}}}
+
+    def told(setup):
+        return setup.rig.effects.get(f"{effect}.{name}")
+
+    sizes = {s: told(setup_of(study.bench.env, study.simulator_options(s, found))) for s in SIMULATORS}
+    assert sizes == {"nominal": None, "augmented": seen, "oracle": true}
+    assert told(hidden) == true
+    assert hidden.plant.name == {"circuit": "pulley_chain", "hole": "cable_hole"}[rig]
+
+
+def test_every_rig_hides_effects_and_holds_a_motion_back():
+    for rig in RIGS.values():
+        study = Study(rig=next(name for name, r in RIGS.items() if r is rig))
+        nominal, hidden = (
+            setup_of(rig.env, options) for options in (study.simulator_options("nominal", {}), study.hidden_options())
+        )
+        assert nominal.rig.effects == {} and nominal.rig.name == rig.preset
+        assert {**hidden.rig.values, **hidden.rig.effects} != {**nominal.rig.values, **nominal.rig.effects}
+        assert len(rig.motions) >= 3 and nominal.reference not in [dict(m) for m in rig.motions]
 
 
 def test_unknown_effects_and_empty_budgets_are_refused():
@@ -40,6 +55,20 @@ def test_unknown_effects_and_empty_budgets_are_refused():
         Study(trials=0)
     with pytest.raises(ConfigurationError, match="seeds"):
         Study(seeds=(1, 1))
+    with pytest.raises(ConfigurationError, match="circuit"):
+        Study(rig="circit")
+
+
+def test_more_seeds_are_the_same_study_and_another_budget_is_not():
+    study = Study(hidden={"backlash": {"gap": 0.1}}, seeds=(0,))
+    assert replace(study, seeds=(0, 1)).hash() == study.hash()
+    assert len({s.hash() for s in (study, replace(study, steps=7), replace(study, rig="hole"))}) == 3
+
+
+def test_what_is_hidden_from_the_command_line_needs_one_rig():
+    with pytest.raises(SystemExit) as ended:
+        main(["pays", "--out", "nowhere", "--hide", "backlash.gap=0.1"])
+    assert ended.value.code != 0
 
 
 def test_summary_pairs_episodes_and_resamples_seeds():
@@ -62,77 +91,99 @@ def test_a_model_based_controller_believes_the_rig_of_its_simulator():
     acting = setup_of(ENV, study.hidden_options())
     commands = []
     for options in (study.simulator_options("nominal", {}), soft):
-        actor = pays.controller_actor(GAINS, setup_of(ENV, options), acting)
+        actor = pays.controller_actor(CONTROLLER, GAINS, setup_of(ENV, options), acting)
         y = {name: 0.1 for name in ("drive_angle", "drive_velocity", "drive_torque")}
         actor.controller.reset()
         commands.append([actor.controller.act(0.01 * k, y, (0.01 * k, 1.0, 0.0)) for k in range(50)][-1])
     assert commands[1] > commands[0] + 0.01
 
 
-def test_page_and_command_hold_the_numbers():
+def test_page_command_and_figure_hold_the_numbers():
     table = {name: [[0.1, 0.12], [0.11, 0.1]] for name in SIMULATORS}
-    study = Study(seeds=(3, 4), hidden={"backlash": {"gap": 0.1}})
-    text = page({
-        "hidden": study.hidden, "command": pays.command(study, quick=False), "seeds": study.seeds, "episodes": 2,
-        "diagnosis": {"verdict": "named", "effects": [{"name": "backlash", "parameters": {
-            "backlash.gap": {"value": 0.0987, "unit": "rad"}}}]},
-        "budget": {"trials": 7, "steps": 11}, "summary": summary({CONTROLLER: table}),
-    })  # fmt: skip
-    assert "--seed 3 --seed 4" in text and "--hide backlash.gap=0.1" in text
-    assert "backlash.gap = 0.0987 rad" in text and "7 trials" in text
-    assert "| `feedforward-pid` | 107.5 [" in text
+    study = Study(seeds=(3, 4), hidden={"backlash": {"gap": 0.1}, "coulomb_friction": {"level": 0.02}})
+    named = {"name": "backlash", "confidence": 0.8, "parameters": {
+        "backlash.gap": {"value": 0.0987, "unit": "rad", "ci95": [0.097, 0.1004]}}}  # fmt: skip
+    result = {
+        "command": pays_page.command([study], quick=False), "seeds": study.seeds, "episodes": 2,
+        "budget": {"trials": 7, "steps": 11, "tuning_episodes": 2},
+        "rigs": {"circuit": {"hidden": study.effects, "summary": summary({CONTROLLER: table}),
+                             "diagnosis": {"verdict": "named", "effects": [named]}}},
+    }  # fmt: skip
+    text = pays_page.page(result)
+    assert "--rig circuit" in text and "--seed 3 --seed 4" in text and "--hide backlash.gap=0.1" in text
+    assert "| backlash.gap | 0.1 | 0.0987 rad | 0.097 to 0.1 | 0.80 |" in text
+    assert "| coulomb_friction.level | 0.02 | - | - | - |" in text  # what was missed stands there too
+    assert "7 trials" in text and "| `feedforward-pid` | 108 [" in text
+    drawn = pays_page.figure(result)
+    assert drawn.startswith("<svg") and "feedforward-pid" in drawn
 
 
 @pytest.mark.slow
-def test_the_recording_does_not_tell_what_is_hidden(tmp_path):
+@pytest.mark.parametrize("rig", sorted(RIGS))
+def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
     from cablebench.export.concealed import write_concealed
     from diagnosis.recording import load_recording
 
-    study = Study(hidden={"backlash": {"gap": 0.123}}, duration=3.0)
-    motions = [
-        {"kind": "sine", "amplitude": 1.0, "frequency": 0.5},
-        {"kind": "sine", "amplitude": 0.8, "frequency": 0.7},
-    ]
-    entrant = controller_entrant(CONTROLLER, GAINS)
-    file = write_concealed(ENV, study.hidden_options(), motions, entrant, "zou-table2", tmp_path / "r", seed=5)
+    effect, name, _, _ = EFFECTS[rig]
+    study = Study(rig=rig, hidden={effect: {name: 0.123}}, duration=3.0)
+    bench = study.bench
+    motions = [{**bench.motions[0], "frequency": f} for f in (0.5, 0.7)]
+    entrant = controller_entrant(bench.controller, bench.recorder)
+    file = write_concealed(bench.env, study.hidden_options(), motions, entrant, bench.preset, tmp_path / "r", seed=5)
     text = file.read_text()
-    assert "0.123" not in text and "backlash" not in text and yaml.safe_load(text)["rig"] == "zou-table2"
+    assert "0.123" not in text and effect not in text and yaml.safe_load(text)["rig"] == bench.preset
     recording = load_recording(file)
     assert [r.use for r in recording.records] == ["fit", "heldout"] and recording.rig.effects == {}
-    assert recording.channels["drive_angle"].noise_std == 5e-4
+    assert recording.channels["drive_angle" if rig == "circuit" else "load_position"].noise_std > 0.0
+    assert not {"angle_reference", "position_reference"} & set(recording.channels)
     assert len(recording.records[0].time) == 301
     assert {p.name for p in (tmp_path / "r").iterdir()} == {"recording.yaml", "motion_0.csv", "motion_1.csv"}
 
 
 @pytest.mark.slow
-def test_a_small_study_runs_keeps_its_parts_and_refuses_another(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize("rig", sorted(RIGS))
+def test_a_small_study_runs_keeps_its_parts_and_refuses_another(rig, tmp_path, monkeypatch, capsys):
     """With a diagnosis from elsewhere in its place, which takes most of the time and has tests of its own."""
-    out = tmp_path / "study"
-    study = Study(hidden={"backlash": {"gap": 0.2}}, seeds=(0,), steps=8192, trials=2, tuning_episodes=1, episodes=1,
-                  duration=2.0, record_seconds=2.0)  # fmt: skip
-    found = out / "diagnosis"
-    (out / "recording").mkdir(parents=True)
-    found.mkdir()
-    (out / "recording" / "recording.yaml").write_text("schema: cable-recording/1\n")
-    rig = {"schema": "cable-rig/1", "name": "augmented", "plant": "pulley_circuit",
-           "effects": {"backlash": {"gap": 0.19}}}  # fmt: skip
-    (found / "augmented.yaml").write_text(yaml.safe_dump(rig))
+    out, (effect, name, true, seen) = tmp_path / "study", EFFECTS[rig]
+    study = Study(rig=rig, hidden={effect: {name: true}}, seeds=(0,), steps=8192, trials=2, tuning_episodes=1,
+                  episodes=1, duration=2.0, record_seconds=2.0)  # fmt: skip
+    controller, agent = study.learners
+    found, recording = out / rig / "diagnosis", out / rig / "recording"
+    found.mkdir(parents=True)
+    recording.mkdir()
+    (recording / "recording.yaml").write_text("schema: cable-recording/1\n")
+    system = setup_of(study.bench.env, study.hidden_options()).rig.plant
+    content = {"schema": "cable-rig/1", "name": "augmented", "plant": system, "effects": {effect: {name: seen}}}
+    (found / "augmented.yaml").write_text(yaml.safe_dump(content))
     (found / "diagnosis.json").write_text(json.dumps({"verdict": "named", "effects": []}))
-    words = ["pays", "--out", str(out), "--seed", "0", "--steps", "8192", "--trials", "2", "--tuning-episodes", "1"]
-    words += ["--episodes", "1", "--duration", "2", "--record-seconds", "2", "--hide", "backlash.gap=0.2", "--json"]
+    words = ["pays", "--out", str(out), "--rig", rig, "--seed", "0", "--steps", "8192", "--trials", "2"]
+    words += ["--tuning-episodes", "1", "--episodes", "1", "--duration", "2", "--record-seconds", "2"]
     with pytest.raises(SystemExit) as ended:
-        main(words)
+        main([*words, "--hide", f"{effect}.{name}={true}", "--json"])
     assert ended.value.code == 0
-    result = json.loads(capsys.readouterr().out)
-    assert result["scores"].keys() == {CONTROLLER, AGENT}
-    assert all(np.isfinite(result["scores"][learner][s]).all() for learner in result["scores"] for s in SIMULATORS)
+    scores = json.loads(capsys.readouterr().out)["rigs"][rig]["scores"]
+    assert scores.keys() == {controller, agent}
+    assert all(np.isfinite(scores[learner][s]).all() for learner in scores for s in SIMULATORS)
     assert (out / "pays.md").read_text().startswith("# Does it pay?")
+    assert (out / pays_page.FIGURE).read_text().startswith("<svg")
     from cablebench.commands import pays_steps
 
-    again = json.loads((out / "scores" / f"{CONTROLLER}-oracle-0.json").read_text())
+    again = json.loads((out / rig / "scores" / f"{controller}-oracle-0.json").read_text())
     monkeypatch.setattr(pays_steps, "tuned_gains", None)  # nothing is made twice
     monkeypatch.setattr(pays_steps, "trained", None)
-    repeated = pays_steps.run(study, out, False, lambda text: None, lambda *now: None)
-    assert repeated["scores"][CONTROLLER]["oracle"] == [again]
+    repeated = pays_steps.run([study], out, False, lambda text: None, lambda *now: None)
+    assert repeated["rigs"][rig]["scores"][controller]["oracle"] == [again]
     with pytest.raises(ConfigurationError, match="other settings"):
-        pays_steps.run(replace(study, trials=3), out, False, lambda text: None, lambda *now: None)
+        pays_steps.run([replace(study, trials=3)], out, False, lambda text: None, lambda *now: None)
+
+
+@pytest.mark.slow
+def test_a_trained_agent_keeps_the_rig_that_its_controller_believed(tmp_path):
+    """A loaded policy would take the task's own: another controller than the one it learnt to correct."""
+    from cablebench.commands import pays_steps
+
+    study = Study(rig="hole", hidden={"coulomb_friction": {"level": 1.0}}, seeds=(0,), steps=8192, duration=2.0)
+    rig = {"schema": "cable-rig/1", "name": "augmented", "plant": "cable_hole",
+           "parameters": {"load_mass": {"value": 3.0, "unit": "kg"}}}  # fmt: skip
+    policy = pays_steps.trained(study, tmp_path, "augmented", rig, 0, lambda *now: None)
+    assert policy.setup.rig.values["load_mass"] == 3.0

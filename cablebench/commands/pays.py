@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cable_envs.errors import ConfigurationError
 from cablebench.commands.common import console, parse_pairs, print_json, progress_bar, require_ours
 
 INTERRUPTED = 130
@@ -19,33 +20,40 @@ def pays(
     quick: Annotated[
         bool, typer.Option("--quick", help="Small budgets: shows that it runs, not what it brings.")
     ] = False,
+    rig: Annotated[
+        list[str] | None, typer.Option(help="Hidden rig: circuit or hole; may be repeated, else both.")
+    ] = None,
     seed: Annotated[list[int] | None, typer.Option(min=0, help="Of tuning and training; may be repeated.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Environment steps of each training.")] = None,
     trials: Annotated[int | None, typer.Option(min=1, help="Trials of each tuning.")] = None,
     tuning_episodes: Annotated[int | None, typer.Option(min=1, help="Episodes of a trial.")] = None,
     episodes: Annotated[int | None, typer.Option(min=1, help="Episodes on the hidden rig for each seed.")] = None,
-    duration: Annotated[float | None, typer.Option(help="s of an episode.")] = None,
+    duration: Annotated[float | None, typer.Option(help="s of an episode, else the rig's own.")] = None,
     record_seconds: Annotated[float | None, typer.Option(help="s of each recorded motion.")] = None,
     hide: Annotated[
-        list[str] | None, typer.Option(help="Concealed effect, as backlash.gap=0.1; may be repeated.")
+        list[str] | None, typer.Option(help="Concealed effect of the one --rig, as backlash.gap=0.1; may be repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
-    """Record a hidden rig, diagnose it, tune and train on nominal, corrected and true simulators, score on the rig."""
+    """Record hidden rigs, diagnose them, tune and train on nominal, corrected and true simulators, score on them."""
     require_ours("agents")
     from cablebench.commands.pays_steps import run
     from cablebench.pays import Study
+    from cablebench.pays_rigs import RIGS
 
     asked: dict[str, Any] = {
         "seeds": tuple(seed) if seed else None, "steps": steps, "trials": trials, "tuning_episodes": tuning_episodes,
         "episodes": episodes, "duration": duration, "record_seconds": record_seconds, "hidden": hidden(hide or ()),
     }  # fmt: skip
     given = {name: value for name, value in asked.items() if value is not None}
-    study = Study(**{**(QUICK if quick else {}), **given})
+    rigs = tuple(dict.fromkeys(rig or RIGS))
+    if "hidden" in given and len(rigs) > 1:
+        raise ConfigurationError("--hide: say which rig has the effect, with one --rig")
+    studies = [Study(rig=name, **{**(QUICK if quick else {}), **given}) for name in rigs]
     err = console(stderr=True)
     try:
         with progress_bar() as update:
-            result = run(study, out, quick, lambda text: err.print(text, markup=False), update)
+            result = run(studies, out, quick, lambda text: err.print(text, markup=False), update)
     except KeyboardInterrupt as stop:
         err.print(f"interrupted: what is finished is kept in {out}; the same command goes on from there", markup=False)
         raise typer.Exit(INTERRUPTED) from stop
@@ -57,8 +65,6 @@ def pays(
 
 def hidden(pairs: Any) -> dict[str, dict[str, float]] | None:
     """``["backlash.gap=0.1"]`` as effects; None where none is given. Names are checked by `cablebench.pays.Study`."""
-    from cable_envs.errors import ConfigurationError
-
     found: dict[str, dict[str, float]] = {}
     for name, value in parse_pairs(pairs, "--hide").items():
         effect, dot, parameter = name.partition(".")

@@ -1,8 +1,9 @@
 """The steps of `cablebench pays`. Each keeps its result in the folder and is skipped where that is there already."""
 
 import json
-from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +13,19 @@ from cablebench import pays
 from cablebench.entrants import controller_entrant
 from cablebench.evaluate import setup_of
 from cablebench.jobs import Job, open_backend
-from cablebench.pays import AGENT, CONTROLLER, ENV, LEARNERS, NOMINAL_RIG, SIMULATORS, Study
+from cablebench.pays import SIMULATORS, Study
 from cablebench.protocol import load_protocol
 from cablebench.store import jsonable, write_atomic
 
 Progress = Callable[[str, int, int, str], None]
-
-MOTIONS = (
-    {"kind": "sine", "amplitude": 2.0, "frequency": 0.12},
-    {"kind": "multisine", "amplitude": 1.8, "frequency": 0.1},
-    {"kind": "multisine", "amplitude": 1.4, "frequency": 0.08},
-)
-"""References of the recordings, the last held out: other motions than the task's."""
+RECORDING_SEED = 0
+"""Of the recordings' noise and of the draws behind the diagnosis: there is one recording, whatever the seeds."""
 
 
 def begin(study: Study, out: Path) -> None:
     """Write what is asked to ``out``/study.json. Raises ConfigurationError where another study was begun there."""
     file = out / "study.json"
-    asked = {"schema": pays.SCHEMA, "hash": study.hash(), **asdict(study)}
+    asked = {"schema": pays.SCHEMA, "hash": study.hash(), **study.asked()}
     if file.exists():
         begun = json.loads(file.read_text(encoding="utf-8"))
         if begun.get("hash") != study.hash():
@@ -44,14 +40,15 @@ def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dic
     from cablebench.export.recording import FILE
     from diagnosis.engine import diagnose
 
+    bench = study.bench
     recording, folder = out / "recording", out / "diagnosis"
     if not (recording / FILE).exists():
-        tell("recording the hidden rig")
-        entrant = controller_entrant(CONTROLLER, {"kp": 0.0, "ki": 0.0, "kd": 0.0})
+        tell(f"recording the hidden {study.rig}")
+        entrant = controller_entrant(bench.controller, bench.recorder)
         options = {**study.hidden_options(), "duration": study.record_seconds}
-        write_concealed(ENV, options, MOTIONS, entrant, NOMINAL_RIG, recording, seed=study.seeds[0])
+        write_concealed(bench.env, options, bench.motions, entrant, bench.preset, recording, seed=RECORDING_SEED)
     if not (folder / "augmented.yaml").exists():
-        found = diagnose(recording, seed=study.seeds[0], out=folder, tell=lambda text: tell(f"diagnosis: {text}"))
+        found = diagnose(recording, seed=RECORDING_SEED, out=folder, tell=lambda text: tell(f"diagnosis: {text}"))
         found.write(folder)
     verdict = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     return verdict, dict(read_yaml(folder / "augmented.yaml"))
@@ -63,15 +60,16 @@ def tuned_gains(study: Study, out: Path, simulator: str, rig: Mapping[str, Any],
     from cablebench.tuning import Search, best, tune
     from cablebench.tuning_space import gain_space
 
-    options = study.simulator_options(simulator, rig)
-    setup = setup_of(ENV, options)
-    table = controller_class(CONTROLLER).parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
+    options, controller = study.simulator_options(simulator, rig), study.bench.controller
+    setup = setup_of(study.bench.env, options)
+    table = controller_class(controller).parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
     tuning = load_protocol("quick").tune
     seeds = [tuning.seed(100 * seed + k) for k in range(study.tuning_episodes)]
-    name = f"{CONTROLLER}, {simulator}, seed {seed}"
+    name = f"{controller}, {simulator}, seed {seed}"
 
     def job(number: int, gains: Mapping[str, Any]) -> Job:
-        return Job(f"{name}, trial {number}", pays.trial, {"gains": dict(gains), "options": options, "seeds": seeds})
+        arguments = {"rig": study.rig, "gains": dict(gains), "options": options, "seeds": seeds}
+        return Job(f"{name}, trial {number}", pays.trial, arguments)
 
     search = Search(
         name=name, space=gain_space(table), start={p.name: p.default for p in table}, job=job,
@@ -84,66 +82,92 @@ def tuned_gains(study: Study, out: Path, simulator: str, rig: Mapping[str, Any],
 
 
 def trained(study: Study, out: Path, simulator: str, rig: Mapping[str, Any], seed: int, progress: Progress) -> Any:
-    """The agent's policy after the study's steps on a simulator, without randomisation: which rig it is counts."""
+    """The agent's policy after the study's steps on a simulator, without randomisation: which rig it is counts.
+
+    A loaded policy gives its controller the task's own rig; here it keeps the one that it was trained with.
+    """
     from agents.settings import load_settings
     from agents.train import Interrupted, train
 
+    bench = study.bench
     options = {**study.simulator_options(simulator, rig), "randomize": False}
-    settings = load_settings(AGENT, ENV, study.steps, options)
-    name = f"{AGENT}, {simulator}, seed {seed}"
+    settings = load_settings(bench.agent, bench.env, study.steps, options)
+    name = f"{bench.agent}, {simulator}, seed {seed}"
     folder = out / "agents" / f"{simulator}-{seed}"
     try:
-        return train(settings, seed, folder, resume="auto", progress=lambda *now: progress(name, *now))
+        policy = train(settings, seed, folder, resume="auto", progress=lambda *now: progress(name, *now))
     except Interrupted as stop:  # it is saved
         raise KeyboardInterrupt from stop
+    return replace(policy, setup=setup_of(bench.env, study.simulator_options(simulator, rig)))
 
 
 def scored(
     study: Study, out: Path, learner: str, simulator: str, rig: Any, seed: int, progress: Progress
 ) -> list[float]:
-    """Errors on the hidden rig of a learner from a simulator, rad; makes what is missing first."""
+    """Errors on the hidden rig of a learner from a simulator, SI; makes what is missing first."""
     from cablebench.actors import PolicyActor
 
     file = out / "scores" / f"{learner}-{simulator}-{seed}.json"
     if file.exists():
         return json.loads(file.read_text(encoding="utf-8"))
-    make = tuned_gains if learner == CONTROLLER else trained
+    bench = study.bench
+    make = tuned_gains if learner == bench.controller else trained
     made = make(study, out, simulator, rig, seed, progress)
-    if learner == CONTROLLER:
-        believed = setup_of(ENV, study.simulator_options(simulator, rig))
+    if learner == bench.controller:
+        believed = setup_of(bench.env, study.simulator_options(simulator, rig))
 
         def actor(setup: Any) -> Any:
-            return pays.controller_actor(made, believed, setup)
+            return pays.controller_actor(learner, made, believed, setup)
     else:
 
         def actor(setup: Any) -> Any:
             return PolicyActor(made)
 
     test = load_protocol("quick").seeds(study.episodes)
-    found = pays.errors(actor, study.hidden_options(), test)
+    found = pays.errors(bench.env, actor, study.hidden_options(), test)
     write_atomic(file, json.dumps(found) + "\n")
     return found
 
 
-def run(study: Study, out: Path, quick: bool, tell: Callable[[str], None], progress: Progress) -> dict[str, Any]:
-    """All of it; writes ``out``/pays.json and ``out``/pays.md and returns the former. The same call goes on."""
-    begin(study, out)
-    verdict, rig = augmented(study, out, tell)
-    tell(f"diagnosis: {verdict['verdict']}, {', '.join(e['name'] for e in verdict['effects']) or 'no effect'}")
-    scores: dict[str, dict[str, list[list[float]]]] = {learner: {s: [] for s in SIMULATORS} for learner in LEARNERS}
-    for seed in study.seeds:
-        for learner in LEARNERS:
-            for simulator in SIMULATORS:
-                tell(f"{learner} on the {simulator} simulator, seed {seed}")
-                scores[learner][simulator].append(scored(study, out, learner, simulator, rig, seed, progress))
+def run(
+    studies: Sequence[Study], out: Path, quick: bool, tell: Callable[[str], None], progress: Progress
+) -> dict[str, Any]:
+    """All of it, seed after seed, for studies that differ in their rigs only; the same call goes on.
+
+    Writes pays.json, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
+    """
+    from cablebench.pays_page import FIGURE, command, figure, page
+
+    answers, scores = {}, {}
+    for study in studies:
+        begin(study, out / study.rig)
+        answers[study.rig] = augmented(study, out / study.rig, tell)
+        names = ", ".join(e["name"] for e in answers[study.rig][0]["effects"]) or "no effect"
+        tell(f"diagnosis of the {study.rig}: {answers[study.rig][0]['verdict']}, {names}")
+        scores[study.rig] = {learner: {s: [] for s in SIMULATORS} for learner in study.learners}
+    first = studies[0]
+    for seed, study in product(first.seeds, studies):  # seed after seed: a stopped study has whole ones
+        for learner, simulator in product(study.learners, SIMULATORS):
+            tell(f"{learner} on the {simulator} {study.rig}, seed {seed}")
+            rig = answers[study.rig][1]
+            found = scored(study, out / study.rig, learner, simulator, rig, seed, progress)
+            scores[study.rig][learner][simulator].append(found)
+    rigs = {
+        study.rig: {
+            "hidden": study.effects,
+            "diagnosis": {key: answers[study.rig][0][key] for key in ("verdict", "effects")},
+            "summary": pays.summary(scores[study.rig]),
+            "scores": scores[study.rig],
+        }
+        for study in studies
+    }
     result = {
-        "schema": pays.SCHEMA, "command": pays.command(study, quick), "hidden": study.hidden,
-        "diagnosis": {"verdict": verdict["verdict"], "effects": verdict["effects"]},
-        "seeds": study.seeds, "episodes": study.episodes,
-        "budget": {"trials": study.trials, "steps": study.steps, "tuning_episodes": study.tuning_episodes},
-        "summary": pays.summary(scores), "scores": scores,
+        "schema": pays.SCHEMA, "command": command(studies, quick), "seeds": first.seeds, "episodes": first.episodes,
+        "budget": {"trials": first.trials, "steps": first.steps, "tuning_episodes": first.tuning_episodes},
+        "rigs": rigs,
     }  # fmt: skip
     result = json.loads(json.dumps(jsonable(result)))
     write_atomic(out / "pays.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
-    write_atomic(out / "pays.md", pays.page(result))
+    write_atomic(out / FIGURE, figure(result))
+    write_atomic(out / "pays.md", page(result))
     return result

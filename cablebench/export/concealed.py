@@ -12,24 +12,34 @@ import yaml
 
 from cable_envs.rigs import load_rig
 from cablebench.entrants import Entrant
-from cablebench.export.recording import FILE, SIGNALS, channel_columns, check_folder
+from cablebench.export.recording import FILE, REFERENCES, SIGNALS, channel_columns, check_folder
 from cablebench.export.trace import measured, record
 from cablebench.store import write_atomic
 from diagnosis.recording import CHANNELS, SCHEMA
 
-KNOWN = (
-    "drive_radius", "output_radius", "cable_radius", "shaft_radius", "payload_mass", "payload_arm", "gravity",
-    "cable_friction", "output_inertia", "contact_stiffness",
-)  # fmt: skip
-NOMINAL = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom")
-"""Refitted before anything counts as missing."""
+KNOWN = {
+    "cable_hole": (
+        "load_mass", "gravity", "load_gravity", "wrap_angle", "radius_ratio", "cable_radius", "load_stiffness",
+        "load_damping", "bending_rigidity", "extrusion_delta", "extrusion_gain", "extrusion_exponent", "cable_damping",
+    ),
+    "pulley_circuit": (
+        "drive_radius", "output_radius", "cable_radius", "shaft_radius", "payload_mass", "payload_arm", "gravity",
+        "cable_friction", "output_inertia", "contact_stiffness",
+    ),
+}  # fmt: skip
+"""Trusted by the recording, by system; what an effect changes may stand here too, as the preset has it."""
+NOMINAL = {
+    "cable_hole": ("friction_coefficient", "cable_stiffness"),
+    "pulley_circuit": ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom"),
+}
+"""Refitted before anything counts as missing, by system."""
 
 
 def write_concealed(
     env_id: str, options: Mapping[str, Any], motions: Sequence[Mapping[str, Any]], entrant: Entrant, believed: str,
     folder: Path, seed: int,
 ) -> Path:  # fmt: skip
-    """One episode of a pulley circuit for each motion (a reference), the last held out; returns the recording's file.
+    """One episode of a rig for each motion (a reference), the last held out; returns the recording's file.
 
     ``options`` hold the true rig and effects; the recording names ``believed``, a preset, and its numbers only.
     """
@@ -44,7 +54,8 @@ def write_concealed(
             trace = record(env, entrant, [seed + k])[0]
             setup: Any = full.unwrapped.setup
             columns = channel_columns(setup, trace, measured(full, trace))
-        columns.pop("angle_reference", None)  # a loop around the rig is not the rig's; the command is recorded
+        # a loop around the rig is not the rig's; the command is recorded
+        columns.pop(REFERENCES[setup.rig.plant, setup.task.kind], None)
         text = io.StringIO()
         np.savetxt(text, np.column_stack(list(columns.values())), "%.17g", ",", header=",".join(columns), comments="")
         write_atomic(folder / f"motion_{k}.csv", text.getvalue())
@@ -53,7 +64,7 @@ def write_concealed(
     table = rig.simulated_by().parameters
     told = {
         part: {name: {"value": float(rig.values[name]), "unit": table[name].unit} for name in names}
-        for part, names in (("known", KNOWN), ("nominal", NOMINAL))
+        for part, names in (("known", KNOWN[rig.plant]), ("nominal", NOMINAL[rig.plant]))
     }
     content = {
         "schema": SCHEMA, "description": "Simulated rig; what it has beyond the preset is not told.",

@@ -1,0 +1,83 @@
+"""The hidden rigs of `cablebench pays`: what each has beyond its preset, how it is recorded, who is to control it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+
+@dataclass(frozen=True)
+class HiddenRig:
+    """One rig and what is asked of it.
+
+    env           | environment id of the task
+    preset        | the rig that everybody believes in
+    effects       | what the hidden one has besides
+    plant         | simulator that plays the hidden rig; the others are always "analytic"
+    observe       | what controller and agent measure
+    controller    | the paper's; the agent learns a correction of it
+    duration      | s of an episode
+    recorder      | gains of the controller during the recordings, over its defaults
+    motions       | references of the recordings, the last held out: other motions than the task's
+    unit, per_si  | in which errors are shown
+    about, chosen | sentences of the page: what the rig is, and why these effects
+    """
+
+    env: str
+    preset: str
+    effects: Mapping[str, Mapping[str, float]]
+    plant: str
+    observe: str
+    controller: str
+    motions: tuple[Mapping[str, Any], ...]
+    unit: str
+    per_si: float
+    about: str
+    chosen: str
+    agent: str = "residual-ppo"
+    duration: float = 25.0
+    recorder: Mapping[str, float] = field(default_factory=dict)
+
+
+RIGS: Mapping[str, HiddenRig] = {
+    "circuit": HiddenRig(
+        env="cable_envs/PulleyCircuit-Position-Sine-v0",
+        preset="zou-table2",
+        effects={"backlash": {"gap": 0.1}, "actuator_lag": {"time": 0.1}, "coulomb_friction": {"level": 0.02}},
+        plant="chain",
+        observe="drive",
+        controller="feedforward-pid",
+        recorder={"kp": 0.0, "ki": 0.0, "kd": 0.0},
+        motions=(
+            {"kind": "sine", "amplitude": 2.0, "frequency": 0.12},
+            {"kind": "multisine", "amplitude": 1.8, "frequency": 0.1},
+            {"kind": "multisine", "amplitude": 1.4, "frequency": 0.08},
+        ),
+        unit="mrad of the output angle",
+        per_si=1e3,
+        about="played by the chain of spans and contacts; controllers and agents were made on the analytic circuit and measure "
+        "the drive alone",
+        chosen="a gap of 0.1 rad between gear and pulley, a lag of 0.1 s and 0.02 N m of dry friction at the output: "
+        "each far above the sensors' noise, and each bends what an ideal drive would do by a few per cent of the "
+        "motion. They were set before anything was tuned",
+    ),
+    "hole": HiddenRig(
+        env="cable_envs/CableHole-Position-Sine-v0",
+        preset="gu-inferred",
+        effects={"position_dependent_load": {"stiffness": 400.0}, "coulomb_friction": {"level": 4.0}},
+        plant="analytic",
+        observe="output",
+        controller="mrac-g22",
+        motions=(
+            {"kind": "sine", "amplitude": 0.012, "frequency": 0.12},
+            {"kind": "multisine", "amplitude": 0.015, "frequency": 0.1},
+            {"kind": "multisine", "amplitude": 0.012, "frequency": 0.08},
+        ),
+        unit="um of the load's position",
+        per_si=1e6,
+        about="of which there is no second formulation that can be controlled: it is the simulator's own hole with "
+        "sensor noise and the concealed effects; controllers and agents measure the load",
+        chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring: 4 N of 49 at the end of the "
+        "motion) and rubs in its guide with 4 N: both of a size that an instrument has. They were set before anything "
+        "was tuned",
+    ),
+}  # fmt: skip
