@@ -64,7 +64,7 @@ RIGS: Mapping[str, HiddenRig] = {
     "hole": HiddenRig(
         env="cable_envs/CableHole-Position-Sine-v0",
         preset="gu-inferred",
-        effects={"position_dependent_load": {"stiffness": 400.0}, "coulomb_friction": {"level": 4.0}},
+        effects={"position_dependent_load": {"stiffness": 400.0}},
         plant="analytic",
         observe="output",
         controller="mrac-g22",
@@ -77,8 +77,8 @@ RIGS: Mapping[str, HiddenRig] = {
         per_si=1e6,
         about="of which there is no second formulation that can be controlled: it is the simulator's own hole with "
         "sensor noise and the concealed effects; controllers and agents measure the load",
-        chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring: 4 N of 49 at the end of the "
-        "motion) and rubs in its guide with 4 N: both of a size that an instrument has. They were set before anything "
-        "was tuned",
+        chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring): 4 N of 49 at the end of the "
+        "motion. A first plan had 4 N of dry friction in the load's guide besides: the diagnosis answered `unknown`, "
+        "suspecting the spring (392 N/m) and, wrongly, viscous friction. So the friction went",
     ),
 }  # fmt: skip
