@@ -18,6 +18,7 @@ class HiddenRig:
     duration      | s of an episode
     recorder      | gains of the controller during the recordings, over its defaults
     motions       | references of the recordings, the last held out: other motions than the task's
+    generated     | whether the generator of `diagnosis.proof` makes the recordings, and not ``plant``
     unit, per_si  | in which errors are shown
     about, chosen | sentences of the page: what the rig is, and why these effects
     """
@@ -36,6 +37,7 @@ class HiddenRig:
     agent: str = "residual-ppo"
     duration: float = 25.0
     recorder: Mapping[str, float] = field(default_factory=dict)
+    generated: bool = False
 
 
 RIGS: Mapping[str, HiddenRig] = {
@@ -69,14 +71,16 @@ RIGS: Mapping[str, HiddenRig] = {
         observe="output",
         controller="mrac-g22",
         motions=(
-            {"kind": "sine", "amplitude": 0.012, "frequency": 0.12},
-            {"kind": "multisine", "amplitude": 0.015, "frequency": 0.1},
-            {"kind": "multisine", "amplitude": 0.012, "frequency": 0.08},
+            {"design": "multisine", "amplitude": 0.012, "centre": 0.0},
+            {"design": "triangle", "amplitude": 0.012, "centre": 0.0},
+            {"design": "staircase", "amplitude": 0.012, "centre": 0.0},
         ),
         unit="um of the load's position",
         per_si=1e6,
-        about="of which there is no second formulation that can be controlled: it is the simulator's own hole with "
-        "sensor noise and the concealed effects; controllers and agents measure the load",
+        generated=True,
+        about="recorded by the generator of the blind proof, which shares no integrator with the simulators. No second "
+        "formulation can be controlled: what controllers and agents act on is the simulators' own hole with the "
+        "concealed effects and sensor noise; they measure the load",
         chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring): 4 N of 49 at the end of the "
         "motion. A first plan had 4 N of dry friction in the load's guide besides: the diagnosis answered `unknown`, "
         "suspecting the spring (392 N/m) and, wrongly, viscous friction. So the friction went",

@@ -34,19 +34,27 @@ def begin(study: Study, out: Path) -> None:
     write_atomic(file, json.dumps(jsonable(asked), indent=1) + "\n")
 
 
+def recorded(study: Study, folder: Path) -> Path:
+    """Record the hidden rig into ``folder``, by its own simulator or the proof's generator; the recording's file."""
+    from cablebench.export.concealed import write_concealed, write_generated
+
+    bench, options = study.bench, {**study.hidden_options(), "duration": study.record_seconds}
+    if bench.generated:
+        hidden = setup_of(bench.env, options)
+        return write_generated(hidden, bench.motions, bench.preset, folder, study.record_seconds, RECORDING_SEED)
+    entrant = controller_entrant(bench.controller, bench.recorder)
+    return write_concealed(bench.env, options, bench.motions, entrant, bench.preset, folder, RECORDING_SEED)
+
+
 def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, Any]]:
     """(the diagnosis as JSON, content of augmented.yaml) of recordings of the hidden rig."""
-    from cablebench.export.concealed import write_concealed
     from cablebench.export.recording import FILE
     from diagnosis.engine import diagnose
 
-    bench = study.bench
     recording, folder = out / "recording", out / "diagnosis"
     if not (recording / FILE).exists():
         tell(f"recording the hidden {study.rig}")
-        entrant = controller_entrant(bench.controller, bench.recorder)
-        options = {**study.hidden_options(), "duration": study.record_seconds}
-        write_concealed(bench.env, options, bench.motions, entrant, bench.preset, recording, seed=RECORDING_SEED)
+        recorded(study, recording)
     if not (folder / "augmented.yaml").exists():
         found = diagnose(recording, seed=RECORDING_SEED, out=folder, tell=lambda text: tell(f"diagnosis: {text}"))
         found.write(folder)
