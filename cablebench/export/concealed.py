@@ -14,7 +14,7 @@ from cable_envs.errors import require_known
 from cable_envs.rigs import load_rig
 from cable_envs.setup import Setup
 from cablebench.entrants import Entrant
-from cablebench.export.recording import FILE, REFERENCES, SIGNALS, channel_columns, check_folder
+from cablebench.export.recording import COMMANDS, FILE, REFERENCES, SIGNALS, channel_columns, check_folder
 from cablebench.export.trace import measured, record
 from cablebench.store import write_atomic
 from diagnosis.recording import CHANNELS, SCHEMA
@@ -60,6 +60,9 @@ def write_concealed(
             columns = channel_columns(setup, trace, measured(full, trace))
         # a loop around the rig is not the rig's; the command is recorded
         columns.pop(REFERENCES[setup.rig.plant, setup.task.kind], None)
+        held = columns[COMMANDS[setup.rig.plant, setup.action_mode.name]]
+        # it is held from row to row, and read back as straight lines between rows: as it is, half a step early
+        held[1:] = 0.5 * (held[:-1] + held[1:])
         records.append(_write_table(folder, k, columns, k == len(motions) - 1))
     return _write_yaml(folder, believed, records, {name: _channel(setup, name) for name in columns})
 
