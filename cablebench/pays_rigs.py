@@ -1,7 +1,7 @@
 """The hidden rigs of `cablebench pays`: what each has beyond its preset, how it is recorded, who is to control it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 
@@ -16,9 +16,7 @@ class HiddenRig:
     observe       | what controller and agent measure
     controller    | the paper's; the agent learns a correction of it
     duration      | s of an episode
-    recorder      | gains of the controller during the recordings, over its defaults
-    motions       | references of the recordings, the last held out: other motions than the task's
-    generated     | whether the generator of `diagnosis.proof` makes the recordings, and not ``plant``
+    motions       | of the recordings (`cablebench.export.concealed`), the last held out: other than the task's
     unit, per_si  | in which errors are shown
     about, chosen | sentences of the page: what the rig is, and why these effects
     """
@@ -36,8 +34,6 @@ class HiddenRig:
     chosen: str
     agent: str = "residual-ppo"
     duration: float = 25.0
-    recorder: Mapping[str, float] = field(default_factory=dict)
-    generated: bool = False
 
 
 RIGS: Mapping[str, HiddenRig] = {
@@ -48,11 +44,10 @@ RIGS: Mapping[str, HiddenRig] = {
         plant="chain",
         observe="drive",
         controller="feedforward-pid",
-        recorder={"kp": 0.0, "ki": 0.0, "kd": 0.0},
         motions=(
-            {"kind": "sine", "amplitude": 2.0, "frequency": 0.12},
-            {"kind": "multisine", "amplitude": 1.8, "frequency": 0.1},
-            {"kind": "multisine", "amplitude": 1.4, "frequency": 0.08},
+            {"design": "multisine", "amplitude": 1.0, "centre": 0.0},
+            {"design": "triangle", "amplitude": 1.0, "centre": 0.0},
+            {"design": "staircase", "amplitude": 1.0, "centre": 0.0},
         ),
         unit="mrad of the output angle",
         per_si=1e3,
@@ -77,10 +72,8 @@ RIGS: Mapping[str, HiddenRig] = {
         ),
         unit="um of the load's position",
         per_si=1e6,
-        generated=True,
-        about="recorded by the generator of the blind proof, which shares no integrator with the simulators. No second "
-        "formulation can be controlled: what controllers and agents act on is the simulators' own hole with the "
-        "concealed effects and sensor noise; they measure the load",
+        about="of which no second formulation can be controlled: what controllers and agents act on is the simulators' "
+        "own hole with the concealed effects and sensor noise; they measure the load",
         chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring): 4 N of 49 at the end of the "
         "motion. A first plan had 4 N of dry friction in the load's guide besides: the diagnosis answered `unknown`, "
         "suspecting the spring (392 N/m) and, wrongly, viscous friction. So the friction went",

@@ -138,8 +138,8 @@ def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
 
 
 @pytest.mark.slow
-def test_both_formulations_of_the_hole_agree_to_a_share_of_the_noise(tmp_path):
-    """Nothing hidden: the generator's tension beside what the paper's ratio makes of the load while it slides."""
+def test_the_recorded_hole_is_the_controlled_one(tmp_path):
+    """Nothing hidden: the generator's tensions beside the paper's ratio with the preset's numbers, while it slides."""
     from baselines.hole_model import HoleModel
     from cablebench.commands.pays_steps import recorded
     from diagnosis.recording import load_recording

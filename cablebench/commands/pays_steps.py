@@ -10,7 +10,6 @@ from typing import Any
 from cable_envs.config import read_yaml
 from cable_envs.errors import ConfigurationError
 from cablebench import pays
-from cablebench.entrants import controller_entrant
 from cablebench.evaluate import setup_of
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import SIMULATORS, Study
@@ -35,15 +34,11 @@ def begin(study: Study, out: Path) -> None:
 
 
 def recorded(study: Study, folder: Path) -> Path:
-    """Record the hidden rig into ``folder``, by its own simulator or the proof's generator; the recording's file."""
-    from cablebench.export.concealed import write_concealed, write_generated
+    """Record the hidden rig into ``folder``; the recording's file."""
+    from cablebench.export.concealed import write_concealed
 
-    bench, options = study.bench, {**study.hidden_options(), "duration": study.record_seconds}
-    if bench.generated:
-        hidden = setup_of(bench.env, options)
-        return write_generated(hidden, bench.motions, bench.preset, folder, study.record_seconds, RECORDING_SEED)
-    entrant = controller_entrant(bench.controller, bench.recorder)
-    return write_concealed(bench.env, options, bench.motions, entrant, bench.preset, folder, RECORDING_SEED)
+    bench, hidden = study.bench, setup_of(study.bench.env, study.hidden_options())
+    return write_concealed(hidden, bench.motions, bench.preset, folder, study.record_seconds, RECORDING_SEED)
 
 
 def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, Any]]:

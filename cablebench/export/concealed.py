@@ -1,23 +1,34 @@
-"""Recordings of a simulated rig whose effects the recording does not tell: what a diagnosis is asked about."""
+"""Recordings of a rig whose effects the recording does not tell: what a diagnosis is asked about.
+
+They are made by the generators of the blind proof (`diagnosis.proof`), which share no integrator with the simulators.
+A simulator's own episodes would not do: it holds a command for a control step, which a diagnosis reads as straight
+lines between samples, and takes the difference for physics.
+"""
 
 import io
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import yaml
 
 from cable_envs.errors import require_known
 from cable_envs.rigs import load_rig
 from cable_envs.setup import Setup
-from cablebench.entrants import Entrant
-from cablebench.export.recording import COMMANDS, FILE, REFERENCES, SIGNALS, channel_columns, check_folder
-from cablebench.export.trace import measured, record
+from cablebench.export.recording import FILE, SIGNALS, check_folder
 from cablebench.store import write_atomic
+from diagnosis.proof import cable_hole, pulley_circuit
+from diagnosis.proof.excitation import reference
+from diagnosis.proof.sensors import stamps
 from diagnosis.recording import CHANNELS, SCHEMA
+
+GENERATORS: Mapping[str, Any] = {"cable_hole": cable_hole, "pulley_circuit": pulley_circuit}
+COMMAND = {"cable_hole": "drive_velocity_command", "pulley_circuit": "drive_angle_command"}
+RENAMED = {
+    "coulomb_friction.level": {"cable_hole": "coulomb_friction.force", "pulley_circuit": "coulomb_friction.torque"}
+}
+"""Parameter of an effect -> what a system's generator calls it."""
 
 KNOWN = {
     "cable_hole": (
@@ -40,80 +51,51 @@ NOMINAL = {
 
 
 def write_concealed(
-    env_id: str, options: Mapping[str, Any], motions: Sequence[Mapping[str, Any]], entrant: Entrant, believed: str,
-    folder: Path, seed: int,
-) -> Path:  # fmt: skip
-    """One episode of a rig for each motion (a reference), the last held out; returns the recording's file.
-
-    ``options`` hold the true rig and effects; the recording names ``believed``, a preset, and its numbers only.
-    """
-    check_folder(folder)
-    records = []
-    for k, motion in enumerate(motions):
-        asked = {**options, "reference": motion}
-        with (
-            closing(gym.make(env_id, disable_env_checker=True, **asked)) as env,
-            closing(gym.make(env_id, disable_env_checker=True, **{**asked, "observe": "full"})) as full,
-        ):
-            trace = record(env, entrant, [seed + k])[0]
-            setup: Any = full.unwrapped.setup
-            columns = channel_columns(setup, trace, measured(full, trace))
-        # a loop around the rig is not the rig's; the command is recorded
-        columns.pop(REFERENCES[setup.rig.plant, setup.task.kind], None)
-        held = columns[COMMANDS[setup.rig.plant, setup.action_mode.name]]
-        # it is held from row to row, and read back as straight lines between rows: as it is, half a step early
-        held[1:] = 0.5 * (held[:-1] + held[1:])
-        records.append(_write_table(folder, k, columns, k == len(motions) - 1))
-    return _write_yaml(folder, believed, records, {name: _channel(setup, name) for name in columns})
-
-
-def write_generated(
     setup: Setup, motions: Sequence[Mapping[str, Any]], believed: str, folder: Path, seconds: float, seed: int
 ) -> Path:
-    """The same of a cable-hole by the generator of `diagnosis.proof`: another integrator, another friction at rest.
+    """One record for each motion, the last held out; returns the recording's file.
 
-    setup: rig and effects, and what its sensors' noise is; motions: {design, amplitude, centre} of
-    `diagnosis.proof.excitation`, m. Raises ConfigurationError for an effect that the generator does not have.
+    setup: the true rig with its effects, and the noise of its sensors; believed: a preset, all that is told. motions:
+    {design, amplitude, centre} of `diagnosis.proof.excitation`; m of the load, or rad of the drive. A channel that
+    never moves is left out. Raises ConfigurationError for an effect that the generator does not have.
     """
-    from diagnosis.proof import cable_hole
-    from diagnosis.proof.excitation import reference
-    from diagnosis.proof.sensors import stamps
-
     check_folder(folder)
+    system = setup.rig.plant
+    generator, values = GENERATORS[system], _values(setup)
     rows = [s.name for s in setup.plant.signals]
-    names = [n for n in cable_hole.OUTPUTS if n != "drive_velocity_command"]
-    noise = {n: float(setup.noise[rows.index(n)]) for n in names}
     records = []
     for k, motion in enumerate(motions):
         rng = np.random.default_rng([seed, k])
-        path = reference(motion["design"], rng, seconds, motion["amplitude"], cable_hole.CLOCK)
-        signals = cable_hole.simulate(_generator_values(setup), motion["centre"] + path)
+        path = reference(motion["design"], rng, seconds, motion["amplitude"], generator.CLOCK)
+        signals = generator.simulate(values, motion["centre"] + path)
         at = stamps(rng, 0.0, seconds, setup.control_period, 0.02)
         columns = {"time": np.round(at, 6)}
-        columns |= {n: np.interp(at, signals["time"], signals[n]) for n in cable_hole.OUTPUTS}
-        for name, std in noise.items():
-            columns[name] += std * rng.standard_normal(len(at))
+        for name in dict.fromkeys((*generator.OUTPUTS, COMMAND[system])):
+            if np.ptp(signals[name]) == 0.0:
+                continue
+            columns[name] = np.interp(at, signals["time"], signals[name])
+            if name != COMMAND[system]:
+                noise = setup.noise[rows.index(SIGNALS.get(system, {}).get(name, name))]
+                columns[name] += noise * rng.standard_normal(len(at))
         records.append(_write_table(folder, k, columns, k == len(motions) - 1))
     return _write_yaml(folder, believed, records, {name: _channel(setup, name) for name in columns})
 
 
-def _generator_values(setup: Setup) -> dict[str, float]:
-    """A hole and its effects by the generator's names."""
-    from diagnosis.proof.cable_hole import TABLE
-
-    rig, renamed = setup.rig.values, {"coulomb_friction.level": "coulomb_friction.force"}
-    same = ("load_mass", "load_stiffness", "cable_stiffness", "cable_damping", "wrap_angle", "cable_radius",
-            "friction_coefficient", "extrusion_exponent")  # fmt: skip
-    effects = {renamed.get(name, name): value for name, value in setup.rig.effects.items()}
-    require_known("effect of the generator", effects, TABLE.names)
-    return {
-        **{name: rig[name] for name in same},
+def _values(setup: Setup) -> dict[str, float]:
+    """A rig and its effects by the names of its generator."""
+    rig, system = setup.rig.values, setup.rig.plant
+    table = GENERATORS[system].TABLE.names
+    effects = {RENAMED.get(name, {}).get(system, name): value for name, value in setup.rig.effects.items()}
+    require_known("effect of the generator", effects, table)
+    found = {name: value for name, value in rig.items() if name in table} | effects
+    if system == "pulley_circuit":
+        return found | {"coulomb_friction.torque": rig["brake_torque"]}
+    return found | {
         "radius_ratio": rig["radius_ratio"] * (1.0 + rig["extrusion_delta"]),
         "lateral_extrusion.gain": rig["extrusion_gain"],
         "bending_stiffness.rigidity": rig["bending_rigidity"],
         "viscous_friction.coefficient": rig["load_damping"],
         "acceleration_limit": rig["drive_acceleration_limit"],
-        **effects,
     }
 
 
