@@ -40,11 +40,13 @@ def page(result: Mapping[str, Any]) -> str:
     lines = [
         "# Does it pay?",
         "",
-        "A rig with concealed effects was recorded, and `cablebench diagnose` was asked, which knew the preset and "
-        "nothing of the effects. Then the paper's controller was tuned, and an agent that corrects it was trained "
-        "without randomisation, on three simulators each: the nominal preset, the one that the diagnosis corrected, "
-        "and the oracle, which is told the effects. The controller believes its simulator's rig. All were scored on "
-        "the hidden rig, on seeds that no tuning or training saw.",
+        "A rig with concealed effects was recorded by the generator of the blind proof, which shares no integrator "
+        "with the simulators, and `cablebench diagnose` was asked, which knew the preset and nothing of the effects. "
+        "Then the paper's controller was tuned, and an agent that corrects it was trained without randomisation, on "
+        "three simulators each: the nominal preset, the one that the diagnosis corrected, and the oracle, which is "
+        "told the effects. The controller believes its simulator's rig. All were scored on the hidden rig, on seeds "
+        "that no tuning or training saw. The agent corrects the controller with the gains of the agent's own settings "
+        "(`configs/agents/residual-ppo.yaml`), not the tuned ones: compare along the rows, not down the columns.",
         "",
         "```",
         result["command"],

@@ -54,9 +54,9 @@ RIGS: Mapping[str, HiddenRig] = {
         about="played by the chain of spans and contacts; controllers and agents were made on the analytic circuit "
         "and measure the drive alone",
         chosen="the drive follows its command with a lag of 0.05 s, which a controller that measures the drive can "
-        "lead. First plans had a gap of 0.1 rad, a lag of 0.1 s and 0.02 N m of dry friction at the output, then gap "
-        "and lag: the diagnosis answered `unknown` (of the second, suspecting a lag of 0.103 s, with the gap taken up "
-        "by the cable's stiffness). So gap and friction went, and the servo and the cable are told",
+        "lead. First plans had a gap of 0.1 rad and 0.02 N m of dry friction besides, and the diagnosis answered "
+        "`unknown`. Those recordings were the simulator's own episodes, whose held commands a diagnosis reads as "
+        "straight lines; gap and friction were not tried again",
     ),
     "hole": HiddenRig(
         env="cable_envs/CableHole-Position-Sine-v0",
@@ -75,7 +75,7 @@ RIGS: Mapping[str, HiddenRig] = {
         about="of which no second formulation can be controlled: what controllers and agents act on is the simulators' "
         "own hole with the concealed effects and sensor noise; they measure the load",
         chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring): 4 N of 49 at the end of the "
-        "motion. A first plan had 4 N of dry friction in the load's guide besides: the diagnosis answered `unknown`, "
-        "suspecting the spring (392 N/m) and, wrongly, viscous friction. So the friction went",
+        "motion. A first plan had 4 N of dry friction in the load's guide besides; the diagnosis of the simulator's "
+        "own episodes answered `unknown`, suspecting the spring and, wrongly, viscous friction. It was not tried again",
     ),
 }  # fmt: skip

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -115,6 +116,17 @@ def test_page_command_and_figure_hold_the_numbers():
     assert "7 trials" in text and "| `feedforward-pid` | 108 [" in text
     drawn = pays_page.figure(result)
     assert drawn.startswith("<svg") and "feedforward-pid" in drawn
+
+
+def test_the_committed_page_is_that_of_its_numbers():
+    docs = Path(__file__).parent.parent / "docs"
+    result = json.loads((docs / "pays.json").read_text(encoding="utf-8"))
+    assert (docs / "pays.md").read_text(encoding="utf-8") == pays_page.page(result)
+    for name, found in result["rigs"].items():
+        assert found["hidden"] == RIGS[name].effects
+        again = summary(found["scores"])
+        for learner, entry in found["summary"].items():
+            assert again[learner]["augmented"]["value"] == pytest.approx(entry["augmented"]["value"])
 
 
 @pytest.mark.slow
