@@ -63,17 +63,20 @@ def _one(effect: Mapping[str, Any]) -> str:
 
 
 def cost(record: Mapping[str, Any]) -> str:
-    """What it costs to leave it out: the channel whose held-out error falls most."""
-    worst = max(
-        record["fit"].items(), default=None,
-        key=lambda item: item[1]["heldout_rmse"]["refit"] / max(item[1]["heldout_rmse"]["augmented"], 1e-300),
-    )  # fmt: skip
+    """What it costs to leave it out: the channel whose held-out error falls most, or is farthest above its noise."""
+    named = record["verdict"] in ("named", "equivalence_class")
+
+    def above(fit: Mapping[str, Any]) -> float:
+        least = fit["heldout_rmse"]["augmented"] if named else fit["noise_floor"]
+        return fit["heldout_rmse"]["refit"] / max(least, 1e-300)
+
+    worst = max(record["fit"].items(), default=None, key=lambda item: above(item[1]))
     if worst is None:
         return ""
     channel, fit = worst
     held, unit = fit["heldout_rmse"], fit["unit"]
     floor = shown(fit["noise_floor"], unit)
-    if record["verdict"] not in ("named", "equivalence_class"):
+    if not named:
         return (
             f"On records that no fit has seen, {plain(channel)} is predicted to {shown(held['refit'], unit)} RMS "
             f"(at the claimed parameters {shown(held['nominal'], unit)}); its noise is about {floor}."
