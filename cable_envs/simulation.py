@@ -169,8 +169,18 @@ class Simulation:
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a `state` of a simulation with the same setup and number of environments."""
+        """Go back to a `state` of a simulation with the same setup and number of environments.
+
+        Raises ConfigurationError where it is of another shape: other settings, or a version with other parameters.
+        """
         s = self.buffers
+        for name, here in (("block", s.block), ("obs", s.obs), ("values", self.values)):
+            if np.shape(state[name]) != here.shape:
+                raise ConfigurationError(
+                    f"the saved state does not fit this simulation ({name}: {np.shape(state[name])} saved, here "
+                    f"{here.shape}): it was saved with other settings, another number of environments or another "
+                    "version; begin again, or go on with what saved it"
+                )
         s.block[...], s.obs[...], self.values[...] = state["block"], state["obs"], state["values"]
         self.spread = state["spread"]
         self._choose(state["with_effects"])

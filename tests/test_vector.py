@@ -275,3 +275,11 @@ def test_bad_options_are_refused_as_by_the_single_environment():
         native(HOLE).reset(seed=[1, 2])
     with pytest.raises(ValueError, match="same_step"):
         native(HOLE, mode="same_step")
+
+
+def test_a_state_of_another_shape_is_refused():
+    small, large = (CableVectorEnv("CableHole-Position", "Sine", n) for n in (2, 40))
+    for batch in (small, large):
+        batch.reset(seed=0)
+    with pytest.raises(ConfigurationError, match=r"does not fit .* another version"):
+        large.restore(small.state())
