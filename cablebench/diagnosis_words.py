@@ -97,7 +97,7 @@ def advice(record: Mapping[str, Any]) -> str:
             return f"Take the corrected rig, {rig}: it has the effect and the refitted parameters."
         return f"Simulate with the corrected rig: gymnasium.make(..., rig='{rig}') has the effect and the refit."
     if verdict == "equivalence_class":
-        effect = next(e for e in record["effects"] if e["alternatives"])
+        effect = next((e for e in record["effects"] if e["alternatives"]), record["effects"][0])  # or another sensor's
         return f"To tell them apart: {effect['separating_experiment']}."
     if verdict == "unknown":
         places = record["location"]

@@ -16,6 +16,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from diagnosis.adequacy import Adequacy, adequacy
 from diagnosis.hypotheses import Hypothesis
@@ -44,13 +45,13 @@ class Rules:
     most      | effects at the most
     """
 
-    gain: float = 25.0
+    gain: float = 40.0
     further: float = 60.0
     each: float = 4.0
     share: float = 0.15
-    margin: float = 8.0
+    margin: float = 10.0
     alike: float = 0.01
-    left_p: float = 1e-3
+    left_p: float = 1e-6
     left: float = 0.22
     over: float = 1.08
     clean: float = 0.05
@@ -273,10 +274,11 @@ def objection(hypothesis: Hypothesis, fit: Fit, heldout_gain: float) -> str:
     stuck = bounded(hypothesis, fit)
     if stuck:
         return f"{', '.join(stuck)} ended on a bound"
-    for name, null in hypothesis.nulls.items():
-        low, high = fit.interval(name)
-        if not low <= null <= high:
-            return ""
+    sizes = [fit.free.index(name) for name in hypothesis.nulls]
+    off = np.array([fit.values[name] - null for name, null in hypothesis.nulls.items()])
+    inside = float(off @ np.linalg.pinv(fit.covariance[np.ix_(sizes, sizes)], hermitian=True) @ off)
+    if inside > chi2.ppf(0.95, len(sizes)):  # of all sizes together: two that do nearly the same are each unsure
+        return ""
     return "its 95 % interval holds the null"
 
 

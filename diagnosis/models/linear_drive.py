@@ -41,15 +41,16 @@ from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import delayed
 from diagnosis.recording import Record, Recording
 
-FINE = 2
-"""Input steps in each sample."""
+FINE = 10
+"""Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
+had nothing wrong were answered with a Stribeck curve as wide as the motion (gains of 57 and 74; 2 and 0 with 10)."""
 EXPLAINED = 2.0
 """What a controller may leave of the effort, over what the sensors' noise makes of it, for the loop to be replayed."""
 GAINS = ("control.kp", "control.kv", "control.kd")
 HOLD = "control.hold"
 """s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
-LONGEST_HOLD = 5e-4
-"""Drives are controlled at 1 kHz or faster; what is later than this is a lag."""
+LONGEST_HOLD = 7e-4
+"""Drives are controlled at 1 kHz or faster, and compute a while; what is later than this is a lag."""
 OFFSET = "force_offset"
 _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
@@ -287,9 +288,9 @@ def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) 
     """Steps in each fine one: a quarter of a radian of the belt's vibration where there is or may be one."""
     stiffness = values["belt_stiffness"]
     if stiffness <= 0.0:
-        return 4 if "cable_elongation" in hypotheses else 2
+        return 2 if "cable_elongation" in hypotheses else 1
     lighter = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
-    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.4), 2, 16))
+    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.4), 1, 4))
 
 
 def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
