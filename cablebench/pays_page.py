@@ -14,7 +14,7 @@ _COLOURS = {"nominal": NAIVE, "augmented": NAMED, "oracle": INK}
 
 
 def command(studies: Sequence[Study], quick: bool) -> str:
-    """The command line that repeats the studies, which differ in their rigs only (without ``--out``)."""
+    """The command line that repeats the studies, which differ in their rigs only."""
     study = studies[0]
     words = ["cablebench", "pays"] + (["--quick"] if quick else [])
     for one in studies:
@@ -31,7 +31,7 @@ def command(studies: Sequence[Study], quick: bool) -> str:
     for effect, values in (study.hidden or {}).items():
         for parameter, value in values.items():
             words += ["--hide", f"{effect}.{parameter}={value:g}"]
-    return shlex.join(words)
+    return shlex.join([*words, "--out", "pays"])
 
 
 def page(result: Mapping[str, Any]) -> str:
