@@ -33,6 +33,7 @@ class Rules:
     """What is asked of an answer; found on recordings that no proof uses (docs/diagnosis.md).
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
+    coloured  | the same where no noise is stated: its colour, learnt, takes most of what lasts, of a bias all but 30
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
@@ -46,6 +47,7 @@ class Rules:
     """
 
     gain: float = 40.0
+    coloured: float = 25.0
     further: float = 60.0
     each: float = 4.0
     share: float = 0.15
@@ -117,6 +119,8 @@ def select(
     or what it gave before an interruption (`diagnosis.steps`).
     """
     rules, stated = rules or Rules(), dict(stated or {})
+    if not stated:
+        rules = replace(rules, gain=min(rules.gain, rules.coloured))
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []

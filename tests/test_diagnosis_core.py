@@ -72,7 +72,7 @@ def test_identical_effects_are_seen_as_such():
 
 CASES = {
     "stiffness_effect": {"stiffness": 12.0}, "excess_effect": {"excess": 1.0, "velocity": 0.03},
-    "bias_effect": {"bias": 0.45}, "drift_effect": {"drift": 0.2},
+    "bias_effect": {"bias": 0.3}, "drift_effect": {"drift": 0.2},
 }  # fmt: skip
 
 
