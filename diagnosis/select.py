@@ -33,7 +33,7 @@ class Rules:
     """What is asked of an answer; found on recordings that no proof uses (docs/diagnosis.md).
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
-    coloured  | the same where no noise is stated: its colour, learnt, takes most of what lasts, of a bias all but 30
+    coloured  | the same where no noise is stated: its colour, learnt, takes what lasts, of a bias all but some 40
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
