@@ -1,6 +1,7 @@
 """Tuning: search spaces, studies that resume and repeat, and the command for controllers and agents."""
 
 import json
+from dataclasses import replace
 
 import pytest
 import yaml
@@ -261,12 +262,14 @@ def test_agents_are_tuned_by_short_trainings(cli, protocol, tmp_path):
     first = result["trials"][0]["values"]
     assert first == {"learning_rate": "lin_0.001", "gamma": 0.95, "policy_kwargs.log_std_init": -1.0}
     assert len({t["loss"] for t in result["trials"]}) == 3
-    # the block goes into the file as it is
+    # the block goes into the file as it is, and what was written is such a file
     block = yaml.safe_load(out.read_text())[f"cable_envs/{HOLE}-v0"]
     assert block["tuning_trials"] == 6
     settings = load_settings(str(file), f"cable_envs/{HOLE}-v0", changes=block)
     assert settings.learner["gamma"] == block["gamma"] and settings.tuning_trials == 6
     assert settings.policy_kwargs == {"net_arch": [8], **block["policy_kwargs"]}
+    written = load_settings(str(out), f"cable_envs/{HOLE}-v0")
+    assert written == replace(settings, algo="best", algorithm_name="ppo")
 
 
 BAD = {

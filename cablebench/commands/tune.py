@@ -69,7 +69,11 @@ def tune(
     if interrupted:
         _stopped(found, trials, file)
     command = _command(what if controller else str(algo), controller is not None, envs, trials, steps, plan, protocol)
-    content = _controller_file(what, name, found, command) if controller else _settings_file(searches, found, command)
+    content = (
+        _controller_file(what, name, found, command)
+        if controller
+        else _settings_file(str(algo), searches, found, command)
+    )
     _report(found, content, out, file, as_json)
 
 
@@ -138,15 +142,19 @@ def _controller_file(
     }
 
 
-def _settings_file(searches: Mapping[str, Any], found: Mapping[str, Sequence[Any]], command: str) -> dict[str, Any]:
-    """Blocks for the agent's settings file with the best settings of every environment, and what finding them cost."""
+def _settings_file(
+    algo: str, searches: Mapping[str, Any], found: Mapping[str, Sequence[Any]], command: str
+) -> dict[str, Any]:
+    """The agent's settings file with the best settings of every environment, and what finding them cost."""
+    from cablebench.commands.tune_agents import tuned_file
     from cablebench.tuning import best
     from cablebench.tuning_space import nested
 
-    return {
+    blocks = {
         env_id: {**nested(best(made).values), "tuning_trials": searches[env_id].about["charged_before"] + len(made)}
         for env_id, made in found.items()
-    } | {"made_by": command}
+    }
+    return {**tuned_file(algo, blocks), "made_by": command}
 
 
 def _report(
@@ -156,7 +164,8 @@ def _report(
     from cablebench.tuning import best
 
     command = content["made_by"] if "schema" in content else content.pop("made_by")
-    text = yaml.safe_dump(content, sort_keys=False, width=110)
+    inline = False if "schema" in content else None  # an agent's lists and innermost mappings on one line
+    text = yaml.safe_dump(content, sort_keys=False, width=110, default_flow_style=inline)
     if "schema" not in content:
         text = f"# {command}\n{text}"
     say = console(stderr=out is None)

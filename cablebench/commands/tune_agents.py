@@ -1,5 +1,6 @@
 """What `cablebench tune --algo` searches: settings of an agent on one environment; a trial trains and evaluates it."""
 
+import json
 import math
 import shutil
 from collections.abc import Mapping, Sequence
@@ -36,8 +37,7 @@ def agent_search(
     ``folder``: where trials keep their checkpoints. Raises ConfigurationError for what is wrong in the file.
     """
     base = load_settings(algo, env_id, steps)
-    path = Path(algo) if algo.endswith((".yaml", ".yml")) else config_path("agents", f"{algo}.yaml")
-    data = read_yaml(path)
+    path, data = _read(algo)
     space = parse_space(data.get("search"), path.name)
     start = {d.name: _own_value(d, data, env_id, path.name) for d in space}
     for d in space:
@@ -62,6 +62,27 @@ def agent_search(
         seed=seed,
         batch=batch,
     )  # fmt: skip
+
+
+def tuned_file(algo: str, blocks: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+    """The agent's settings file with ``blocks`` {environment id: keys} taken over: it stands for itself."""
+    path, data = _read(algo)
+    data = json.loads(json.dumps(data))  # without what its blocks share, which YAML would write as anchors
+    search = data.pop("search")
+    name = data.pop("algorithm", None) or path.stem
+    for env_id, block in blocks.items():
+        data[env_id] = _merged(data.get(env_id) or {}, block)
+    return {"algorithm": name, **data, "search": search}
+
+
+def _read(algo: str) -> tuple[Path, Any]:
+    path = Path(algo) if algo.endswith((".yaml", ".yml")) else config_path("agents", f"{algo}.yaml")
+    return path, read_yaml(path)
+
+
+def _merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    both = [key for key in new if isinstance(old.get(key), Mapping) and isinstance(new[key], Mapping)]
+    return {**old, **new, **{key: _merged(old[key], new[key]) for key in both}}
 
 
 def _own_value(dimension: Dimension, data: Mapping[str, Any], env_id: str, source: str) -> Any:
