@@ -174,6 +174,12 @@ def test_file_that_cannot_be_written_is_an_error(cli, tmp_path):
     assert code == 2 and err.startswith("cablebench: error: cannot write") and err.count("\n") == 1
 
 
+def test_without_names_the_references_of_the_chosen_task_are_evaluated(cli, protocol):
+    """A circuit's controller is no error where a hole was asked for."""
+    code, out, _ = cli("evaluate", "--protocol", protocol, "--env", HOLE, "--json")
+    assert code == 0 and len(json.loads(out)) == 10  # 5 controllers, 2 episodes each
+
+
 def test_train_run_evaluate_leaderboard(cli, tmp_path, protocol):
     """The whole way of an agent: trained, run, evaluated beside the references, ranked."""
     folder, results = tmp_path / "agent", tmp_path / "results"

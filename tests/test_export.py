@@ -99,6 +99,16 @@ def test_answers_that_are_not_finite_are_no_data(make):
 # --- Minari
 
 
+def test_minari_writes_below_a_relative_folder(capsys, tmp_path, monkeypatch):
+    minari = pytest.importorskip("minari")
+    monkeypatch.chdir(tmp_path)
+    flags = [f"--option={k}={json.dumps(v)}" for k, v in SHORT.items()]
+    command = ("export", "CableHole-Position-Sine", "--format", "minari", "--out", "datasets", "--controller", "pid")
+    code, _, _ = run(capsys, *command, "--episodes", 1, *flags)
+    monkeypatch.setenv("MINARI_DATASETS_PATH", "datasets")
+    assert code == 0 and len(minari.load_dataset("cable/CableHole-Position-Sine/pid-v0")) == 1
+
+
 @pytest.mark.parametrize(
     ("env", "who", "options"),
     [

@@ -46,6 +46,8 @@ def evaluate(
     chosen = load_protocol(protocol)
     tasks = tuple(resolve_env(name) for name in env or ())
     recipes = entrant_recipes(controller or (), gain or (), policy or ())
+    if not controller and not policy:  # all references: those that the tasks are for
+        recipes = _entering(recipes, chosen, tasks, tuple(track or ()))
     store = None if results is None else ResultStore(results / RECORDS)
     conditions = (tasks, tuple(track or ()), store)
     records = evaluate_on(backend, jobs, ray_address, chosen, recipes, conditions, resume)
@@ -58,6 +60,15 @@ def evaluate(
         out.print(f"{len(records)} records added to {store.path}", markup=False)
     else:
         out.print("Nothing was stored: --results FOLDER keeps the records.", style="dim")
+
+
+def _entering(recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]) -> list[Any]:
+    """The recipes whose entrants apply to at least one of the tasks."""
+    from cablebench.evaluate import setup_of
+
+    env_ids = dict.fromkeys(c.task.env for c in protocol.cells(tasks, tracks))
+    setups = {env_id: setup_of(env_id, {}) for env_id in env_ids}
+    return [r for r in recipes if any(r().needs(env_id, setup) is not None for env_id, setup in setups.items())]
 
 
 def evaluate_on(

@@ -108,7 +108,7 @@ def load(root: Path, dataset_id: str) -> Any:
 @contextmanager
 def _datasets_in(root: Path) -> Iterator[None]:
     before = os.environ.get(ROOT_VARIABLE)
-    os.environ[ROOT_VARIABLE] = str(root)
+    os.environ[ROOT_VARIABLE] = str(root.absolute())  # Minari 0.5 does not find what it wrote below a relative one
     try:
         yield
     finally:
