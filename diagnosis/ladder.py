@@ -36,6 +36,10 @@ SHARE = 0.6
 """Of the held-out records that must gain."""
 EQUAL = 1.0
 """Difference of worth that says nothing."""
+NEAR, RIVALS = 0.4, 3
+"""Share of the best gain from which a hypothesis is refitted from more starts, and how many of them at the most."""
+DRAWS, SPREAD = 12, 0.3
+"""Starts about the leader's, and their standard deviation over each value."""
 MOST = 10
 """Effects at the most."""
 Keep = Callable[[str, Callable[[], Any]], Any]
@@ -172,7 +176,9 @@ def _climb(fit, heldout, best, whitener: Whitener, left, rng) -> Rung:
     known = Judged(best, tuple(raw_residuals(fit, best)), whitener, 0.0)
     screening = screen(fit, known, left, rng, whitener)
     fits = refits(fit, best, screening)
-    base, judged = held(heldout, best), {name: held(heldout, one) for name, one in fits.items()}
+    base = held(heldout, best)
+    fits |= _polished(fit, fits, _nearest(base, {name: held(heldout, one) for name, one in fits.items()}), whitener, rng)
+    judged = {name: held(heldout, one) for name, one in fits.items()}
     sums = {name: base.gain(one, base.together) for name, one in judged.items()}  # one scale for all rivals
     refused = {}
     for name in fits:
@@ -193,6 +199,36 @@ def _climb(fit, heldout, best, whitener: Whitener, left, rng) -> Rung:
     gain = base.gain(judged[name])
     margin = min([judged[n].gain(judged[name]) for n in fits if n not in (name, *alike)], default=gain)
     return Rung(name, fits[name], gain, min(margin, gain), sums, alike, ({}, {}), (), refused, screening)
+
+
+def _nearest(base: Held, judged: Mapping[str, Held]) -> list[str]:
+    """Hypotheses that may still lead, the best first."""
+    gains = {name: base.gain(one, base.together) for name, one in judged.items()}
+    top = max(gains.values(), default=0.0)
+    near = [name for name, gain in gains.items() if gain > NEAR * top]
+    return sorted(near, key=lambda name: -gains[name])[:RIVALS]
+
+
+def _polished(model: Model, fits: Mapping[str, Fit], near: Sequence[str], whitener: Whitener, rng) -> dict[str, Fit]:
+    """Those that lead, each refitted from where it is, from where the leader is, and from about there.
+
+    Friction has kinks, and a cost with kinks has many minima: from a single start Coulomb friction lost to Stribeck's,
+    which holds it, in a model that is as good with either.
+    """
+    if not near:
+        return {}
+    leader, found = fits[near[0]].values, {}
+    for name in near:
+        own = fits[name]
+        there = {**leader, **{n: own.values[n] for n in own.free if n not in fits[near[0]].free}}
+        about = [
+            {n: there[n] * (1.0 + SPREAD * k) for n, k in zip(own.free, rng.standard_normal(len(own.free)), strict=True)}
+            for _ in range(DRAWS)
+        ]
+        starts = [Start(name, own.free, {**own.values, **values}) for values in ({}, there, *about)]
+        best = min(refit(model, whitener, starts), key=lambda one: one.cost)
+        found[name] = settle(model, Start(name, best.free, best.values))[0]
+    return found
 
 
 def _against(hypothesis: Hypothesis, fit: Fit, gain: float, better: int, records: int) -> str:
