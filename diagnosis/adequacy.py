@@ -3,21 +3,23 @@
 For every channel, bumps along each coordinate of its blocks (speed, position, tension, time since reversal, ...), the
 same with the sign of the direction, and slow waves of the elapsed time are filtered as the residual is, freed of what
 the parameters can still absorb, and regressed on. Under the right model the fall of the sum of squares is chi-square
-with as many degrees as functions. A single line of the spectrum is looked for beside it (Fisher's test).
+with as many degrees as functions. A single line of the spectrum is looked for beside it (Fisher's test), and whether
+channels know of each other.
 
 A mismatch that lasts is colour to a noise that is learnt from it: a bias an endless memory, a vibration a resonance.
 So the functions are taken out of the residual, the noise is learnt again from what is left, and the fall of the
-deviance (`diagnosis.likelihood`) counts where it is larger.
+deviance (`diagnosis.likelihood`) is what counts.
 
 Where the recording states its noise, what is left is also held against that: the only test that sees white physics.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.ndimage import median_filter
+from scipy.stats import chi2, f
 
 from diagnosis.likelihood import Judged, deviance
 from diagnosis.model import Block, Model, Whitener, learn_whitener
@@ -27,14 +29,23 @@ BUMPS = 7
 """Along each coordinate, over quantiles of its values."""
 SLOW = 6
 """Waves of the elapsed time, per record: half a period over the record, a whole one, ..."""
+SHIFTED, SHIFTS = 1e-3, 20
+"""p-value below which functions are also held against the residual at other times, and how often."""
 SURE = 1e-3
 """Familywise p-value below which something is left."""
 _NOT_MAPPED = ("direction",)
 _APART = 1e-3
 """Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
 that rounding follows what was measured."""
-LINES = 3
-"""Peaks of the spectrum that are looked at."""
+_OWN = 0.5
+"""Correlation of a coordinate with the channel itself from which it is taken for it."""
+ABOUT = 48
+"""Values of a spectrum, twice as fine as its resolution, to either side, whose median a line is held against."""
+OCTAVES = tuple((2**k + 1, 2 ** (k + 1) + 1) for k in range(3, 9))
+"""Of frequencies, in inverse lengths of a record, over which the coherence of two channels is taken."""
+_HANN = 1.5
+"""Frequencies that a Hann window makes one."""
+_RARE = 64
 
 
 @dataclass(frozen=True)
@@ -77,6 +88,7 @@ def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = Non
         for name, unit, columns, at in _families(model.blocks, judged.raw, channel):
             found.append(_regressed(model, judged, span, white, channel, (name, unit), columns, at))
         found.append(_line(model, judged, white, channel))
+    found += _together(model, judged)
     tests = len(found)
     best = min(found, key=lambda f: f.p_value)
     p = min(1.0, tests * best.p_value)
@@ -119,7 +131,7 @@ def _without_noise(block: Block, values: np.ndarray, left: np.ndarray) -> np.nda
     Where the noise is a thousandth of the range, it does not matter.
     """
     use = block.good
-    if np.ptp(values[use]) == 0.0 or np.corrcoef(values[use], block.measured[use])[0, 1] < 0.98:
+    if np.ptp(values[use]) == 0.0 or np.corrcoef(values[use], block.measured[use])[0, 1] < _OWN:
         return values
     noise = float(np.std(np.diff(block.measured, 3))) / np.sqrt(20.0)
     return values if noise < 1e-3 * float(np.ptp(values)) else block.measured - left
@@ -138,9 +150,7 @@ def _bumps(values: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 def _regressed(model, judged, span, white, channel, named, columns, at) -> Leftover:
-    count = next(iter(columns.values())).shape[1]
-    series = [columns.get(id(b), np.zeros((len(b.time), count))) for b in model.blocks]
-    functions = judged.whitener.flat(model.blocks, series)
+    functions = judged.whitener.flat(model.blocks, _of_blocks(model.blocks, columns))
     functions = functions - span @ (span.T @ functions)
     u, s, vt = np.linalg.svd(functions, full_matrices=False)
     sound = s > 1e-6 * max(float(s[0]), 1e-300) if len(s) else np.zeros(0, dtype=bool)
@@ -148,8 +158,10 @@ def _regressed(model, judged, span, white, channel, named, columns, at) -> Lefto
     if rank == 0:
         return Leftover(channel, *named, 0.0, 0, 1.0)
     parts = u[:, sound].T @ white
-    gain = max(float(parts @ parts), _relearned(model, judged, channel, columns))
+    gain = max(_relearned(model, judged, channel, columns), 0.0)
     p = float(chi2.sf(gain, rank))
+    if p < SHIFTED and judged.whitener.noise[channel].numbers:
+        p = float(chi2.sf(gain / _inflated(model, judged, span, white, columns, rank), rank))
     height, error = (), ()
     if len(at):
         inverse = vt[sound].T / s[sound]
@@ -157,12 +169,33 @@ def _regressed(model, judged, span, white, channel, named, columns, at) -> Lefto
     return Leftover(channel, *named, gain, rank, p, tuple(at), height, error)
 
 
+def _inflated(model, judged, span, white, columns, rank: int) -> float:
+    """How much more than its degrees of freedom the same functions gain at other times, where they mean nothing.
+
+    A learnt colour is never quite the noise's: slow functions find more in 1/f noise than chi-square allows.
+    """
+    rng, gains = np.random.default_rng(0), []
+    for share in rng.uniform(0.1, 0.9, SHIFTS):
+        turned = {key: np.roll(c, int(share * len(c)), axis=0) for key, c in columns.items()}
+        functions = judged.whitener.flat(model.blocks, _of_blocks(model.blocks, turned))
+        functions = functions - span @ (span.T @ functions)
+        u, s, _ = np.linalg.svd(functions, full_matrices=False)
+        parts = u[:, s > 1e-6 * max(float(s[0]), 1e-300)].T @ white
+        gains.append(float(parts @ parts))
+    return max(float(np.mean(gains)) / rank, 1.0)
+
+
+def _of_blocks(blocks: Sequence[Block], columns) -> list[np.ndarray]:
+    """Functions [T, n] of every block; zeros where a family has none."""
+    count = next(iter(columns.values())).shape[1]
+    return [columns.get(id(b), np.zeros((len(b.time), count))) for b in blocks]
+
+
 def _relearned(model, judged, channel: str, columns) -> float:
     """Fall of the channel's deviance when the functions are taken out and the noise is learnt from what is left."""
     own = [(b, r) for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel]
     blocks, raw = [b for b, _ in own], [r for _, r in own]
-    count = next(iter(columns.values())).shape[1]
-    series = [columns.get(id(b), np.zeros((len(r), count))) for b, r in own]
+    series = _of_blocks(blocks, columns)
     noise = Whitener({channel: judged.whitener.noise[channel]})
     before = deviance(blocks, learn_whitener(blocks, raw))
     for _ in range(2):
@@ -175,20 +208,58 @@ def _line(model, judged, white, channel) -> Leftover:
     """The strongest line of a channel's spectrum, over all its records together, each with its own phase.
 
     A noise of eight coefficients takes a line for a resonance of its own; one of one coefficient leaves it in sight.
+    Under that a line is held against the spectrum about it, whatever the colour.
     """
     blocks = [b for b in model.blocks if b.channel == channel]
     raw = [r for b, r in zip(model.blocks, judged.raw, strict=True) if b.channel == channel]
     period, width = float(np.median(np.diff(blocks[0].time))), 2 * max(len(b.time) for b in blocks)
-    power = _periodogram([w for b, w in _by_block(model.blocks, white) if b.channel == channel], width)
-    candidates = [(2.0 * float(np.max(power)), int(np.argmax(power)))]
+    count = 2 * len(blocks)
+    power = 2.0 * _periodogram([w for b, w in _by_block(model.blocks, white) if b.channel == channel], width)
+    k = int(np.argmax(power))
+    found = [(_of_many(float(chi2.sf(power[k], count)), width), float(power[k]), k)]
     simple = learn_whitener(blocks, raw, 1).flat(blocks, raw)
-    for k in np.argsort(_periodogram([w for _, w in _by_block(blocks, simple)], width))[::-1][:LINES]:
-        at = 2.0 * np.pi * (k + 1) / (width * period)
-        waves = [{id(b): np.c_[np.cos(at * b.time), np.sin(at * b.time)]} for b in blocks]
-        candidates.append((sum(_relearned(model, judged, channel, w) for w in waves), int(k)))
-    gain, k = max(candidates)
-    p = float(-np.expm1(0.25 * width * np.log1p(-min(chi2.sf(gain, 2 * len(blocks)), 1.0 - 1e-12))))
-    return Leftover(channel, "frequency", "Hz", gain, 2 * len(blocks), p, ((k + 1) / (width * period),))
+    power = 2.0 * _periodogram([w for _, w in _by_block(blocks, simple)], width)
+    if len(power) > 4 * ABOUT:
+        power *= chi2.median(count) / np.maximum(median_filter(power, 2 * ABOUT + 1, mode="reflect"), 1e-300)
+        k = ABOUT + int(np.argmax(power[ABOUT:]))  # below, a colour's slope is steep
+        found.append((_of_many(float(f.sf(power[k] / count, count, 0.5 * ABOUT * count)), width), float(power[k]), k))
+    p, gain, k = min(found)
+    return Leftover(channel, "frequency", "Hz", gain, count, p, ((k + 1) / (width * period),))
+
+
+def _of_many(p: float, width: int) -> float:
+    """Of the largest of a periodogram's values, of which a quarter of ``width`` are independent."""
+    return float(-np.expm1(0.25 * width * np.log1p(-min(p, 1.0 - 1e-12))))
+
+
+def _together(model: Model, judged: Judged) -> list[Leftover]:
+    """Coherence of what is left in two channels, octave by octave: sensors' noises know nothing of each other.
+
+    Of all tests the one that needs no noise to be known: under independence the squared coherence over n frequencies
+    has the tail (1 - c)^(n - 1), whatever the colours are (Brockwell, Davis, Time Series, 1991, sec. 11.6).
+    """
+    waves: dict[tuple[str, str], np.ndarray] = {}
+    for block, left in zip(model.blocks, judged.raw, strict=True):
+        if int(block.good.sum()) > _RARE:
+            centred = np.where(block.good, left - np.mean(left[block.good]), 0.0)
+            waves[block.channel, block.record] = np.fft.rfft(centred * np.hanning(len(centred) + 2)[1:-1])
+    channels, records = (list(dict.fromkeys(key[k] for key in waves)) for k in (0, 1))
+    period = float(np.median(np.diff(model.blocks[0].time)))
+    found = []
+    for a, b in combinations(channels, 2):
+        both = [(waves[a, r], waves[b, r]) for r in records if (a, r) in waves and (b, r) in waves]
+        for low, high in OCTAVES:
+            parts = [(x[low:high], y[low:high]) for x, y in both if min(len(x), len(y)) > high]
+            count = sum(len(x) for x, _ in parts) / _HANN
+            if count < 4:
+                continue
+            x, y = (np.concatenate(side) for side in zip(*parts, strict=True))
+            powers = float(np.vdot(x, x).real * np.vdot(y, y).real)
+            shared = min(abs(np.vdot(x, y)) ** 2 / powers, 1.0 - 1e-15) if powers > 0.0 else 0.0
+            gain = -2.0 * (count - 1.0) * float(np.log1p(-shared))
+            at = (0.5 * (low + high) / (period * 2 * max(len(x) - 1 for x, _ in both)),)
+            found.append(Leftover(f"{a} and {b}", "frequency", "Hz", gain, 2, float(np.exp(-0.5 * gain)), at))
+    return found
 
 
 def _by_block(blocks: Sequence[Block], flat: np.ndarray) -> list[tuple[Block, np.ndarray]]:

@@ -177,7 +177,8 @@ def _climb(fit, heldout, best, whitener: Whitener, left, rng) -> Rung:
     screening = screen(fit, known, left, rng, whitener)
     fits = refits(fit, best, screening)
     base = held(heldout, best)
-    fits |= _polished(fit, fits, _nearest(base, {name: held(heldout, one) for name, one in fits.items()}), whitener, rng)
+    near = _nearest(base, {name: held(heldout, one) for name, one in fits.items()})
+    fits |= _polished(fit, fits, near, whitener, rng)
     judged = {name: held(heldout, one) for name, one in fits.items()}
     sums = {name: base.gain(one, base.together) for name, one in judged.items()}  # one scale for all rivals
     refused = {}
@@ -217,14 +218,12 @@ def _polished(model: Model, fits: Mapping[str, Fit], near: Sequence[str], whiten
     """
     if not near:
         return {}
-    leader, found = fits[near[0]].values, {}
+    leader, found = fits[near[0]], {}
     for name in near:
         own = fits[name]
-        there = {**leader, **{n: own.values[n] for n in own.free if n not in fits[near[0]].free}}
-        about = [
-            {n: there[n] * (1.0 + SPREAD * k) for n, k in zip(own.free, rng.standard_normal(len(own.free)), strict=True)}
-            for _ in range(DRAWS)
-        ]
+        there = {n: (leader if n in leader.free else own).values[n] for n in own.free}
+        draws = 1.0 + SPREAD * rng.standard_normal((DRAWS, len(own.free)))
+        about = [{n: there[n] * k for n, k in zip(own.free, row, strict=True)} for row in draws]
         starts = [Start(name, own.free, {**own.values, **values}) for values in ({}, there, *about)]
         best = min(refit(model, whitener, starts), key=lambda one: one.cost)
         found[name] = settle(model, Start(name, best.free, best.values))[0]

@@ -34,6 +34,7 @@ class Rules:
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
     coloured  | the same where no noise is stated: its colour, learnt, takes what lasts, of a bias all but some 40
+    hidden_p  | ``left_p`` where no noise is stated: a colour hides most, so that less must do
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
@@ -54,6 +55,7 @@ class Rules:
     margin: float = 10.0
     alike: float = 0.01
     left_p: float = 1e-6
+    hidden_p: float = 1e-3
     left: float = 0.22
     over: float = 1.08
     clean: float = 0.05
@@ -120,7 +122,7 @@ def select(
     """
     rules, stated = rules or Rules(), dict(stated or {})
     if not stated:
-        rules = replace(rules, gain=min(rules.gain, rules.coloured))
+        rules = replace(rules, gain=min(rules.gain, rules.coloured), left_p=max(rules.left_p, rules.hidden_p))
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []
