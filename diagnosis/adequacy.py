@@ -27,6 +27,8 @@ from diagnosis.screen import basis
 
 BUMPS = 7
 """Along each coordinate, over quantiles of its values."""
+FINE, _SHARP = 28, ("position",)
+"""The same for what a tooth or a stop may make uneven within a few per cent of the range."""
 SLOW = 6
 """Waves of the elapsed time, per record: half a period over the record, a whole one, ..."""
 SHIFTED, SHIFTS = 1e-3, 20
@@ -115,32 +117,30 @@ def _families(blocks: Sequence[Block], raw: Sequence[np.ndarray], channel: str):
             id(b): _without_noise(b, [c for c in b.along if c.name not in _NOT_MAPPED][k].values, left[id(b)])
             for b in own
         }
-        at = _places(np.concatenate([values[id(b)][b.good] for b in own]))
-        if len(at) < 3:
-            continue
-        columns = {key: _bumps(v, at) for key, v in values.items()}
-        yield name, unit, columns, at
-        if name != "speed" and all(s is not None for s in sides.values()):
-            turned = {key: c * sides[key][:, None] for key, c in columns.items()}
-            yield f"{name} with direction", unit, turned, at
+        together = np.concatenate([values[id(b)][b.good] for b in own])
+        for count in (BUMPS, FINE) if name in _SHARP else (BUMPS,):
+            at = _places(together, count)
+            if len(at) < 3:
+                continue
+            columns = {key: _bumps(v, at) for key, v in values.items()}
+            yield name, unit, columns, at
+            if name != "speed" and all(s is not None for s in sides.values()):
+                turned = {key: c * sides[key][:, None] for key, c in columns.items()}
+                yield f"{name} with direction", unit, turned, at
 
 
 def _without_noise(block: Block, values: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """A coordinate that is the channel itself has its noise, which would then be on both sides: as predicted, instead.
-
-    Where the noise is a thousandth of the range, it does not matter.
-    """
+    """A coordinate that is the channel itself has its noise, which would then be on both sides: as predicted, instead."""
     use = block.good
     if np.ptp(values[use]) == 0.0 or np.corrcoef(values[use], block.measured[use])[0, 1] < _OWN:
         return values
-    noise = float(np.std(np.diff(block.measured, 3))) / np.sqrt(20.0)
-    return values if noise < 1e-3 * float(np.ptp(values)) else block.measured - left
+    return block.measured - left
 
 
-def _places(values: np.ndarray) -> np.ndarray:
+def _places(values: np.ndarray, count: int) -> np.ndarray:
     if not len(values) or np.ptp(values) == 0.0:
         return np.empty(0)
-    found = np.quantile(values, np.linspace(0.02, 0.98, BUMPS))
+    found = np.quantile(values, np.linspace(0.02, 0.98, count))
     return found[np.r_[True, np.diff(found) > _APART * (found[-1] - found[0])]]
 
 

@@ -15,9 +15,11 @@ from diagnosis.hypotheses import INVERSE, PROPORTIONAL, Hypothesis
 from diagnosis.hypotheses import WAVES as ALL_WAVES
 from diagnosis.likelihood import Judged
 from diagnosis.model import Block, Model, Whitener, learn_whitener
-from diagnosis.refit import STEP, Fit
+from diagnosis.refit import Fit
 
 DRAWS = 2000
+STEP = 1e-3
+"""Step of the slopes, from one side, over the parameter's size, or its scale where that is larger."""
 WAVES = 10
 """Waves of a ripple that are probed, of all those that `diagnosis.hypotheses` has."""
 ZOOMS = 3

@@ -144,8 +144,8 @@ def select(
         chosen.append((found.hypothesis, found.judged))
         best = found.judged
         left = adequacy(fit, best, stated)
-        if left.p_value > rules.clean and left.over_noise < rules.white:
-            break  # nothing is left that a further effect could gain by
+        if stated and left.p_value > rules.clean and left.over_noise < rules.white:
+            break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
         chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep)

@@ -15,6 +15,9 @@ OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "none", "failed")
 """exact: the names, all and only; class: a truth is among declared alternatives of its class; partly: one of two named,
 nothing wrong; wrong: a name that is not there; unknown, none: these verdicts; failed: no verdict."""
 
+SEEN = 100.0
+"""Gain of knowing the mismatch's shape and the noise from which a tool that knows neither may be expected to see it."""
+
 LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
 """Fail rules: most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
 
@@ -43,6 +46,8 @@ class Result:
     intervals: tuple[tuple[str, bool], ...] = ()
     """("effect.parameter", whether the 95 % interval covers the truth) of effects rightly named"""
     overlap: float | None = None
+    stands_out: float = float("inf")
+    """gain of whoever knows the mismatch's shape and the noise's spectrum"""
     heldout: float | None = None
     """largest RMSE of the augmented model over the channel's true noise"""
 
@@ -75,6 +80,7 @@ def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
         ),
         tuple(_intervals(key, answers)),
         _overlap(key, verdict) if truth and answers else None,
+        float(key.get("stands_out", "inf")),
         _heldout(key, verdict) if answers and truth and "wrong" not in right else None,
     )
 
@@ -212,6 +218,10 @@ def table(results: Sequence[Result]) -> list[Row]:
     rows.append(_row("decoys answered with an effect", _in(decoys, ("wrong",)), "<=", 0.05))
     strange = [r for r in results if r.kind == "strange"]
     rows.append(_row('effects in no library answered "unknown"', _in(strange, ("unknown",)), ">=", 0.90))
+    seen = [r for r in strange if r.stands_out >= SEEN]
+    rows.append(
+        _row(f"the same, of those that stand out (shape and noise known: gain {SEEN:g})", _in(seen, ("unknown",)))
+    )
     pairs = [r for r in results if r.kind == "pair"]
     rows.append(_row("two effects at once, both right", _in(pairs, right), ">=", 0.70))
     covered = [hit for r in results for _, hit in r.intervals]

@@ -57,6 +57,26 @@ def noise(kind: str, rng: np.random.Generator, samples: int, std: float) -> np.n
     return std * np.sqrt(0.5) * (white + slow)
 
 
+def standing_out(kind: str, noise_seen: np.ndarray, signal: np.ndarray) -> float:
+    """Sum of squares of a signal [samples] over the spectrum of the noise it is in: what knowing its shape would gain.
+
+    noise_seen: the noise itself, in the signal's unit; its size and an AR(1)'s memory are taken from it.
+    """
+    count = len(signal)
+    power = np.abs(np.fft.rfft(signal)) ** 2 / count
+    power[1 : (count + 1) // 2] *= 2.0
+    f = np.maximum(np.arange(len(power)), 1.0) / count  # cycles per sample; a mean counts as the slowest wave
+    colour = np.ones(len(power))
+    if kind == "ar1":
+        centred = noise_seen - noise_seen.mean()
+        second, first = (float(centred[k:] @ centred[:-k]) for k in (2, 1))
+        rho = min(max(second / max(first, 1e-300), 0.5), 0.98)
+        colour = 0.5 + 0.5 * (1.0 - rho * rho) / np.abs(1.0 - rho * np.exp(-2j * np.pi * f)) ** 2
+    elif kind == "flicker":
+        colour = 0.5 + 0.5 / f / np.mean(1.0 / f[1:])
+    return float(np.sum(power / colour) / np.var(noise_seen))
+
+
 def quantise(values: np.ndarray, step: float) -> np.ndarray:
     """Values on a grid."""
     return np.round(values / step) * step
