@@ -130,7 +130,7 @@ def _families(blocks: Sequence[Block], raw: Sequence[np.ndarray], channel: str):
 
 
 def _without_noise(block: Block, values: np.ndarray, left: np.ndarray) -> np.ndarray:
-    """A coordinate that is the channel itself has its noise, which would then be on both sides: as predicted, instead."""
+    """A coordinate that is the channel itself has its noise: as predicted, else that would be on both sides."""
     use = block.good
     if np.ptp(values[use]) == 0.0 or np.corrcoef(values[use], block.measured[use])[0, 1] < _OWN:
         return values

@@ -12,9 +12,9 @@ from diagnosis.confidence import confidence, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
-from diagnosis.limits import jitter
 from diagnosis.model import Model, residuals
 from diagnosis.models.question import Question
+from diagnosis.noise import jitter
 from diagnosis.places import located, permuted
 from diagnosis.recording import Recording
 from diagnosis.screen import Score
@@ -105,7 +105,8 @@ def _floors(recording: Recording, model: Model, selection: Selection) -> dict[st
     """
     floors = {name: noise.floor for name, noise in selection.final.whitener.noise.items()}
     if selection.steps:
-        floors = {name: jitter([b for b in model.blocks if b.channel == name]) for name in floors}
+        seen = {n: np.concatenate([b.measured[b.good] for b in model.blocks if b.channel == n]) for n in floors}
+        floors = {name: jitter(values) for name, values in seen.items()}
     stated = {name: recording.channels[name].noise_std for name in floors if name in recording.channels}
     return {name: stated.get(name) or floor for name, floor in floors.items()}
 

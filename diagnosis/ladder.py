@@ -26,7 +26,7 @@ from diagnosis.refit import Fit, Start, refit
 from diagnosis.screen import Screening, screen
 from diagnosis.select import bounded
 from diagnosis.verdict import Step
-from diagnosis.weights import rmse, settle, together
+from diagnosis.weights import about, rmse, settle, together
 
 MARGIN = 6.0
 """Held-out sum of squares, in independent stretches, that an effect must buy: about e^3 to 1."""
@@ -38,8 +38,6 @@ EQUAL = 1.0
 """Difference of worth that says nothing."""
 NEAR, RIVALS = 0.4, 3
 """Share of the best gain from which a hypothesis is refitted from more starts, and how many of them at the most."""
-DRAWS, SPREAD = 12, 0.3
-"""Starts about the leader's, and their standard deviation over each value."""
 MOST = 10
 """Effects at the most."""
 Keep = Callable[[str, Callable[[], Any]], Any]
@@ -211,21 +209,15 @@ def _nearest(base: Held, judged: Mapping[str, Held]) -> list[str]:
 
 
 def _polished(model: Model, fits: Mapping[str, Fit], near: Sequence[str], whitener: Whitener, rng) -> dict[str, Fit]:
-    """Those that lead, each refitted from where it is, from where the leader is, and from about there.
-
-    Friction has kinks, and a cost with kinks has many minima: from a single start Coulomb friction lost to Stribeck's,
-    which holds it, in a model that is as good with either.
-    """
+    """Those that lead, each refitted from where it is, from where the leader is, and from about there."""
     if not near:
         return {}
     leader, found = fits[near[0]], {}
     for name in near:
         own = fits[name]
         there = {n: (leader if n in leader.free else own).values[n] for n in own.free}
-        draws = 1.0 + SPREAD * rng.standard_normal((DRAWS, len(own.free)))
-        about = [{n: there[n] * k for n, k in zip(own.free, row, strict=True)} for row in draws]
-        starts = [Start(name, own.free, {**own.values, **values}) for values in ({}, there, *about)]
-        best = min(refit(model, whitener, starts), key=lambda one: one.cost)
+        starts = [Start(name, own.free, {**own.values, **values}) for values in ({}, there)]
+        best = about(model, whitener, starts, rng)
         found[name] = settle(model, Start(name, best.free, best.values))[0]
     return found
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from diagnosis.model import Block, Model
+from diagnosis.noise import jitter
 from diagnosis.select import Selection
 
 FAR = 3.0
@@ -31,7 +32,7 @@ def limited_by_the_model(model: Model, selection: Selection, stated: Mapping[str
         own = [(b, r) for b, r in zip(model.blocks, selection.final.raw, strict=True) if b.channel == channel]
         if sum(int(b.good.sum()) for b, _ in own) < ENOUGH:
             return ""
-        noise = stated.get(channel) or jitter([b for b, _ in own])
+        noise = stated.get(channel) or jitter(np.concatenate([b.measured[b.good] for b, _ in own]))
         least[channel] = min(_regimes(own)) / max(noise, 1e-300)
     if min(least.values()) < FAR:
         return ""
@@ -40,14 +41,6 @@ def limited_by_the_model(model: Model, selection: Selection, stated: Mapping[str
         f"noise is not what limits here: in every regime what is left is far above the sensors' noise (at least this "
         f"many times: {said}). Use --judge unseen: it accepts effects by the error of records that no fit has seen"
     )
-
-
-def jitter(blocks: Sequence[Block]) -> float:
-    """Standard deviation of white noise that would have the third differences [T] of what was measured."""
-    steps = np.concatenate([np.diff(b.measured, 3)[b.good[3:]] for b in blocks])
-    resolution = np.concatenate([np.abs(np.diff(b.measured)) for b in blocks])
-    step = float(np.min(resolution[resolution > 0.0], initial=np.inf))
-    return max(float(np.std(steps)) / np.sqrt(20.0), step / np.sqrt(12.0) if np.isfinite(step) else 0.0)
 
 
 def _regimes(own: Sequence[tuple[Block, np.ndarray]]) -> Iterator[float]:

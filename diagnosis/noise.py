@@ -57,6 +57,20 @@ class Noise:
         return float(self.std * np.sqrt(np.sum(response**2)))
 
 
+def jitter(values: np.ndarray) -> float:
+    """About the standard deviation of white noise on samples [T] of a motion that is sampled well, in their unit.
+
+    From third differences, of which the motion has next to nothing, by their median: jumps do not count. At least what
+    the resolution makes; never 0.
+    """
+    third = np.diff(values, 3)
+    spread = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
+    steps = np.abs(np.diff(values))
+    resolution = float(np.min(steps[steps > 0.0], initial=np.inf))
+    coarse = resolution / np.sqrt(12.0) if np.isfinite(resolution) else 0.0
+    return max(spread, coarse, 1e-9 * float(np.max(np.abs(values), initial=0.0)), 1e-300)
+
+
 def memory(lengths: Sequence[int], max_order: int = MAX_ORDER) -> int:
     """Longest past, samples, that records of these lengths can show."""
     usable = [k for k in LONG if k * _RECORDS <= max(lengths, default=0)] if max_order == MAX_ORDER else []

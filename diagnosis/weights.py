@@ -17,6 +17,8 @@ from diagnosis.model import Block, Model, Whitener
 from diagnosis.noise import Noise
 from diagnosis.refit import Fit, Start, refit
 
+DRAWS, SPREAD = 12, 0.3
+"""Further starts about one, and their standard deviation over each value."""
 ROUNDS = 2
 PARTS, EACH = 12, 3
 """Parts into which all records together are cut, at least, and for every free parameter."""
@@ -74,6 +76,19 @@ def settle(model: Model, start: Start, rounds: int = ROUNDS) -> tuple[Fit, White
         start = Start(fit.label, fit.free, fit.values)
         whitener = weigh(model.blocks, raw_residuals(model, fit))
     return resampled(model, fit), whitener
+
+
+def about(model: Model, whitener: Whitener, starts: Sequence[Start], rng: np.random.Generator) -> Fit:
+    """The best refit of ``starts`` and of `DRAWS` more about the last of them.
+
+    Friction has kinks, and a cost with kinks has many minima: from a single start Coulomb friction lost to Stribeck's,
+    which holds it, in a model that is as good with either.
+    """
+    last = starts[-1]
+    draws = 1.0 + SPREAD * rng.standard_normal((DRAWS, len(last.free)))
+    moved = [{n: last.values[n] * k for n, k in zip(last.free, row, strict=True)} for row in draws]
+    more = [Start(last.label, last.free, {**last.values, **values}) for values in moved]
+    return min(refit(model, whitener, [*starts, *more]), key=lambda one: one.cost)
 
 
 def _converged(model: Model, whitener: Whitener, start: Start) -> Fit:

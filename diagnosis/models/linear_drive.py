@@ -39,6 +39,7 @@ from diagnosis.models.common import (
 )
 from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import delayed
+from diagnosis.noise import jitter
 from diagnosis.recording import Record, Recording
 
 FINE = 10
@@ -233,17 +234,12 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
         good = series[effort].good & series["position"].good
         rows.append(np.column_stack([reference - position, _middle(reference, period)[2], -speed])[good])
         target.append(series[effort].values[good])
-        noise.append([_jitter(series[effort].values), _jitter(position), _jitter(speed)])
+        noise.append([jitter(series[effort].values), jitter(position), jitter(speed)])
     table, wanted = np.concatenate(rows), np.concatenate(target)
     gains = np.linalg.lstsq(table, wanted, rcond=None)[0]
     from_noise = np.sqrt(np.mean(noise, axis=0) ** 2 @ np.array([1.0, gains[0] ** 2, gains[2] ** 2]))
     left = float(np.std(wanted - table @ gains))
     return dict(zip(GAINS, gains.tolist(), strict=True)), left / max(float(from_noise), 0.003 * float(np.std(wanted)))
-
-
-def _jitter(values: np.ndarray) -> float:
-    """Standard deviation of the noise of samples [T], from their third differences."""
-    return float(np.std(np.diff(values, 3)) / np.sqrt(20.0))
 
 
 def prepare(recording: Recording, request: Request) -> Question:

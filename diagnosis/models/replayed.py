@@ -13,6 +13,7 @@ import numpy as np
 from cable_envs.plants.base import Plant
 from cable_envs.replay import replay
 from diagnosis.model import Block, Free
+from diagnosis.noise import jitter
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -149,16 +150,9 @@ def _settle(run: Run, responses: np.ndarray, out: np.ndarray) -> None:
     """Shift predictions [T, blocks, n] in place by the constants that fit the record best, by the channels' noise."""
     matrix, right = 0.0, 0.0
     for j, block in enumerate(run.blocks):
-        weighed = responses[:, j] * (block.good / jitter(block) ** 2)[:, None]
+        weighed = responses[:, j] * (block.good / jitter(block.measured[block.good]) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])
     constants = np.linalg.pinv(matrix, hermitian=True) @ right
     for j in range(len(run.blocks)):
         out[:, j] += responses[:, j] @ constants
-
-
-def jitter(block: Block) -> float:
-    """About the noise of a channel: from second differences, whose variance is 6 times that of white noise."""
-    second = np.diff(block.measured[block.good], 2)
-    scale = float(np.median(np.abs(second))) / 0.6745 / np.sqrt(6.0) if len(second) else 0.0
-    return scale or 1e-9 * (float(np.max(np.abs(block.measured))) or 1.0)
