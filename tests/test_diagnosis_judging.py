@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from diagnosis.adequacy import adequacy
 from diagnosis.hypotheses import Hypothesis
@@ -112,3 +113,66 @@ def test_a_record_counts_once_it_has_moved():
     left = time[~early][0]
     assert left == pytest.approx(2.0 + LEFT * 2.0, abs=0.03) and not early[int(left / 0.01) + 1 :].any()
     assert time[~at_first(time, np.zeros(1000))][0] == pytest.approx(SETTLING, abs=0.02)
+
+
+class Twice(Toy):
+    """The toy with two sensors of its force, each with a coloured noise of its own; ``shared`` N: both see a wave."""
+
+    def __init__(self, seed, shared=0.0):
+        super().__init__({}, seed, colour=0.0, std=0.01, count=2700)
+        rng, blocks = np.random.default_rng(seed), []
+        for block in self.blocks:
+            wave = shared * lfilter([1.0], [1.0, -0.98], rng.normal(0.0, np.sqrt(1.0 - 0.98**2), len(block.time)))
+            for channel in ("force", "tension"):
+                drive = rng.normal(0.0, 0.3 * np.sqrt(1.0 - 0.95**2), len(block.time))
+                noise = lfilter([1.0], [1.0, -0.95], drive) + rng.normal(0.0, 0.1, len(block.time))
+                blocks.append(replace(block, channel=channel, measured=block.measured + noise + wave))
+        self.blocks = blocks
+
+    def predict(self, values):
+        """As the protocol says."""
+        return [p for p in super().predict(values) for _ in range(2)]
+
+
+@pytest.mark.parametrize(("shared", "left"), [(0.0, False), (0.3, True)])
+def test_noises_of_two_sensors_know_nothing_of_each_other(shared, left):
+    """What both see is no noise, though each channel by itself is a fine autoregression."""
+    p_values = []
+    for seed in range(3):
+        model = Twice(seed, shared)
+        p_values.append(adequacy(model, refit_and_learn(model, [Start("", NOMINALS, {})])).p_value)
+    if left:
+        assert max(p_values) < Rules().hidden_p
+    else:
+        assert min(p_values) > Rules().hidden_p
+
+
+def test_a_line_is_held_against_the_spectrum_about_it():
+    """A vibration within the slope of a coloured noise."""
+
+    def vibration(t, y, v):
+        return 0.12 * np.sin(2.0 * np.pi * 2.3 * t)
+
+    for extra, left in ((vibration, True), (None, False)):
+        model = Toy({}, 9, colour=0.9, extra=extra, count=2700)
+        found = adequacy(model, refit_and_learn(model, [Start("", NOMINALS, {})]))
+        assert (found.p_value < 1e-6) is left
+        if left:
+            line = next(f for f in found.leftovers if f.coordinate == "frequency")
+            assert line.at[0] == pytest.approx(2.3, abs=0.05)
+
+
+def test_functions_are_held_against_other_times_where_a_colour_was_learnt():
+    """1/f noise is no autoregression: slow functions gain in it what chi-square does not allow."""
+    p_values = []
+    for seed in range(6):
+        model = Toy({}, seed, std=1e-3, count=2700)
+        rng = np.random.default_rng(seed)
+        f = np.fft.rfftfreq(2 * 2700)
+        f[0] = np.inf
+        for k, block in enumerate(model.blocks):
+            slow = np.fft.irfft((rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(f))[:2700]
+            motion = Coordinate("position", "m", model._motion[k][1])
+            model.blocks[k] = replace(block, measured=block.measured + 0.3 * slow / slow.std(), along=(motion,))
+        p_values.append(adequacy(model, refit_and_learn(model, [Start("", NOMINALS, {})])).p_value)
+    assert min(p_values) > Rules().hidden_p
