@@ -10,6 +10,19 @@ cable   | f(tension, *numbers)                  | the tension (N; closed-form ci
 contact | f(speed, tension, *numbers)           | what the hole's friction coefficient has more (cable_hole)
 load    | f(position, velocity, tension, *n)    | force or torque on the load or output against positive motion
 
+A cubic spring to ground, which pushes the slide of a drive back:
+
+    from cable_envs.effects import Effect, EffectParameter
+
+    def spring(position, velocity, tension, stiffness):
+        return stiffness * position**3
+
+    EFFECT = Effect(
+        name="cubic_spring", seam="load", equation="F = -stiffness y^3", source="Duffing 1918",
+        parameters=(EffectParameter("stiffness", "N/m^3", 0.0, 0.0, 1e8, "spring to ground", typical=5e3),),
+        plants=("linear_drive",), validity="any travel", experiment="hold at eight positions", hooks={"load": spring},
+    )
+
 They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math` and those of
 `cable_envs.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
 """

@@ -89,8 +89,11 @@ def _sorted(changes: Mapping[str, Any], plant: Plant) -> tuple[dict[str, Any], d
     return own, effects
 
 
-def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
-    """A `Rig` from the content of a rig file. Raises ConfigurationError that names ``origin`` and the key."""
+def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Effect, ...] = ()) -> Rig:
+    """A `Rig` from the content of a rig file. Raises ConfigurationError that names ``origin`` and the key.
+
+    own: a user's own effects, that the file may name.
+    """
     require_known(f"key in {origin}", data, _KEYS)
     if data.get("schema", SCHEMA) != SCHEMA:
         raise ConfigurationError(f"{origin}: schema '{data['schema']}' is not '{SCHEMA}'")
@@ -107,7 +110,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
         raise ConfigurationError(f"{origin}: {error}") from error
     sources = {n: str(item["source"]) for n, item in given.items() if isinstance(item, Mapping) and "source" in item}
     name, description = str(data.get("name", origin)), str(data.get("description", ""))
-    rig = Rig(name, plant.name, holes, values, sources, description)
+    rig = Rig(name, plant.name, holes, values, sources, description, own=own)
     effects = data.get("effects") or {}
     if not isinstance(effects, Mapping):
         raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")
@@ -117,16 +120,17 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig") -> Rig:
         raise ConfigurationError(f"{origin}: {error}") from error
 
 
-def load_rig(rig: str | Path | Mapping[str, Any] | Rig) -> Rig:
+def load_rig(rig: str | Path | Mapping[str, Any] | Rig, own: tuple[Effect, ...] = ()) -> Rig:
     """A rig by preset name (configs/rigs), by path of a YAML file, or from a mapping.
 
-    Raises ConfigurationError with the nearest preset when the name is unknown.
+    own: a user's own effects (`cable_envs.own_effects`), that the rig may name. Raises ConfigurationError with the
+    nearest preset when the name is unknown.
     """
     if isinstance(rig, Rig):
-        return rig
+        return replace(rig, own=(*rig.own, *own))
     if isinstance(rig, Mapping):
-        return rig_from_mapping(rig)
+        return rig_from_mapping(rig, own=own)
     path = Path(rig)
     if path.suffix not in (".yaml", ".yml"):
         path = config_path("rigs", f"{rig}.yaml")
-    return rig_from_mapping(read_yaml(path), str(path.name))
+    return rig_from_mapping(read_yaml(path), str(path.name), own)

@@ -3,7 +3,7 @@
 import inspect
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -104,10 +104,10 @@ def make_setup(
     """
     require_known("option", unknown, OPTIONS)
     declared = load_task(task)
-    chosen = _choose_rig(declared, rig)
+    own: tuple[Effect, ...] = ()
     if effect_file is not None:
-        own = effect_file if isinstance(effect_file, Effect) else load_effect(effect_file)
-        chosen = replace(chosen, own=(*chosen.own, own))
+        own = (effect_file if isinstance(effect_file, Effect) else load_effect(effect_file),)
+    chosen = _choose_rig(declared, rig, own)
     if effects is not None:
         if not isinstance(effects, Mapping):
             raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
@@ -156,12 +156,12 @@ OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.ite
 """Names of the options of an environment."""
 
 
-def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None) -> Rig:
+def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None, own: tuple[Effect, ...]) -> Rig:
     """The task's own rig, another one, or the task's own with some parameters changed."""
     if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig):
-        chosen = load_rig(task.rig).replace(rig)
+        chosen = load_rig(task.rig, own).replace(rig)
     else:
-        chosen = load_rig(task.rig if rig is None else rig)
+        chosen = load_rig(task.rig if rig is None else rig, own)
     wanted = _PLANT_OF_TASK[task.name.split("-")[0]]
     if chosen.plant != wanted:
         raise ConfigurationError(f"task {task.name} needs a rig of plant {wanted}; {chosen.name} is of {chosen.plant}")

@@ -212,9 +212,21 @@ def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]
             "name": h.name, "effect": canonical(h.name), "score": score.gain if score else 0.0,
             "gain": refitted.get(h.name), "absorbability_deg": score.absorbability if score else 0.0,
             "looks_like": list(like), "declared_confusable": list(h.confusable),
-            "state": _state(h.name, taken, selection, refitted), "equation": h.equation,
+            "state": _state(h.name, taken, selection, refitted) + _wrong_way(score, question.fit, selection),
+            "equation": h.equation,
         })  # fmt: skip
     return tuple(sorted(rows, key=lambda r: (r["name"] not in taken, -(r["gain"] or -1.0), -r["score"])))
+
+
+def _wrong_way(score: Score | None, model: Model, selection: Selection) -> str:
+    """What to say of an effect whose size the data want on the other side of its null, where there is nothing."""
+    sizes = [] if score is None else [n for n in score.directions[0] if n in score.hypothesis.nulls]
+    if len(sizes) != 1 or len(score.directions) != 1 or score.amount[0] >= 0.0:
+        return ""
+    row = next(p for p in model.parameters if p.name == sizes[0])
+    if score.gain < selection.rules.gain or sizes[0] in INVERSE:
+        return ""
+    return "" if row.low < score.hypothesis.nulls[sizes[0]] else "; the data want it with the other sign"
 
 
 def _state(name: str, taken: Mapping[str, Accepted], selection: Selection, refitted: Mapping[str, float]) -> str:

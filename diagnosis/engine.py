@@ -132,18 +132,20 @@ def request_of(
         raise ConfigurationError("no effect is left to look for")
     if effects is not None and set(effects) <= set(without):
         raise ConfigurationError(f"without {', '.join(without)} no effect is left to look for")
-    return Request(None if effects is None else tuple(effects), tuple(without), own, _rig_values(recording, rig))
+    return Request(None if effects is None else tuple(effects), tuple(without), own, _rig_values(recording, rig, own))
 
 
 def _own(effect: Path | str | Effect) -> Effect:
     return effect if isinstance(effect, Effect) else load_effect(effect)
 
 
-def _rig_values(recording: Recording, rig: Path | str | Rig | None) -> Mapping[str, float] | None:
+def _rig_values(
+    recording: Recording, rig: Path | str | Rig | None, own: tuple[Effect, ...]
+) -> Mapping[str, float] | None:
     """Numbers that the rig gives, SI; what it leaves at the plant's default says nothing."""
     if rig is None:
         return None
-    loaded = load_rig(rig)
+    loaded = load_rig(rig, own)
     if loaded.plant != recording.system:
         raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {recording.system}")
     values = dict(loaded.values)

@@ -23,7 +23,7 @@ from diagnosis.models.transmission_effects import hypotheses
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
 from diagnosis.recording import Record, Recording
 from diagnosis.refit import Start
-from diagnosis.weights import about, rmse, settle
+from diagnosis.weights import rmse, settle
 
 CLOSING = -0.25
 """rad/s."""
@@ -139,10 +139,7 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     model, other = assemble(coarse, judges, _period(coarse[0]), source)
     wanted = tuple(dict.fromkeys((*nominals_of(model.parameters), *(n for n in free if not n.startswith("zero.")))))
     starts = [{n: v for n, v in begin.items() if n in wanted} for begin in (values, SOFT)]
-    found = [settle(model, Start("", wanted, begin), rounds=3) for begin in starts]
-    fit, whitener = min(found, key=lambda pair: _misfit(model)(pair[0]))
-    best = about(model, whitener, [Start("", wanted, fit.values)], np.random.default_rng(0))
-    fit = min((fit, settle(model, Start("", wanted, best.values), rounds=3)[0]), key=_misfit(model))
+    fit = min((settle(model, Start("", wanted, begin), rounds=3)[0] for begin in starts), key=_misfit(model))
     if choose:
         missing = [h for h in hypotheses() if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
         fit = ladder(model, other, (), missing, start=Start("", fit.free, fit.values), most=MORE)[-1].fit
