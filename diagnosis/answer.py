@@ -25,6 +25,9 @@ _STANDS_OUT = 3.6
 """Standard deviations that `diagnosis.screen.Score.visible` speaks of."""
 
 
+TURNED = "; the data want it with the other sign"
+
+
 def answer(
     recording: Recording,
     question: Question,
@@ -208,25 +211,24 @@ def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]
     for h in question.hypotheses:
         score = first.best.get(h.name) if first else None
         like = first.class_of(h.name) if score is not None and score.gain > 0.0 else ()
+        turned = wrong_way(score, question.fit, selection.rules.gain)
         rows.append({
             "name": h.name, "effect": canonical(h.name), "score": score.gain if score else 0.0,
             "gain": refitted.get(h.name), "absorbability_deg": score.absorbability if score else 0.0,
             "looks_like": list(like), "declared_confusable": list(h.confusable),
-            "state": _state(h.name, taken, selection, refitted) + _wrong_way(score, question.fit, selection),
+            "state": _state(h.name, taken, selection, refitted) + (TURNED if turned else ""),
             "equation": h.equation,
         })  # fmt: skip
     return tuple(sorted(rows, key=lambda r: (r["name"] not in taken, -(r["gain"] or -1.0), -r["score"])))
 
 
-def _wrong_way(score: Score | None, model: Model, selection: Selection) -> str:
-    """What to say of an effect whose size the data want on the other side of its null, where there is nothing."""
+def wrong_way(score: Score | None, model: Model, least: float) -> bool:
+    """Whether the data want an effect on the side of its null where it has no values; least: gain that says so."""
     sizes = [] if score is None else [n for n in score.directions[0] if n in score.hypothesis.nulls]
-    if len(sizes) != 1 or len(score.directions) != 1 or score.amount[0] >= 0.0:
-        return ""
-    row = next(p for p in model.parameters if p.name == sizes[0])
-    if score.gain < selection.rules.gain or sizes[0] in INVERSE:
-        return ""
-    return "" if row.low < score.hypothesis.nulls[sizes[0]] else "; the data want it with the other sign"
+    if len(sizes) != 1 or sizes[0] in INVERSE or score.gain < least:
+        return False
+    row, null = next(p for p in model.parameters if p.name == sizes[0]), score.hypothesis.nulls[sizes[0]]
+    return len(score.directions) == 1 and score.amount[0] < 0.0 and null in (row.low, row.high)
 
 
 def _state(name: str, taken: Mapping[str, Accepted], selection: Selection, refitted: Mapping[str, float]) -> str:

@@ -69,6 +69,40 @@ def test_the_augmented_rig_leaves_nothing_to_find(sprung):
     assert again.verdict == "no_detectable_mismatch" and not again.location
 
 
+OWN = """
+from cable_envs.effects import Effect, EffectParameter
+
+def spring(position, velocity, tension, stiffness):
+    return SIGN * stiffness * position**3
+
+EFFECT = Effect(
+    name="cubic_spring", seam="load", equation="F = -stiffness y^3", source="a test", validity="any travel",
+    experiment="hold at eight positions", plants=("linear_drive",), hooks={"load": spring},
+    parameters=(EffectParameter("stiffness", "N/m^3", 0.0, 0.0, 1e8, "spring to ground", typical=5e3),),
+)
+"""
+
+
+@pytest.mark.slow
+def test_an_effect_of_ones_own_is_named_and_its_rig_leaves_nothing_to_find(tmp_path):
+    recording = drive.write(tmp_path / "recording", lambda y, v, t: 8e3 * y**3)
+    for name, sign in (("right.py", "1.0"), ("wrong.py", "-1.0")):
+        (tmp_path / name).write_text(OWN.replace("SIGN", sign))
+    words = ["diagnose", str(recording), "--json", "--effects", "cubic_spring,actuator_lag"]
+    own, out = ["--effect-file", str(tmp_path / "right.py")], tmp_path / "out"
+    record = json.loads(CliRunner().invoke(app, [*words, *own, "--out", str(out)], catch_exceptions=False).stdout)
+    (effect,) = record["effects"]
+    low, high = effect["parameters"]["stiffness"]["ci95"]
+    assert effect["name"] == "cubic_spring" and low < 8e3 < high < 1.5 * 8e3
+    rig = ["--rig", str(out / "augmented.yaml"), "--out", str(tmp_path / "again")]
+    again = CliRunner().invoke(app, [*words, *own, *rig], catch_exceptions=False)
+    assert json.loads(again.stdout)["verdict"] == "no_detectable_mismatch"
+    turned = ["--effect-file", str(tmp_path / "wrong.py"), "--out", str(tmp_path / "turned")]
+    record = json.loads(CliRunner().invoke(app, [*words, *turned], catch_exceptions=False).stdout)
+    state = next(h["state"] for h in record["hypotheses"] if h["name"] == "cubic_spring")
+    assert record["verdict"] == "unknown" and state.endswith("the data want it with the other sign")
+
+
 def test_the_report_is_one_file_that_speaks_of_the_spring(sprung):
     class Reader(HTMLParser):
         links, text = [], ""

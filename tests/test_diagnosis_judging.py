@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from diagnosis import answer
 from diagnosis.adequacy import adequacy
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.likelihood import refit_and_learn
@@ -176,3 +177,17 @@ def test_functions_are_held_against_other_times_where_a_colour_was_learnt():
             model.blocks[k] = replace(block, measured=block.measured + 0.3 * slow / slow.std(), along=(motion,))
         p_values.append(adequacy(model, refit_and_learn(model, [Start("", NOMINALS, {})])).p_value)
     assert min(p_values) > Rules().hidden_p
+
+
+def test_an_effect_that_the_data_want_with_the_other_sign_is_said_to_be_so():
+    """Its size is bounded by its null; a spring that pulls the other way has the shape that the residual has."""
+    model = _white(Toy({"stiffness": 40.0}, 4))
+    null = refit_and_learn(model, [Start("", NOMINALS, {})])
+    turned = Hypothesis("turned", (Free("stiffness", 0.0, -1e5, 0.0, 100.0),), (({"stiffness": -10.0},),))
+    turned = replace(turned, nulls={"stiffness": 0.0})
+    model.parameters = tuple(replace(p, low=-1e5, high=0.0) if p.name == "stiffness" else p for p in PARAMETERS)
+    score = screen(model, null, [turned], np.random.default_rng(0)).best["turned"]
+    assert score.amount[0] < 0.0 and answer.wrong_way(score, model, Rules().gain)
+    right = replace(score, amount=(1.0,))
+    assert not answer.wrong_way(right, model, Rules().gain)
+    assert not answer.wrong_way(score, model, 2.0 * score.gain)

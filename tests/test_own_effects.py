@@ -9,6 +9,7 @@ from cable_envs.errors import ConfigurationError
 from cable_envs.own_effects import load_effect, with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.replay import replay
+from cable_envs.rigs import load_rig
 
 SPRING = """
 from cable_envs.effects import Effect, EffectParameter
@@ -69,6 +70,19 @@ def test_in_an_environment(file):
         gym.make("cable_envs/PulleyCircuit-Position-Sine-v0", effects={"cubic_spring": {"cubic": 1.0}})
     with pytest.raises(ConfigurationError, match="'cubic_spring' does not act on cable_hole"):
         gym.make("cable_envs/CableHole-Position-Sine-v0", **arguments)
+
+
+def test_a_rig_may_name_it_where_its_file_is_given(file, tmp_path):
+    rig = tmp_path / "augmented.yaml"
+    rig.write_text("""
+schema: cable-rig/1
+name: augmented
+plant: linear_drive
+effects: {cubic_spring: {cubic: {value: 2.0, unit: N/m^3}}}
+""")
+    assert load_rig(rig, (load_effect(file),)).effects == {"cubic_spring.cubic": 2.0}
+    with pytest.raises(ConfigurationError, match=r"augmented\.yaml: unknown effect 'cubic_spring'"):
+        load_rig(rig)
 
 
 MISTAKES = [
