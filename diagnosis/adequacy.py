@@ -239,14 +239,17 @@ def _together(model: Model, judged: Judged) -> list[Leftover]:
     has the tail (1 - c)^(n - 1), whatever the colours are (Brockwell, Davis, Time Series, 1991, sec. 11.6).
     """
     waves: dict[tuple[str, str], np.ndarray] = {}
+    sensors = {b.channel: b.sensor for b in model.blocks if b.sensor}
     for block, left in zip(model.blocks, judged.raw, strict=True):
-        if int(block.good.sum()) > _RARE:
+        if block.channel in sensors and int(block.good.sum()) > _RARE:
             centred = np.where(block.good, left - np.mean(left[block.good]), 0.0)
             waves[block.channel, block.record] = np.fft.rfft(centred * np.hanning(len(centred) + 2)[1:-1])
     channels, records = (list(dict.fromkeys(key[k] for key in waves)) for k in (0, 1))
     period = float(np.median(np.diff(model.blocks[0].time)))
     found = []
     for a, b in combinations(channels, 2):
+        if sensors[a] == sensors[b]:
+            continue
         both = [(waves[a, r], waves[b, r]) for r in records if (a, r) in waves and (b, r) in waves]
         for low, high in OCTAVES:
             parts = [(x[low:high], y[low:high]) for x, y in both if min(len(x), len(y)) > high]

@@ -41,6 +41,8 @@ class Block:
     along: coordinates at which a mismatch is looked for, besides the elapsed time.
     memory: samples over which its noise may be coloured; 0 where what a right model leaves is no sensor's noise, and
     colour would explain a slow mismatch away. None: as many as asked for.
+    sensor: whose noise is in what a right model leaves. Empty where other sensors' noise is in it, too: a controller
+    that acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
     """
 
     record: str
@@ -51,6 +53,7 @@ class Block:
     unit: str = ""
     along: tuple[Coordinate, ...] = ()
     memory: int | None = None
+    sensor: str = ""
 
 
 class Model(Protocol):

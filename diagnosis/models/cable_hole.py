@@ -41,6 +41,11 @@ AS_FRICTION = ("load_dependent_friction.coefficient", "extrusion_delta")
 STIFF = 1.5e5
 """N/m: a cable claimed to be this stiff is claimed not to stretch, which may be wrong."""
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
+SENSORS = {
+    "drive_position": "drive's encoder", "drive_velocity": "drive's encoder", "drive_tension": "drive's load cell",
+    "load_position": "load's encoder", "load_tension": "load's load cell",
+}  # fmt: skip
+"""Whose noise is in a channel, where the drive's command is the simulator's input."""
 REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
 
@@ -147,7 +152,16 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
         start = 0.0
     along = _coordinates(time, seen, period)
     blocks = tuple(
-        Block(record.name, name, time, seen[name].values, seen[name].good & ~early, CHANNELS["cable_hole"][name], along)
+        Block(
+            record.name,
+            name,
+            time,
+            seen[name].values,
+            seen[name].good & ~early,
+            CHANNELS["cable_hole"][name],
+            along,
+            sensor=SENSORS[name] if rate is None else "",
+        )
         for name in signals
     )
     return Run(command, rate, start, tuple(signals), blocks, given)

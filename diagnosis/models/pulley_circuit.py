@@ -47,6 +47,8 @@ SIGNALS = {
     "output_torque": "output_torque", "tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom",
 }  # fmt: skip
 """channel -> signal of the plant"""
+_SENSORS = {"drive_angle": "drive", "drive_torque": "drive"}
+"""Channels whose noises may be one: a servo that acts on a noisy angle makes a noisy torque."""
 PLACES = ("output_angle", "drive_angle", "drive_angle_command")
 """Channels that say where the circuit is, the best first."""
 REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom", "output_inertia")
@@ -120,7 +122,16 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
     along = _coordinates(time, seen, period)
     units = CHANNELS["pulley_circuit"]
     blocks = tuple(
-        Block(record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along)
+        Block(
+            record.name,
+            name,
+            time,
+            seen[name].values,
+            seen[name].good & ~early,
+            units[name],
+            along,
+            sensor=_SENSORS.get(name, name) if "drive_angle_command" in seen else "",
+        )
         for name in names
     )
     free = tuple(SIGNALS[name] for name in names if recording.channels[name].offset_free)
