@@ -40,6 +40,7 @@ class Rules:
     races     | times that what was behind a refused hypothesis may race again
     margin    | fall of the deviance by which an effect must beat another to be told from it
     alike     | the same as a share of its gain: the formulation of either is a little wrong
+    declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
     left_p    | familywise p-value below which what is left is not noise
     left      | share of all that was to be explained, which may be left when something is named
     over      | RMS over the stated noise up to which a model may be right
@@ -54,6 +55,7 @@ class Rules:
     share: float = 0.15
     margin: float = 10.0
     alike: float = 0.01
+    declared: float = 0.1
     left_p: float = 1e-6
     hidden_p: float = 1e-3
     left: float = 0.22
@@ -251,14 +253,25 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
         gain, worth = (own[0].gain, own[0].worth) if own else (null.deviance - judged.deviance, np.inf)
         taken = {h.name for h, _ in chosen}
         rivals = [c for c in race_of if c.hypothesis.name not in taken]
-        least = max(rules.margin, rules.alike * gain)
-        close = [c for c in rivals if worth - c.worth < least and not bounded(c.hypothesis, c.judged.fit)]
+        close = [
+            c
+            for c in rivals
+            if worth - c.worth < _apart(hypothesis, c.hypothesis, gain, rules)
+            and not bounded(c.hypothesis, c.judged.fit)
+        ]
         equal = tuple(c.hypothesis.name for c in close)
         margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
         whitener = best.whitener
         held = held_cost(heldout, whitener, null.fit) - held_cost(heldout, whitener, judged.fit)
         found.append(Accepted(hypothesis, gain, held, equal, margin))
     return tuple(found)
+
+
+def _apart(one: Hypothesis, other: Hypothesis, gain: float, rules: Rules) -> float:
+    """Fall of the deviance by which ``one``, that gains so much, must beat ``other`` to be told from it."""
+    name, rival = one.name.split(".")[0], other.name.split(".")[0]
+    share = rules.declared if rival in one.confusable or name in other.confusable else rules.alike
+    return max(rules.margin, share * gain)
 
 
 def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
