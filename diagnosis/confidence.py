@@ -11,10 +11,10 @@ import numpy as np
 from diagnosis.refit import Fit
 
 MOST = 0.88
-"""No answer is surer. Of 63 effects named on two sets of recordings (31 of 33 with seed 707 of the proof's generator, 25
-of 30 with seed 31, each with the tool of its time) 56 were right. A larger margin over the rivals does not make an answer
-surer than that, since what goes wrong is the formulation, not the noise. Seed 31 is the committed proof, made before this
-number took its place: the next proof needs another seed."""
+"""No answer is surer. Of 63 effects named on two sets of recordings (31 of 33 with seed 707 of the proof's generator,
+25 of 30 with seed 31, each with the tool of its time) 56 were right. A larger margin over the rivals does not make an
+answer surer than that, since what goes wrong is the formulation, not the noise. Seed 31 is the committed proof, made
+before this number took its place: the next proof needs another seed."""
 RIVAL, NOISE, LEFT = 2.0, 2.0, 3.0
 """Scales: of the margin, of the gain beyond what was asked for, and of the share that is left."""
 
