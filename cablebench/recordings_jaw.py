@@ -91,7 +91,7 @@ def _compared(rows: Sequence[Mapping[str, Any]]) -> str:
         draw.key(figure, [*((m, colours[m]) for m in present), ("| aim", draw.MEASURED)])
         width, height = figure.get_size_inches()
         figure.subplots_adjust(
-            left=2.1 / width, right=1 - 0.15 / width, top=1 - 0.35 / height, bottom=0.48 / height, wspace=0.08
+            left=2.75 / width, right=1 - 0.15 / width, top=1 - 0.35 / height, bottom=0.48 / height, wspace=0.08
         )
 
     return svg(plot, 10.2, 0.95 + 0.36 * len(splits), {})
