@@ -10,6 +10,7 @@ layers of 32 (scikit-learn), all on the very samples of the physics. The physics
 start of each record: friction has a memory. Its structure is the ladder's, its numbers are of the training samples.
 """
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -192,9 +193,13 @@ def _learnt(regressor, most: int, fine, train):
     if len(inputs) > most:
         chosen = np.random.default_rng(0).choice(len(inputs), most, replace=False)
         inputs, targets = inputs[chosen], targets[chosen]
+    from sklearn.exceptions import ConvergenceWarning
+
     low, size = inputs.mean(axis=0), inputs.std(axis=0)
     level, spread = targets.mean(axis=0), targets.std(axis=0)
-    regressor.fit((inputs - low) / size, (targets - level) / spread)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # its passes are a budget, not a tolerance
+        regressor.fit((inputs - low) / size, (targets - level) / spread)
     found = [regressor.predict((_columns(run) - low) / size) * spread + level for run in fine]
     return [(f[:, 0], f[:, 1]) for f in found], ()
 
