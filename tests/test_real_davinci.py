@@ -286,4 +286,5 @@ def test_physics_beats_the_neighbours_on_loads_never_seen(jaw):
     alternate = next(s for s in SPLITS if s.name == "alternate loads held out, closing")
     rows = {row["model"]: row for row in compare(jaw, free, begin, splits=[alternate])}
     assert rows["physics"]["mnm"] < 0.5 * rows["neighbours"]["mnm"]
-    assert rows["physics"]["deg"] < rows["neighbours"]["deg"] < rows["rigid"]["deg"]
+    # neighbours of loads that were seen are worse than a straight line on others
+    assert rows["physics"]["deg"] < 0.5 * rows["rigid"]["deg"] < 0.5 * rows["neighbours"]["deg"]
