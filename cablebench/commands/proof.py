@@ -14,7 +14,7 @@ from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job
 
 QUICK = {"per_effect": 1, "nothing": 4}
-QUICK_CASES = 30
+QUICK_CASES = 27
 INTERRUPTED = 130
 
 
