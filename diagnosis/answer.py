@@ -86,7 +86,7 @@ def _found(accepted: Accepted, question: Question, selection: Selection, known: 
     parameters = {
         parameter_name(row, h.name, known): {
             "value": fit.values[row], "unit": question.units[row], "row": row,
-            "ci95": list(interval(fit, row, h.nulls.get(row, 0.0))),
+            "ci95": list(interval(fit, row, h.nulls.get(row, 0.0), accepted.gain if row in h.nulls else 0.0)),
         }
         for row in h.names
     }  # fmt: skip

@@ -35,12 +35,17 @@ WIDER, FORM = 1.4, 0.04
 as found on recordings that no proof uses."""
 
 
-def interval(fit: Fit, name: str, null: float = 0.0) -> tuple[float, float]:
+def interval(fit: Fit, name: str, null: float = 0.0, gain: float = 0.0) -> tuple[float, float]:
     """95 % interval of a parameter: its standard error under the noise, with what the formulation may be off.
 
-    null: the value from which its size is counted.
+    null: the value from which its size is counted. gain: fall of the deviance that its size brings, beside which a
+    standard error that reaches to the null means nothing: the size over the root of the gain stands for it then
+    (the signed root of the likelihood ratio; Barndorff-Nielsen, Cox, Inference and Asymptotics, 1994, ch. 4).
     """
     value = fit.values[name]
     low, high = fit.interval(name, 1.0)
-    half = 1.96 * float(np.hypot(WIDER * 0.5 * (high - low), FORM * (value - null)))
+    error = 0.5 * (high - low)
+    if gain > 0.0 and 1.96 * WIDER * error > abs(value - null):
+        error = min(error, abs(value - null) / float(np.sqrt(gain)))
+    half = 1.96 * float(np.hypot(WIDER * error, FORM * (value - null)))
     return value - half, value + half

@@ -19,7 +19,7 @@ from cable_envs.config import read_yaml
 from cable_envs.effects import Effect
 from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.own_effects import load_effect
-from cable_envs.plants import plant_for
+from cable_envs.plants import VARIANTS, plant_for
 from cable_envs.rigs import Rig, load_rig
 from diagnosis.answer import answer
 from diagnosis.gate import gate
@@ -54,6 +54,7 @@ def diagnose(
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | None = None,
+    variant: str = "",
     judge: str = "noise",
     seed: int = 0,
     out: Path | str | None = None,
@@ -64,6 +65,7 @@ def diagnose(
     effects, without | canonical names to look for only, and not to look for
     effect_file      | an effect of one's own (`cable_envs.own_effects`), looked for beside the canonical ones
     rig              | a rig (augmented.yaml) whose values and effects replace those of the recording
+    variant          | "analytic" or "chain": the form of a circuit that is held against it; "": the chain
     judge            | what accepts effects: "noise" (likelihood under the sensors' noise), "unseen" (held-out records)
     out              | folder in which finished steps are kept: an interrupted call goes on from there
     tell             | called with what is being done
@@ -71,8 +73,8 @@ def diagnose(
     Raises ConfigurationError for recordings that cannot answer, and for data that no simulator should be held against.
     """
     return examine(
-        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, judge=judge, seed=seed, out=out,
-        tell=tell,
+        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant, judge=judge,
+        seed=seed, out=out, tell=tell,
     ).diagnosis  # fmt: skip
 
 
@@ -83,6 +85,7 @@ def examine(
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | None = None,
+    variant: str = "",
     judge: str = "noise",
     seed: int = 0,
     out: Path | str | None = None,
@@ -95,10 +98,11 @@ def examine(
     require_known("judge", [judge], JUDGES)
     quality = gate(recording, looked_at(recording))
     quality.require_usable()
-    request = request_of(recording, effects, without, effect_file, rig)
+    request = request_of(recording, effects, without, effect_file, rig, variant)
     question = ask(recording, request)
     rng = np.random.default_rng(seed)
-    options = (request.only, request.without, request.rig and sorted(request.rig.items()), effect_file, judge, seed)
+    taken = request.rig and sorted(request.rig.items())
+    options = (request.only, request.without, taken, effect_file, variant, judge, seed)
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
     selection = selected(recording, question, judge, rng, steps, tell)
     tell("locating the mismatch")
@@ -106,7 +110,7 @@ def examine(
         "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
-        "rig": None if rig is None else str(getattr(rig, "name", rig)),
+        "rig": None if rig is None else str(getattr(rig, "name", rig)), "variant": variant or None,
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about, request.own)
     steps.forget()
@@ -122,9 +126,12 @@ def request_of(
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | None = None,
+    variant: str = "",
 ) -> Request:
     """What the caller wants looked for. Raises ConfigurationError for unknown names and a rig of another plant."""
     own = () if effect_file is None else (_own(effect_file),)
+    if variant:
+        require_known("variant", [variant], VARIANTS)
     known = [*plant_for(recording.system).effects.effects, *(e.name for e in own)]
     for names in (effects or (), without):
         require_known("effect", names, known)
@@ -132,7 +139,8 @@ def request_of(
         raise ConfigurationError("no effect is left to look for")
     if effects is not None and set(effects) <= set(without):
         raise ConfigurationError(f"without {', '.join(without)} no effect is left to look for")
-    return Request(None if effects is None else tuple(effects), tuple(without), own, _rig_values(recording, rig, own))
+    only = None if effects is None else tuple(effects)
+    return Request(only, tuple(without), own, _rig_values(recording, rig, own), variant)
 
 
 def _own(effect: Path | str | Effect) -> Effect:

@@ -37,13 +37,11 @@ DRIFTS = 3
 SHIFTED, SHIFTS = 1e-3, 20
 """p-value below which functions are also held against the residual at other times, and how often."""
 APART, LAGS = 0.2, 64
-"""Correlation of two channels' whitened residuals, at any of so many lags, from which their noises are taken for one."""
+"""Correlation of two channels' whitened residuals, at any of so many lags, from which their noises count as one."""
 _NOT_MAPPED = ("direction",)
 _CLOSE = 1e-3
 """Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
 that rounding follows what was measured."""
-_OWN = 0.5
-"""Correlation of a coordinate with the channel itself from which it is taken for it."""
 
 Columns = Mapping[int, np.ndarray]
 """id of a block -> functions [T, n]; a block that is not there has none."""
@@ -132,7 +130,7 @@ class _Family:
 
     @cached_property
     def worth(self) -> float:
-        """The gain over how much more than their number the same functions gain at other times, where they mean nothing.
+        """The gain over how much more than their number the same functions gain at other times, by chance.
 
         A learnt colour is never quite the noise's: slow functions find more in 1/f noise than chi-square allows.
         """
@@ -198,7 +196,7 @@ def _families(regression: Regression, channel: str) -> Iterator[_Family]:
     for c in own[0][0].along:
         if c.name in _NOT_MAPPED:
             continue
-        values = {id(b): _without_noise(b, r, v) for (b, r), v in zip(own, _along(own, c.name).values(), strict=True)}
+        values = {id(b): _without_noise(b, r, c.name) for b, r in own}
         together = np.concatenate([values[id(b)][b.good] for b, _ in own])
         for count in (BUMPS, FINE) if c.name == _SHARP else (BUMPS,):
             at = _places(together, count)
@@ -273,19 +271,17 @@ def _at_one_place(regression: Regression) -> list[Leftover]:
 def _one_way_or_both(own: Sequence[tuple[Block, np.ndarray]], at: np.ndarray) -> Columns:
     """Bumps at the places, those on the way up only, and down only, where there is a direction."""
     found, sides = {}, _along(own, "direction")
-    for (block, left), values in zip(own, _along(own, _SHARP).values(), strict=True):
-        bumps = _bumps(_without_noise(block, left, values), at)
+    for block, left in own:
+        bumps = _bumps(_without_noise(block, left, _SHARP), at)
         ways = [(sides[id(block)] > 0)[:, None], (sides[id(block)] < 0)[:, None]] if sides else []
         found[id(block)] = np.concatenate([bumps, *(bumps * way for way in ways)], axis=1)
     return found
 
 
-def _without_noise(block: Block, left: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """A coordinate that is the channel itself has its noise: as predicted, else that would be on both sides."""
-    use = block.good
-    if np.ptp(values[use]) == 0.0 or np.corrcoef(values[use], block.measured[use])[0, 1] < _OWN:
-        return values
-    return block.measured - left
+def _without_noise(block: Block, left: np.ndarray, coordinate: str) -> np.ndarray:
+    """Values [T] of a coordinate; those that are the channel's own as predicted: else its noise were on both sides."""
+    found = next(c for c in block.along if c.name == coordinate)
+    return block.measured - left if found.channel == block.channel else found.values
 
 
 def _places(values: np.ndarray, count: int) -> np.ndarray:

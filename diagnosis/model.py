@@ -27,11 +27,15 @@ class Free:
 
 @dataclass(frozen=True)
 class Coordinate:
-    """Something that a mismatch may depend on, at every sample [T], SI: "speed", "tension", "time since reversal"."""
+    """Something that a mismatch may depend on, at every sample [T], SI: "speed", "tension", "time since reversal".
+
+    channel: of which the values are the measurements, noise and all; empty where they are of none, or of its changes.
+    """
 
     name: str
     unit: str
     values: np.ndarray
+    channel: str = ""
 
 
 @dataclass(frozen=True)

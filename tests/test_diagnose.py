@@ -5,9 +5,11 @@ from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+import yaml
 from typer.testing import CliRunner
 
 from cable_envs.errors import ConfigurationError
+from cable_envs.replay import replay
 from cable_envs.rigs import load_rig
 from cablebench.commands.app import app
 from diagnosis import engine, locate
@@ -235,11 +237,59 @@ def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
         ({"effects": ["backlash"], "without": ["backlash"]}, "no effect is left"),
         ({"effect_file": "absent.py"}, "no such file"),
         ({"rig": "gu-inferred"}, "belongs to cable_hole"),
+        ({"variant": "chains"}, "did you mean 'chain'"),
+        ({"variant": "chain"}, "this recording has one"),
     ],
 )
 def test_options_that_cannot_be_meant_are_refused(tmp_path, options, message):
     with pytest.raises(ConfigurationError, match=message):
         diagnose(drive.write(tmp_path / "recording"), **options)
+
+
+def _closed_form(folder, delay):
+    """A recording of the circuit's closed form, whose output sensor is late by ``delay`` s."""
+    rig = load_rig("zou-table2")
+    plant = rig.simulated_by("analytic")
+    values = rig.column(plant)
+    values[plant.table.index("sensor_delay.output_angle")] = delay
+    rng, time, entries = np.random.default_rng(3), 0.01 * np.arange(1, 901), []
+    folder.mkdir()
+    for k, turn in enumerate((1.3, 2.1, 1.7), 1):
+        command = 0.5 * np.sin(turn * time) + 0.2 * np.sin(2.7 * turn * time)
+        names = {"drive_angle": 2e-4, "output_angle": 2e-4, "drive_torque": 2e-3, "output_torque": 1e-3}
+        seen = replay(plant, values, command, 0.01, drive="position", signals=list(names), substeps=10)[:, :, 0]
+        noisy = seen + np.array(list(names.values())) * rng.standard_normal(seen.shape)
+        header = ",".join(["t", "drive_angle_command", *names])
+        np.savetxt(
+            folder / f"run_{k}.csv", np.column_stack([time, command, noisy]), delimiter=",", header=header, comments=""
+        )
+        entries.append({"data": f"run_{k}.csv", "use": "heldout" if k == 3 else "fit"})
+    units = {"drive_angle_command": "rad", "drive_angle": "rad", "output_angle": "rad"}
+    channels = {"time": {"column": "t", "unit": "s"}, "drive_angle_command": {"unit": "rad"}} | {
+        name: {"unit": units.get(name, "N m"), "noise_std": std} for name, std in names.items()
+    }
+    content = {
+        "schema": "cable-recording/1", "system": "pulley_circuit", "rig": "zou-table2", "records": entries,
+        "channels": {name: {"column": name, **channel} for name, channel in channels.items()},
+    }  # fmt: skip
+    (folder / "recording.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+def test_the_closed_form_of_a_circuit_is_asked_for_by_name(tmp_path):
+    recording = _closed_form(tmp_path / "recording", 0.01)
+    words = ["diagnose", str(recording), "--json", "--variant", "analytic"]
+    words += ["--effects", "sensor_delay,actuator_lag,sensor_bias"]
+    found = json.loads(CliRunner().invoke(app, words, catch_exceptions=False).stdout)
+    assert found["verdict"] == "named" and found["about"]["variant"] == "analytic"
+    (effect,) = found["effects"]
+    (parameter,) = effect["parameters"].values()
+    assert effect["hypothesis"] == "sensor_delay.output_angle"
+    assert parameter["ci95"][0] < 0.01 < parameter["ci95"][1]
+    over = {name: fit["heldout_rmse"]["augmented"] / fit["noise_floor"] for name, fit in found["fit"].items()}
+    assert max(over.values()) < 1.1
+    chain = engine.ask(load_recording(recording), engine.request_of(load_recording(recording), ["sensor_bias"]))
+    assert chain.fit.plant.name == "pulley_chain"
 
 
 def test_without_heldout_records_the_last_third_of_each_is_kept_back(tmp_path):

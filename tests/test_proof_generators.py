@@ -79,7 +79,7 @@ def test_linear_drive_is_the_sampled_linear_system_without_friction():
 def test_linear_drive_against_solve_ivp():
     """Free swing on springs with drag: smooth, so that a solver of high order is the truth."""
     values = {
-        "mass": 4.0, "viscous": 1.0, "kp": 0.0, "kd": 0.0, "position_dependent_load.stiffness": 400.0,
+        "mass": 4.0, "viscous": 1.0, "kp": 0.0, "kv": 0.0, "kd": 0.0, "position_dependent_load.stiffness": 400.0,
         "position_dependent_load.cubic": 3e4, "gusty_drag.coefficient": 2.0, "gusty_drag.wind": 0.0,
     }  # fmt: skip
     made = linear_drive.simulate(values, np.full(3000, 0.08))
@@ -105,7 +105,7 @@ def test_linear_drive_at_constant_speed_needs_its_friction():
 def test_linear_drive_sticks_below_its_friction():
     """A reference off by less than F_c / kp moves the mass by no more than its bristles."""
     reference = np.where(np.arange(2000) < 500, 0.0, 0.8 * 8.0 / 4e3)
-    made = linear_drive.simulate({"coulomb": 8.0, "kd": 0.0}, reference)
+    made = linear_drive.simulate({"coulomb": 8.0, "kv": 0.0, "kd": 0.0}, reference)
     assert np.abs(made["position"]).max() < 3 * linear_drive.STIFF
     assert made["force"][-1] == pytest.approx(0.8 * 8.0, rel=0.01)
 

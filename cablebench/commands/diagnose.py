@@ -18,6 +18,7 @@ def diagnose(
     without: Annotated[str | None, typer.Option(help="Do not look for these: names with commas between.")] = None,
     effect_file: Annotated[Path | None, typer.Option(help="An effect of your own, looked for as well.")] = None,
     rig: Annotated[Path | None, typer.Option(help="A rig whose numbers and effects count, as augmented.yaml.")] = None,
+    variant: Annotated[str, typer.Option(help="Of a circuit: chain (if left out), or analytic, the closed form.")] = "",
     judge: Annotated[str, typer.Option(help="What accepts an effect: noise, or unseen (held-out records).")] = "noise",
     seed: Annotated[int, typer.Option(min=0, help="Of the draws behind p-values.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
@@ -36,7 +37,7 @@ def diagnose(
     try:
         found = run(
             recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
-            judge=judge, seed=seed, out=out, tell=lambda text: err.print(f"{text} ...", markup=False),
+            variant=variant, judge=judge, seed=seed, out=out, tell=lambda text: err.print(f"{text} ...", markup=False),
         )  # fmt: skip
     except KeyboardInterrupt:
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"

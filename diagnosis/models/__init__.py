@@ -22,7 +22,13 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     if recording.system not in _MODULES:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
     request = request or Request()
-    if recording.system == "pulley_circuit" and transmission.fits(recording):
+    seen_as_a_whole = recording.system == "pulley_circuit" and transmission.fits(recording)
+    if request.variant and (recording.system != "pulley_circuit" or seen_as_a_whole):
+        raise ConfigurationError(
+            f"{recording.path}: variant '{request.variant}' chooses between two models, and this recording has one: it "
+            f"would have to be of a pulley_circuit, with a rig or the circuit's geometry in it"
+        )
+    if seen_as_a_whole:
         question = transmission.prepare(recording, request)
     else:
         question = import_module(f"diagnosis.models.{_module(recording)}").prepare(recording, request)

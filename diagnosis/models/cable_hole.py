@@ -14,15 +14,17 @@ from scipy.interpolate import CubicSpline
 from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from diagnosis.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model import Block, Coordinate, Free
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.model import Coordinate, Free
 from diagnosis.models.common import (
     SETTLING,
     at_first,
     augmented_rig,
+    blocks_of,
     claimed,
     free_parameters,
     leave_out,
+    missing,
     motion_coordinates,
     plant_values,
     resample,
@@ -31,7 +33,7 @@ from diagnosis.models.common import (
 )
 from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import ReplayModel, Run
-from diagnosis.recording import CHANNELS, Record, Recording
+from diagnosis.recording import Record, Recording
 
 SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the
@@ -41,11 +43,8 @@ AS_FRICTION = ("load_dependent_friction.coefficient", "extrusion_delta")
 STIFF = 1.5e5
 """N/m: a cable claimed to be this stiff is claimed not to stretch, which may be wrong."""
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
-SENSORS = {
-    "drive_position": "drive's encoder", "drive_velocity": "drive's encoder", "drive_tension": "drive's load cell",
-    "load_position": "load's encoder", "load_tension": "load's load cell",
-}  # fmt: skip
-"""Whose noise is in a channel, where the drive's command is the simulator's input."""
+SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
+"""Channels of one sensor, where the drive's command is the simulator's input."""
 REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
 
@@ -91,20 +90,8 @@ def _values(recording: Recording, plant: Plant, request: Request) -> dict[str, f
 
 
 def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
-    """What may be missing; what a recording claims to know as (nearly) absent may be there after all."""
-    effects = plant.effects.effects.values()
-    rows = {p.aliases[plant.name]: p for e in effects for p in e.parameters_on(plant.name) if plant.name in p.aliases}
-    absent = {"cable_stiffness": values["cable_stiffness"] >= STIFF}
-    absent |= {name: values[name] == p.null for name, p in rows.items() if name not in absent}
-    modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
-    as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
-    place = next((n for n in ("drive_position", "load_position") if n in recording.channels), None)
-    travel = None
-    if place:
-        travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
-    found = hypotheses_for(
-        plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
-    )
+    soft = {"cable_stiffness": values["cable_stiffness"] >= STIFF}
+    found = missing(recording, plant, values, nominals, signals, request, soft, ("drive_position", "load_position"))
     if "friction_coefficient" in {p.name for p in nominals}:
         found = [leave_out(h, AS_FRICTION) for h in found]
     return claimed(found, values)
@@ -151,19 +138,8 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     else:
         start = 0.0
     along = _coordinates(time, seen, period)
-    blocks = tuple(
-        Block(
-            record.name,
-            name,
-            time,
-            seen[name].values,
-            seen[name].good & ~early,
-            CHANNELS["cable_hole"][name],
-            along,
-            sensor=SENSORS[name] if rate is None else "",
-        )
-        for name in signals
-    )
+    sensors = SENSORS if rate is None else dict.fromkeys(signals, "")  # a followed drive's noise is in all of them
+    blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
     return Run(command, rate, start, tuple(signals), blocks, given)
 
 
@@ -171,11 +147,11 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     """Of the load's motion, or else the drive's; and of the tension."""
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
     if place:
-        found = motion_coordinates(time, seen[place].values, "m")
+        found = motion_coordinates(time, seen[place].values, "m", place)
     else:
         path = np.cumsum(seen["drive_velocity_command"].values) * period
         found = motion_coordinates(time, path, "m")
     pull = next((n for n in ("drive_tension", "load_tension") if n in seen), None)
     if pull is None:
         return found
-    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0]))
+    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0], pull))

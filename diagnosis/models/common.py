@@ -9,10 +9,10 @@ from scipy.signal import savgol_filter
 
 from cable_envs.plants.base import Plant
 from cable_envs.rigs import SCHEMA as RIG_SCHEMA
-from diagnosis.hypotheses import INVERSE, Hypothesis
-from diagnosis.model import Coordinate, Free
+from diagnosis.hypotheses import INVERSE, Hypothesis, hypotheses_for
+from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.question import Request
-from diagnosis.recording import Record, Recording
+from diagnosis.recording import CHANNELS, Record, Recording
 
 REST = 0.02
 """Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
@@ -96,10 +96,12 @@ def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> tuple[n
     return savgol_filter(values, width, 3), savgol_filter(values, width, 3, deriv=1, delta=period)
 
 
-def motion_coordinates(time: np.ndarray, position: np.ndarray, unit: str = "m") -> tuple[Coordinate, ...]:
+def motion_coordinates(
+    time: np.ndarray, position: np.ndarray, unit: str = "m", channel: str = ""
+) -> tuple[Coordinate, ...]:
     """Speed, direction, size of speed, position and time since the last reversal [T] of a recorded position [T].
 
-    ``unit`` of the position: "m" or "rad". Direction is -1, 0 (rest) or 1.
+    ``unit`` of the position: "m" or "rad"; ``channel``: the one that recorded it. Direction is -1, 0 (rest) or 1.
     """
     period = float(np.median(np.diff(time)))
     speed = smooth_speed(position, period)
@@ -109,7 +111,7 @@ def motion_coordinates(time: np.ndarray, position: np.ndarray, unit: str = "m") 
         Coordinate("speed", f"{unit}/s", speed),
         Coordinate("direction", "1", direction),
         Coordinate("size of speed", f"{unit}/s", np.abs(speed)),
-        Coordinate("position", unit, position),
+        Coordinate("position", unit, position, channel),
         Coordinate("time since reversal", "s", time_since_reversal(time, direction)),
     )
 
@@ -173,6 +175,47 @@ def free_parameters(
         std = given.std if given is not None and (request is None or not request.rig) else None
         found.append(Free(name, start, p.low, p.high, scale, std))
     return found
+
+
+def missing(
+    recording: Recording, plant: Plant, values: Mapping[str, float], nominals: Sequence[Free], signals: Sequence[str],
+    request: Request, soft: Mapping[str, bool], places: Sequence[str],
+) -> list[Hypothesis]:  # fmt: skip
+    """What a replayed plant may lack; what a recording claims to know as (nearly) absent may be there after all.
+
+    soft: parameters that say how stiff or how damped the plant is -> whether they count as absent at ``values``; of all
+    others those at their null do. places: channels that tell the travel, the best first.
+    """
+    effects = plant.effects.effects.values()
+    rows = {p.aliases[plant.name]: p for e in effects for p in e.parameters_on(plant.name) if plant.name in p.aliases}
+    absent = dict(soft) | {name: values[name] == p.null for name, p in rows.items() if name not in soft}
+    modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
+    as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
+    place = next((n for n in places if n in recording.channels), None)
+    travel = None
+    if place:
+        travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
+    return hypotheses_for(
+        plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
+    )
+
+
+def blocks_of(
+    recording: Recording, record: Record, time: np.ndarray, seen: Mapping[str, Sampled], names: Sequence[str],
+    early: np.ndarray, along: tuple[Coordinate, ...], sensors: Mapping[str, str],
+) -> tuple[Block, ...]:  # fmt: skip
+    """Blocks of the channels ``names``, without the ``early`` samples [T].
+
+    sensors: channel -> whose noise it shows, where that is not the channel's own alone (`diagnosis.model.Block`).
+    """
+    units = CHANNELS[recording.system]
+    return tuple(
+        Block(
+            record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along,
+            sensor=sensors.get(name, name),
+        )
+        for name in names
+    )  # fmt: skip
 
 
 def claimed(hypotheses: Sequence[Hypothesis], values: Mapping[str, float]) -> list[Hypothesis]:

@@ -168,7 +168,7 @@ def _series(recording: Recording, record: Record, period: float) -> tuple[tuple[
     good = voltage.good & reading.good
     along = (
         Coordinate("voltage", "V", voltage.values),
-        Coordinate("reading", "V", reading.values),
+        Coordinate("reading", "V", reading.values, "speed_reading"),
         Coordinate("time since the voltage stepped", "s", _since_step(voltage.values, period)),
     )
     block = Block(record.name, "speed_reading", time, reading.values, good, "V", along, memory=0)

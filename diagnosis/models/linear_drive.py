@@ -103,7 +103,7 @@ class DriveModel:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
         time, series = resample(record, self.period, sorted(needs))
         self._runs.append(_run(time, series, self.period, None if self.closed else self.effort))
-        along = motion_coordinates(time, series["position"].values, "m")
+        along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
             got = series[channel]

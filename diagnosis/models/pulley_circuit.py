@@ -15,13 +15,15 @@ import numpy as np
 from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from diagnosis.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model import Block, Coordinate, Free
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.model import Coordinate, Free
 from diagnosis.models.common import (
     at_first,
     augmented_rig,
+    blocks_of,
     claimed,
     free_parameters,
+    missing,
     motion_coordinates,
     plant_values,
     resample,
@@ -30,7 +32,7 @@ from diagnosis.models.common import (
 )
 from diagnosis.models.question import Question, Request
 from diagnosis.models.replayed import ReplayModel, Run
-from diagnosis.recording import CHANNELS, Record, Recording
+from diagnosis.recording import Record, Recording
 
 VARIANT = "chain"
 STEP = 1e-3
@@ -47,7 +49,7 @@ SIGNALS = {
     "output_torque": "output_torque", "tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom",
 }  # fmt: skip
 """channel -> signal of the plant"""
-_SENSORS = {"drive_angle": "drive", "drive_torque": "drive"}
+SENSORS = {"drive_angle": "drive", "drive_torque": "drive"}
 """Channels whose noises may be one: a servo that acts on a noisy angle makes a noisy torque."""
 PLACES = ("output_angle", "drive_angle", "drive_angle_command")
 """Channels that say where the circuit is, the best first."""
@@ -57,8 +59,8 @@ away was explained by a payload (a gain of 260 where the friction that was missi
 SERVO = ("servo_frequency", "servo_damping_ratio")
 
 
-def prepare(recording: Recording, request: Request, variant: str = VARIANT) -> Question:
-    """What a pulley-circuit recording asks; ``variant``: "chain", or "analytic" for the closed form.
+def prepare(recording: Recording, request: Request) -> Question:
+    """What a pulley-circuit recording asks of the plant's chain, or of its closed form (``request.variant``).
 
     Raises ConfigurationError where neither the drive's angle nor its command, or no answer of it, was recorded.
     """
@@ -68,7 +70,7 @@ def prepare(recording: Recording, request: Request, variant: str = VARIANT) -> Q
         recording.require("drive_angle", purpose="replaying the drive")
     if not {"drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"} & set(channels):
         recording.require("drive_torque", purpose="the diagnosis of a circuit")
-    plant = with_own_effects(plant_for("pulley_circuit", variant), request.own)
+    plant = with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
     values = plant_values(recording, plant, request.rig)
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
@@ -85,19 +87,9 @@ def prepare(recording: Recording, request: Request, variant: str = VARIANT) -> Q
 
 
 def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
-    """What may be missing; what a recording claims to know as (nearly) absent may be there after all."""
-    effects = plant.effects.effects.values()
-    rows = {p.aliases[plant.name]: p for e in effects for p in e.parameters_on(plant.name) if plant.name in p.aliases}
-    absent = {"tensile_stiffness": values["tensile_stiffness"] >= STIFF, "output_damping": True}
-    absent |= {name: values[name] == p.null for name, p in rows.items() if name not in absent}
-    modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
-    as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
-    place = next(n for n in ("drive_angle", "drive_angle_command") if n in recording.channels)
-    travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
-    found = hypotheses_for(
-        plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
-    )
-    return claimed(found, values)
+    soft = {"tensile_stiffness": values["tensile_stiffness"] >= STIFF, "output_damping": True}
+    places = ("drive_angle", "drive_angle_command")
+    return claimed(missing(recording, plant, values, nominals, signals, request, soft, places), values)
 
 
 def _model(
@@ -120,20 +112,8 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
         command, rate = smoothed(seen["drive_angle"].values, period)
     start = float(command[0]) * values["drive_radius"] / values["output_radius"]
     along = _coordinates(time, seen, period)
-    units = CHANNELS["pulley_circuit"]
-    blocks = tuple(
-        Block(
-            record.name,
-            name,
-            time,
-            seen[name].values,
-            seen[name].good & ~early,
-            units[name],
-            along,
-            sensor=_SENSORS.get(name, name) if "drive_angle_command" in seen else "",
-        )
-        for name in names
-    )
+    sensors = SENSORS if rate is None else dict.fromkeys(names, "")  # a followed drive's noise is in all of them
+    blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(SIGNALS[name] for name in names if recording.channels[name].offset_free)
     return Run(command, rate, start, tuple(SIGNALS[name] for name in names), blocks, offset=free)
 
@@ -141,8 +121,8 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:
     """Of the output's motion, or else the drive's; and of the torque."""
     place = next(n for n in PLACES if n in seen)
-    found = motion_coordinates(time, seen[place].values, "rad")
+    found = motion_coordinates(time, seen[place].values, "rad", place)
     pull = next((n for n in ("output_torque", "drive_torque") if n in seen), None)
     if pull is None:
         return found
-    return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period)[0]))
+    return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period)[0], pull))

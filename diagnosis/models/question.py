@@ -16,12 +16,14 @@ class Request:
     only, without | canonical names of effects to look for, and not to look for
     own           | effects of the user's own, from `--effect-file`
     rig           | values and effects of a rig file that replace those of the recording (an augmented rig)
+    variant       | "analytic" or "chain": which form of a circuit is held against the recording; "": the chain
     """
 
     only: tuple[str, ...] | None = None
     without: tuple[str, ...] = ()
     own: tuple[Effect, ...] = ()
     rig: Mapping[str, float] | None = None
+    variant: str = ""
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ def run_of(record: Record, source: str, group: str, spacing: float = PERIOD) -> 
     since, way = since_reversal(x)
     along = (
         *motion_coordinates(time, x, "rad"), Coordinate("travel since reversal", "rad", since),
-        Coordinate("output torque", "N m", values["output_torque"]),
+        Coordinate("output torque", "N m", values["output_torque"], "output_torque"),
     )  # fmt: skip
     blocks = tuple(Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
     return Run(x, values[source], speed, way, group, blocks)

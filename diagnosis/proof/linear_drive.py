@@ -22,7 +22,7 @@ STIFF = 2e-7
 """m: the bristles that stand for true sticking; far below any position noise."""
 
 TABLE = Table({
-    "mass": 5.0, "viscous": 0.0, "coulomb": 0.0, "motor_share": 0.3, "kp": 4e3, "kd": 150.0,
+    "mass": 5.0, "viscous": 0.0, "coulomb": 0.0, "motor_share": 0.3, "kp": 4e3, "kv": 150.0, "kd": 150.0,
     "coulomb_friction.force": 0.0, "viscous_friction.coefficient": 0.0,
     "stribeck_friction.excess": 0.0, "stribeck_friction.speed": 0.01,
     "asymmetric_friction.difference": 0.0, "presliding_hysteresis.distance": 0.0,
@@ -35,7 +35,7 @@ TABLE = Table({
     "supply_sag.share": 0.0, "supply_sag.time": 1.0, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
     "ratchet.force": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.004,
 })  # fmt: skip
-(MASS, VISCOUS, COULOMB, SHARE, KP, KD, ADD_C, ADD_V, STR_F, STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, GAP, DRIFT,
+(MASS, VISCOUS, COULOMB, SHARE, KP, KV, KD, ADD_C, ADD_V, STR_F, STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, GAP, DRIFT,
  DRIFT_T, RIP_A, RIP_P, RIP_PH, SPRING, CUBIC, LAG, DELAY, PEN_M, PEN_L, DRAG, WIND, SAG, SAG_T, FLOOR_A, FLOOR_F,
  RAT_F, RAT_X, RAT_W) = indices(TABLE.names, *TABLE.names)  # fmt: skip
 
@@ -98,7 +98,7 @@ def _run(p, reference, rate, hum, start, out):
         out[k, 0], out[k, 1], out[k, 3] = x, v, xm
         a, b = max(k - late, 0), max(k - late - 1, 0)  # the delayed position, linearly between ticks
         seen = out[a, 0] + mix * (out[b, 0] - out[a, 0]) + hum[k]
-        u = p[KP] * (reference[k] - seen) + p[KD] * (rate[k] - v)
+        u = p[KP] * (reference[k] - seen) + p[KV] * rate[k] - p[KD] * v
         out[k, 2] = u
         for _ in range(_SUBSTEPS):
             f += follow * (u - f)

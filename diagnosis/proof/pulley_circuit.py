@@ -109,17 +109,12 @@ def _run(p, logs, worn, length, reference, rate, start, out):
     t, torque = start, 0.0
     for tick in range(-1, len(reference)):
         now = max(tick, 0)
-        if tick >= 0:
-            out[tick, 0], out[tick, 1], out[tick, 2] = angle, torque, theta
-            out[tick, 3] = R5 * (tension[0, 4] - tension[1, 4])
-            out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
         ahead = min(now + 1, len(reference) - 1) if tick >= 0 else now
         for n in range(settle if tick < 0 else _SUBSTEPS):
-            part = (n + 0.5) / _SUBSTEPS if tick >= 0 else 0.0  # the command goes in straight lines from tick to tick
+            part = n / _SUBSTEPS if tick >= 0 else 0.0  # the command goes in straight lines from tick to tick
             lagged += follow * (reference[now] + part * (reference[ahead] - reference[now]) - lagged)
             feed += follow * (rate[now] + part * (rate[ahead] - rate[now]) - feed)
             speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
-            angle += h * speed
             hauled = pulley if p[GAP] > 0.0 else angle
             if p[RIP_A] != 0.0:
                 hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
@@ -151,6 +146,10 @@ def _run(p, logs, worn, length, reference, rate, start, out):
                     grip = h * both * np.tanh(0.5 * level) / ROPE  # bounds the impulse: sticks exactly
                     v[a, i] = push - grip if push > grip else (push + grip if push < -grip else 0.0)
             torque = R0 * (tension[0, 0] - tension[1, 0])
+            if tick >= 0 and n == 0:  # where nothing has moved since the forces were taken
+                out[tick, 0], out[tick, 1], out[tick, 2] = angle, torque, theta
+                out[tick, 3] = R5 * (tension[0, 4] - tension[1, 4])
+                out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
             if p[GAP] > 0.0:
                 twist = angle - pulley
                 half = 0.5 * p[GAP]
@@ -183,6 +182,7 @@ def _run(p, logs, worn, length, reference, rate, start, out):
                 swing += h * sway
             omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
             theta += h * omega
+            angle += h * speed  # all positions after all forces: else the drive is half a step ahead of the output
             if dry:
                 held = slipped(held, h * omega, STIFF, p[SOFT])
             for a in range(2):

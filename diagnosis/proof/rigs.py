@@ -65,11 +65,11 @@ def _drive(rng, names, known) -> TrueRig:
     wide = rng.uniform(25.0, 45.0)  # rad/s, closed loop
     values = {
         "mass": total, "motor_share": share, "viscous": viscous, "coulomb": coulomb, "kp": total * wide**2,
-        "kd": 1.4 * total * wide,
+        "kv": 1.4 * total * wide, "kd": 1.4 * total * wide,
     }  # fmt: skip
     told = [Told("mass", total * (1 - share), "kg"), Told("motor_mass", total * share, "kg", False)]
     told += [Told("viscous", viscous, "N s/m", viscous > 0.0), Told("coulomb", coulomb, "N", coulomb > 0.0)]
-    free = [("mass",), ("kp",), ("kd",)]  # the recording does not tell the controller's gains
+    free = [("mass",), ("kp",), ("kv",), ("kd",)]  # the recording does not tell the controller's gains
     free += [(n,) for n, on in (("viscous", viscous > 0), ("coulomb", coulomb > 0)) if on]
     belt = "backlash" in names or (not known and rng.random() < 0.3)
     if belt and "cable_elongation" not in names:
