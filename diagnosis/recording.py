@@ -43,8 +43,10 @@ from diagnosis.tables import read_columns
 
 SCHEMA = "cable-recording/1"
 USES = ("fit", "heldout")
+HOLDS = ("line", "step")
+"""Of a command between its samples."""
 _KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
-_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "note")
+_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "hold", "note")
 _RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
 _VALUE_KEYS = ("value", "unit", "std", "source", "note")
 
@@ -97,7 +99,10 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Channel:
-    """How a channel is read; ``noise_std`` in SI, None where not given."""
+    """How a channel is read; ``noise_std`` in SI, None where not given.
+
+    hold: between its samples a command goes on a "line", or is held in a "step": a row's acts until the next row.
+    """
 
     name: str
     column: str
@@ -108,6 +113,7 @@ class Channel:
     noise_std: float | None = None
     offset_free: str | None = None
     note: str = ""
+    hold: str = "line"
 
     def to_si(self, raw: np.ndarray) -> np.ndarray:
         """Raw numbers of the column as SI."""
@@ -284,9 +290,13 @@ def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
             raise ConfigurationError(
                 f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
             )
+        hold = str(entry.get("hold", "line"))
+        require_known(f"hold in {where}", [hold], HOLDS)
+        if hold == "step" and not name.endswith("_command"):
+            raise ConfigurationError(f"{where}: 'hold: step' is for commands (..._command); a sensor holds nothing")
         found[name] = Channel(
             name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise, offset_free=free,
-            note=str(entry.get("note", "")),
+            note=str(entry.get("note", "")), hold=hold,
         )  # fmt: skip
     return found
 

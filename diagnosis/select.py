@@ -51,6 +51,7 @@ class Rules:
     declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
     left_p    | familywise p-value below which what is left is not noise
     left      | share of all that was to be explained, which may be left when something is named
+    drifted   | the same when what changes with the elapsed time alone is: of a drift of another kind it explains much
     over      | RMS over the stated noise up to which a model may be right
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
     most      | effects at the most
@@ -68,6 +69,7 @@ class Rules:
     left_p: float = 1e-6
     hidden_p: float = 1e-3
     left: float = 0.22
+    drifted: float = 0.05
     over: float = 1.08
     clean: float = 0.05
     white: float = 1.04
@@ -169,19 +171,20 @@ def select(
     gain = null.deviance - best.deviance
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
     drifting = not chosen and any(why.startswith(LIKE_ANY) for why in refused.values())
-    adequate = _adequate(after, gain, rules) and not drifting
+    share = rules.drifted if any(_drifts(h) for h, _ in chosen) else rules.left
+    adequate = _adequate(after, gain, rules, share) and not drifting
     return Selection(
         null, best, accepted, tuple(screenings), tuple(tried), before, after, adequate, refused, rules
     )  # fmt: skip
 
 
-def _adequate(after: Adequacy, gain: float, rules: Rules) -> bool:
-    """Whether what is left may stay: noise, or little beside what was explained."""
+def _adequate(after: Adequacy, gain: float, rules: Rules, share: float) -> bool:
+    """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
     if after.over_noise > rules.over and gain <= 0.0:
         return False
     if after.p_value >= rules.left_p:
         return after.over_noise <= rules.over
-    return after.excess < rules.left * gain and after.over_noise <= rules.over + 0.1
+    return after.excess < share * gain and after.over_noise <= rules.over + 0.1
 
 
 def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:
@@ -214,7 +217,11 @@ def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
 
 def _like_any(candidate: Candidate, rules: Rules) -> bool:
     """Whether what was found is a drift too small to be told from others; nothing that gains less is it either."""
-    return candidate.hypothesis.name.split(".")[0] in DRIFTS and candidate.gain < rules.drifts
+    return _drifts(candidate.hypothesis) and candidate.gain < rules.drifts
+
+
+def _drifts(hypothesis: Hypothesis) -> bool:
+    return hypothesis.name.split(".")[0] in DRIFTS
 
 
 def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) -> Candidate | None:

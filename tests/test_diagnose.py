@@ -292,6 +292,36 @@ def test_the_closed_form_of_a_circuit_is_asked_for_by_name(tmp_path):
     assert chain.fit.plant.name == "pulley_chain"
 
 
+def _played(folder, env, options, controller):
+    words = ["export", env, "--out", str(folder), "--format", "recording", "--controller", controller]
+    words += ["--episodes", "3", "-o", "sensor_noise=true", "-o", "duration=10"]
+    for option in options:
+        words += ["-o", option]
+    assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0
+    return folder
+
+
+def test_a_simulators_own_episodes_are_replayed_as_they_were_held(tmp_path):
+    """Held commands, a controller that feels its sensors' noise: nothing is missing, not even a fraction of a step."""
+    options = ["action_mode=speed"]
+    recording = load_recording(_played(tmp_path / "hole", "CableHole-Position-Sine", options, "oracle"))
+    assert recording.channels["drive_velocity_command"].hold == "step"
+    found = diagnose(recording, effects=["sensor_delay", "actuator_lag", "viscoelastic_creep"])
+    assert found.verdict == "no_detectable_mismatch"
+
+
+def test_an_effect_of_the_environment_is_found_in_its_episodes(tmp_path):
+    options = ["effects={actuator_lag: {time: 0.01}}"]
+    folder = _played(tmp_path / "circuit", "PulleyCircuit-Position-Sine", options, "feedforward-pid-tuned")
+    recording = load_recording(folder)
+    assert "actuator_lag.time = 0.01" in recording.description  # told to people; the rig's entry does not have it
+    found = diagnose(recording, effects=["sensor_delay", "actuator_lag", "cable_elongation"], variant="analytic")
+    (effect,) = found.effects
+    assert (found.verdict, effect.name) == ("named", "actuator_lag")
+    low, high = effect.parameters["time"]["ci95"]
+    assert low < 0.01 < high < 0.012
+
+
 def test_without_heldout_records_the_last_third_of_each_is_kept_back(tmp_path):
     recording = load_recording(drive.write(tmp_path / "recording", uses=("fit", "fit")))
     cut, ends = kept_back(recording)

@@ -73,6 +73,12 @@ def test_late_by_a_part_of_a_sample():
         assert np.abs(late[:, k] - np.sin(2 * np.pi * 2 * (time - seconds)))[5:-5].max() < 1e-5
 
 
+def test_what_is_late_never_looks_ahead():
+    series = np.zeros((40, 3))
+    series[21:] = 1.0
+    assert not delayed(series, np.array([0.1, 0.9, 1.5]))[:21].any()
+
+
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """Folders and keys of recordings with nothing wrong, white noise."""

@@ -13,8 +13,8 @@ import yaml
 from cable_envs.errors import ConfigurationError, nearest, require_known
 
 ENVIRONMENT_OPTIONS = (
-    "rig", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise", "sensor_delay", "action_delay",
-    "disturbance", "control_period", "substeps", "duration",
+    "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
+    "sensor_delay", "action_delay", "disturbance", "control_period", "substeps", "duration",
 )  # fmt: skip
 """Options of an environment that ``--option KEY=VALUE`` may set (see `cable_envs.envs.CableEnv`)."""
 

@@ -159,6 +159,8 @@ def _channel(setup: Setup, name: str) -> dict[str, Any]:
     rows = [s.name for s in setup.plant.signals]
     if signal in rows and setup.noise[rows.index(signal)] > 0.0:
         entry["noise_std"] = float(setup.noise[rows.index(signal)])
+    if name == COMMANDS[system, setup.action_mode.name]:
+        entry["hold"] = "step"
     return entry
 
 
@@ -193,9 +195,11 @@ def _rig_entry(rig: Rig) -> tuple[str, str | None]:
 def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:
     setup: Setup = env.unwrapped.setup
     late = f", measured {setup.sensor_delay} control steps late" if setup.sensor_delay else ""
+    effects = ", ".join(f"{name} = {value:g}" for name, value in setup.rig.effects.items())
+    more = f" The rig had effects that its entry here does not tell: {effects}." if effects else ""
     return (
         f"Simulated: {len(traces)} episodes of {entrant.title} on {env.spec.id}{late}. "
-        "A row holds the command that acts from its time until the next row."
+        f"A row holds the command that acts from its time until the next row.{more}"
     )
 
 

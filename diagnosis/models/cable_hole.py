@@ -17,12 +17,14 @@ from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.model import Coordinate, Free
 from diagnosis.models.common import (
+    HELD_STEPS,
     SETTLING,
     at_first,
     augmented_rig,
     blocks_of,
     claimed,
     free_parameters,
+    held_command,
     leave_out,
     missing,
     motion_coordinates,
@@ -103,6 +105,8 @@ def _model(
 ) -> ReplayModel:  # fmt: skip
     turn = period * float(np.sqrt(values["cable_stiffness"] / values["load_mass"]))
     substeps = int(np.clip(np.ceil(turn / 0.07), *SUBSTEPS))
+    command = recording.channels.get("drive_velocity_command")
+    substeps = HELD_STEPS if command is not None and command.hold == "step" else substeps
     runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
@@ -113,7 +117,10 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
     early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values))
-    if "drive_velocity_command" in seen:
+    hold = "ramp"
+    if "drive_velocity_command" in seen and recording.channels["drive_velocity_command"].hold == "step":
+        command, rate, hold = held_command(record, "drive_velocity_command", time, period, 0.0), None, "step"
+    elif "drive_velocity_command" in seen:
         usable = record.usable("drive_velocity_command")
         spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
         # the kernel takes the command in the middle of a step for the speed at its end
@@ -140,7 +147,7 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     along = _coordinates(time, seen, period)
     sensors = SENSORS if rate is None else dict.fromkeys(signals, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
-    return Run(command, rate, start, tuple(signals), blocks, given)
+    return Run(command, rate, start, tuple(signals), blocks, given, hold=hold)
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:

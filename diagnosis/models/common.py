@@ -74,6 +74,21 @@ def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np
     return time, found
 
 
+HELD_STEPS = 20
+"""Steps of integration in a control period with a held command: those of the environments. A command that jumps makes
+a simulated drive's way depend on them: with 17, 0.6 um in a sine of 10 mm."""
+
+
+def held_command(record: Record, channel: str, time: np.ndarray, period: float, before: float) -> np.ndarray:
+    """A command that acts in steps, at ``time`` [T]: what acted over the ``period`` that ends there.
+
+    A row's command acts until the next row; ``before``: what acted before the first one.
+    """
+    usable = record.usable(channel)
+    stamps, values = record.time[usable], record.data[channel][usable]
+    return np.r_[before, values][np.searchsorted(stamps, time - 0.5 * period)]
+
+
 SETTLING = 0.5
 """s at the start of a record that do not count."""
 LEFT = 0.03

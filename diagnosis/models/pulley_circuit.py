@@ -18,11 +18,13 @@ from cable_envs.plants.base import Plant
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.model import Coordinate, Free
 from diagnosis.models.common import (
+    HELD_STEPS,
     at_first,
     augmented_rig,
     blocks_of,
     claimed,
     free_parameters,
+    held_command,
     missing,
     motion_coordinates,
     plant_values,
@@ -98,6 +100,8 @@ def _model(
 ) -> ReplayModel:  # fmt: skip
     steps = period / STEP * float(np.sqrt(max(values["tensile_stiffness"] / EASY, 1.0)))
     substeps = max(int(np.ceil(steps - 1e-3)), 2)
+    command = recording.channels.get("drive_angle_command")
+    substeps = HELD_STEPS if command is not None and command.hold == "step" else substeps
     runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
     drive = "position" if "drive_angle_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
@@ -106,7 +110,11 @@ def _model(
 def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     early = at_first(time, seen[next(n for n in PLACES if n in seen)].values)
-    if "drive_angle_command" in seen:
+    hold = "ramp"
+    if "drive_angle_command" in seen and recording.channels["drive_angle_command"].hold == "step":
+        at_rest = seen["drive_angle" if "drive_angle" in seen else "drive_angle_command"].values[0]
+        command, rate, hold = held_command(record, "drive_angle_command", time, period, at_rest), None, "step"
+    elif "drive_angle_command" in seen:
         command, rate = seen["drive_angle_command"].values, None
     else:
         command, rate = smoothed(seen["drive_angle"].values, period)
@@ -115,7 +123,7 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
     sensors = SENSORS if rate is None else dict.fromkeys(names, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(SIGNALS[name] for name in names if recording.channels[name].offset_free)
-    return Run(command, rate, start, tuple(SIGNALS[name] for name in names), blocks, offset=free)
+    return Run(command, rate, start, tuple(SIGNALS[name] for name in names), blocks, offset=free, hold=hold)
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:

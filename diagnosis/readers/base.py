@@ -39,6 +39,7 @@ class ChannelSpec:
     offset: float = 0.0
     noise_std: float | None = None
     offset_free: str | None = None
+    hold: str | None = None
     note: str = ""
     column: str = ""
 

@@ -35,7 +35,19 @@ from diagnosis.recording import CHANNELS, USES
 SCHEMA = "cable-mapping/1"
 _KEYS = ("schema", "system", "description", "rig", "known", "nominal", "layout", "channels", "records", "group",
          "source")  # fmt: skip
-_CHANNEL_KEYS = ("column", "topic", "field", "unit", "scale", "offset", "sign", "noise_std", "offset_free", "note")
+_CHANNEL_KEYS = (
+    "column",
+    "topic",
+    "field",
+    "unit",
+    "scale",
+    "offset",
+    "sign",
+    "noise_std",
+    "offset_free",
+    "hold",
+    "note",
+)
 _RECORD_KEYS = ("file", "use", "conditions", "offsets")
 _LAYOUT_KEYS = ("delimiter", "decimal", "header_line", "comment", "encoding")
 
@@ -134,7 +146,9 @@ def _spec(name: str, entry: Mapping[str, Any], system: str, where: str) -> Chann
     column = "" if isinstance(entry.get("column"), int) else str(entry.get("column", ""))
     if sign == -1 and "offset" in numbers:
         numbers["offset"] = -numbers["offset"]
-    return ChannelSpec(name, unit, sign * scale, **numbers, offset_free=free, note=note, column=column)
+    return ChannelSpec(
+        name, unit, sign * scale, **numbers, offset_free=free, hold=entry.get("hold"), note=note, column=column
+    )
 
 
 def _number(value: Any, where: str) -> float:
