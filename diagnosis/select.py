@@ -53,6 +53,7 @@ class Rules:
     left      | share of all that was to be explained, which may be left when something is named
     drifted   | the same when what changes with the elapsed time alone is: of a drift of another kind it explains much
     over      | RMS over the stated noise up to which a model may be right
+    beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
     most      | effects at the most
     """
@@ -71,6 +72,7 @@ class Rules:
     left: float = 0.22
     drifted: float = 0.05
     over: float = 1.08
+    beside: float = 0.1
     clean: float = 0.05
     white: float = 1.04
     most: int = 2
@@ -180,11 +182,9 @@ def select(
 
 def _adequate(after: Adequacy, gain: float, rules: Rules, share: float) -> bool:
     """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
-    if after.over_noise > rules.over and gain <= 0.0:
+    if after.over_noise > rules.over + (rules.beside if gain > 0.0 else 0.0):
         return False
-    if after.p_value >= rules.left_p:
-        return after.over_noise <= rules.over
-    return after.excess < share * gain and after.over_noise <= rules.over + 0.1
+    return after.p_value >= rules.left_p or after.excess < share * gain
 
 
 def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:

@@ -11,6 +11,6 @@ EFFECT = Effect(
     plants=PLANTS,
     validity="constant over the record",
     experiment="unload and read; turn the sensor round",
-    confusable=("asymmetric_friction", "position_dependent_load", "slack"),
+    confusable=("asymmetric_friction", "sensor_scale", "position_dependent_load", "slack"),
     each_sensor=True,
 )

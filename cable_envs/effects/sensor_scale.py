@@ -11,6 +11,6 @@ EFFECT = Effect(
     plants=PLANTS,
     validity="linear sensors; counts, gains and gear ratios taken wrongly",
     experiment="two known weights or lengths",
-    confusable=("friction_drift", "load_dependent_friction", "cable_elongation"),
+    confusable=("asymmetric_friction", "sensor_bias", "friction_drift", "load_dependent_friction", "cable_elongation"),
     each_sensor=True,
 )

@@ -1,8 +1,7 @@
 """Recordings of a rig whose effects the recording does not tell: what a diagnosis is asked about.
 
-They are made by the generators of the blind proof (`diagnosis.proof`), which share no integrator with the simulators.
-A simulator's own episodes would not do: it holds a command for a control step, which a diagnosis reads as straight
-lines between samples, and takes the difference for physics.
+They are made by the generators of the blind proof (`diagnosis.proof`), which share no integrator with the simulators:
+what a diagnosis finds in a simulator's own episodes it has put there itself.
 """
 
 import io

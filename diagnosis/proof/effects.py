@@ -275,7 +275,7 @@ AMBIENT: Mapping[str, tuple[str, ...]] = {"linear_drive": (), "cable_hole": (), 
 
 CLASSES = (
     ("actuator_lag", "sensor_delay"),
-    ("asymmetric_friction", "sensor_bias"),
+    ("asymmetric_friction", "sensor_bias", "sensor_scale"),
     ("coulomb_friction", "stribeck_friction"),
     ("coulomb_friction", "load_dependent_friction", "bending_stiffness"),
     ("viscoelastic_creep", "friction_drift"),
@@ -285,7 +285,10 @@ CLASSES = (
     ("position_ripple", "position_dependent_load"),
     ("sensor_scale", "load_dependent_friction"),
 )
-"""Sets of names that one recording need not tell apart (diagnosis.md, recipe, step 10, and what they imply)."""
+"""Sets of names that one recording need not tell apart (diagnosis.md, recipe, step 10, and what they imply).
+
+At a hole W exp(+-m a) becomes W exp(+-m a + d a) by an asymmetry d of the friction, which is a scale exp(d a) of the
+tension; and of the two levels that one load gives, a bias moves both like a scale once the friction is refitted."""
 
 
 def share_class(a: str, b: str) -> bool:

@@ -209,6 +209,8 @@ def table(results: Sequence[Result]) -> list[Row]:
     for band, reach in ((">10", 0.95), ("3-10", 0.0), ("1-3", 0.75)):
         own = [r for r in single if r.band == band]
         rows.append(_row(f"right name or class, effect adds {band} %", _in(own, right), ">=" if reach else "", reach))
+        clear = [r for r in own if r.stands_out >= SEEN]
+        rows.append(_row(f"the same, of those that stand out (gain {SEEN:g}), {band} %", _in(clear, right)))
         rows.append(_row(f"right name exactly, effect adds {band} %", _in(own, ("exact",))))
         limit = ("<=", 0.03) if band == "1-3" else ("", 0.0)
         rows.append(_row(f"wrong name, effect adds {band} %", _in(own, ("wrong",)), *limit))
