@@ -1,0 +1,127 @@
+"""Functions of the motion on what is left: channels together, single places, what drifts, a channel's own noise."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter, savgol_filter
+
+from diagnosis import select as selection
+from diagnosis.adequacy import adequacy
+from diagnosis.confidence import interval
+from diagnosis.functions import Regression
+from diagnosis.leftover import ALL
+from diagnosis.likelihood import refit_and_learn
+from diagnosis.model import Coordinate
+from diagnosis.refit import Fit, Start
+from diagnosis.select import BEYOND_DOUBT, Rules, objection, select
+from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
+
+
+def _coloured(rng, count, std, memory=0.9):
+    return lfilter([1.0], [1.0, -memory], rng.normal(0.0, std * np.sqrt(1.0 - memory**2), count))
+
+
+class Sensors(Toy):
+    """The toy's force as ``count`` sensors see it, each in coloured noise of its own; ``seen(t, y, v)`` is in all."""
+
+    def __init__(self, seed, seen=None, sensors=3, shared=False):
+        super().__init__({}, seed, std=1e-3, count=2400)
+        rng, blocks = np.random.default_rng([seed, 5]), []
+        self._sensors = sensors
+        for block, (t, y, v, _) in zip(self.blocks, self._motion, strict=True):
+            along = (Coordinate("position", "m", y), Coordinate("direction", "1", np.sign(v)))
+            noise = _coloured(rng, len(t), 0.3)
+            for k in range(sensors):
+                own = noise if shared else _coloured(rng, len(t), 0.3)
+                measured = block.measured + own + rng.normal(0.0, 0.1, len(t)) + (0.0 if seen is None else seen(t, y, v))
+                name = f"force_{k}"
+                blocks.append(replace(block, channel=name, measured=measured, along=along, sensor=""))
+        self.blocks = blocks
+
+    def predict(self, values):
+        """As the protocol says."""
+        return [p for p in super().predict(values) for _ in range(self._sensors)]
+
+
+def _refitted(model):
+    return refit_and_learn(model, [Start("", NOMINALS, {})])
+
+
+def _pawl(t, y, v):
+    """Half a newton within a few per cent of the travel, on the way up only."""
+    return 0.3 * np.exp(-(((y - 0.02) / 0.004) ** 2)) * (v > 0)
+
+
+def test_a_pawl_that_no_channel_shows_by_itself_is_found_in_all_together():
+    model = Sensors(2, _pawl)
+    found = adequacy(model, _refitted(model))
+    best = found.leftovers[0]
+    assert found.p_value < Rules().hidden_p
+    assert (best.channel, best.coordinate) == (ALL, "one place of the position")
+    assert best.at[0] == pytest.approx(0.02, abs=0.006)
+    alone = min(f.p_value for f in found.leftovers if f.channel != ALL)
+    assert best.p_value < 1e-3 * alone
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_channels_of_one_noise_are_not_taken_together(shared):
+    for seed in range(4):
+        model = Sensors(seed, shared=shared)
+        judged = _refitted(model)
+        assert len(Regression(model.blocks, judged).apart) == (1 if shared else 3)
+        assert adequacy(model, judged).p_value > Rules().hidden_p
+
+
+def test_a_scale_that_drifts_is_left_over():
+    """Amplifiers warm up: 6 % over half a minute, in noise whose colour hides what is slow."""
+
+    def warm(t, y, v):
+        return 0.06 * 20.0 * v * np.cos(np.pi * t / t[-1])
+
+    least = {}
+    for seen in (warm, None):
+        model = Sensors(3, seen, sensors=1)
+        found = adequacy(model, _refitted(model)).leftovers
+        least[seen] = min(f.p_value for f in found if f.coordinate.endswith("with elapsed time"))
+    assert least[warm] < 1e-5 and least[None] > 1e-2
+
+
+def test_a_weak_channel_is_not_held_against_its_own_noise():
+    """A torque that is all noise, smoothed, is no coordinate for that torque: its prediction is."""
+    p_values = {}
+    for channel in ("", "force"):
+        model = Toy({}, 4, std=20.0)
+        for k, block in enumerate(model.blocks):
+            own = Coordinate("torque", "N", savgol_filter(block.measured, 11, 3), channel)
+            model.blocks[k] = replace(block, along=(own,))
+        p_values[channel] = adequacy(model, _refitted(model)).p_value
+    assert p_values[""] < 1e-6 and p_values["force"] > Rules().hidden_p
+
+
+@pytest.mark.parametrize(("drift", "verdict"), [(0.25, "unknown"), (0.9, "named")])
+def test_a_small_drift_is_unknown_and_a_large_one_named(monkeypatch, drift, verdict):
+    """What changes with the elapsed time alone looks like all else that does, unless it is sure."""
+    monkeypatch.setattr(selection, "DRIFTS", ("drift_effect",))
+    truth = {"drift": drift}
+    fit, heldout = (Toy(truth, seed, records, std=2.5) for seed, records in ((5, 2), (55, 1)))
+    found = select(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0))
+    gained = max(c.gain for race in found.tried for c in race if c.hypothesis.name == "drift_effect")
+    assert found.verdict == verdict
+    assert (Rules().coloured < gained < Rules().drifts) is (verdict == "unknown")
+    if verdict == "unknown":
+        assert "drifts with the elapsed time" in found.refused["drift_effect"]
+    else:
+        assert [a.hypothesis.name for a in found.accepted] == ["drift_effect"]
+
+
+def test_a_sure_gain_counts_for_more_than_the_interval_of_a_slope():
+    drift = next(h for h in HYPOTHESES if h.name == "drift_effect")
+    one = np.ones(1)
+    fit = Fit("", ("drift",), {"drift": 0.1}, 0.0, one, one[:, None], np.array([[0.1**2]]), (), 1)
+    assert "holds the null" in objection(drift, fit, 0.0, BEYOND_DOUBT)
+    assert objection(drift, fit, 0.0, BEYOND_DOUBT + 1.0) == ""
+    low, high = interval(fit, "drift", 0.0)
+    assert low < 0.0 < high
+    low, high = interval(fit, "drift", 0.0, 144.0)  # 12 standard deviations from its null
+    assert low == pytest.approx(0.1 - 1.96 * np.hypot(1.4 * 0.1 / 12.0, 0.04 * 0.1)) and high > 0.1 > low
