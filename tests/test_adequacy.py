@@ -30,13 +30,16 @@ class Sensors(Toy):
         rng, blocks = np.random.default_rng([seed, 5]), []
         self._sensors = sensors
         for block, (t, y, v, _) in zip(self.blocks, self._motion, strict=True):
-            along = (Coordinate("position", "m", y), Coordinate("direction", "1", np.sign(v)))
+            along = tuple(
+                Coordinate(name, unit, values)
+                for name, unit, values in (("position", "m", y), ("direction", "1", np.sign(v)), ("speed", "m/s", v))
+            )
             noise = _coloured(rng, len(t), 0.3)
             for k in range(sensors):
                 own = noise if shared else _coloured(rng, len(t), 0.3)
-                measured = block.measured + own + rng.normal(0.0, 0.1, len(t)) + (0.0 if seen is None else seen(t, y, v))
-                name = f"force_{k}"
-                blocks.append(replace(block, channel=name, measured=measured, along=along, sensor=""))
+                measured = block.measured + own + rng.normal(0.0, 0.1, len(t))
+                measured = measured if seen is None else measured + seen(t, y, v)
+                blocks.append(replace(block, channel=f"force_{k}", measured=measured, along=along, sensor=""))
         self.blocks = blocks
 
     def predict(self, values):
@@ -73,8 +76,8 @@ def test_channels_of_one_noise_are_not_taken_together(shared):
         assert adequacy(model, judged).p_value > Rules().hidden_p
 
 
-def test_a_scale_that_drifts_is_left_over():
-    """Amplifiers warm up: 6 % over half a minute, in noise whose colour hides what is slow."""
+def test_a_drag_that_drifts_is_left_over():
+    """Grease warms up: 6 % of the drag, up and down, in noise whose colour hides what is slow."""
 
     def warm(t, y, v):
         return 0.06 * 20.0 * v * np.cos(np.pi * t / t[-1])
