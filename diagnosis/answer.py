@@ -18,7 +18,7 @@ from diagnosis.noise import jitter
 from diagnosis.places import located, permuted
 from diagnosis.recording import Recording
 from diagnosis.screen import Score
-from diagnosis.select import Accepted, Selection
+from diagnosis.select import LIKE_ANY, Accepted, Selection
 from diagnosis.verdict import Diagnosis, Found, Trace
 
 _STANDS_OUT = 3.6
@@ -59,12 +59,21 @@ def answer(
         tuple(_leftovers(selection)),
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
-        (*question.notes, *quality.notes),
+        (*question.notes, *quality.notes, *_drifting(selection)),
         {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
         steps=selection.steps,
         rig=question.rig(final.fit.values, accepted),
         traces=traces,
     )
+
+
+def _drifting(selection: Selection) -> list[str]:
+    """What a person should know of a drift that is too small to be told from others."""
+    if selection.verdict != "unknown":
+        return []
+    settle = "the same motion again after a rest tells whether it comes back; a stated noise_std shows smaller ones"
+    found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
+    return [f"{canonical(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
 
 
 def canonical(hypothesis: str) -> str:
