@@ -15,12 +15,12 @@ import yaml
 from cable_envs.errors import require_known
 from cable_envs.rigs import load_rig
 from cable_envs.setup import Setup
-from cablebench.export.recording import FILE, SIGNALS, check_folder
+from cablebench.export.recording import FILE, SIGNALS, channel_entry, check_folder
 from cablebench.store import write_atomic
 from diagnosis.proof import cable_hole, pulley_circuit
 from diagnosis.proof.excitation import reference
 from diagnosis.proof.sensors import stamps
-from diagnosis.recording import CHANNELS, SCHEMA
+from diagnosis.recording import SCHEMA
 
 GENERATORS: Mapping[str, Any] = {"cable_hole": cable_hole, "pulley_circuit": pulley_circuit}
 COMMAND = {"cable_hole": "drive_velocity_command", "pulley_circuit": "drive_angle_command"}
@@ -77,7 +77,9 @@ def write_concealed(
                 noise = setup.noise[rows.index(SIGNALS.get(system, {}).get(name, name))]
                 columns[name] += noise * rng.standard_normal(len(at))
         records.append(_write_table(folder, k, columns, k == len(motions) - 1))
-    return _write_yaml(folder, believed, records, {name: _channel(setup, name) for name in columns})
+    channels = {name: channel_entry(setup, name) for name in columns}
+    channels.get(COMMAND[system], {}).pop("hold", None)  # the generators' commands go from sample to sample
+    return _write_yaml(folder, believed, records, channels)
 
 
 def _values(setup: Setup) -> dict[str, float]:
@@ -117,13 +119,3 @@ def _write_yaml(folder: Path, believed: str, records: Sequence[Any], channels: M
         "system": rig.plant, "rig": believed, **told, "records": records, "channels": dict(channels),
     }  # fmt: skip
     return write_atomic(folder / FILE, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120))
-
-
-def _channel(setup: Any, name: str) -> dict[str, Any]:
-    system = setup.rig.plant
-    entry: dict[str, Any] = {"column": name, "unit": CHANNELS[system][name]}
-    rows = [s.name for s in setup.plant.signals]
-    signal = SIGNALS.get(system, {}).get(name, name)
-    if signal in rows and setup.noise[rows.index(signal)] > 0.0:
-        entry["noise_std"] = float(setup.noise[rows.index(signal)])
-    return entry

@@ -120,7 +120,7 @@ def write_recording(
         "known": _parameters(setup.rig, KNOWN[system]),
         "nominal": _parameters(setup.rig, NOMINAL[system]),
         "records": records,
-        "channels": {name: _channel(setup, name) for name in columns},
+        "channels": {name: channel_entry(setup, name) for name in columns},
     }
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
     return write_atomic(folder / FILE, text)
@@ -152,7 +152,8 @@ def channel_columns(setup: Setup, trace: Trace, sensors: Mapping[str, np.ndarray
     return columns
 
 
-def _channel(setup: Setup, name: str) -> dict[str, Any]:
+def channel_entry(setup: Setup, name: str) -> dict[str, Any]:
+    """A channel's entry in the YAML: in SI, with the noise that its sensor has; a simulator's command is held."""
     system = setup.rig.plant
     entry: dict[str, Any] = {"column": name, "unit": CHANNELS[system][name]}
     signal = SIGNALS.get(system, {}).get(name, name)
