@@ -98,7 +98,8 @@ def _hole(rng, names, known) -> TrueRig:
     rigid = "cable_stiffness" in known or (not names and rng.random() < 0.2)
     stiffness = 2e5 if rigid else _between(rng, 3e4, 9e4)
     spring = 0.0 if "load_stiffness" in known or rng.random() < 0.3 else _between(rng, 200.0, 800.0)
-    if names & {"load_dependent_friction", "stiffness_hardening", "bending_stiffness"}:
+    varied = names & {"load_dependent_friction", "stiffness_hardening", "bending_stiffness"}
+    if varied and "load_stiffness" not in known:  # else a further spring would be none beside one that is refitted
         spring = _between(rng, 400.0, 1000.0)  # tensions that vary
     mu, gain = rng.uniform(0.2, 0.5), 0.0
     damping = 2.0 * 0.1 * np.sqrt(min(stiffness, 1e5) * mass)

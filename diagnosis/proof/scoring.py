@@ -209,6 +209,7 @@ def table(results: Sequence[Result]) -> list[Row]:
     for band, reach in ((">10", 0.95), ("3-10", 0.0), ("1-3", 0.75)):
         own = [r for r in single if r.band == band]
         rows.append(_row(f"right name or class, effect adds {band} %", _in(own, right), ">=" if reach else "", reach))
+        rows += _by_noise(f"right name or class, {band} %", own, right)
         clear = [r for r in own if r.stands_out >= SEEN]
         rows.append(_row(f"the same, of those that stand out (gain {SEEN:g}), {band} %", _in(clear, right)))
         rows.append(_row(f"right name exactly, effect adds {band} %", _in(own, ("exact",))))
@@ -220,12 +221,14 @@ def table(results: Sequence[Result]) -> list[Row]:
     rows.append(_row("decoys answered with an effect", _in(decoys, ("wrong",)), "<=", 0.05))
     strange = [r for r in results if r.kind == "strange"]
     rows.append(_row('effects in no library answered "unknown"', _in(strange, ("unknown",)), ">=", 0.90))
+    rows += _by_noise('"unknown"', strange, ("unknown",))
     seen = [r for r in strange if r.stands_out >= SEEN]
     rows.append(
         _row(f"the same, of those that stand out (shape and noise known: gain {SEEN:g})", _in(seen, ("unknown",)))
     )
     pairs = [r for r in results if r.kind == "pair"]
     rows.append(_row("two effects at once, both right", _in(pairs, right), ">=", 0.70))
+    rows += _by_noise("both right", pairs, right)
     covered = [hit for r in results for _, hit in r.intervals]
     rows.append(_row("95 % intervals cover the truth", covered, ">=", 0.90, "90-98 % wanted"))
     held = [r.heldout for r in single if r.heldout is not None]
@@ -237,6 +240,16 @@ def table(results: Sequence[Result]) -> list[Row]:
         rows.append(_row(f"right name or class, {kind.replace('_', ' ')}", _in(own, right)))
     rows.append(_row("no verdict at all", _in(results, ("failed",)), "<=", 0.0))
     return rows
+
+
+def _by_noise(name: str, results: Sequence[Result], outcomes: Sequence[str]) -> list[Row]:
+    """White noise, which recordings state, and coloured noise, which they do not."""
+    white = [r for r in results if r.noise == "white"]
+    coloured = [r for r in results if r.noise != "white"]
+    return [
+        _row(f"{name}, white noise, stated", _in(white, outcomes)),
+        _row(f"{name}, coloured noise, not stated", _in(coloured, outcomes)),
+    ]
 
 
 def _in(results: Iterable[Result], outcomes: Sequence[str]) -> list[bool]:
