@@ -20,6 +20,7 @@ def _run(capsys, *arguments):
         (["--quick", "--cases", "3"], "exclude each other"),
         (["--no-tool", "--no-baselines"], "nothing to do"),
         (["--no-tool", "--system", "cable_hol"], "did you mean 'cable_hole'?"),
+        (["--no-tool", "--kind", "decoys"], "did you mean 'decoy'?"),
     ],
 )
 def test_bad_input_is_named(capsys, tmp_path, arguments, message):
@@ -59,6 +60,21 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
         file.write("1,2,3,4,5\n")
     code, _, err = _run(capsys, *arguments)
     assert code == 2 and "case-0001 changed since the keys were sealed" in err
+
+
+def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
+    pytest.importorskip("pysindy")
+    from diagnosis.proof import cases
+    from diagnosis.proof.cases import Case
+
+    two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
+    _, out, _ = _run(capsys, "--no-tool", "--kind", "decoy", "--first", "1", "--out", str(tmp_path / "p"), "--json")
+    record = json.loads(out)
+    assert [c["name"] for c in record["methods"]["no refit"]["cases"]] == ["case-0002"]
+    assert "--first 1 --kind decoy" in record["command"]
+    code, _, err = _run(capsys, "--no-tool", "--kind", "pair", "--out", str(tmp_path / "q"))
+    assert code == 2 and "no case of kind pair" in err and not (tmp_path / "q").exists()
 
 
 def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):

@@ -22,7 +22,12 @@ def proof(
     out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path("proof"),
     quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
     cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
-    first: Annotated[int | None, typer.Option(help="Only so many of the plan; its order is random.", min=1)] = None,
+    first: Annotated[
+        int | None, typer.Option(help="Only so many of what was asked for; the order is random.", min=1)
+    ] = None,
+    kind: Annotated[
+        list[str] | None, typer.Option(help="Only single, pair, nothing, decoy or strange; may be repeated.")
+    ] = None,
     system: Annotated[list[str] | None, typer.Option(help="Only this system; may be repeated.")] = None,
     seed: Annotated[int, typer.Option(help="Of the plan; calibration uses others.", min=0)] = 5,
     jobs: Annotated[int, typer.Option(help="Recordings at a time.", min=1)] = 1,
@@ -36,14 +41,19 @@ def proof(
     if not tool and not baselines:
         raise ConfigurationError("--no-tool and --no-baselines leave nothing to do")
     command = _tool_command() if tool else []
+    from diagnosis.proof.cases import KINDS
     from diagnosis.proof.effects import SYSTEMS
 
-    systems = tuple(dict.fromkeys(system or SYSTEMS))
+    systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
-    asked = _asked(quick, cases, first, systems, seed)
+    require_known("kind", kinds, KINDS)
+    asked = _asked(quick, cases, first, kinds if kind else (), systems, seed)
     methods = _methods(tool, baselines)
     try:
-        manifest = _make(out, _plan(quick, cases, first, systems, seed), jobs, asked)
+        wanted = [case for case in _plan(quick, cases, systems, seed) if case.kind in kinds][:first]
+        if not wanted:
+            raise ConfigurationError(f"no case of kind {', '.join(kinds)} is in this plan")
+        manifest = _make(out, wanted, jobs, asked)
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
@@ -73,25 +83,25 @@ def _methods(tool: bool, baselines: bool) -> list[str]:
     return ([TOOL] if tool else []) + (list(BASELINES) if baselines else [])
 
 
-def _asked(quick: bool, cases: int | None, first: int | None, systems: Sequence[str], seed: int) -> str:
+def _asked(
+    quick: bool, cases: int | None, first: int | None, kinds: Sequence[str], systems: Sequence[str], seed: int
+) -> str:
     words = ["cablebench", "proof"] + (["--quick"] if quick else [])
     words += ["--cases", str(cases)] if cases is not None else []
     words += ["--first", str(first)] if first is not None else []
+    for name in kinds:
+        words += ["--kind", name]
     for name in systems:
         words += ["--system", name]
     return shlex.join([*words, "--seed", str(seed)])
 
 
-def _plan(quick: bool, cases: int | None, first: int | None, systems: Sequence[str], seed: int) -> list[Any]:
+def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> list[Any]:
     from diagnosis.proof.cases import plan
 
     if quick:
-        wanted = plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
-    elif cases is not None:
-        wanted = plan(systems, cases, max(5 * cases, 10), seed)
-    else:
-        wanted = plan(systems, seed=seed)
-    return wanted[:first]
+        return plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
+    return plan(systems, seed=seed) if cases is None else plan(systems, cases, max(5 * cases, 10), seed)
 
 
 def _make(out: Path, wanted: Sequence[Any], jobs: int, asked: str) -> dict[str, Any]:
