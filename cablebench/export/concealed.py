@@ -77,9 +77,7 @@ def write_concealed(
                 noise = setup.noise[rows.index(SIGNALS.get(system, {}).get(name, name))]
                 columns[name] += noise * rng.standard_normal(len(at))
         records.append(_write_table(folder, k, columns, k == len(motions) - 1))
-    channels = {name: channel_entry(setup, name) for name in columns}
-    channels.get(COMMAND[system], {}).pop("hold", None)  # the generators' commands go from sample to sample
-    return _write_yaml(folder, believed, records, channels)
+    return _write_yaml(folder, believed, records, {name: channel_entry(setup, name) for name in columns})
 
 
 def _values(setup: Setup) -> dict[str, float]:

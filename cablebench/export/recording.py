@@ -112,6 +112,8 @@ def write_recording(
     if rig_file is not None:
         write_atomic(folder / rig, rig_file)
     system = setup.rig.plant
+    channels = {name: channel_entry(setup, name) for name in columns}
+    channels[COMMANDS[system, setup.action_mode.name]]["hold"] = "step"
     content = {
         "schema": SCHEMA,
         "description": _description(full, entrant, traces),
@@ -120,7 +122,7 @@ def write_recording(
         "known": _parameters(setup.rig, KNOWN[system]),
         "nominal": _parameters(setup.rig, NOMINAL[system]),
         "records": records,
-        "channels": {name: channel_entry(setup, name) for name in columns},
+        "channels": channels,
     }
     text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
     return write_atomic(folder / FILE, text)
@@ -153,15 +155,13 @@ def channel_columns(setup: Setup, trace: Trace, sensors: Mapping[str, np.ndarray
 
 
 def channel_entry(setup: Setup, name: str) -> dict[str, Any]:
-    """A channel's entry in the YAML: in SI, with the noise that its sensor has; a simulator's command is held."""
+    """A channel's entry in the YAML: in SI, with the noise that its sensor has."""
     system = setup.rig.plant
     entry: dict[str, Any] = {"column": name, "unit": CHANNELS[system][name]}
     signal = SIGNALS.get(system, {}).get(name, name)
     rows = [s.name for s in setup.plant.signals]
     if signal in rows and setup.noise[rows.index(signal)] > 0.0:
         entry["noise_std"] = float(setup.noise[rows.index(signal)])
-    if name == COMMANDS[system, setup.action_mode.name]:
-        entry["hold"] = "step"
     return entry
 
 
