@@ -15,6 +15,7 @@ deviance (`diagnosis.likelihood`) is what counts.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import correlate
@@ -54,6 +55,8 @@ class Regression:
         self.blocks, self.raw, self._whitener = blocks, judged.raw, judged.whitener
         self._span = basis(judged.fit.jacobian)
         self.white = self._freed(self._whitener.flat(blocks, judged.raw))
+        ends = np.cumsum([0, *(len(b.time) for b in blocks)])
+        self._rows = [slice(*pair) for pair in pairwise(ends)]
         self.channels = list(dict.fromkeys(b.channel for b in blocks))
 
     def of(self, channel: str) -> list[tuple[Block, np.ndarray]]:
@@ -62,7 +65,20 @@ class Regression:
 
     def filtered(self, columns: Columns) -> np.ndarray:
         """Functions as the residual is: whitened, and freed of what the parameters absorb [N, n]."""
-        return self._freed(self._whitener.flat(self.blocks, _of_blocks(self.blocks, columns)))
+        count = next(iter(columns.values())).shape[1]
+        white = np.zeros((len(self.white), count))
+        for block, rows in zip(self.blocks, self._rows, strict=True):
+            if id(block) in columns:
+                white[rows] = self._whitener.flat([block], [columns[id(block)]])
+        return self._freed(white)
+
+    def chance(self, columns: Columns) -> float:
+        """Fall of the whitened sum of squares by the functions, the noise being what it is."""
+        functions = self.filtered(columns)
+        sizes, turns = np.linalg.eigh(functions.T @ functions)
+        sound = sizes > 1e-12 * max(float(sizes[-1]), 1e-300)
+        parts = turns[:, sound].T @ (functions.T @ self.white)
+        return float(np.sum(parts**2 / sizes[sound]))
 
     def fall(self, channel: str, columns: Columns) -> float:
         """Of the channel's deviance when the functions are taken out and the noise is learnt from what is left."""
@@ -139,8 +155,7 @@ class _Family:
         rng, gains = np.random.default_rng(0), []
         for share in rng.uniform(0.1, 0.9, SHIFTS):
             turned = {key: np.roll(c, int(share * len(c)), axis=0) for key, c in self.columns.items()}
-            u = _decomposed(self.regression.filtered(turned))[0]
-            gains.append(float(np.sum((u.T @ self.regression.white) ** 2)))
+            gains.append(self.regression.chance(turned))
         return self.gain / max(float(np.mean(gains)) / self.rank, 1.0)
 
     def leftover(self) -> Leftover:

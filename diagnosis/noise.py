@@ -9,7 +9,8 @@ with a price for each. Whitened with the right model, what is left of a residual
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.signal import lfilter
@@ -25,23 +26,44 @@ _RECORDS = 10
 
 @dataclass(frozen=True)
 class Noise:
-    """Autoregression ``coefficients`` [order] and the standard deviation ``std`` of what drives it (channel's unit).
+    """Autoregression and the standard deviation ``std`` of what drives it (channel's unit).
 
-    ``numbers``: how many of them are free.
+    short   | coefficients [p] of the last values
+    means   | of the means of the last ``LONG[0]``, ``LONG[1]``, ... values
+    numbers | how many of them are free
     """
 
-    coefficients: np.ndarray
+    short: np.ndarray
     std: float
     numbers: int = 0
+    means: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @cached_property
+    def coefficients(self) -> np.ndarray:
+        """Of every lag [order]."""
+        lags = np.zeros(self.order)
+        lags[: len(self.short)] = self.short
+        for width, share in zip(LONG, self.means, strict=False):
+            lags[:width] += share / width
+        return lags
 
     @property
     def order(self) -> int:
-        """Number of coefficients."""
-        return len(self.coefficients)
+        """The longest lag, samples."""
+        return max([len(self.short), *LONG[: len(self.means)]])
 
     def whiten(self, series: np.ndarray) -> np.ndarray:
         """Series [T] or [T, n] as w; the first ``order`` samples, that have no whole past, are 0."""
-        white = lfilter(np.r_[1.0, -self.coefficients], [1.0], series, axis=0) / self.std
+        taps = np.r_[1.0, -self.short] / self.std
+        white = taps[0] * series
+        for lag, tap in enumerate(taps[1:], start=1):
+            white[lag:] += tap * series[:-lag]
+        if len(self.means):
+            sums = np.concatenate([np.zeros_like(series[:1]), np.cumsum(series, axis=0)])
+            now, end = slice(self.order, len(series)), len(series)
+            for width, share in zip(LONG, self.means, strict=False):
+                past = sums[now] - sums[self.order - width : end - width]
+                white[now] -= share / (width * self.std) * past
         white[: self.order] = 0.0
         return white
 
@@ -107,7 +129,7 @@ def learn_noise(residuals: Sequence[np.ndarray], max_order: int = MAX_ORDER) -> 
         score = count * np.log(variance) + PRICE * order
         if score < best[0]:
             best = (score, found, np.sqrt(variance))
-    return Noise(_as_lags(best[1], max_order), float(best[2]), len(best[1]))
+    return Noise(best[1][:max_order], float(best[2]), len(best[1]), best[1][max_order:])
 
 
 def _means(residual: np.ndarray, total: np.ndarray, rows: np.ndarray, width: int) -> np.ndarray:
@@ -118,12 +140,3 @@ def _means(residual: np.ndarray, total: np.ndarray, rows: np.ndarray, width: int
     sums, bad = np.cumsum(np.r_[0.0, clean]), np.cumsum(np.r_[0, ~np.isfinite(residual)])
     return np.where(bad[rows] > bad[rows - width], np.nan, (sums[rows] - sums[rows - width]) / width)
 
-
-def _as_lags(found: np.ndarray, max_order: int) -> np.ndarray:
-    """Coefficients of every lag from those of short lags and means."""
-    widths = LONG[: max(len(found) - max_order, 0)]
-    lags = np.zeros(max([min(len(found), max_order), *widths]))
-    lags[: min(len(found), max_order)] = found[:max_order]
-    for width, share in zip(widths, found[max_order:], strict=True):
-        lags[:width] += share / width
-    return lags

@@ -65,7 +65,7 @@ def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Map
 def diagnose_one(context: Any, name: str, out: str, method: str, command: Sequence[str] = ()) -> bool:
     """Job: the verdict of a method on one recording; whether there is one. A finished one is kept.
 
-    The tool (``command``, to which FOLDER --json --out DIR are added) works on a copy of the recording in an empty
+    The tool (``command``, to which FOLDER --json are added) works on a copy of the recording in an empty
     folder: nothing beside it tells what it is. Baselines run here.
     """
     file = Path(out, "verdicts", method, f"{name}.json")
@@ -89,7 +89,7 @@ def diagnose_one(context: Any, name: str, out: str, method: str, command: Sequen
 
 def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
     done = subprocess.run(
-        [*command, str(folder), "--json", "--out", str(place / "out")],
+        [*command, str(folder), "--json"],
         capture_output=True,
         text=True,
         timeout=LIMIT,
