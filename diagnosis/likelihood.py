@@ -1,8 +1,9 @@
 """How likely a recording is under a model: the noise of every channel, with its colour, is learnt from what is left.
 
-    deviance = sum over channels of  count ln(std^2) + 3 numbers
+    deviance = sum over channels of  count ln(std^2) + 3 numbers + surprise
 
-with the driving noise's ``std`` and how many numbers its colour has (`diagnosis.noise`): -2 times the logarithm of the
+with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
+waves (`diagnosis.noise`): -2 times the logarithm of the
 likelihood with the noise's own parameters at their best, and a price for them (Box, Jenkins, Time Series Analysis,
 ch. 7). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the
 noise of a rival.
@@ -41,7 +42,7 @@ def deviance(blocks: Sequence[Block], whitener: Whitener) -> float:
         own = [block.good for block in blocks if block.channel == channel]
         longest = memory([len(good) for good in own])
         count = sum(_usable(good, longest) for good in own)
-        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers
+        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers + noise.surprise
     return float(total)
 
 

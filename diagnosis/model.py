@@ -86,6 +86,8 @@ class Whitener:
             white = noise.whiten(np.where(good, values, 0.0))
             ready = np.convolve(~block.good, np.ones(noise.order + 1))[: len(block.good)] < 0.5
             ready[: noise.order] = False
+            if noise.lift and block.good.any():
+                white = white + noise.lift * values[block.good].mean(axis=0)
             parts.append(white * (ready if values.ndim == 1 else ready[:, None]))
         return np.concatenate(parts)
 

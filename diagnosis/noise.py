@@ -9,7 +9,7 @@ with a price for each. Whitened with the right model, what is left of a residual
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,8 @@ LONG = (16, 32, 64, 128)
 """Samples of the means; each comes with all shorter ones."""
 PRICE = 3.0
 """Of a coefficient, in the deviance: Akaike's is 2. Schwarz's, ln(count), leaves slow noise in that is then physics."""
+WAVES, LOWER = 8, 2.0
+"""Slowest waves of a record beside which its mean is held, and how much more power lies below them."""
 _RECORDS = 10
 """Memories that a record must hold for a mean to be used."""
 
@@ -31,12 +33,16 @@ class Noise:
     short   | coefficients [p] of the last values
     means   | of the means of the last ``LONG[0]``, ``LONG[1]``, ... values
     numbers | how many of them are free
+    lift    | what a record's mean counts for beyond what the autoregression makes of it, in 1 / unit
+    surprise| of the means of the residuals that it was learnt from: what they add to the deviance
     """
 
     short: np.ndarray
     std: float
     numbers: int = 0
     means: np.ndarray = field(default_factory=lambda: np.empty(0))
+    lift: float = 0.0
+    surprise: float = 0.0
 
     @cached_property
     def coefficients(self) -> np.ndarray:
@@ -129,7 +135,35 @@ def learn_noise(residuals: Sequence[np.ndarray], max_order: int = MAX_ORDER) -> 
         score = count * np.log(variance) + PRICE * order
         if score < best[0]:
             best = (score, found, np.sqrt(variance))
-    return Noise(best[1][:max_order], float(best[2]), len(best[1]), best[1][max_order:])
+    noise = Noise(best[1][:max_order], float(best[2]), len(best[1]), best[1][max_order:])
+    return _with_means(noise, residuals) if max_order == MAX_ORDER and noise.numbers else noise
+
+
+def _with_means(noise: Noise, residuals: Sequence[np.ndarray]) -> Noise:
+    """The same with what the records' means are worth beside their slowest waves (Student's t of a mean).
+
+    Power densities, unit^2 per sample: of the waves, of the autoregression at frequency 0, of each record's mean.
+    """
+    waves, means = zip(*(_slowest(r) for r in residuals), strict=True)
+    slow = LOWER * float(np.mean(np.concatenate(waves)))
+    freedom = sum(len(w) for w in waves)
+    taken = noise.std**2 / max((1.0 - float(np.sum(noise.coefficients))) ** 2, 1e-300)
+    if not freedom or not 0.0 < slow < taken:
+        return noise
+    lift = 1.0 / np.sqrt(slow) - 1.0 / np.sqrt(taken)
+    surprise = (1.0 - slow / taken) * (freedom + len(means)) * np.log1p(sum(means) / (freedom * slow))
+    return replace(noise, lift=float(lift), surprise=float(surprise))
+
+
+def _slowest(residual: np.ndarray) -> tuple[np.ndarray, float]:
+    """Power density of a record's `WAVES` slowest waves, each of two numbers, and of its mean."""
+    good = np.isfinite(residual)
+    count = int(good.sum())
+    if count < 10 * WAVES:
+        return np.empty(0), 0.0
+    mean = float(residual[good].mean())
+    spectrum = np.fft.rfft(np.where(good, residual - mean, 0.0))[1 : WAVES + 1]
+    return np.repeat(np.abs(spectrum) ** 2 / count, 2), count * mean**2
 
 
 def _means(residual: np.ndarray, total: np.ndarray, rows: np.ndarray, width: int) -> np.ndarray:
