@@ -54,6 +54,9 @@ HOLD = "control.hold"
 LONGEST_HOLD = 7e-4
 """Drives are controlled at 1 kHz or faster, and compute a while; what is later than this is a lag."""
 OFFSET = "force_offset"
+DAMPING = "belt_damping"
+_DAMPED = 0.2
+"""Damping ratio at which a belt is looked for."""
 _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
 _NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position", "load_dependent_friction", "slack")
@@ -317,7 +320,19 @@ def _hypotheses(plant, recording, values, nominals, request: Request, closed: bo
         gone.add("cable_elongation")  # a belt has two ends
     if not closed:
         gone |= {"sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag"}
-    return [h for h in found if h.name not in gone]
+    unsaid = "belt_damping" not in {*recording.known, *recording.nominal, *(request.rig or {})}
+    return [_damped(h, values) if unsaid and h.name == "cable_elongation" else h for h in found if h.name not in gone]
+
+
+def _damped(belt: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
+    """A belt with its damping: with the carriage's position fed back, one that has too little is not stable."""
+    reduced = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
+    probes = [
+        tuple({**one, DAMPING: 2.0 * _DAMPED * float(np.sqrt(one["belt_stiffness"] * reduced))} for one in probe)
+        for probe in belt.probes
+    ]
+    start = values[DAMPING]
+    return replace(belt, free=(*belt.free, Free(DAMPING, start, 1.0, 1e6, start)), probes=tuple(probes))
 
 
 def _rig(plant: Plant, values: Mapping[str, float], accepted: Sequence[str]) -> dict:
