@@ -8,7 +8,7 @@ import numpy as np
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
 from diagnosis.adequacy import Adequacy
-from diagnosis.confidence import confidence, interval
+from diagnosis.confidence import MOST, confidence, interval, most
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
@@ -39,7 +39,10 @@ def answer(
 ) -> Diagnosis:
     """The verdict. Where what is left is no noise, nothing is named, and the refit stands for the augmented model."""
     known = {**EFFECTS, **{e.name: e for e in own}}
-    found = tuple(_found(a, question, selection, known) for a in selection.accepted)
+    stated = any(
+        recording.channels[b.channel].noise_std for b in question.fit.blocks if b.channel in recording.channels
+    )
+    found = tuple(_found(a, question, selection, known, stated) for a in selection.accepted)
     verdict = selection.verdict
     named = verdict in ("named", "equivalence_class")
     final = selection.final if named else selection.null
@@ -90,7 +93,9 @@ def parameter_name(row: str, hypothesis: str, known: Mapping[str, Effect]) -> st
     return row.partition(".")[2] or row
 
 
-def _found(accepted: Accepted, question: Question, selection: Selection, known: Mapping[str, Effect]) -> Found:
+def _found(
+    accepted: Accepted, question: Question, selection: Selection, known: Mapping[str, Effect], stated: bool
+) -> Found:
     h, fit, rules = accepted.hypothesis, selection.final.fit, selection.rules
     parameters = {
         parameter_name(row, h.name, known): {
@@ -103,7 +108,8 @@ def _found(accepted: Accepted, question: Question, selection: Selection, known: 
     explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
     # where unseen records judge, what is left is known to be no noise, and counts against no answer
     left = 0.0 if selection.steps or selection.after.p_value >= rules.left_p else selection.after.excess / explained
-    sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left)
+    limit = MOST if selection.steps else most(stated, len(selection.accepted), accepted.gain)
+    sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left, limit)
     return Found(
         canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),
         h.experiment, h.name, accepted.gain, accepted.margin, accepted.heldout_gain,

@@ -173,4 +173,3 @@ def _means(residual: np.ndarray, total: np.ndarray, rows: np.ndarray, width: int
     clean = np.where(np.isfinite(residual), residual, 0.0)
     sums, bad = np.cumsum(np.r_[0.0, clean]), np.cumsum(np.r_[0, ~np.isfinite(residual)])
     return np.where(bad[rows] > bad[rows - width], np.nan, (sums[rows] - sums[rows - width]) / width)
-

@@ -61,8 +61,8 @@ class Rules:
     left_p    | familywise p-value below which what is left is not noise
     alone     | the same where nothing is named, as a factor: two formulations of one rig differ a little
     left      | share of all that was to be explained, which may be left when something is named
-    drifted   | the same when what changes with the elapsed time alone is, or a constant that still drifts: either explains
-              | much of a drift of another kind
+    drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
+              | explains much of a drift of another kind
     over      | RMS over the stated noise up to which a model may be right
     beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for

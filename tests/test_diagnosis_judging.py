@@ -44,10 +44,10 @@ def _white(model):
 def test_probes_go_nearer_to_the_size_and_along_what_hides_them():
     model = _white(Root(1.0, 1))
     null = refit_and_learn(model, [Start("", NOMINALS, {})])
-    far = Hypothesis("root_effect", (model.parameters[-1],), (({"root": 1000.0},),), nulls={"root": 0.0})
+    far = Hypothesis("root_effect", (model.parameters[-1],), (({"root": 300.0},),), nulls={"root": 0.0})
     found = screen(model, null, [far], np.random.default_rng(0))
     sizes = [s.directions[0]["root"] for s in found.scores]
-    assert sizes[0] == 1000.0 and min(abs(np.log(s)) for s in sizes) < np.log(3.0)
+    assert sizes[0] == 300.0 and min(abs(np.log(s)) for s in sizes) < np.log(3.0)
     nearest = min(found.scores, key=lambda s: abs(np.log(s.directions[0]["root"])))
     assert nearest.directions[0]["mass"] < null.fit.values["mass"]  # the mass had taken most of it
     assert 0.5 < nearest.amount[0] < 2.0
