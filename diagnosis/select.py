@@ -59,7 +59,7 @@ class Rules:
     alike     | the same as a share of its gain: the formulation of either is a little wrong
     declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
     left_p    | familywise p-value below which what is left is not noise
-    alone     | the same where nothing is named, as a factor: two formulations of one rig differ a little
+    alone     | least excess of what is left for "unknown" where nothing is named: two formulations differ a little
     left      | share of all that was to be explained, which may be left when something is named
     drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
               | explains much of a drift of another kind
@@ -80,7 +80,7 @@ class Rules:
     declared: float = 0.1
     left_p: float = 1e-6
     hidden_p: float = 1e-3
-    alone: float = 0.1
+    alone: float = 35.0
     left: float = 0.22
     drifted: float = 0.05
     over: float = 1.08
@@ -200,8 +200,7 @@ def _adequate(after: Adequacy, gain: float, rules: Rules, share: float) -> bool:
     """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
     if after.over_noise > rules.over + (rules.beside if gain > 0.0 else 0.0):
         return False
-    left_p = rules.left_p if gain > 0.0 else rules.alone * rules.left_p
-    return after.p_value >= left_p or after.excess < share * gain
+    return after.p_value >= rules.left_p or after.excess < (share * gain if gain > 0.0 else rules.alone)
 
 
 def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:

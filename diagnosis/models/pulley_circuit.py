@@ -6,12 +6,19 @@ are refitted: a command has no noise. Without it the drive follows its recorded 
 The plant is the chain of spans and contacts. The closed form lumps the friction of all idlers at the output, so that it
 has no slip fronts. On records with nothing wrong, made by a chain of another kind (`diagnosis.proof`), it leaves 3 to
 12 times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
+
+The plant's cables that harden have the tensile stiffness EA without tension; what is claimed and refitted here is that
+about the pretension T, which a rig shows:  EA (1 + c L),  L = 2 T / (1 + sqrt(1 + 2 c T)),  c: coefficient
+(`cable_envs.effects.stiffness_hardening`). Otherwise a refit has to bend EA, T and c along a narrow valley: a cable
+that grew 2.7 times as stiff by its pretension was answered with a scale of the torque.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
+from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
@@ -59,6 +66,9 @@ REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension
 """Refitted unless known. The inertia too: what rides along adds to it, and with it 6 % wrong the ring after each break
 away was explained by a payload (a gain of 260 where the friction that was missing gains 35)."""
 SERVO = ("servo_frequency", "servo_damping_ratio")
+STIFFNESS, HARDENING, PRETENSIONS = "tensile_stiffness", "stiffness_hardening.coefficient", (
+    "pretension_top", "pretension_bottom",
+)  # fmt: skip
 
 
 def prepare(recording: Recording, request: Request) -> Question:
@@ -74,6 +84,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         recording.require("drive_torque", purpose="the diagnosis of a circuit")
     plant = with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
     values = plant_values(recording, plant, request.rig)
+    values[STIFFNESS] *= float(_growth(values))
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
     names = [name for name in SIGNALS if name in channels and (commanded or name != "drive_angle")]
@@ -84,8 +95,31 @@ def prepare(recording: Recording, request: Request) -> Question:
     return Question(
         "pulley_circuit", models[0], models[1], tuple(p.name for p in nominals), servo, tuple(hypotheses),
         {name: plant.table[name].unit for name in found},
-        lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted),
+        lambda fitted, accepted: augmented_rig(plant, _without_tension({**values, **fitted}), accepted),
     )  # fmt: skip
+
+
+class CircuitModel(ReplayModel):
+    """The model of the module: its columns have the stiffness about the pretension."""
+
+    def as_plant(self, columns: np.ndarray) -> np.ndarray:
+        """Columns [len(table), n] as the plant takes them."""
+        table = self.plant.table
+        named = {name: columns[table.index(name)] for name in (STIFFNESS, HARDENING, *PRETENSIONS)}
+        if np.any(named[HARDENING]):
+            columns[table.index(STIFFNESS)] = _without_tension(named)[STIFFNESS]
+        return columns
+
+
+def _growth(values: Mapping[str, Any]) -> Any:
+    """Stiffness about the mean pretension over that without tension."""
+    tension = 0.5 * sum(values[name] for name in PRETENSIONS)
+    return 1.0 + values[HARDENING] * linear(tension, values[HARDENING])
+
+
+def _without_tension(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same with the stiffness without tension for that about the pretension."""
+    return {**values, STIFFNESS: values[STIFFNESS] / _growth(values)}
 
 
 def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
@@ -104,7 +138,7 @@ def _model(
     substeps = HELD_STEPS if command is not None and command.hold == "step" else substeps
     runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
     drive = "position" if "drive_angle_command" in recording.channels else "follow"
-    return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
+    return CircuitModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
 
 
 def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:

@@ -68,6 +68,7 @@ class ReplayModel:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         columns[self._rows] = values
+        columns = self.as_plant(columns)
         late = columns[self._late].copy()
         columns[self._late] = 0.0
         found = []
@@ -77,6 +78,10 @@ class ReplayModel:
                 _settle(run, self._shifts[k], out)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
+
+    def as_plant(self, columns: np.ndarray) -> np.ndarray:
+        """Columns [len(table), n] as the plant takes them, where a model's parameters mean something else."""
+        return columns
 
     def _seen(self, run: Run, columns: np.ndarray, late: np.ndarray) -> np.ndarray:
         """Signals [T, blocks, n] as sensors that are ``late`` [blocks, n] s show them.
