@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.optimize import brentq
 
 from cable_envs.errors import ConfigurationError
 from cable_envs.plants import plant_for
@@ -212,3 +213,39 @@ def test_parameters_and_the_rig_found(made):
     assert again["backlash.gap"] == 1e-3
     question = prepare(recording, Request(rig={**rig.values, **rig.effects}))
     assert "backlash" not in {h.name for h in question.hypotheses}
+
+
+def _curved(stiffness, pretension, curvature):
+    """Tool's coefficient of T = pre + EA e + EA curvature e^2 about the pretension, e the strain beyond it.
+
+    With T = L (1 + c L / 2), L = L0 + k e:  k = EA / (1 + c L0),  c k^2 / 2 = EA curvature,  pre = L0 (1 + c L0 / 2).
+    """
+
+    def beyond(c):
+        at_rest = 2.0 * pretension / (1.0 + np.sqrt(1.0 + 2.0 * c * pretension))
+        return 0.5 * c * (stiffness / (1.0 + c * at_rest)) ** 2 - stiffness * curvature
+
+    return brentq(beyond, 1e-9, 1.0)
+
+
+def test_a_cable_that_hardens_has_its_stiffness_about_its_pretension(tmp_path):
+    key = make(Case("hard", 4714, "pulley_circuit", "single", ("stiffness_hardening",), ">10"), tmp_path)
+    recording = load_recording(tmp_path)
+    question = prepare(recording)
+    true = {
+        name: key["true_nominal"].get(name, recording.value(name)) for name in ("tensile_stiffness", "pretension_top")
+    }
+    (curvature,) = key["effects"][0]["changes"].values()
+    coefficient = _curved(true["tensile_stiffness"], true["pretension_top"], curvature)
+    name = "stiffness_hardening.coefficient"
+    assert max(_over_noise(question.fit, key, {name: coefficient}).values()) < 1.1
+    assert max(_over_noise(question.fit, key).values()) > 1.3
+
+    values = {p.name: p.start for p in question.fit.parameters} | key["true_nominal"] | {name: coefficient}
+    rig = load_rig(question.rig(values, ["stiffness_hardening"]))
+    assert rig.values["tensile_stiffness"] < 0.9 * true["tensile_stiffness"]  # the plant's is that without tension
+    again = prepare(recording, Request(rig={**rig.values, **rig.effects}))
+    first = question.fit.predict(np.array([[values[p.name]] for p in question.fit.parameters]))
+    second = again.fit.predict(np.array([[p.start] for p in again.fit.parameters]))
+    for block, a, b in zip(question.fit.blocks, first, second, strict=True):
+        np.testing.assert_allclose(b, a, rtol=0.0, atol=1e-6 * np.ptp(block.measured))
