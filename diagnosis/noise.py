@@ -145,10 +145,10 @@ def _with_means(noise: Noise, residuals: Sequence[np.ndarray]) -> Noise:
     Power densities, unit^2 per sample: of the waves, of the autoregression at frequency 0, of each record's mean.
     """
     waves, means = zip(*(_slowest(r) for r in residuals), strict=True)
-    slow = LOWER * float(np.mean(np.concatenate(waves)))
     freedom = sum(len(w) for w in waves)
+    slow = LOWER * sum(float(w.sum()) for w in waves) / max(freedom, 1)
     taken = noise.std**2 / max((1.0 - float(np.sum(noise.coefficients))) ** 2, 1e-300)
-    if not freedom or not 0.0 < slow < taken:
+    if not 0.0 < slow < taken:
         return noise
     lift = 1.0 / np.sqrt(slow) - 1.0 / np.sqrt(taken)
     surprise = (1.0 - slow / taken) * (freedom + len(means)) * np.log1p(sum(means) / (freedom * slow))

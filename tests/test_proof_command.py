@@ -77,6 +77,39 @@ def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
     assert code == 2 and "no case of kind pair" in err and not (tmp_path / "q").exists()
 
 
+def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
+    pytest.importorskip("pysindy")
+    from diagnosis.proof import cases
+    from diagnosis.proof.cases import Case
+
+    two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
+    found = {}
+    for name, part in {"whole": (), "one": ("--first", "1"), "two": ("--after", "1")}.items():
+        _, out, _ = _run(capsys, "--no-tool", "--out", str(tmp_path / name), *part, "--json")
+        found[name] = json.loads(out)
+    files = [str(tmp_path / name / "proof.json") for name in ("one", "two")]
+    join = ["--no-tool", "--join", files[0], "--join"]
+    code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
+    joined = json.loads(out)
+    assert code == 0 and joined["methods"] == found["whole"]["methods"] and joined["cases_total"] == 2
+    assert joined["command"] == f"{found['one']['command']}; {found['two']['command']}"
+    assert (tmp_path / "all" / "proof.md").is_file()
+
+    (tmp_path / "other.json").write_text(json.dumps({**found["two"], "plan": {**found["two"]["plan"], "seed": 9}}))
+    (tmp_path / "none.json").write_text("{}")
+    for file, message in (
+        (files[0], "in more than one part: case-0001"),
+        (str(tmp_path / "other.json"), "of different plans"),
+        (str(tmp_path / "none.json"), "no proof.json of schema"),
+        (str(tmp_path / "gone.json"), "cannot be read"),
+    ):
+        code, _, err = _run(capsys, *join, file, "--out", str(tmp_path / "bad"))
+        assert code == 2 and message in err.replace("\n", " ") and not (tmp_path / "bad").exists()
+    code, _, err = _run(capsys, "--no-tool", "--after", "2", "--out", str(tmp_path / "bad"))
+    assert code == 2 and "--after 2 leaves none of 2 cases" in err
+
+
 def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
     """A tool that cries wolf: the command runs it on a copy that holds the recording and nothing else."""
     from diagnosis.proof import cases

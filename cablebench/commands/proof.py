@@ -2,7 +2,7 @@
 
 import shlex
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -25,6 +25,12 @@ def proof(
     first: Annotated[
         int | None, typer.Option(help="Only so many of what was asked for; the order is random.", min=1)
     ] = None,
+    after: Annotated[
+        int, typer.Option(help="Not the first so many: parts of a proof run on several machines or days.", min=0)
+    ] = 0,
+    join: Annotated[
+        list[Path] | None, typer.Option(help="proof.json of a part; repeated, the parts become one and nothing runs.")
+    ] = None,
     kind: Annotated[
         list[str] | None, typer.Option(help="Only single, pair, nothing, decoy or strange; may be repeated.")
     ] = None,
@@ -40,26 +46,35 @@ def proof(
         raise ConfigurationError("--quick and --cases exclude each other")
     if not tool and not baselines:
         raise ConfigurationError("--no-tool and --no-baselines leave nothing to do")
+    if join:
+        if _joined(out, join, as_json) and tool:
+            raise typer.Exit(1)
+        return
     command = _tool_command() if tool else []
     from diagnosis.proof.cases import KINDS
     from diagnosis.proof.effects import SYSTEMS
+    from diagnosis.proof.run import scored
 
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
     require_known("kind", kinds, KINDS)
-    asked = _asked(quick, cases, first, kinds if kind else (), systems, seed)
+    asked = _asked(quick, cases, after, first, kinds if kind else (), systems, seed)
     methods = _methods(tool, baselines)
     try:
-        wanted = [case for case in _plan(quick, cases, systems, seed) if case.kind in kinds][:first]
+        wanted = [case for case in _plan(quick, cases, systems, seed) if case.kind in kinds]
         if not wanted:
             raise ConfigurationError(f"no case of kind {', '.join(kinds)} is in this plan")
+        if after >= len(wanted):
+            raise ConfigurationError(f"--after {after} leaves none of {len(wanted)} cases")
+        wanted = wanted[after:][:first]
         manifest = _make(out, wanted, jobs, asked)
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
-    broken = _report(out, manifest, methods, asked, quick, as_json)
-    if broken and tool:
+    results = {method: scored(out, manifest, method) for method in methods}
+    plan = {"seed": seed, "systems": systems, "cases": cases, "quick": quick}
+    if _report(out, results, {"command": asked, "plan": plan}, quick, as_json) and tool:
         raise typer.Exit(1)
 
 
@@ -84,10 +99,12 @@ def _methods(tool: bool, baselines: bool) -> list[str]:
 
 
 def _asked(
-    quick: bool, cases: int | None, first: int | None, kinds: Sequence[str], systems: Sequence[str], seed: int
-) -> str:
+    quick: bool, cases: int | None, after: int, first: int | None, kinds: Sequence[str], systems: Sequence[str],
+    seed: int,
+) -> str:  # fmt: skip
     words = ["cablebench", "proof"] + (["--quick"] if quick else [])
     words += ["--cases", str(cases)] if cases is not None else []
+    words += ["--after", str(after)] if after else []
     words += ["--first", str(first)] if first is not None else []
     for name in kinds:
         words += ["--kind", name]
@@ -128,20 +145,31 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
                 update(method, k, len(wanted))
 
 
-def _report(
-    out: Path, manifest: dict[str, Any], methods: list[str], asked: str, quick: bool, as_json: bool
-) -> list[str]:
+def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
+    """The report of several parts of one proof; the fail rules that it breaks.
+
+    Raises ConfigurationError for what is no proof.json, parts of several plans, and cases that are in two parts.
+    """
+    from diagnosis.proof.report import parts_of, together
+
+    records = parts_of(parts)
+    plan = {**records[0]["plan"]}
+    commands = "; ".join(record["command"] for record in records)
+    return _report(out, together(records), {"command": commands, "plan": plan}, bool(plan["quick"]), as_json)
+
+
+def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
+    """Write ``results`` by method; the fail rules that the first of them breaks."""
     from cablebench.proof_page import render
     from cablebench.store import jsonable, write_atomic
     from diagnosis.proof import report
-    from diagnosis.proof.run import scored
 
-    results = {method: scored(out, manifest, method) for method in methods}
-    about = {"command": asked, "cases_total": len(manifest["cases"]), "sample": quick}
+    about = {**about, "cases_total": len(next(iter(results.values()))), "sample": quick}
     whole = jsonable(report.record(results, about))
     text = report.markdown(results, about)
     import json
 
+    out.mkdir(parents=True, exist_ok=True)
     write_atomic(out / "proof.json", json.dumps(whole, indent=1, allow_nan=False) + "\n")
     write_atomic(out / "proof.md", text)
     write_atomic(out / "proof.html", render(whole))

@@ -1,10 +1,13 @@
 """The proof as one JSON record and as a table in Markdown."""
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
-from diagnosis.proof.scoring import Result, Row, calibration, confusion, failures, table
+from cable_envs.errors import ConfigurationError
+from diagnosis.proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
 
@@ -22,6 +25,36 @@ def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) ->
         for method, own in results.items()
     }
     return {"schema": SCHEMA, **about, "broken_rules": failures(first, bool(about.get("sample"))), "methods": methods}
+
+
+def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
+    """Records of the parts of one proof. Raises ConfigurationError where they are none, or not of one plan."""
+    found: list[dict[str, Any]] = []
+    for file in files:
+        try:
+            content = json.loads(file.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as problem:
+            raise ConfigurationError(f"{file} cannot be read as a proof.json: {problem}") from None
+        if not isinstance(content, dict) or content.get("schema") != SCHEMA or "plan" not in content:
+            raise ConfigurationError(f"{file} is no proof.json of schema {SCHEMA} that says its plan")
+        if found and (content["plan"], [*content["methods"]]) != (found[0]["plan"], [*found[0]["methods"]]):
+            raise ConfigurationError(
+                f"{file} and {files[0]} are of different plans or methods: parts of one proof join"
+            )
+        found.append(content)
+    names = [case["name"] for record in found for case in next(iter(record["methods"].values()))["cases"]]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise ConfigurationError(f"in more than one part: {', '.join(twice[:3])}")
+    return found
+
+
+def together(parts: Sequence[Mapping[str, Any]]) -> dict[str, list[Result]]:
+    """Results of all parts by method."""
+    return {
+        method: [restored(c) for part in parts for c in part["methods"][method]["cases"]]
+        for method in parts[0]["methods"]
+    }
 
 
 def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> str:

@@ -52,6 +52,14 @@ class Result:
     """largest RMSE of the augmented model over the channel's true noise"""
 
 
+def restored(case: Mapping[str, Any]) -> Result:
+    """A `Result` from its JSON."""
+    lists = {name: tuple(map(tuple, case[name])) for name in ("claims", "intervals")}
+    names = {name: tuple(case[name]) for name in ("truth", "concealment", "answer")}
+    seen = case["stands_out"]
+    return Result(**{**case, **lists, **names, "stands_out": float("inf") if seen is None else float(seen)})
+
+
 def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
     """Score one verdict against its key."""
     case = key["case"]
