@@ -285,19 +285,29 @@ def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
         if noise is not None and noise <= 0:
             raise ConfigurationError(f"{where}: noise_std must be positive, got {noise:g}")
         noise = None if noise is None else noise * factor
-        free = entry.get("offset_free")
-        if free is not None and (not isinstance(free, str) or name == "time"):
-            raise ConfigurationError(
-                f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
-            )
-        hold = str(entry.get("hold", "line"))
-        require_known(f"hold in {where}", [hold], HOLDS)
-        if hold == "step" and not name.endswith("_command"):
-            raise ConfigurationError(f"{where}: 'hold: step' is for commands (..._command); a sensor holds nothing")
         found[name] = Channel(
-            name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise, offset_free=free,
-            note=str(entry.get("note", "")), hold=hold,
+            name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise,
+            offset_free=offset_free(entry, name, where), note=str(entry.get("note", "")), hold=hold(entry, name, where),
         )  # fmt: skip
+    return found
+
+
+def offset_free(entry: Mapping[str, Any], name: str, where: str) -> str | None:
+    """What says for which records a channel's zero is one; None: it is known. Raises ConfigurationError."""
+    free = entry.get("offset_free")
+    if free is not None and (not isinstance(free, str) or name == "time"):
+        raise ConfigurationError(
+            f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
+        )
+    return free
+
+
+def hold(entry: Mapping[str, Any], name: str, where: str) -> str:
+    """How a channel goes on between its samples, of `HOLDS`. Raises ConfigurationError."""
+    found = str(entry.get("hold", "line"))
+    require_known(f"hold in {where}", [found], HOLDS)
+    if found == "step" and not name.endswith("_command"):
+        raise ConfigurationError(f"{where}: 'hold: step' is for commands (..._command); a sensor holds nothing")
     return found
 
 

@@ -122,6 +122,18 @@ def test_decimal_commas_between_commas_cannot_be_told_apart(tmp_path):
     )
 
 
+def test_a_command_may_be_held(tmp_path):
+    entries = {n: e for n, e in MAPPING["channels"].items() if n != "drive_angle"}
+    command = {"drive_angle_command": {"column": "q", "unit": "deg", "hold": "step"}}
+    recording, _ = take(save(tmp_path, lines_of(signals()), channels=entries | command))
+    assert (
+        recording.channels["drive_angle_command"].hold == "step" and recording.channels["output_angle"].hold == "line"
+    )
+    (tmp_path / "wrong").mkdir()
+    command["drive_angle_command"]["hold"] = "steps"
+    refused(save(tmp_path / "wrong", lines_of(signals()), channels=entries | command), "hold.*'steps'.*step")
+
+
 def test_a_missing_column_and_a_missing_mapping_are_named(tmp_path):
     save(tmp_path, ["t,q,jaws,F", "0,1,2,3", "1,1,2,3"])
     refused(tmp_path, "run.csv: no column 'jaw'; did you mean 'jaws'")

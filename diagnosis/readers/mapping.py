@@ -30,7 +30,7 @@ from cable_envs.params import is_number, to_si
 from diagnosis.entries import read_conditions
 from diagnosis.readers.base import ChannelSpec
 from diagnosis.readers.text import DELIMITERS, Layout
-from diagnosis.recording import CHANNELS, USES
+from diagnosis.recording import CHANNELS, USES, hold, offset_free
 
 SCHEMA = "cable-mapping/1"
 _KEYS = ("schema", "system", "description", "rig", "known", "nominal", "layout", "channels", "records", "group",
@@ -142,13 +142,14 @@ def _spec(name: str, entry: Mapping[str, Any], system: str, where: str) -> Chann
         raise ConfigurationError(f"{where}: noise_std must be positive, got {numbers['noise_std']:g}")
     turned = "sign turned" if sign == -1 else ""
     note = "; ".join(part for part in (turned, str(entry.get("note", ""))) if part)
-    free = entry.get("offset_free")
+    held = hold(entry, name, where) if "hold" in entry else None
     column = "" if isinstance(entry.get("column"), int) else str(entry.get("column", ""))
     if sign == -1 and "offset" in numbers:
         numbers["offset"] = -numbers["offset"]
     return ChannelSpec(
-        name, unit, sign * scale, **numbers, offset_free=free, hold=entry.get("hold"), note=note, column=column
-    )
+        name, unit, sign * scale, **numbers, offset_free=offset_free(entry, name, where), hold=held, note=note,
+        column=column,
+    )  # fmt: skip
 
 
 def _number(value: Any, where: str) -> float:
