@@ -18,7 +18,6 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
@@ -113,8 +112,9 @@ class CircuitModel(ReplayModel):
 
 def _growth(values: Mapping[str, Any]) -> Any:
     """Stiffness about the mean pretension over that without tension."""
-    tension = 0.5 * sum(values[name] for name in PRETENSIONS)
-    return 1.0 + values[HARDENING] * linear(tension, values[HARDENING])
+    tension, coefficient = 0.5 * sum(values[name] for name in PRETENSIONS), values[HARDENING]
+    linear = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * coefficient * tension))  # the kernel's function is of scalars
+    return 1.0 + coefficient * linear
 
 
 def _without_tension(values: Mapping[str, Any]) -> dict[str, Any]:
