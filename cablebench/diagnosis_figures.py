@@ -87,7 +87,7 @@ def along(traces: Sequence[Any], place: Mapping[str, Any] | None, named: bool) -
         axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         height = figure.get_size_inches()[1]
         figure.subplots_adjust(
-            left=0.085, right=0.99, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45, wspace=0.08
+            left=0.1, right=0.99, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45, wspace=0.08
         )
 
     return svg(draw, 9.6, 0.6 + 1.75 * -(-len(names) // 3), {})
