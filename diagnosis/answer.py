@@ -8,7 +8,7 @@ import numpy as np
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
 from diagnosis.adequacy import Adequacy
-from diagnosis.confidence import MOST, confidence, interval, most
+from diagnosis.confidence import MOST, confidence, highest, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
@@ -108,7 +108,7 @@ def _found(
     explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
     # where unseen records judge, what is left is known to be no noise, and counts against no answer
     left = 0.0 if selection.steps or selection.after.p_value >= rules.left_p else selection.after.excess / explained
-    limit = MOST if selection.steps else most(stated, len(selection.accepted), accepted.gain)
+    limit = MOST if selection.steps else highest(stated, len(selection.accepted), accepted.gain)
     sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left, limit)
     return Found(
         canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),

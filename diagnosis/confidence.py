@@ -22,7 +22,7 @@ RIVAL, NOISE, LEFT = 2.0, 2.0, 3.0
 """Scales: of the margin, of the gain beyond what was asked for, and of the share that is left."""
 
 
-def most(stated: bool, effects: int, gain: float) -> float:
+def highest(stated: bool, effects: int, gain: float) -> float:
     """The most that is claimed of one of ``effects`` that gained so much; stated: the noise's size is."""
     if effects > 1:
         return SECOND

@@ -3,10 +3,9 @@
     deviance = sum over channels of  count ln(std^2) + 3 numbers + surprise
 
 with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
-waves (`diagnosis.noise`): -2 times the logarithm of the
-likelihood with the noise's own parameters at their best, and a price for them (Box, Jenkins, Time Series Analysis,
-ch. 7). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as colour of the
-noise of a rival.
+waves (`diagnosis.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
+a price for them (Box, Jenkins, Time Series Analysis, ch. 7). Each model is judged with the noise that it leaves, so
+that a mismatch cannot pass as colour of the noise of a rival.
 """
 
 from collections.abc import Sequence

@@ -40,13 +40,13 @@ AGAINST, AGAINST_SHARE = 4.0, 0.02
 """Rise of the held-out sum of squares that speaks against an effect: at least, and as a share of its gain."""
 MOMENT = 0.5
 """Share of a gain that one sample may bring. Of 96 effects that were there none had more than 0.22 from one; where a
-load sticks and slips, a spike in one sample gained 567 as friction (recordings that no proof uses)."""
+load sticks and slips, a spike in one sample gained 567 as friction (recordings that are spent for proofs)."""
 LIKE_ANY = "something drifts with the elapsed time"
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What is asked of an answer; found on recordings that no proof uses (docs/diagnosis.md).
+    """What is asked of an answer; found on recordings that are spent for proofs (docs/diagnosis.md).
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
     coloured  | the same where no noise is stated: its colour, learnt, takes what lasts, of a bias all but some 40

@@ -89,7 +89,7 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
         _, out, _ = _run(capsys, "--no-tool", "--out", str(tmp_path / name), *part, "--json")
         found[name] = json.loads(out)
     files = [str(tmp_path / name / "proof.json") for name in ("one", "two")]
-    join = ["--no-tool", "--join", files[0], "--join"]
+    join = ["--join", files[0], "--join"]
     code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
     joined = json.loads(out)
     assert code == 0 and joined["methods"] == found["whole"]["methods"] and joined["cases_total"] == 2
@@ -106,6 +106,8 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     ):
         code, _, err = _run(capsys, *join, file, "--out", str(tmp_path / "bad"))
         assert code == 2 and message in err.replace("\n", " ") and not (tmp_path / "bad").exists()
+    code, _, err = _run(capsys, *join, files[1], "--after", "1", "--out", str(tmp_path / "bad"))
+    assert code == 2 and "only --out and --json" in err.replace("\n", " ")
     code, _, err = _run(capsys, "--no-tool", "--after", "2", "--out", str(tmp_path / "bad"))
     assert code == 2 and "--after 2 leaves none of 2 cases" in err
 

@@ -47,7 +47,9 @@ def proof(
     if not tool and not baselines:
         raise ConfigurationError("--no-tool and --no-baselines leave nothing to do")
     if join:
-        if _joined(out, join, as_json) and tool:
+        if quick or cases or first or after or kind or system:
+            raise ConfigurationError("--join takes finished parts: beside it only --out and --json mean something")
+        if _joined(out, join, as_json):
             raise typer.Exit(1)
         return
     command = _tool_command() if tool else []
@@ -146,16 +148,18 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
 
 
 def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
-    """The report of several parts of one proof; the fail rules that it breaks.
+    """The report of several parts of one proof; the fail rules that the tool breaks.
 
     Raises ConfigurationError for what is no proof.json, parts of several plans, and cases that are in two parts.
     """
     from diagnosis.proof.report import parts_of, together
+    from diagnosis.proof.run import TOOL
 
     records = parts_of(parts)
-    plan = {**records[0]["plan"]}
-    commands = "; ".join(record["command"] for record in records)
-    return _report(out, together(records), {"command": commands, "plan": plan}, bool(plan["quick"]), as_json)
+    about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
+    results = together(records)
+    broken = _report(out, results, about, bool(about["plan"]["quick"]), as_json)
+    return broken if TOOL in results else []
 
 
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:

@@ -8,9 +8,9 @@ has no slip fronts. On records with nothing wrong, made by a chain of another ki
 12 times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
 
 The plant's cables that harden have the tensile stiffness EA without tension; what is claimed and refitted here is that
-about the pretension T, which a rig shows:  EA (1 + c L),  L = 2 T / (1 + sqrt(1 + 2 c T)),  c: coefficient
-(`cable_envs.effects.stiffness_hardening`). Otherwise a refit has to bend EA, T and c along a narrow valley: a cable
-that grew 2.7 times as stiff by its pretension was answered with a scale of the torque.
+about the pretension T, which a rig shows:  EA (1 + c L) = EA sqrt(1 + 2 c T),  as T = L (1 + c L / 2)
+(`cable_envs.effects.stiffness_hardening`, c: its coefficient). Otherwise a refit has to bend EA, T and c along a narrow
+valley: a cable that grew 2.7 times as stiff by its pretension was answered with a scale of the torque.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,9 +65,8 @@ REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension
 """Refitted unless known. The inertia too: what rides along adds to it, and with it 6 % wrong the ring after each break
 away was explained by a payload (a gain of 260 where the friction that was missing gains 35)."""
 SERVO = ("servo_frequency", "servo_damping_ratio")
-STIFFNESS, HARDENING, PRETENSIONS = "tensile_stiffness", "stiffness_hardening.coefficient", (
-    "pretension_top", "pretension_bottom",
-)  # fmt: skip
+STIFFNESS, HARDENING = "tensile_stiffness", "stiffness_hardening.coefficient"
+PRETENSIONS = ("pretension_top", "pretension_bottom")
 
 
 def prepare(recording: Recording, request: Request) -> Question:
@@ -112,9 +111,8 @@ class CircuitModel(ReplayModel):
 
 def _growth(values: Mapping[str, Any]) -> Any:
     """Stiffness about the mean pretension over that without tension."""
-    tension, coefficient = 0.5 * sum(values[name] for name in PRETENSIONS), values[HARDENING]
-    linear = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * coefficient * tension))  # the kernel's function is of scalars
-    return 1.0 + coefficient * linear
+    tension = 0.5 * sum(values[name] for name in PRETENSIONS)
+    return np.sqrt(1.0 + 2.0 * values[HARDENING] * tension)
 
 
 def _without_tension(values: Mapping[str, Any]) -> dict[str, Any]:
