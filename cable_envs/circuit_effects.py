@@ -3,7 +3,7 @@
 import numpy as np
 
 from cable_envs.effects.position_ripple import wave
-from cable_envs.effects.presliding_hysteresis import begin, follow
+from cable_envs.effects.presliding_hysteresis import begin, damping, follow
 from cable_envs.effects.rows import (
     GAP,
     HARDENING,
@@ -77,7 +77,7 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     up, down = select(partial, idlers, up), select(partial, idlers, down)
     rising, falling = select(bent, own, rising), select(bent, own, falling)
     k = select(partial, k_idlers, 0.0) + select(bent, k_own, 0.0)
-    c = sqrt(maximum(k, 0.0) * inertia)
+    c = damping(k, inertia)
     least = -inertia / dt  # falling friction drives; what is left must still resist
     damping_up = maximum(damping_up + g[STEEP, i], least) + c
     damping_down = maximum(damping_down + g[STEEP, i], least) + c

@@ -5,7 +5,8 @@ what follows e, s and g are None without effects: what asks for them is then lef
 """
 
 from cable_envs.contact import tension_ratio_and_slope, wrap_in_contact  # noqa: I001
-from cable_envs.effects.rows import COULOMB, CREEP_T, HARDENING, PRESLIDING, SLACK_LENGTH
+from cable_envs.effects.presliding_hysteresis import share
+from cable_envs.effects.rows import COULOMB, CREEP_T, HARDENING, PRESLIDING, PRE_0, SLACK_LENGTH
 from cable_envs.effects.seams import DOWN, FOLLOWS, IMPOSES, STEEP, TARGET, TARGET_V, UP, dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.friction import stick_slip_step
@@ -13,7 +14,7 @@ from cable_envs.hole_effects import cable_end, engaged, moves_otherwise
 from cable_envs.hole_parameters import (
     A_MAX, C_CABLE, GUIDE, KD, KP, K_CABLE, MASS, PEAK, RIGIDITY, SLACK, SPAN_K, T1, T2, VX, V_MAX, X,
 )  # fmt: skip
-from cable_envs.kernels import clip, inline, maximum, select
+from cable_envs.kernels import clip, exp, inline, log, maximum, select
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, MODE
 
 (S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, ABOVE_T, K, C, BEHIND, BEHIND_K, BEHIND_C,
@@ -90,6 +91,18 @@ def transmitted(v, above, n, inv_n, resist):
     """Tension behind a hole: on the friction limit when sliding, what keeps the balance when stuck."""
     low, high = above * inv_n, above * n
     return select(v > 0.0, low, select(v < 0.0, high, clip(resist, low, high)))
+
+
+@inline
+def mobilised(n, inv_n, part):
+    """(T2/T1, how much that is above a straight line from n to 1/n, growth of this with ``part``).
+
+    ``part``: share of the friction that opposes upward motion, in [0, 1]. With the friction coefficient mobilised by
+    2 part - 1 everywhere in the contact, the tension changes by n^(1 - 2 part).
+    """
+    power = log(n)
+    bent = exp((1.0 - 2.0 * part) * power)
+    return bent, bent - n - part * (inv_n - n), n - inv_n - 2.0 * power * bent
 
 
 @inline
@@ -186,9 +199,11 @@ def slip_speed(w, e, s, g, i, dt, theta, last):
     v_new = stick_slip_step(v, w[INERTIA, i], up, down, stiffness, damping_up, damping_down, dt, theta)
     if e is not None:  # noqa: SIM102 (this alone is decided before the compiler sees it)
         if last:
+            _, beside, steeper = mobilised(n, inv_n, share(s, PRE_0, i))
+            at_rest = 0.5 + 0.5 * (middle - w[BEHIND, i]) / maximum(middle * log(n), 1e-12)
             bent = presliding_step(
                 e, s, i, v, w[INERTIA, i], up, down, w[BEHIND_K, i] + k * n, k * (inv_n - n), damping_up, damping_down,
-                dt, theta,
+                dt, theta, middle * beside, middle * steeper, maximum(at_rest, 0.0),
             )  # fmt: skip
             v_new = select(e[PRESLIDING, i] > 0.0, bent, v_new)
     return v_new

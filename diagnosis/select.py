@@ -41,6 +41,8 @@ AGAINST, AGAINST_SHARE = 4.0, 0.02
 MOMENT = 0.5
 """Share of a gain that one sample may bring. Of 96 effects that were there none had more than 0.22 from one; where a
 load sticks and slips, a spike in one sample gained 567 as friction (recordings that are spent for proofs)."""
+NOTHING = 1.0
+"""Fall of the deviance that a number brings by chance in one recording of three."""
 LIKE_ANY = "something drifts with the elapsed time"
 
 
@@ -308,6 +310,7 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
             for c in rivals
             if worth - c.worth < _apart(hypothesis, c.hypothesis, gain, rules)
             and not bounded(c.hypothesis, c.judged.fit)
+            and not _ends_as(c, hypothesis, gain)
         ]
         equal = tuple(c.hypothesis.name for c in close)
         margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
@@ -319,9 +322,22 @@ def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted
 
 def _apart(one: Hypothesis, other: Hypothesis, gain: float, rules: Rules) -> float:
     """Fall of the deviance by which ``one``, that gains so much, must beat ``other`` to be told from it."""
-    name, rival = one.name.split(".")[0], other.name.split(".")[0]
-    share = rules.declared if rival in one.confusable or name in other.confusable else rules.alike
+    share = rules.declared if _declared_alike(one, other) else rules.alike
     return max(rules.margin, share * gain)
+
+
+def _ends_as(candidate: Candidate, one: Hypothesis, gain: float) -> bool:
+    """Whether a refitted hypothesis has become ``one``, which gains so much: it looks like it, and what shapes it more
+    brings nothing. A Stribeck curve that does not fall below the fastest speed is Coulomb's friction by another name.
+    """
+    other = candidate.hypothesis
+    fuller = len(other.names) - len(other.nulls) > len(one.names) - len(one.nulls)
+    return fuller and _declared_alike(one, other) and candidate.gain < gain + NOTHING
+
+
+def _declared_alike(one: Hypothesis, other: Hypothesis) -> bool:
+    name, rival = one.name.split(".")[0], other.name.split(".")[0]
+    return rival in one.confusable or name in other.confusable
 
 
 def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:

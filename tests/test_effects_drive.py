@@ -76,7 +76,7 @@ def test_friction_never_gives_energy(case):
         state[PLANT.row("velocity")] = state[PLANT.row("motor_velocity")] = speed
         values = PLANT.table.pack(changes)[:, None]
         out = replay(
-            PLANT, values, np.zeros(200), PERIOD, drive="force", signals=["velocity"], state=state
+            PLANT, values, np.zeros(400), PERIOD, drive="force", signals=["velocity"], state=state
         )[:, 0, 0]  # fmt: skip
         energy = out**2
         assert energy[0] <= speed**2 + 1e-12 and energy[-1] < 1e-6

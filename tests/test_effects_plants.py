@@ -65,6 +65,31 @@ def test_hole_tensions_in_steady_motion(case):
         assert end[0] == pytest.approx(tension, rel=2e-3)  # what is left of the start
 
 
+@pytest.mark.parametrize("contact", [0.3, -0.3])
+def test_hole_at_rest_gives_way_at_the_friction_of_the_way_it_goes(contact):
+    """Slowly hauled in or paid out from rest, the load stays until the tension is what moves it that way."""
+    changes = {"asymmetric_friction.contact": contact, "cable_damping": 2000.0}
+    up = WEIGHT * ratio(1.5, 0.43 * (1 + contact), math.pi / 3)
+    down = WEIGHT / ratio(1.5, 0.43 * (1 - contact), math.pi / 3)
+    for speed, tension in ((2e-4, up), (-2e-4, down)):
+        pull, moved = _hole(speed, 4.0, ["drive_tension", "load_position"], **changes).T
+        goes = int(np.argmax(moved != 0.0))
+        off, limit = np.abs(pull[: goes + 1] - WEIGHT), abs(tension - WEIGHT)
+        assert off[-2] < limit < off[-1] < 1.02 * limit  # a sample's pull is 0.12 N
+
+
+def test_hole_friction_builds_up_as_a_growing_coefficient():
+    """Slowly from rest: elements half bent, T1 = W n^(2 s - 1), the load where the mean element has the share s."""
+    width = 4e-4
+    changes = {"presliding_hysteresis.displacement": width, "cable_damping": 2000.0}
+    for speed in (1e-4, -1e-4):
+        pull, moved = _hole(speed, 8.0, ["drive_tension", "load_position"], **changes).T
+        elements = [np.clip(0.5 + 4.0 * moved / (k * width), 0.0, 1.0) for k in (1, 2, 3, 4)]
+        share = np.mean(elements, axis=0)
+        assert np.ptp(share) > 0.49  # nearly all of it
+        assert pull == pytest.approx(WEIGHT * N ** (2.0 * share - 1.0), rel=3e-3)  # half of that is the start's swing
+
+
 def test_hole_cable_law_of_hardening_slack_and_creep():
     """At rest under the weight: stretch of T = k s (1 + c k s / 2), the surplus, and the creep that has settled."""
     plain = 2 * WEIGHT / (1 + math.sqrt(1 + 2 * 0.02 * WEIGHT)) / 60e3

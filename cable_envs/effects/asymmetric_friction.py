@@ -20,7 +20,8 @@ EFFECT = Effect(
     ),
     plants=PLANTS,
     validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force; contact: "
-    "the lay of the strands, an edge that is rounder on one side; at rest the mean of both directions holds",
+    "the lay of the strands, an edge that is rounder on one side; at rest that"
+    " of the direction in which it would break away",
     experiment="the same in both directions with the force sensor checked outside, unloaded and by a weight",
     confusable=("sensor_bias", "sensor_scale", "coulomb_friction", "position_dependent_load"),
 )  # fmt: skip

@@ -7,6 +7,7 @@ from cable_envs.effects.actuator_lag import keep, lagged
 from cable_envs.effects.asymmetric_friction import levels
 from cable_envs.effects.friction_drift import drifted
 from cable_envs.effects.presliding_hysteresis import begin as begin_elements
+from cable_envs.effects.presliding_hysteresis import damping as elastic_damping
 from cable_envs.effects.presliding_hysteresis import follow, share, slope
 from cable_envs.effects.rows import (
     COMMAND_STATE,
@@ -27,7 +28,7 @@ from cable_envs.effects.rows import (
 )  # fmt: skip
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import kept
-from cable_envs.kernels import clip, inline, maximum, select, sqrt
+from cable_envs.kernels import clip, inline, maximum, select
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, FOLLOW, IMPOSED, MODE, RAMPED
 
 (ASKED, ASKED_RATE, RAMP, MEAN, LAG_LEFT, CREEP_LEFT, FACTOR, FOLLOWS, IMPOSES, START, START_V, TARGET, TARGET_V, UP,
@@ -115,10 +116,13 @@ def held_back(g, i, net, v):
 
 
 @inline
-def elastic(s, first, i, v, up, down, width):
-    """(force, stiffness) of a friction between ``up`` and ``down`` that builds up over ``width``."""
+def elastic(s, first, i, v, up, down, width, beside=0.0, steeper=0.0):
+    """(force, stiffness) of a friction between ``up`` and ``down`` that builds up over ``width``.
+
+    Where the force is not in proportion to the share: what it has more, and its growth with the share.
+    """
     spread = down - up
-    return down - share(s, first, i) * spread, spread * slope(s, first, i, v, width)
+    return down - share(s, first, i) * spread + beside, (spread - steeper) * slope(s, first, i, v, width)
 
 
 @inline
@@ -127,7 +131,7 @@ def elastic_step(v, mass, force, stiffness, damping, friction_stiffness, dt, the
 
     ``friction_stiffness`` is the part of ``stiffness`` that the friction has; it comes with a damping of its own.
     """
-    own = sqrt(maximum(friction_stiffness, 0.0) * mass)
+    own = elastic_damping(friction_stiffness, mass)
     part = theta * dt
     gain = dt / (mass + part * (damping + own + part * stiffness))
     return v + gain * (force - own * v - part * stiffness * v)
@@ -135,16 +139,19 @@ def elastic_step(v, mass, force, stiffness, damping, friction_stiffness, dt, the
 
 @inline
 def presliding_step(
-    e, s, i, v, mass, up, down, stiffness, turning, damping_up, damping_down, dt, theta=0.5
+    e, s, i, v, mass, up, down, stiffness, turning, damping_up, damping_down, dt, theta=0.5, beside=0.0, steeper=0.0,
+    first=-1.0,
 ):  # fmt: skip
     """Velocity after a step with dry friction that builds up over a distance; its elements are moved on.
 
     up, down: net force with all friction against upward and against downward motion; ``stiffness`` of the rest where
-    friction is all downward, and what it has more (``turning``) where it is all upward.
+    friction is all downward, and what it has more (``turning``) where it is all upward. beside, steeper: as `elastic`;
+    first: share at the start, if not the one at which a force in proportion to it is in balance.
     """
     width = e[PRESLIDING, i]
-    begin_elements(s, PRE_0, i, s[STARTED, i], clip(down / maximum(down - up, 1e-12), 0.0, 1.0))
-    force, own = elastic(s, PRE_0, i, v, up, down, width)
+    even = select(first >= 0.0, first, down / maximum(down - up, 1e-12))
+    begin_elements(s, PRE_0, i, s[STARTED, i], clip(even, 0.0, 1.0))
+    force, own = elastic(s, PRE_0, i, v, up, down, width, beside, steeper)
     part = share(s, PRE_0, i)
     damping = damping_down + part * (damping_up - damping_down)
     v_new = elastic_step(v, mass, force, stiffness + part * turning + own, damping, own, dt, theta)

@@ -42,8 +42,8 @@ from cable_envs.hole_parameters import (
 from cable_envs.hole_pieces import (
     ABOVE_NEW, ABOVE_OLD, ABOVE_V, ABOVE_V_NEW, BEHIND, BEHIND_C, BEHIND_K, C, ELASTIC, ENDS, FRICTION, GROWTH,
     HARD, INERTIA, K, LOST, MIDDLE, MU, OUT, PER_MASS, RATIO, RISE, ROWS_W, S, SLOPE, V, any_stiff, closed_loop,
-    drawn_in, drive, guide_moved, keep_hole, ratio, record, slip_speed, span, span_behind, take_hole, transmitted,
-    wrapped,
+    drawn_in, drive, guide_moved, keep_hole, mobilised, ratio, record, slip_speed, span, span_behind, take_hole,
+    transmitted, wrapped,
 )  # fmt: skip
 from cable_envs.kernels import LANES, inline, jit, load, maximum, power, select, sign, store, tile
 from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, ActionMode, Plant
@@ -101,7 +101,8 @@ def _pull(p, u, w, e, g, i, theta):
         extra, growth = excess_at(e[CONTACT_EXCESS, i], e[STRIBECK_V, i], v)
         exponent, over = e[LOAD_EXPONENT, i], maximum(w[MIDDLE, i], 0.1) / maximum(p[WEIGHT, i], 0.1)
         factor = g[FACTOR, i] * select(exponent != 0.0, power(over, exponent), 1.0)
-        factor *= 1.0 + e[LOPSIDED, i] * sign(v)
+        towards = select(v == 0.0, w[MIDDLE, i] - w[BEHIND, i], v)  # at rest: where it would break away to
+        factor *= 1.0 + e[LOPSIDED, i] * sign(towards)
         coulomb = (w[MU, i] + extra) * factor + own_contact(speed, w[MIDDLE, i], e, i)
         w[FRICTION, i] = coulomb + steep * speed
         w[GROWTH, i] = p[OMEGA, i] * steep + factor * growth
@@ -127,8 +128,7 @@ def _load_moved(x, p, u, w, e, s, i, tension, inv_n):
     x[Y, i], x[VY, i], x[SLIDING, i] = y, v, sign(v)
     x[T2, i] = transmitted(v, tension, w[RATIO, i], inv_n, _load_resistance(p, u, w, e, i, y, v))
     if e is not None:
-        low, high = tension * inv_n, tension * w[RATIO, i]
-        bent = high + share(s, PRE_0, i) * (low - high)
+        bent = tension * mobilised(w[RATIO, i], inv_n, share(s, PRE_0, i))[0]
         x[T2, i] = select(e[PRESLIDING, i] > 0.0, bent, x[T2, i])
         s[STARTED, i] = 1.0
 
@@ -194,6 +194,13 @@ def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
                 for i in range(lanes):
                     ahead = _ahead(p, u, w, e, g, i, dt) if holes == 1 else w[V, i]
                     drive(x, p, u, w, e, s, g, i, ahead, dt)
+            following = Y if h >= holes - 2 else row + HOLE_X
+            if last:
+                for i in range(lanes):
+                    _load_behind(p, u, w, e, i)
+            else:
+                for i in range(lanes):
+                    span_behind(x, p, w, i, following, dt)
             for i in range(lanes):
                 _pull(p, u, w, e, g, i, theta)
             wrapped(p, w, lanes, bends)
@@ -201,7 +208,6 @@ def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
                 ratio(w, i)
             if last:
                 for i in range(lanes):
-                    _load_behind(p, u, w, e, i)
                     tension, inv_n = _slip(w, e, s, g, i, dt, theta, True)
                     _load_moved(x, p, u, w, e, s, i, tension, inv_n)
                     if holes == 1:
@@ -209,9 +215,7 @@ def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
                         if e is not None:
                             drawn_in(x, p, w, e, s, g, i, dt)
             else:
-                following = Y if h == holes - 2 else row + HOLE_X
                 for i in range(lanes):
-                    span_behind(x, p, w, i, following, dt)
                     tension, inv_n = _slip(w, e, s, g, i, dt, theta, False)
                     guide_moved(x, p, w, i, row, tension, inv_n)
                     if h == 0:

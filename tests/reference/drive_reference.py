@@ -52,7 +52,7 @@ class Drive:
         up, down = self.limits(self.v)
         stiffness = sum((up + down) / 4 / (2 * s) for d, s in self.springs if abs(d) < s or d * self.v < 0)
         force = sum((up + down) / 2 * d / s / 4 for d, s in self.springs) + (up - down) / 2
-        return force + math.sqrt(stiffness * mass) * self.v
+        return force + 0.1 * math.sqrt(stiffness * mass) * self.v
 
     def slide(self, net, mass):
         """Speed after a step under set-valued dry friction."""
