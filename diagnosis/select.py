@@ -32,6 +32,8 @@ DRIFTS = ("friction_drift",)
 and a sagging supply gained 41 to 74 as such (recordings that no proof uses)."""
 CONSTANT = ("sensor_scale", "sensor_bias")
 """Effects that are none where they change with the elapsed time: a warming sensor is no scale."""
+WHOLE = ("sensor_rectification",)
+"""Effects whose largest size is all of it, no end of a search: a sensor can do no more than turn all signs round."""
 BEYOND_DOUBT = 100.0
 """Fall of the deviance from which an effect's size is not its null, whatever the interval of its slope says."""
 OUTLYING = 5.0
@@ -350,9 +352,11 @@ def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
 
 
 def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
-    """Parameters of the hypothesis that ended on a bound; a size at its null is on none."""
+    """Parameters of the hypothesis that ended on a bound; a size at its null is on none, nor one that is `WHOLE`."""
     shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
-    return shape + [n for n in fit.at_bounds if n in hypothesis.nulls and fit.values[n] != hypothesis.nulls[n]]
+    whole = hypothesis.name.split(".")[0] in WHOLE
+    sizes = [] if whole else [n for n in fit.at_bounds if n in hypothesis.nulls]
+    return shape + [n for n in sizes if fit.values[n] != hypothesis.nulls[n]]
 
 
 def objection(hypothesis: Hypothesis, fit: Fit, heldout_gain: float, gain: float = 0.0) -> str:
