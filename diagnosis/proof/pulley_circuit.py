@@ -20,7 +20,7 @@ from diagnosis.proof.numerics import Table, indices, jit, slipped, tension_ratio
 STEP = 5e-5
 CLOCK = 1e-3
 _SUBSTEPS = round(CLOCK / STEP)
-STIFF = 4e-5
+STIFF = 1e-5
 """rad, of the output's sticking."""
 ROPE = 0.02
 """kg at an idler: far more than the rope's own, so that its vibration is resolved, and too little to be measured."""
