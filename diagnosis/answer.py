@@ -12,11 +12,12 @@ from diagnosis.confidence import MOST, confidence, highest, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
-from diagnosis.model import Model, residuals
+from diagnosis.model import Free, Model, residuals
 from diagnosis.models.question import Question
 from diagnosis.noise import jitter
 from diagnosis.places import located, permuted
 from diagnosis.recording import Recording
+from diagnosis.refit import Fit
 from diagnosis.screen import Score
 from diagnosis.select import LIKE_ANY, Accepted, Selection
 from diagnosis.verdict import Diagnosis, Found, Trace
@@ -100,9 +101,9 @@ def _found(
     parameters = {
         parameter_name(row, h.name, known): {
             "value": fit.values[row], "unit": question.units[row], "row": row,
-            "ci95": list(interval(fit, row, h.nulls.get(row, 0.0), accepted.gain if row in h.nulls else 0.0)),
+            "ci95": list(answered_interval(fit, p, h.nulls.get(row, 0.0), accepted.gain if row in h.nulls else 0.0)),
         }
-        for row in h.names
+        for row, p in zip(h.names, h.free, strict=True)
     }  # fmt: skip
     others = tuple(dict.fromkeys(canonical(n) for n in accepted.alternatives))
     explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
@@ -114,6 +115,12 @@ def _found(
         canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),
         h.experiment, h.name, accepted.gain, accepted.margin, accepted.heldout_gain,
     )  # fmt: skip
+
+
+def answered_interval(fit: Fit, parameter: Free, null: float, gain: float) -> tuple[float, float]:
+    """`confidence.interval` of a parameter, within what it can be."""
+    low, high = interval(fit, parameter.name, null, gain)
+    return max(low, parameter.low), min(high, parameter.high)
 
 
 def _floors(recording: Recording, model: Model, selection: Selection) -> dict[str, float]:

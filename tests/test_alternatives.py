@@ -1,0 +1,66 @@
+"""Which names stand beside the best one, and which ends of a range are none of a search."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from diagnosis.answer import answered_interval
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.model import Free
+from diagnosis.select import select
+from tests.diagnosis_toy import PARAMETERS, Toy
+
+COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)
+EXCESS, VELOCITY = Free("excess", 0.0, 0.0, 100.0, 1.0), Free("velocity", 0.02, 1e-3, 1e3, 0.02)
+LAWS = [
+    Hypothesis(
+        "coulomb_friction", (COULOMB,), (({"coulomb": 1.0},),), confusable=("stribeck_friction",),
+        nulls={"coulomb": 0.0},
+    ),
+    Hypothesis(
+        "stribeck_friction", (EXCESS, VELOCITY),
+        tuple(({"excess": 1.0, "velocity": v},) for v in (0.02, 0.08, 0.3, 5.0)), nulls={"excess": 0.0},
+    ),
+]  # fmt: skip
+
+
+def _selected(truth, hypotheses, **own):
+    """`select` on a toy whose model knows neither friction; ``own``: parameters of its own by name."""
+    models = []
+    for seed, records in ((1, 2), (51, 1)):
+        model = Toy({"coulomb": 0.0, **truth}, seed, records)
+        mine = {"coulomb": COULOMB, "velocity": VELOCITY, **own}
+        model.parameters = tuple(mine.get(p.name, p) for p in PARAMETERS)
+        models.append(model)
+    return select(*models, ("mass", "viscous"), hypotheses, np.random.default_rng(0), stated={"force": 0.3})
+
+
+def test_a_fuller_law_that_ended_in_a_simpler_one_is_no_alternative():
+    found = _selected({"coulomb": 1.0}, LAWS)
+    (race,) = [r for r in found.tried if len(r) > 1]
+    gains = {c.hypothesis.name: c.gain for c in race}
+    assert gains["stribeck_friction"] == pytest.approx(gains["coulomb_friction"], abs=4.0)  # it fits as well
+    (only,) = found.accepted
+    assert only.hypothesis.name == "coulomb_friction" and only.alternatives == ()
+    # undeclared, or without a shape of its own, what fits as well stays beside it
+    alone = [replace(LAWS[0], confusable=()), LAWS[1]]
+    assert _selected({"coulomb": 1.0}, alone).accepted[0].alternatives == ("stribeck_friction",)
+
+
+def test_a_law_whose_shape_shows_is_named_itself():
+    (only,) = _selected({"excess": 2.0, "velocity": 0.05}, LAWS).accepted
+    assert only.hypothesis.name == "stribeck_friction" and only.alternatives == ()
+
+
+@pytest.mark.parametrize("name, verdict", [("sensor_rectification.force", "named"), ("bias", "no_detectable_mismatch")])
+def test_all_of_an_effect_is_no_end_of_a_search(name, verdict):
+    """The truth is at the upper bound: of a sensor that turns signs round, or of a search that ended too early."""
+    most = Free("bias", 0.0, 0.0, 0.5, 0.5)
+    hypothesis = Hypothesis(name, (most,), (({"bias": 0.5},),), nulls={"bias": 0.0})
+    found = _selected({"bias": 0.55}, [hypothesis], bias=most)
+    assert found.verdict == verdict or (verdict != "named" and not found.accepted)
+    assert [a.hypothesis.name for a in found.accepted] == ([name] if verdict == "named" else [])
+    if found.accepted:
+        low, high = answered_interval(found.final.fit, most, 0.0, found.accepted[0].gain)
+        assert 0.4 < low < 0.5 and high == 0.5
