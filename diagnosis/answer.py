@@ -40,9 +40,7 @@ def answer(
 ) -> Diagnosis:
     """The verdict. Where what is left is no noise, nothing is named, and the refit stands for the augmented model."""
     known = {**EFFECTS, **{e.name: e for e in own}}
-    stated = any(
-        recording.channels[b.channel].noise_std for b in question.fit.blocks if b.channel in recording.channels
-    )
+    stated = any(b.channel in recording.noise for b in question.fit.blocks)
     found = tuple(_found(a, question, selection, known, stated) for a in selection.accepted)
     verdict = selection.verdict
     named = verdict in ("named", "equivalence_class")
@@ -132,8 +130,7 @@ def _floors(recording: Recording, model: Model, selection: Selection) -> dict[st
     if selection.steps:
         seen = {n: np.concatenate([b.measured[b.good] for b in model.blocks if b.channel == n]) for n in floors}
         floors = {name: jitter(values) for name, values in seen.items()}
-    stated = {name: recording.channels[name].noise_std for name in floors if name in recording.channels}
-    return {name: stated.get(name) or floor for name, floor in floors.items()}
+    return {name: recording.noise.get(name, floor) for name, floor in floors.items()}
 
 
 def _traces(question: Question, null: Judged, final: Judged, floors: Mapping[str, float]) -> tuple[Trace, ...]:

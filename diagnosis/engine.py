@@ -114,7 +114,7 @@ def examine(
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about, request.own)
     steps.forget()
-    hint = limited_by_the_model(question.fit, selection, _stated(recording)) if judge == "noise" else ""
+    hint = limited_by_the_model(question.fit, selection, recording.noise) if judge == "noise" else ""
     notes = (*found.notes, hint) if hint else found.notes
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
@@ -202,12 +202,8 @@ def selected(
 ) -> Selection:  # fmt: skip
     """The best model by a criterion, under the noise that the recording states."""
     predicted = {b.channel for b in question.fit.blocks}
-    stated = {n: s for n, s in _stated(recording).items() if n in predicted}
+    stated = {n: s for n, s in recording.noise.items() if n in predicted}
     asked = (question.fit, question.heldout, question.nominals, question.hypotheses)
     if judge == "unseen":
         return select_unseen(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
     return select(*asked, rng, stated=stated, tell=tell, keep=steps)
-
-
-def _stated(recording: Recording) -> dict[str, float]:
-    return {n: c.noise_std for n, c in recording.channels.items() if c.noise_std is not None}

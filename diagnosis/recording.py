@@ -173,6 +173,15 @@ class Recording:
                 return source[name].value
         return self.rig.values.get(name) if self.rig else None
 
+    def holds(self, channel: str) -> bool:
+        """Whether a channel is there and acts in steps, each held until the next."""
+        return channel in self.channels and self.channels[channel].hold == "step"
+
+    @property
+    def noise(self) -> dict[str, float]:
+        """Channel -> standard deviation of its noise in SI, where the recording states it."""
+        return {name: c.noise_std for name, c in self.channels.items() if c.noise_std is not None}
+
     def offset_groups(self, channel: str) -> dict[str, tuple[str, ...]]:
         """Names of the records that share a free offset of ``channel``, by a key; empty where its offset is known."""
         free = self.channels[channel].offset_free

@@ -20,8 +20,8 @@ EFFECT = Effect(
     ),
     plants=PLANTS,
     validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force; contact: "
-    "the lay of the strands, an edge that is rounder on one side; at rest that"
-    " of the direction in which it would break away",
+    "the lay of the strands, an edge that is rounder on one side; at rest that of "
+    "the way it would go",
     experiment="the same in both directions with the force sensor checked outside, unloaded and by a weight",
     confusable=("sensor_bias", "sensor_scale", "coulomb_friction", "position_dependent_load"),
 )  # fmt: skip

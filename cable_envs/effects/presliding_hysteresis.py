@@ -7,7 +7,8 @@ from cable_envs.kernels import clip, inline, maximum, select, sqrt
 EFFECT = Effect(
     name="presliding_hysteresis",
     seam="contact",
-    equation="s_k' = 4 v / (k displacement), held in [0, 1], k = 1..4; F = F_down + mean(s) (F_up - F_down)",
+    equation="s_k' = 4 v / (k displacement), held in [0, 1], k = 1..4; F = F_down + mean(s) (F_up - F_down); hole: "
+    "T2 = T1 n^(1 - 2 mean(s))",
     source="generalised Maxwell-slip: Al-Bender, Lampaert, Swevers, IEEE TAC 50 (2005) 1883; a damping while "
     "elastic: Canudas de Wit et al., IEEE TAC 40 (1995) 419, here a tenth of their sqrt(K m)",
     parameters=(

@@ -43,8 +43,7 @@ def _stated_is_white(recording: Recording, question: Question) -> None:
     """
     for model in (question.fit, question.heldout):
         for k, block in enumerate(model.blocks):
-            channel = recording.channels.get(block.channel)
-            if channel is not None and channel.noise_std is not None:
+            if block.channel in recording.noise:
                 model.blocks[k] = replace(block, memory=0)
 
 

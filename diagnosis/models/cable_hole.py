@@ -105,8 +105,7 @@ def _model(
 ) -> ReplayModel:  # fmt: skip
     turn = period * float(np.sqrt(values["cable_stiffness"] / values["load_mass"]))
     substeps = int(np.clip(np.ceil(turn / 0.07), *SUBSTEPS))
-    command = recording.channels.get("drive_velocity_command")
-    substeps = HELD_STEPS if command is not None and command.hold == "step" else substeps
+    substeps = HELD_STEPS if recording.holds("drive_velocity_command") else substeps
     runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
@@ -117,9 +116,9 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
     early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values))
-    hold = "ramp"
-    if "drive_velocity_command" in seen and recording.channels["drive_velocity_command"].hold == "step":
-        command, rate, hold = held_command(record, "drive_velocity_command", time, period, 0.0), None, "step"
+    hold = "step" if recording.holds("drive_velocity_command") else "ramp"
+    if hold == "step":
+        command, rate = held_command(record, "drive_velocity_command", time, period, 0.0), None
     elif "drive_velocity_command" in seen:
         usable = record.usable("drive_velocity_command")
         spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])

@@ -132,8 +132,7 @@ def _model(
 ) -> ReplayModel:  # fmt: skip
     steps = period / STEP * float(np.sqrt(max(values["tensile_stiffness"] / EASY, 1.0)))
     substeps = max(int(np.ceil(steps - 1e-3)), 2)
-    command = recording.channels.get("drive_angle_command")
-    substeps = HELD_STEPS if command is not None and command.hold == "step" else substeps
+    substeps = HELD_STEPS if recording.holds("drive_angle_command") else substeps
     runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
     drive = "position" if "drive_angle_command" in recording.channels else "follow"
     return CircuitModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
@@ -142,10 +141,10 @@ def _model(
 def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     early = at_first(time, seen[next(n for n in PLACES if n in seen)].values)
-    hold = "ramp"
-    if "drive_angle_command" in seen and recording.channels["drive_angle_command"].hold == "step":
+    hold = "step" if recording.holds("drive_angle_command") else "ramp"
+    if hold == "step":
         at_rest = seen["drive_angle" if "drive_angle" in seen else "drive_angle_command"].values[0]
-        command, rate, hold = held_command(record, "drive_angle_command", time, period, at_rest), None, "step"
+        command, rate = held_command(record, "drive_angle_command", time, period, at_rest), None
     elif "drive_angle_command" in seen:
         command, rate = seen["drive_angle_command"].values, None
     else:
