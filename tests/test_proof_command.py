@@ -6,6 +6,7 @@ import pytest
 
 from cablebench.cli import main
 from cablebench.commands import proof as command
+from diagnosis.proof.run import state
 
 
 def _run(capsys, *arguments):
@@ -62,6 +63,19 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
     assert code == 2 and "case-0001 changed since the keys were sealed" in err
 
 
+def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
+    pytest.importorskip("pysindy")
+    from diagnosis.proof import cases, run
+    from diagnosis.proof.cases import Case
+
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
+    arguments = ("--no-tool", "--out", str(tmp_path / "p"))
+    assert _run(capsys, *arguments)[0] == 0 and _run(capsys, *arguments)[0] == 0
+    monkeypatch.setattr(run, "state", lambda: "another")
+    code, _, err = _run(capsys, *arguments)
+    assert code == 2 and "the tool changed since the keys were sealed" in err
+
+
 def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
     from diagnosis.proof import cases
@@ -93,14 +107,17 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
     joined = json.loads(out)
     assert code == 0 and joined["methods"] == found["whole"]["methods"] and joined["cases_total"] == 2
+    assert joined["state"] == found["one"]["state"] == state()
     assert joined["command"] == f"{found['one']['command']}; {found['two']['command']}"
-    assert (tmp_path / "all" / "proof.md").is_file()
+    assert f"`{state()}`" in (tmp_path / "all" / "proof.md").read_text(encoding="utf-8")
 
     (tmp_path / "other.json").write_text(json.dumps({**found["two"], "plan": {**found["two"]["plan"], "seed": 9}}))
+    (tmp_path / "later.json").write_text(json.dumps({**found["two"], "state": "another"}))
     (tmp_path / "none.json").write_text("{}")
     for file, message in (
         (files[0], "in more than one part: case-0001"),
         (str(tmp_path / "other.json"), "of different plans"),
+        (str(tmp_path / "later.json"), "by different states of the tool"),
         (str(tmp_path / "none.json"), "no proof.json of schema"),
         (str(tmp_path / "gone.json"), "cannot be read"),
     ):

@@ -55,7 +55,7 @@ def proof(
     command = _tool_command() if tool else []
     from diagnosis.proof.cases import KINDS
     from diagnosis.proof.effects import SYSTEMS
-    from diagnosis.proof.run import scored
+    from diagnosis.proof.run import scored, state
 
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
@@ -69,14 +69,15 @@ def proof(
         if after >= len(wanted):
             raise ConfigurationError(f"--after {after} leaves none of {len(wanted)} cases")
         wanted = wanted[after:][:first]
-        manifest = _make(out, wanted, jobs, asked)
+        manifest = _make(out, wanted, jobs, {"plan": asked, "state": state()})
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
     results = {method: scored(out, manifest, method) for method in methods}
     plan = {"seed": seed, "systems": systems, "cases": cases, "quick": quick}
-    if _report(out, results, {"command": asked, "plan": plan}, quick, as_json) and tool:
+    about = {"command": asked, "state": manifest["state"], "plan": plan}
+    if _report(out, results, about, quick, as_json) and tool:
         raise typer.Exit(1)
 
 
@@ -123,8 +124,8 @@ def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> 
     return plan(systems, seed=seed) if cases is None else plan(systems, cases, max(5 * cases, 10), seed)
 
 
-def _make(out: Path, wanted: Sequence[Any], jobs: int, asked: str) -> dict[str, Any]:
-    """Recordings, sealed keys, manifest."""
+def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any]) -> dict[str, Any]:
+    """Recordings, sealed keys, manifest, which says ``about``."""
     from diagnosis.proof.run import make_one, write_manifest
 
     lines = {}
@@ -132,7 +133,7 @@ def _make(out: Path, wanted: Sequence[Any], jobs: int, asked: str) -> dict[str, 
         for done in backend.run([Job(c.name, make_one, {"case": c, "out": str(out)}) for c in wanted]):
             lines[done.job.key] = done.value()
             update("recordings", len(lines), len(wanted))
-    return write_manifest(out, lines, {"plan": asked})
+    return write_manifest(out, lines, about)
 
 
 def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: list[str], jobs: int) -> None:
@@ -157,6 +158,7 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
     records = parts_of(parts)
     about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
+    about |= {"state": records[0]["state"]} if "state" in records[0] else {}
     results = together(records)
     broken = _report(out, results, about, bool(about["plan"]["quick"]), as_json)
     return broken if TOOL in results else []

@@ -41,6 +41,8 @@ def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
             raise ConfigurationError(
                 f"{file} and {files[0]} are of different plans or methods: parts of one proof join"
             )
+        if found and content.get("state") != found[0].get("state"):
+            raise ConfigurationError(f"{file} and {files[0]} are by different states of the tool: no one proof")
         found.append(content)
     names = [case["name"] for record in found for case in next(iter(record["methods"].values()))["cases"]]
     twice = sorted({name for name in names if names.count(name) > 1})
@@ -62,6 +64,7 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     columns = {method: table(own) for method, own in results.items()}
     names = [row.name for row in next(iter(columns.values()), [])]
     lines = [f"# Blind proof: {about['cases_total']} cases", "", f"`{about['command']}`", ""]
+    lines += [f"State of the tool (hash of its sources): `{about['state']}`", ""] if "state" in about else []
     lines += ["| measured | wanted | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
     for k, name in enumerate(names):
         row = next(iter(columns.values()))[k]

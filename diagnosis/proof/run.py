@@ -22,11 +22,19 @@ from cable_envs.errors import ConfigurationError
 from diagnosis.proof.baselines import BASELINES
 from diagnosis.proof.cases import Case, digest, make
 from diagnosis.proof.scoring import Result, judge
-from diagnosis.proof.sealing import MANIFEST_SCHEMA, opened, seal
+from diagnosis.proof.sealing import MANIFEST_SCHEMA, opened, seal, state_of
 
 TOOL = "diagnose"
 LIMIT = 900.0
 """s that the tool may take for one recording."""
+
+
+def state() -> str:
+    """Of the simulator, the diagnosis and the generators; parts of one proof are by one of them."""
+    import cable_envs
+    import diagnosis
+
+    return state_of(cable_envs, diagnosis)
 
 
 def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
@@ -55,7 +63,8 @@ def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Map
         before = json.loads(file.read_text(encoding="utf-8"))
         if before != json.loads(json.dumps(manifest)):
             changed = [n for n in manifest["cases"] if before.get("cases", {}).get(n) != manifest["cases"][n]]
-            what = f"cases {', '.join(changed[:3])}" if changed else "its plan"
+            same_plan = before.get("plan") == manifest.get("plan")
+            what = f"cases {', '.join(changed[:3])}" if changed else "the tool" if same_plan else "its plan"
             raise ConfigurationError(f"{file}: {what} changed since the keys were sealed; choose another --out")
         return before
     file.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")

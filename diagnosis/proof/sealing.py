@@ -5,6 +5,7 @@ import json
 import secrets
 from collections.abc import Mapping
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from cable_envs.errors import ConfigurationError
@@ -23,6 +24,16 @@ def seal(key: Mapping[str, Any], salt: str | None = None) -> tuple[str, str]:
     text = canonical(key)
     digest = hashlib.sha256((salt + text).encode()).hexdigest()
     return digest, json.dumps({"salt": salt, "key": key}, indent=1, sort_keys=True, allow_nan=False) + "\n"
+
+
+def state_of(*packages: ModuleType) -> str:
+    """Hash of the sources of packages: what a proof is by. The same on every machine that has them."""
+    total = hashlib.sha256()
+    for package in packages:
+        root = Path(package.__path__[0])
+        for file in sorted(root.rglob("*.py")):
+            total.update(f"{package.__name__}/{file.relative_to(root).as_posix()}".encode() + b"\0" + file.read_bytes())
+    return total.hexdigest()[:12]
 
 
 def opened(path: Path, digest: str) -> dict[str, Any]:
