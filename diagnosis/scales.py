@@ -26,6 +26,8 @@ _PAIRS = (
     ("drive_velocity", "drive_velocity_command"), ("position", "motor_position"), ("load_tension", "drive_tension"),
     ("tension_top", "tension_bottom"),
 )  # fmt: skip
+_LEVELS = (("load_tension", "drive_tension"), ("tension_top", "tension_bottom"))
+"""Pairs whose levels are alike even where one hardly moves: a load's weight, while friction swings the drive."""
 _SMALLER = {
     "m": "mm", "m/s": "mm/s", "N": "mN", "N m": "mN m", "s": "ms", "rad": "deg", "rad/s": "deg/s", "A": "mA", "V": "mV"
 }  # fmt: skip
@@ -111,6 +113,8 @@ def _pairs(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
         if one not in recording.channels or other not in recording.channels:
             continue
         ratio = _ratio(_series(record, one), _series(record, other))
+        if (one, other) in _LEVELS and ratio is not None and 1.0 / OFF <= _level(record, one, other) <= OFF:
+            continue
         if ratio is not None and not 1.0 / OFF <= ratio <= OFF:
             yield (
                 one,
@@ -126,6 +130,11 @@ def _ratio(a: np.ndarray, b: np.ndarray) -> float | None:
     if np.std(a) == 0.0 or np.std(b) == 0.0 or np.corrcoef(a, b)[0, 1] < 0.5:
         return None
     return float(np.std(a) / np.std(b))
+
+
+def _level(record: Record, one: str, other: str) -> float:
+    """Median size of a channel over another's."""
+    return float(np.median(np.abs(_series(record, one))) / max(np.median(np.abs(_series(record, other))), 1e-300))
 
 
 def _value(recording: Recording, name: str) -> float:
