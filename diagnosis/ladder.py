@@ -21,10 +21,10 @@ import numpy as np
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
 from diagnosis.model import Model, Whitener
+from diagnosis.objections import bounded
 from diagnosis.race import refits
 from diagnosis.refit import Fit, Start, refit
 from diagnosis.screen import Screening, screen
-from diagnosis.select import bounded
 from diagnosis.verdict import Step
 from diagnosis.weights import about, rmse, settle, together
 

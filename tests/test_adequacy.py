@@ -13,8 +13,9 @@ from diagnosis.functions import Regression
 from diagnosis.leftover import ALL
 from diagnosis.likelihood import refit_and_learn
 from diagnosis.model import Coordinate
+from diagnosis.objections import BEYOND_DOUBT, objection
 from diagnosis.refit import Fit, Start
-from diagnosis.select import BEYOND_DOUBT, Rules, objection, select
+from diagnosis.select import Rules, select
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 

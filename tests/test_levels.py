@@ -9,9 +9,10 @@ from diagnosis.likelihood import Judged, refit_and_learn
 from diagnosis.model import Whitener
 from diagnosis.models.linear_drive import EXPLAINED, controller
 from diagnosis.noise import LONG, Noise, learn_noise
+from diagnosis.objections import OUTLYING, held_cost, momentary
 from diagnosis.recording import load_recording
 from diagnosis.refit import Start
-from diagnosis.select import OUTLYING, _momentary, held_cost, select
+from diagnosis.select import select
 from tests import drive_recording as drive
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
@@ -56,9 +57,9 @@ def test_a_gain_from_one_sample_is_none():
     spiked = [r.copy() for r in null.raw]
     spiked[0][700] += 20.0 * null.whitener.noise["force"].std
     before = Judged(null.fit, tuple(spiked), null.whitener, null.deviance)
-    assert "single sample" in _momentary(model, before, null)
+    assert "single sample" in momentary(model, before, null)
     spread = Judged(null.fit, tuple(r + 0.2 for r in null.raw), null.whitener, null.deviance)
-    assert _momentary(model, spread, null) == ""
+    assert momentary(model, spread, null) == ""
 
 
 def test_a_held_out_spike_counts_no_more_than_an_outlier():
