@@ -4,7 +4,8 @@ Three kinds of tests, each with a p-value of its own; the least of them counts, 
 
 - smooth functions of what a mismatch may follow, channel by channel and all channels together (`diagnosis.functions`)
 - lines of the spectrum, and whether channels know of each other (`diagnosis.spectra`)
-- where the recording states its noise, the RMS of what is left over that: the only test that sees white physics
+- where the recording states its noise, or has a record at rest, the RMS of what is left over that: the only test that
+  sees white physics
 """
 
 from collections.abc import Sequence
@@ -45,7 +46,8 @@ def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = Non
 
 
 def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:
-    worst = 1.0
+    known = [judged.whitener.noise[b.channel].std for b in blocks if b.noise is not None]
+    worst = max([1.0, *known])
     for channel, std in stated.items():
         own = [r[b.good] for r, b in zip(judged.raw, blocks, strict=True) if b.channel == channel]
         if own:

@@ -1,6 +1,7 @@
 """`diagnose`: from a recording to a verdict. Every step can be called by itself:
 
-    load_recording -> gate -> kept_back -> prepare -> select (refit, screen, race, accept, adequacy) -> answer
+    load_recording -> gate -> kept_back -> prepare -> told_at_rest
+    -> select (refit, screen, race, accept, adequacy) -> answer
 
 Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
 (`diagnosis.select`), and "unseen", where the model's own error does: then held-out records judge (`diagnosis.unseen`).
@@ -8,7 +9,7 @@ Records for "heldout" are never fitted. A recording without any keeps back the l
 """
 
 import time as clock
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,8 +26,10 @@ from diagnosis.answer import answer
 from diagnosis.gate import gate
 from diagnosis.limits import limited_by_the_model
 from diagnosis.models import looked_at, prepare
+from diagnosis.models.common import resample, sample_period
 from diagnosis.models.question import Question, Request
 from diagnosis.recording import Record, Recording, load_recording
+from diagnosis.rest import RestNoise, bridged, noise_at_rest
 from diagnosis.select import Selection, select
 from diagnosis.steps import Steps, digest
 from diagnosis.unseen import select_unseen
@@ -99,7 +102,7 @@ def examine(
     quality = gate(recording, looked_at(recording))
     quality.require_usable()
     request = request_of(recording, effects, without, effect_file, rig, variant)
-    question = ask(recording, request)
+    question = told_at_rest(recording, ask(recording, request))
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
     options = (request.only, request.without, taken, effect_file, variant, judge, seed)
@@ -182,6 +185,28 @@ def ask(recording: Recording, request: Request) -> Question:
         block.good[block.time < ends[block.record]] = False
     share = f"the last {KEPT_BACK:.0%} of each record is held out: the recording has no record for that"
     return replace(question, notes=(*question.notes, share))
+
+
+def told_at_rest(recording: Recording, question: Question) -> Question:
+    """The question with the noise of its channels that a record at rest tells (`diagnosis.rest`)."""
+    for record in recording.used_for("rest"):
+        if not question.at_rest:
+            why = "a recorded signal drives the simulator, and its noise is in everything"
+            return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
+        found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks})
+        for model in (question.fit, question.heldout):
+            model.blocks[:] = [replace(b, noise=found.get(b.channel)) for b in model.blocks]
+        still = [c for c, noise in found.items() if noise is None]
+        if still:
+            said = f"{', '.join(still)} show no noise at rest: it is learnt from what a model leaves"
+            question = replace(question, notes=(*question.notes, said))
+    return question
+
+
+def of_record(record: Record, period: float, channels: Iterable[str]) -> dict[str, RestNoise | None]:
+    """The noise of every channel of a record at rest; None where it never changes its value."""
+    _, seen = resample(record, period, sorted(channels))
+    return {name: noise_at_rest(bridged(s.values, s.good)) for name, s in seen.items()}
 
 
 def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:

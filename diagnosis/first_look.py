@@ -36,7 +36,7 @@ def first_look(recording: Recording, group: str = "series", load: str = "load_pe
         raise ConfigurationError(f"{recording.path}: this looks at pulley_circuit recordings, not {recording.system}")
     recording.require(*NEEDS, purpose="a first look")
     groups: dict[str, list[Record]] = {}
-    for record in recording.records:
+    for record in (r for r in recording.records if r.use != "rest"):
         groups.setdefault(str(record.conditions.get(group, "all")), []).append(record)
     return {name: _look([_prepared(r, load) for r in members]) for name, members in groups.items()}
 

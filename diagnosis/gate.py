@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.errors import ConfigurationError
+from diagnosis import rest
 from diagnosis.models.common import motion_coordinates
 from diagnosis.models.question import Look
 from diagnosis.recording import Record, Recording
@@ -28,6 +29,8 @@ _JITTER, _PERIODS = 0.25, 0.01
 _MOST_EMPTY = 0.2
 _STILL = 8
 """Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
+_STIRS, _CALM = 0.05, 50
+"""Of the range of the records to fit, that a position at rest may wander, as a mean of so many samples."""
 _OUTLIER = 30.0
 """Times the step that 99 % of all steps stay below."""
 _ALL = Look()
@@ -71,7 +74,7 @@ class Quality:
 def gate(recording: Recording, look: Look = _ALL) -> Quality:
     """Look through every channel of every record; ``look``: what the model will use of it."""
     total = sum(len(r.time) for r in recording.records)
-    if sum(_used(r, look) for r in recording.records) > MOST:
+    if sum(_used(r, look) for r in recording.records if r.use != "rest") > MOST:
         last = recording.records[-1]
         text = f"{total} samples in all records; at most {MOST} are diagnosed: cut the records, or average to fewer"
         return Quality((Fault(last.name, "time", len(last.time), text),))
@@ -80,7 +83,11 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
     for record in recording.records:
         faults += _clock(record, period)
         for channel in recording.channels:
-            if channel != "time":
+            if channel == "time":
+                continue
+            if record.use == "rest":
+                faults += _at_rest(recording, record, channel)
+            else:
                 faults += [_at_edge(record, fault, look) for fault in _channel(record, channel)]
     if not any(f.fatal for f in faults):
         faults += [Fault(*found) for found in wrong_units(recording)]
@@ -104,7 +111,7 @@ def _at_edge(record: Record, fault: Fault, look: Look) -> Fault:
 
 
 def _clock(record: Record, period: float) -> list[Fault]:
-    fewest = FEWEST if record.use == "fit" else FEWEST_HELDOUT
+    fewest = {"fit": FEWEST, "heldout": FEWEST_HELDOUT, "rest": rest.FEWEST}[record.use]
     if len(record.time) < fewest:
         return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {fewest} are the least")]
     steps = np.diff(record.time)
@@ -156,6 +163,25 @@ def _channel(record: Record, channel: str) -> list[Fault]:
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
     return found + _still(record.name, channel, values, good) + _outlier(record.name, channel, values, good)
+
+
+def _at_rest(recording: Recording, record: Record, channel: str) -> list[Fault]:
+    """A record at rest may not move: what it shows would count as noise. A channel that never changes has none."""
+    values, good = record.data[channel], record.usable(channel)
+    row = int(np.argmax(~good)) + 1
+    if (~good).mean() > _MOST_EMPTY:
+        return [Fault(record.name, channel, row, f"{(~good).mean():.0%} of the samples are empty or marked in doubt")]
+    found = _outlier(record.name, channel, values, good) if np.ptp(values[good]) > 0.0 else []
+    if channel not in POSITIONS:
+        return found
+    moving = [r.data[channel][r.usable(channel)] for r in recording.used_for("fit")]
+    least = _STIRS * max((float(np.ptp(v)) for v in moving if len(v)), default=0.0)
+    smooth = np.convolve(values[good], np.full(_CALM, 1.0 / _CALM), mode="valid")
+    if np.ptp(smooth) <= least:
+        return found
+    away = int(np.argmax(np.abs(smooth - np.median(smooth))))
+    text = f"it moves by {np.ptp(smooth):.3g}; a record with 'use: rest' is one in which nothing moves"
+    return [*found, Fault(record.name, channel, int(np.flatnonzero(good)[away]) + 1, text)]
 
 
 def _flat_voltage(record: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:

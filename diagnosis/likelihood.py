@@ -4,7 +4,8 @@
 
 with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
 waves (`diagnosis.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
-a price for them (Box, Jenkins, Time Series Analysis, ch. 7). Each model is judged with the noise that it leaves, so
+a price for them (Box, Jenkins, Time Series Analysis, ch. 7). Of a noise whose colour is known from rest only the size
+is learnt (`diagnosis.rest`). Each model is judged with the noise that it leaves, so
 that a mismatch cannot pass as colour of the noise of a rival.
 """
 
@@ -16,6 +17,7 @@ import numpy as np
 from diagnosis.model import Block, Model, Whitener, learn_whitener, residuals
 from diagnosis.noise import PRICE, memory
 from diagnosis.refit import Fit, Start, refit
+from diagnosis.rest import RestNoise
 
 
 @dataclass(frozen=True)
@@ -39,7 +41,8 @@ def deviance(blocks: Sequence[Block], whitener: Whitener) -> float:
     total = 0.0
     for channel, noise in whitener.noise.items():
         own = [block.good for block in blocks if block.channel == channel]
-        longest = memory([len(good) for good in own])
+        known = isinstance(noise, RestNoise)
+        longest = 0 if known else memory([len(good) for good in own])
         count = sum(_usable(good, longest) for good in own)
         total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers + noise.surprise
     return float(total)

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from diagnosis.noise import Noise, learn_noise
+from diagnosis.noise import learn_noise
+from diagnosis.rest import Colour, RestNoise, bridged
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,7 @@ class Block:
     colour would explain a slow mismatch away. None: as many as asked for.
     sensor: whose noise is in what a right model leaves. Empty where other sensors' noise is in it, too: a controller
     that acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
+    noise: of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
     """
 
     record: str
@@ -58,6 +60,7 @@ class Block:
     along: tuple[Coordinate, ...] = ()
     memory: int | None = None
     sensor: str = ""
+    noise: RestNoise | None = None
 
 
 class Model(Protocol):
@@ -75,7 +78,7 @@ class Model(Protocol):
 class Whitener:
     """Residuals of all blocks as independent samples of variance 1, given the noise of each channel."""
 
-    noise: dict[str, Noise] = field(default_factory=dict)
+    noise: dict[str, Colour] = field(default_factory=dict)
 
     def flat(self, blocks: Sequence[Block], series: Sequence[np.ndarray]) -> np.ndarray:
         """Series [T, n] of every block, one below the other, whitened; samples that do not count are 0."""
@@ -83,7 +86,8 @@ class Whitener:
         for block, values in zip(blocks, series, strict=True):
             good = block.good if values.ndim == 1 else block.good[:, None]
             noise = self.noise[block.channel]
-            white = noise.whiten(np.where(good, values, 0.0))
+            known = isinstance(noise, RestNoise)
+            white = noise.whiten(bridged(values, block.good) if known else np.where(good, values, 0.0))
             ready = np.convolve(~block.good, np.ones(noise.order + 1))[: len(block.good)] < 0.5
             ready[: noise.order] = False
             if noise.lift and block.good.any():
@@ -98,14 +102,18 @@ def residuals(blocks: Sequence[Block], predictions: Sequence[np.ndarray]) -> lis
 
 
 def learn_whitener(blocks: Sequence[Block], series: Sequence[np.ndarray], max_order: int = 8) -> Whitener:
-    """The noise of every channel, from residuals [T] of its blocks."""
-    noise = {}
+    """The noise of every channel, from residuals [T] of its blocks; of one that is known from rest, its size only."""
+    noise: dict[str, Colour] = {}
     for channel in dict.fromkeys(block.channel for block in blocks):
         of_channel = [
             np.where(block.good, values, np.nan)
             for block, values in zip(blocks, series, strict=True)
             if block.channel == channel
         ]
+        known = next((b.noise for b in blocks if b.channel == channel and b.noise is not None), None)
+        if known is not None:
+            noise[channel] = known.sized(of_channel)
+            continue
         memories = [b.memory for b in blocks if b.channel == channel and b.memory is not None]
         noise[channel] = learn_noise(of_channel, min([max_order, *memories]))
     return Whitener(noise)

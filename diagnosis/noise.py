@@ -78,6 +78,12 @@ class Noise:
         drive = rng.normal(0.0, self.std, count + 1000)
         return lfilter([1.0], np.r_[1.0, -self.coefficients], drive)[1000:]
 
+    def of_mean(self, width: int) -> float:
+        """Standard deviation of the mean of ``width`` samples in a row."""
+        shape = np.r_[1.0, -self.coefficients]
+        response = lfilter(np.ones(width) / width, shape, np.r_[1.0, np.zeros(4999)])
+        return float(self.std * np.sqrt(np.sum(response**2)))
+
     @property
     def floor(self) -> float:
         """Standard deviation of the coloured noise itself."""

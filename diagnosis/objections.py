@@ -10,7 +10,7 @@ from diagnosis.refit import Fit
 
 WHOLE = ("sensor_rectification",)
 """Effects whose largest size is all of it, no end of a search: a sensor can do no more than turn all signs round."""
-BEYOND_DOUBT = 100.0
+BEYOND_DOUBT = 60.0
 """Fall of the deviance from which an effect's size is not its null, whatever the interval of its slope says."""
 OUTLYING = 5.0
 """Standard deviations beyond which a held-out sample is no noise, whatever the model."""

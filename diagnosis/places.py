@@ -5,12 +5,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 
 from diagnosis import locate
 from diagnosis.likelihood import Judged
 from diagnosis.model import Coordinate, Model
-from diagnosis.noise import Noise
+from diagnosis.rest import Colour
 from diagnosis.select import Selection
 from diagnosis.verdict import Trace
 
@@ -58,16 +57,15 @@ def located(
     return sorted(entries, key=lambda e: -e["share_of_all"]), shaded
 
 
-def _energy(trace: Trace, named: bool, noise: Noise) -> np.ndarray:
+def _energy(trace: Trace, named: bool, noise: Colour) -> np.ndarray:
     if named:
         d = (trace.augmented - trace.refit) / trace.noise
         return np.where(np.isfinite(d), d, 0.0) ** 2
     period = float(np.median(np.diff(trace.time)))
     d = locate.smooth((trace.measured - trace.refit) / trace.noise, trace.good, period)
     width = max(round(locate.SMOOTHED / period), 1)
-    # variance of a moving mean of the learnt noise, taken as what the channel has without a mismatch
-    response = lfilter(np.ones(width) / width, np.r_[1.0, -noise.coefficients], np.r_[1.0, np.zeros(4999)])
-    quiet = (noise.std / trace.noise) ** 2 * float(np.sum(response**2))
+    # of a moving mean of the noise, taken as what the channel has without a mismatch
+    quiet = (noise.of_mean(width) / trace.noise) ** 2
     return np.where(trace.good, np.maximum(d**2 - quiet, 0.0), 0.0)
 
 

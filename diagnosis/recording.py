@@ -13,6 +13,7 @@ records:
     conditions: {load: {value: 5, unit: N}, tool: A}               # optional: numbers with units, or text
     offsets: {drive_position: -3.2}                                # optional, in the channel's unit: added to it
     quality: [{channel: drive_tension, kind: saturated, from_s: 1, to_s: 1.2, note: "flat at 50 N"}]
+  - {data: rest.csv, use: rest}                                    # optional: nothing moves, sensors show their noise
 channels:
   time:           {column: t, unit: s}
   drive_tension:  {column: F, unit: N, noise_std: 0.05, scale: 1, offset: 0, note: "positive pulls"}
@@ -23,6 +24,7 @@ A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset
 ``noise_std`` is in that unit too. ``offset_free`` marks a channel whose zero means nothing, such as an incremental
 encoder's: it may be another one in every record (``record``), is one for all (``recording``), or one for the records
 that share a condition (its name). ``quality`` says where a record is in doubt (`diagnosis.entries`).
+A record at rest tells the noise of all channels with its colour (`diagnosis.rest`).
 Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
 """
 
@@ -42,7 +44,7 @@ from diagnosis.entries import UNUSABLE, Doubt, read_conditions, read_doubts, rea
 from diagnosis.tables import read_columns
 
 SCHEMA = "cable-recording/1"
-USES = ("fit", "heldout")
+USES = ("fit", "heldout", "rest")
 HOLDS = ("line", "step")
 """Of a command between its samples."""
 _KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
@@ -163,7 +165,7 @@ class Recording:
     source: Mapping[str, Any] = field(default_factory=dict)
 
     def used_for(self, use: str) -> tuple[Record, ...]:
-        """Records for "fit" or "heldout"."""
+        """Records for "fit", "heldout" or "rest"."""
         return tuple(record for record in self.records if record.use == use)
 
     def value(self, name: str) -> float | None:
@@ -225,6 +227,9 @@ def load_recording(path: Path | str) -> Recording:
     names = [record.name for record in records]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"{path.name}: a data file is listed twice in 'records'")
+    at_rest = [record.name for record in records if record.use == "rest"]
+    if len(at_rest) > 1:
+        raise ConfigurationError(f"{path.name}: {', '.join(at_rest)} have 'use: rest'; one, the longest, is enough")
     if not any(record.use == "fit" for record in records):
         raise ConfigurationError(f"{path.name}: no record has 'use: fit'")
     description, source = str(data.get("description", "")), data.get("source") or {}

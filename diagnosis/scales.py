@@ -44,7 +44,7 @@ Found = tuple[str, str, int, str]
 def wrong_units(recording: Recording) -> list[Found]:
     """Channels whose unit cannot be right, the first record that shows each."""
     found: dict[str, Found] = {}
-    for record in recording.records:
+    for record in (r for r in recording.records if r.use != "rest"):
         for channel, text in _suspects(recording, record):
             found.setdefault(channel, (record.name, channel, 1, text))
         if found:

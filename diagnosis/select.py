@@ -42,9 +42,9 @@ class Rules:
     """What is asked of an answer; found on recordings that are spent for proofs (docs/diagnosis.md).
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
-    coloured  | the same where no noise is stated: its colour, learnt, takes what lasts, of a bias all but some 40
+    coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
     drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
-    hidden_p  | ``left_p`` where no noise is stated: a colour hides most, so that less must do
+    hidden_p  | ``left_p`` where the noise has a colour, learnt or known from rest: it hides most, so that less must do
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
@@ -137,14 +137,17 @@ def select(
 ) -> Selection:
     """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
 
-    stated: channel -> standard deviation of its noise, where the recording says it. keep(name, make) gives ``make()``,
+    stated: channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
+    (`diagnosis.model.Block.noise`). keep(name, make) gives ``make()``,
     or what it gave before an interruption (`diagnosis.steps`).
     """
     rules, stated = rules or Rules(), dict(stated or {})
-    if stated:
-        rules = replace(rules, drifts=rules.gain)
-    else:
+    at_rest = any(b.noise is not None for b in fit.blocks)
+    known = at_rest or bool(stated)
+    if at_rest or not stated:
         rules = replace(rules, gain=min(rules.gain, rules.coloured), left_p=max(rules.left_p, rules.hidden_p))
+    if known:
+        rules = replace(rules, drifts=rules.gain)
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []
@@ -165,7 +168,7 @@ def select(
             break
         chosen.append((found.hypothesis, found.judged))
         best = found.judged
-        if stated and _clean(adequacy(fit, best, stated), rules):
+        if known and _clean(adequacy(fit, best, stated), rules):
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")

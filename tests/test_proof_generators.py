@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from diagnosis.proof import cable_hole, linear_drive, pulley_circuit
 from diagnosis.proof.numerics import slipped, tension_ratio
-from diagnosis.proof.sensors import distort, noise, quantise, stamps
+from diagnosis.proof.sensors import USUAL, distort, quantise, random_colour, stamps
 
 CLOCK = linear_drive.CLOCK
 
@@ -169,8 +169,14 @@ def test_circuit_lost_motion_grows_by_the_gap():
 @pytest.mark.parametrize("kind", ["white", "ar1", "flicker"])
 def test_noise_has_its_size_and_colour(kind):
     rng = np.random.default_rng(3)
-    made = np.array([noise(kind, rng, 3000, 0.2) for _ in range(20)])
-    assert made.std() == pytest.approx(0.2, rel=0.1)
+    colour = random_colour(kind, rng)
+    made = np.array([colour.draw(rng, USUAL, 0.2) for _ in range(60)])
+    assert made.std(axis=1).mean() == pytest.approx(0.2, rel=0.03)
+    window = np.hanning(USUAL)  # else waves slower than the record leak into all others
+    power = (np.abs(np.fft.rfft(made * window)) ** 2).mean(axis=0) / np.sum(window**2) / 0.2**2
+    f = np.arange(len(power)) / USUAL
+    for low, high in ((2, 6), (6, 30), (30, 300), (300, 1300)):
+        assert np.mean(power[low:high] / colour.power(f[low:high])) == pytest.approx(1.0, abs=0.15)
     correlation = np.mean(made[:, 1:] * made[:, :-1]) / made.var()
     assert abs(correlation) < 0.02 if kind == "white" else correlation > 0.2
 

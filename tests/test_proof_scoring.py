@@ -18,7 +18,7 @@ def key(name="c", kind="single", effects=("backlash",), band=">10", noise="white
     case = {"name": name, "system": "pulley_circuit", "kind": kind, "band": band, "noise": noise}
     return {
         "case": case, "effects": entries, "added": 0.2, "ambient": ["partial_slip"], "concealment": ["brief"],
-        "mismatch": [[0.0, 0.5], [0.5, 0.3], [1.0, 0.2]], "noise_std": {"output_angle": 1e-3}, **changes,
+        "mismatch": [[0.0, 0.5], [0.5, 0.3], [1.0, 0.2]], "noise_floor": {"output_angle": 1e-3}, **changes,
     }  # fmt: skip
 
 

@@ -90,9 +90,13 @@ def _command(form: str, path: Path, mapping: Path | None, select, heldout, after
 
 
 def _print(done) -> None:
+    from diagnosis.recording import USES
+
     out = console()
-    for kind in ("fit", "heldout"):
+    for kind in USES:
         files = [name for name, use in done.uses.items() if use == kind]
+        if kind == "rest" and not files:
+            continue
         rows = sum(done.rows[name] for name in files)
         out.print(f"{kind}: {len(files)} records, {rows} rows", markup=False)
     for title, lines in (("in doubt", done.faults), ("remarks", done.remarks)):

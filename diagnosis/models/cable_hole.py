@@ -78,7 +78,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     return Question(
         "cable_hole", models[0], models[1], tuple(p.name for p in nominals), (), tuple(hypotheses),
         {name: plant.table[name].unit for name in found},
-        lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted),
+        lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted), at_rest=drive == "speed",
     )  # fmt: skip
 
 

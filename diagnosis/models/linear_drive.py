@@ -280,7 +280,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
         (*GAINS, HOLD, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
-        lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,),
+        lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,), at_rest=closed,
     )  # fmt: skip
 
 

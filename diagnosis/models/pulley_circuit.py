@@ -94,6 +94,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         "pulley_circuit", models[0], models[1], tuple(p.name for p in nominals), servo, tuple(hypotheses),
         {name: plant.table[name].unit for name in found},
         lambda fitted, accepted: augmented_rig(plant, _without_tension({**values, **fitted}), accepted),
+        at_rest=commanded,
     )  # fmt: skip
 
 

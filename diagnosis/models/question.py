@@ -45,6 +45,8 @@ class Question:
     units        | unit of every parameter, for people
     rig          | (parameter values, names of accepted hypotheses) -> content of augmented.yaml
     notes        | what a person should know of how the recording was read
+    at_rest      | whether what a right model leaves is what the sensors show at rest; not where a recorded signal,
+                 | noise and all, drives the simulator, or where the model's own error is expected
     """
 
     system: str
@@ -56,3 +58,4 @@ class Question:
     units: Mapping[str, str]
     rig: Callable[[Mapping[str, float], Sequence[str]], dict[str, Any]]
     notes: tuple[str, ...] = field(default=())
+    at_rest: bool = False

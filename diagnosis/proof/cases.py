@@ -14,7 +14,7 @@ from diagnosis.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing,
 from diagnosis.proof.excitation import DESIGNS, reference
 from diagnosis.proof.refit import Refit
 from diagnosis.proof.rigs import CLOCK, TrueRig, observe, random_rig
-from diagnosis.proof.sensors import noise, quantise, stamps, standing_out
+from diagnosis.proof.sensors import Colour, quantise, random_colour, stamps, standing_out
 
 KEY_SCHEMA = "cable-proof-key/1"
 KINDS = ("single", "pair", "nothing", "decoy", "strange")
@@ -23,6 +23,8 @@ BANDS: Mapping[str, tuple[float, float]] = {"1-3": (0.01, 0.03), "3-10": (0.03, 
 BIN = 0.5
 """s, of the profile that says when the mismatch acts."""
 PERIOD = 0.01
+AT_REST = 120.0
+"""s of a record in which nothing moves, that comes with coloured noise; white noise is stated as a number."""
 
 
 @dataclass(frozen=True)
@@ -106,12 +108,14 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     changes, entries = _sizes(case, missing, rig, refit, rng)
     found = refit.excess(changes) if changes else None
     claimed = _claims(case, rig, rng)
-    levels = {c: std for c, std in rig.noise.items()}
-    made = [
-        _record(rig, case, changes, motion, times, offset, rng)
-        for motion, times, offset in zip(references, at, offsets, strict=True)
+    colours = {channel: random_colour(case.noise, rng) for channel in rig.noise}
+    clean = [observe(rig, changes, motion, times) for motion, times in zip(references, at, strict=True)]
+    tables = [
+        _sensed(rig, colours, c, times + offset, rng) for c, times, offset in zip(clean, at, offsets, strict=True)
     ]
-    tables = [table for table, _ in made]
+    floor = {c: float(np.sqrt(np.mean((tables[-1][c] - clean[-1][c]) ** 2))) for c in rig.noise}
+    if case.noise != "white":
+        tables.append(_at_rest(rig, colours, references[0][0], first, rng))
     _write(folder, rig, case, claimed, tables)
     key = {
         "schema": KEY_SCHEMA,
@@ -120,10 +124,11 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
         "ambient": list(AMBIENT[case.system]),
         "added": found.added if found else 0.0,
         "absorbed": found.absorbed if found else 0.0,
-        "stands_out": _stands_out(case, rig, found.left, [dither for _, dither in made[:2]]) if found else 0.0,
+        "stands_out": _stands_out(rig, colours, found.left, at[:2]) if found else 0.0,
         "excess_by_channel": dict(found.channels) if found else {},
         "true_nominal": {t.name: t.value for t in rig.told if t.refitted},
-        "noise_std": levels,
+        "noise_std": dict(rig.noise),
+        "noise_floor": floor,
         "mismatch": _profile(found.left, at[:2], offsets[:2]) if found else [],
     }
     return key | {"concealment": _concealment(case, key, found)}
@@ -175,31 +180,38 @@ def _claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tup
     return claimed
 
 
-def _record(
-    rig: TrueRig, case: Case, changes: Mapping[str, float], motion: np.ndarray, at: np.ndarray, offset: float,
+def _at_rest(
+    rig: TrueRig, colours: Mapping[str, Colour], place: float, offset: float, rng: np.random.Generator
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Columns of a file of the rig that stands at ``place``, with nothing missing, and nothing about it moves."""
+    at = stamps(rng, 0.0, AT_REST, PERIOD, 0.02)
+    still = observe(rig, {}, np.full(round(1.0 / CLOCK), place), np.array([0.5]))
+    return _sensed(rig, colours, {c: np.full(len(at), v[0]) for c, v in still.items()}, at + offset, rng)
+
+
+def _sensed(
+    rig: TrueRig, colours: Mapping[str, Colour], clean: Mapping[str, np.ndarray], time: np.ndarray,
     rng: np.random.Generator,
-) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:  # fmt: skip
-    """(columns of one file, SI: quantised and noisy, commands as they were given; the noise in them)."""
-    clean = observe(rig, changes, motion, at)
-    table, dithers = {"time": np.round(at + offset, 6)}, {}
+) -> dict[str, np.ndarray]:  # fmt: skip
+    """Columns of one file, SI: quantised and noisy, commands as they were given."""
+    table = {"time": np.round(time, 6)}
     for name, values in clean.items():
         if name in rig.noise:
             std = rig.noise[name]
-            dither = noise(case.noise, rng, len(values), std)
-            values, dithers[name] = quantise(values + dither, 0.5 * std), dither
+            values = quantise(values + colours[name].draw(rng, len(values), std), 0.5 * std)
         table[name] = values
-    return table, dithers
+    return table
 
 
-def _stands_out(case: Case, rig: TrueRig, left: np.ndarray, dithers: Sequence[Mapping[str, np.ndarray]]) -> float:
+def _stands_out(
+    rig: TrueRig, colours: Mapping[str, Colour], left: np.ndarray, at: Sequence[np.ndarray]
+) -> float:  # fmt: skip
     """Gain of whoever knows the shape of the mismatch and the noise's spectrum: no tool can see more of it."""
     total, row = 0.0, 0
-    for record in dithers:
-        count = len(next(iter(record.values())))
+    for times in at:
         for k, channel in enumerate(rig.scored):
-            seen = left[row : row + count, k] * rig.noise[channel]
-            total += standing_out(case.noise, record[channel], seen)
-        row += count
+            total += standing_out(colours[channel], 1.0, left[row : row + len(times), k])
+        row += len(times)
     return total
 
 
@@ -231,7 +243,7 @@ def _write(
         for n, (v, std, u) in claimed.items()
         if std is not None
     }
-    uses = ("fit", "fit", "heldout")
+    uses = ("fit", "fit", "heldout", "rest")[: len(tables)]
     content["records"] = [{"data": f"run_{k}.csv", "use": use} for k, use in enumerate(uses, 1)]
     content["channels"] = {}
     for name, (unit, factor) in shown.items():

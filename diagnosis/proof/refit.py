@@ -2,7 +2,7 @@
 
 The refit is a step of Gauss and Newton from the truth, and where the parameters absorb half or more a second one from
 where it led: an effect that hides almost wholly moves them far. All residuals count in standard deviations of their
-channel's noise.
+channel's noise. On the hole each record's start is refitted, too: what nobody knows exactly is where the load hung.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -11,6 +11,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from diagnosis.proof.rigs import CLOCK, SIMULATE, TrueRig, observe
+
+SHIFT = 1e-5
+"""m, by which a start is moved to see what that changes."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,7 @@ class Refit:
         for names in rig.free:
             step = {name: 1.01 * rig.values[name] for name in names}
             columns.append((self.see(step) - self._plain).ravel() / 0.01)
+        columns += self._starts()
         self._slopes = np.column_stack(columns) if columns else np.zeros((self._plain.size, 0))
         self._basis = np.linalg.svd(self._slopes, full_matrices=False)[0]
 
@@ -51,6 +55,26 @@ class Refit:
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
 
+    def _starts(self) -> list[np.ndarray]:
+        """Change of all channels with the place where the load of each record begins, the commands being the same."""
+        if self.rig.system != "cable_hole":
+            return []
+        told = replace(self.rig, values={**self.rig.values, "kp": 0.0})
+        found, ends = [], np.cumsum([0, *(len(at) for at in self._at)])
+        for k, (reference, at) in enumerate(zip(self._references, self._at, strict=True)):
+            path = self._commanded({}, reference)
+            here, there = (observe(told, {}, path + by, at) for by in (0.0, SHIFT))
+            column = np.zeros_like(self._plain)
+            change = np.column_stack([there[c] - here[c] for c in self.rig.scored])
+            column[ends[k] : ends[k + 1]] = change / self._std
+            found.append(column.ravel())
+        return found
+
+    def _commanded(self, changes: Mapping[str, float], reference: np.ndarray) -> np.ndarray:
+        """Where the recorded speed command leads, m, from the reference's start [ticks]."""
+        command = self.simulate(changes, reference)["drive_velocity_command"]
+        return reference[0] + CLOCK * np.concatenate([[0.0], np.cumsum(0.5 * (command[1:] + command[:-1]))])
+
     def _under(self, changes: Mapping[str, float], moved: Mapping[str, float]) -> np.ndarray:
         """Scored channels without ``changes``, under the commands that are recorded with them; ``moved``: parameters.
 
@@ -61,8 +85,7 @@ class Refit:
             return self.see(moved) if moved else self._plain
         rows = []
         for reference, at in zip(self._references, self._at, strict=True):
-            command = self.simulate(changes, reference)["drive_velocity_command"]
-            path = reference[0] + CLOCK * np.concatenate([[0.0], np.cumsum(0.5 * (command[1:] + command[:-1]))])
+            path = self._commanded(changes, reference)
             channels = observe(replace(self.rig, values={**self.rig.values, **moved, "kp": 0.0}), {}, path, at)
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
@@ -78,7 +101,7 @@ class Refit:
         raw = (seen - self._under(changes, {})).ravel()
         left = raw - self._basis @ (self._basis.T @ raw)
         if raw @ raw > 2.0 * (left @ left) and np.isfinite(raw).all():
-            step = np.clip(np.linalg.lstsq(self._slopes, raw, rcond=1e-8)[0], -0.5, 0.5)
+            step = np.clip(np.linalg.lstsq(self._slopes, raw, rcond=1e-8)[0], -0.5, 0.5)[: len(self.rig.free)]
             moved = {
                 n: (1.0 + s) * self.rig.values[n] for names, s in zip(self.rig.free, step, strict=True) for n in names
             }

@@ -49,7 +49,7 @@ class Result:
     stands_out: float = float("inf")
     """gain of whoever knows the mismatch's shape and the noise's spectrum"""
     heldout: float | None = None
-    """largest RMSE of the augmented model over the channel's true noise"""
+    """largest RMSE of the augmented model over the RMS of the noise that is in the channel"""
 
 
 def restored(case: Mapping[str, Any]) -> Result:
@@ -154,8 +154,8 @@ def _heldout(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> float
     ratios = []
     for channel, fit in (verdict or {}).get("fit", {}).items():
         rmse = (fit.get("heldout_rmse") or {}).get("augmented")
-        if rmse is not None and channel in key["noise_std"]:
-            ratios.append(float(rmse) / key["noise_std"][channel])
+        if rmse is not None and channel in key["noise_floor"]:
+            ratios.append(float(rmse) / key["noise_floor"][channel])
     return max(ratios, default=None)
 
 
@@ -251,12 +251,12 @@ def table(results: Sequence[Result]) -> list[Row]:
 
 
 def _by_noise(name: str, results: Sequence[Result], outcomes: Sequence[str]) -> list[Row]:
-    """White noise, which recordings state, and coloured noise, which they do not."""
+    """White noise, which recordings state, and coloured noise, of which they have a record at rest."""
     white = [r for r in results if r.noise == "white"]
     coloured = [r for r in results if r.noise != "white"]
     return [
         _row(f"{name}, white noise, stated", _in(white, outcomes)),
-        _row(f"{name}, coloured noise, not stated", _in(coloured, outcomes)),
+        _row(f"{name}, coloured noise, recorded at rest", _in(coloured, outcomes)),
     ]
 
 

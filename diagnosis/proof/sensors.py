@@ -1,6 +1,7 @@
 """What sensors make of signals: wrong in a way that can be named, noisy, quantised, each on a clock of its own."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -33,48 +34,62 @@ def distort(time: np.ndarray, signals: Mapping[str, np.ndarray], faults: Mapping
     return seen
 
 
-def noise(kind: str, rng: np.random.Generator, samples: int, std: float) -> np.ndarray:
-    """Noise of standard deviation ``std`` [samples]: white; half white, half AR(1); half white, half flicker (1/f)."""
-    white = rng.standard_normal(samples)
-    if kind == "white":
-        return std * white
-    if kind == "ar1":
-        rho = rng.uniform(0.8, 0.97)
-        drive = rng.standard_normal(samples + 300) * np.sqrt(1.0 - rho * rho)
-        slow = np.empty(len(drive))
-        slow[0] = 0.0
-        for k in range(1, len(drive)):
-            slow[k] = rho * slow[k - 1] + drive[k]
-        slow = slow[300:]
-    elif kind == "flicker":
-        f = np.fft.rfftfreq(2 * samples)
-        f[0] = np.inf
-        spectrum = (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(f)
-        slow = np.fft.irfft(spectrum)[:samples]
-        slow = (slow - slow.mean()) / slow.std()
-    else:
-        raise KeyError(f"no noise '{kind}'")
-    return std * np.sqrt(0.5) * (white + slow)
+@dataclass(frozen=True)
+class Colour:
+    """Noise of one sensor, of `NOISES`: white; half white, half AR(1) of memory ``rho``; half white, half 1/f.
 
-
-def standing_out(kind: str, noise_seen: np.ndarray, signal: np.ndarray) -> float:
-    """Sum of squares of a signal [samples] over the spectrum of the noise it is in: what knowing its shape would gain.
-
-    noise_seen: the noise itself, in the signal's unit; its size and an AR(1)'s memory are taken from it.
+    Flicker goes down to one wave in `SLOWEST` samples; its half is what a record of `USUAL` samples shows.
     """
+
+    kind: str
+    rho: float = 0.0
+
+    def draw(self, rng: np.random.Generator, samples: int, std: float) -> np.ndarray:
+        """Noise of standard deviation ``std`` [samples], at most `SLOWEST`."""
+        white = rng.standard_normal(samples)
+        if self.kind == "white":
+            return std * white
+        if self.kind == "ar1":
+            slow = np.empty(samples + 300)
+            slow[0], drive = 0.0, rng.standard_normal(samples + 300) * np.sqrt(1.0 - self.rho**2)
+            for k in range(1, len(slow)):
+                slow[k] = self.rho * slow[k - 1] + drive[k]
+            slow = slow[300:]
+        else:
+            f = np.arange(1, SLOWEST // 2) / SLOWEST
+            waves = (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(2.0)
+            spectrum = np.r_[0.0, waves * np.sqrt(SLOWEST * _SHARE / f), 0.0]
+            slow = np.fft.irfft(spectrum, SLOWEST)[:samples]
+        return std * np.sqrt(0.5) * (white + slow)
+
+    def power(self, f: np.ndarray) -> np.ndarray:
+        """Of each frequency, cycles per sample, over the variance."""
+        if self.kind == "white":
+            return np.ones(len(f))
+        if self.kind == "ar1":
+            return 0.5 + 0.5 * (1.0 - self.rho**2) / np.abs(1.0 - self.rho * np.exp(-2j * np.pi * f)) ** 2
+        return 0.5 + 0.5 * _SHARE / f
+
+
+USUAL, SLOWEST = 2700, 60_000
+_SHARE = 0.5 / float(np.sum(1.0 / np.arange(1, USUAL // 2)))
+"""So that the waves of `USUAL` samples have a variance of 1 together."""
+
+
+def random_colour(kind: str, rng: np.random.Generator) -> Colour:
+    """Of a sensor, the same in all records. KeyError for a kind that is not in `NOISES`."""
+    if kind not in NOISES:
+        raise KeyError(f"no noise '{kind}'")
+    return Colour(kind, float(rng.uniform(0.8, 0.97)) if kind == "ar1" else 0.0)
+
+
+def standing_out(colour: Colour, std: float, signal: np.ndarray) -> float:
+    """Sum of squares of a signal [samples] over the spectrum of the noise it is in: what knowing it would gain."""
     count = len(signal)
     power = np.abs(np.fft.rfft(signal)) ** 2 / count
     power[1 : (count + 1) // 2] *= 2.0
-    f = np.maximum(np.arange(len(power)), 1.0) / count  # cycles per sample; a mean counts as the slowest wave
-    colour = np.ones(len(power))
-    if kind == "ar1":
-        centred = noise_seen - noise_seen.mean()
-        second, first = (float(centred[k:] @ centred[:-k]) for k in (2, 1))
-        rho = min(max(second / max(first, 1e-300), 0.5), 0.98)
-        colour = 0.5 + 0.5 * (1.0 - rho * rho) / np.abs(1.0 - rho * np.exp(-2j * np.pi * f)) ** 2
-    elif kind == "flicker":
-        colour = 0.5 + 0.5 / f / np.mean(1.0 / f[1:])
-    return float(np.sum(power / colour) / np.var(noise_seen))
+    f = np.maximum(np.arange(len(power)), 1.0) / count  # a mean counts as the slowest wave
+    return float(np.sum(power / colour.power(f)) / std**2)
 
 
 def quantise(values: np.ndarray, step: float) -> np.ndarray:

@@ -66,10 +66,12 @@ def write_data_set(
         for record in records:
             logs[record.name] = log = Log(record.file)
             log.faults.extend(record.doubts)
-            use = "heldout" if record.name in held else "fit"
-            files[record.name], summaries[record.name] = _stream(data, record, stage, table, log, strict, use, after)
+            use = "rest" if record.use == "rest" else "heldout" if record.name in held else "fit"
+            cut = None if use == "rest" else after
+            files[record.name], summaries[record.name] = _stream(data, record, stage, table, log, strict, use, cut)
         resets = any(c.offset_free == "record" for c in data.channels)
-        for name, found in outliers(records, summaries, data.group, resets).items():
+        moving = [r for r in records if r.use != "rest"]
+        for name, found in outliers(moving, summaries, data.group, resets).items():
             logs[name].faults.extend(found)
         content = _content(data, records, files, logs, command)
         (stage / FILE).write_text(_yaml(content), encoding="utf-8")
@@ -88,6 +90,7 @@ def _lines(log: Log) -> list[str]:
 
 
 def _heldout(data: DataSet, records: Sequence[RecordSpec], rules: Sequence[str] | None) -> set[str]:
+    records = [r for r in records if r.use != "rest"]
     if rules is not None:
         held = {r.name for r in select(records, rules, "--heldout")} if rules else set()
     else:
