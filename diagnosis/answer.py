@@ -73,7 +73,10 @@ def _drifting(selection: Selection) -> list[str]:
     """What a person should know of a drift that is too small to be told from others."""
     if selection.verdict != "unknown":
         return []
-    settle = "the same motion again after a rest tells whether it comes back; a stated noise_std shows smaller ones"
+    settle = (
+        "the same motion again after a rest tells whether it comes back; a stated noise_std or a record at rest shows "
+        "smaller ones"
+    )
     found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
     return [f"{canonical(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
 

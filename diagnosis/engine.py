@@ -39,6 +39,10 @@ KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
 JUDGES = ("noise", "unseen")
 """What accepts an effect."""
+LEARNT = (
+    "the noise is learnt from what a model leaves, and what is slow or small passes for it: two minutes in which "
+    "nothing moves, as a record with 'use: rest', or a noise_std show more"
+)
 
 
 @dataclass(frozen=True)
@@ -188,19 +192,22 @@ def ask(recording: Recording, request: Request) -> Question:
 
 
 def told_at_rest(recording: Recording, question: Question) -> Question:
-    """The question with the noise of its channels that a record at rest tells (`diagnosis.rest`)."""
-    for record in recording.used_for("rest"):
-        if not question.at_rest:
-            why = "a recorded signal drives the simulator, and its noise is in everything"
-            return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
-        found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks})
-        for model in (question.fit, question.heldout):
-            model.blocks[:] = [replace(b, noise=found.get(b.channel)) for b in model.blocks]
-        still = [c for c, noise in found.items() if noise is None]
-        if still:
-            said = f"{', '.join(still)} show no noise at rest: it is learnt from what a model leaves"
-            question = replace(question, notes=(*question.notes, said))
-    return question
+    """The question with the noise of its channels that a record at rest tells (`diagnosis.rest`), and a note of it."""
+    record = next(iter(recording.used_for("rest")), None)
+    if record is None:
+        learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)
+        return replace(question, notes=(*question.notes, LEARNT)) if learnt else question
+    if not question.at_rest:
+        why = "a recorded signal drives the simulator, and its noise is in everything"
+        return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
+    found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks})
+    for model in (question.fit, question.heldout):
+        model.blocks[:] = [replace(b, noise=found.get(b.channel)) for b in model.blocks]
+    known, still = ([c for c, n in found.items() if (n is None) is none] for none in (False, True))
+    said = f"the noise of {', '.join(known)} is known from {record.name}" if known else f"{record.name} shows no noise"
+    if still:
+        said += f"; {', '.join(still)} never changed its value there: its noise is learnt from what a model leaves"
+    return replace(question, notes=(*question.notes, said))
 
 
 def of_record(record: Record, period: float, channels: Iterable[str]) -> dict[str, RestNoise | None]:

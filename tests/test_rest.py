@@ -183,7 +183,7 @@ def test_a_channel_without_noise_at_rest_is_learnt_and_said(tmp_path):
     assert not gate(recording).faults
     question = told_at_rest(recording, ask(recording, request_of(recording)))
     assert {b.channel for b in question.fit.blocks if b.noise is None} == {"position"}
-    assert question.notes[-1].startswith("position show no noise at rest")
+    assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position never changed")
 
 
 def test_a_simulator_that_a_recorded_signal_drives_does_not_take_the_noise_at_rest(tmp_path):
