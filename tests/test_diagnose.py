@@ -346,3 +346,38 @@ def test_the_regime_is_where_the_energy_is():
     assert locate.regime(along, np.ones(len(t))) is None
     spans, held = locate.intervals(t, np.where((t > 5.0) & (t < 6.0), 1.0, 0.0))
     assert spans == [[5.0, 6.0]] and held == 1.0
+
+
+def _rubbing(folder):
+    """Position and force of a 2 kg mass on which 3 N of friction is most of the effort."""
+    folder.mkdir()
+    t, rng = np.arange(0.0, 20.0, 0.01), np.random.default_rng(0)
+    records = []
+    for k, (rate, use) in enumerate(((1.0, "fit"), (1.7, "fit"), (1.3, "heldout"))):
+        x = 0.03 * np.sin(rate * t)
+        force = -2.0 * rate**2 * x + 3.0 * np.sign(np.cos(rate * t))
+        noisy = [x + rng.normal(0.0, 1e-5, len(t)), force + rng.normal(0.0, 0.1, len(t))]
+        np.savetxt(folder / f"run_{k}.csv", np.column_stack([t, *noisy]), delimiter=",", header="t,x,F", comments="")
+        records.append({"data": f"run_{k}.csv", "use": use})
+    channels = {"time": ("t", "s"), "position": ("x", "m"), "force": ("F", "N")}
+    content = {
+        "schema": "cable-recording/1", "system": "linear_drive", "records": records,
+        "channels": {name: {"column": column, "unit": unit} for name, (column, unit) in channels.items()},
+    }  # fmt: skip
+    (folder / "recording.yaml").write_text(yaml.safe_dump(content))
+    return folder
+
+
+def test_an_observed_drive_needs_a_mass(tmp_path):
+    """One that may be anything hides every force; with one that is believed the friction is named."""
+    folder = _rubbing(tmp_path / "rubbing")
+    with pytest.raises(
+        ConfigurationError, match=r"nobody says what the drive weighs: .* nominal: \{mass: \{value: 2.5"
+    ):
+        diagnose(folder)
+    content = yaml.safe_load((folder / "recording.yaml").read_text())
+    content["nominal"] = {"mass": {"value": 2.1, "std": 0.1, "unit": "kg"}}
+    (folder / "recording.yaml").write_text(yaml.safe_dump(content))
+    found = diagnose(folder, effects=["coulomb_friction", "position_dependent_load", "backlash"])
+    assert [e.name for e in found.effects] == ["coulomb_friction"]
+    assert found.effects[0].parameters["level"]["value"] == pytest.approx(3.0, rel=0.05)

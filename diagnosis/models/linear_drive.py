@@ -247,7 +247,11 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
 
 
 def prepare(recording: Recording, request: Request) -> Question:
-    """What a drive's recording asks. Raises ConfigurationError where position or an effort is missing."""
+    """What a drive's recording asks. Raises ConfigurationError where position, an effort or the mass is missing.
+
+    The servo of an observed drive is as stiff as its mass asks, so that its noise is the same whatever the mass is. A
+    refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right).
+    """
     if not {"force", "voltage"} & set(recording.channels):
         raise ConfigurationError(f"{recording.path}: a linear drive's diagnosis needs the channel force or voltage")
     recording.require("position", purpose="a linear drive's diagnosis")
@@ -266,6 +270,12 @@ def prepare(recording: Recording, request: Request) -> Question:
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0
+    weighed = recording.rig is not None or "mass" in {**recording.known, **recording.nominal, **(request.rig or {})}
+    if not closed and not weighed:
+        raise ConfigurationError(
+            f"{recording.path}: no controller explains the effort, and nobody says what the drive weighs: a mass that "
+            "may be anything hides every force. Add it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
+        )
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
     control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
     hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
