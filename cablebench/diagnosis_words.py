@@ -12,6 +12,10 @@ VERDICT = {
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
 
 
+HARDLY = 0.03
+"""Share of an RMS error below which its fall is not worth a number."""
+
+
 def plain(name: str) -> str:
     """``load_dependent_friction`` -> load-dependent friction; ``sensor_bias.force`` -> sensor bias (force)."""
     effect, _, channel = name.partition(".")
@@ -82,6 +86,12 @@ def cost(record: Mapping[str, Any]) -> str:
             f"(at the claimed parameters {shown(held['nominal'], unit)}); its noise is about {floor}."
         )
     change = 1.0 - held["augmented"] / max(held["refit"], 1e-300)
+    if change < HARDLY:
+        return (
+            f"It is there, and to ignore it costs little: {plain(channel)} is predicted on unseen records to "
+            f"{shown(held['refit'], unit)} RMS without it, to {shown(held['augmented'], unit)} with it (the noise is "
+            f"{floor})."
+        )
     return (
         f"To ignore it costs {plain(channel)} on unseen records {shown(held['refit'], unit)} RMS where "
         f"{shown(held['augmented'], unit)} is possible ({change:.0%} less; the noise is {floor})."

@@ -12,6 +12,7 @@ from cable_envs.errors import ConfigurationError
 from cable_envs.replay import replay
 from cable_envs.rigs import load_rig
 from cablebench.commands.app import app
+from cablebench.diagnosis_words import cost
 from diagnosis import engine, locate
 from diagnosis.engine import diagnose, kept_back
 from diagnosis.gate import gate
@@ -381,3 +382,13 @@ def test_an_observed_drive_needs_a_mass(tmp_path):
     found = diagnose(folder, effects=["coulomb_friction", "position_dependent_load", "backlash"])
     assert [e.name for e in found.effects] == ["coulomb_friction"]
     assert found.effects[0].parameters["level"]["value"] == pytest.approx(3.0, rel=0.05)
+
+
+def test_an_effect_that_costs_little_is_said_to():
+    fit = {"unit": "m", "noise_floor": 6.4e-6, "heldout_rmse": {"nominal": 5e-5, "refit": 6.6e-6, "augmented": 6.55e-6}}
+    record = {"verdict": "named", "fit": {"load_position": fit}}
+    assert cost(record).startswith("It is there, and to ignore it costs little: load position")
+    fit["heldout_rmse"]["refit"] = 9e-6
+    assert cost(record).startswith(
+        "To ignore it costs load position on unseen records 0.009 mm RMS where 0.00655 mm is"
+    )
