@@ -17,6 +17,7 @@ from diagnosis.functions import Regression, regressed
 from diagnosis.leftover import Leftover
 from diagnosis.likelihood import Judged
 from diagnosis.model import Block, Model
+from diagnosis.noise import resolution
 from diagnosis.spectra import coherences, lines
 
 SURE = 1e-3
@@ -51,12 +52,6 @@ def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float
     for channel, std in stated.items():
         own = [r[b.good] for r, b in zip(judged.raw, blocks, strict=True) if b.channel == channel]
         if own:
-            step = _step(np.concatenate([b.measured[b.good] for b in blocks if b.channel == channel]))
+            step = resolution(np.concatenate([b.measured[b.good] for b in blocks if b.channel == channel]))
             worst = max(worst, float(np.sqrt(np.mean(np.concatenate(own) ** 2) / (std**2 + step**2 / 12.0))))
     return worst
-
-
-def _step(values: np.ndarray) -> float:
-    """Quantisation step: the least difference between values, where there are few of them."""
-    levels = np.unique(values)
-    return float(np.min(np.diff(levels))) if 1 < len(levels) < 0.5 * len(values) else 0.0

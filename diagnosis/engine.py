@@ -28,6 +28,7 @@ from diagnosis.limits import limited_by_the_model
 from diagnosis.models import looked_at, prepare
 from diagnosis.models.common import resample, sample_period
 from diagnosis.models.question import Question, Request
+from diagnosis.noise import resolution
 from diagnosis.recording import Record, Recording, load_recording
 from diagnosis.rest import RestNoise, bridged, noise_at_rest
 from diagnosis.select import Selection, select
@@ -206,14 +207,15 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     known, still = ([c for c, n in found.items() if (n is None) is none] for none in (False, True))
     said = f"the noise of {', '.join(known)} is known from {record.name}" if known else f"{record.name} shows no noise"
     if still:
-        said += f"; {', '.join(still)} never changed its value there: its noise is learnt from what a model leaves"
+        said += f"; {', '.join(still)} shows none above its resolution: there it is learnt from what a model leaves"
     return replace(question, notes=(*question.notes, said))
 
 
 def of_record(record: Record, period: float, channels: Iterable[str]) -> dict[str, RestNoise | None]:
-    """The noise of every channel of a record at rest; None where it never changes its value."""
+    """The noise of every channel of a record at rest; None where it shows none above its resolution."""
     _, seen = resample(record, period, sorted(channels))
-    return {name: noise_at_rest(bridged(s.values, s.good)) for name, s in seen.items()}
+    steps = {name: resolution(record.data[name][record.usable(name)]) for name in seen}
+    return {name: noise_at_rest(bridged(s.values, s.good), steps[name]) for name, s in seen.items()}
 
 
 def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:

@@ -105,6 +105,12 @@ def jitter(values: np.ndarray) -> float:
     return max(spread, coarse, 1e-9 * float(np.max(np.abs(values), initial=0.0)), 1e-300)
 
 
+def resolution(values: np.ndarray) -> float:
+    """Quantisation step of samples [T]: the least difference between values, where there are few of them; else 0."""
+    levels = np.unique(values)
+    return float(np.min(np.diff(levels))) if 1 < len(levels) < 0.5 * len(values) else 0.0
+
+
 def memory(lengths: Sequence[int], max_order: int = MAX_ORDER) -> int:
     """Longest past, samples, that records of these lengths can show."""
     usable = [k for k in LONG if k * _RECORDS <= max(lengths, default=0)] if max_order == MAX_ORDER else []

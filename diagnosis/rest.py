@@ -27,6 +27,8 @@ FEWEST = 2000
 """Samples of a record at rest: fewer do not tell a colour."""
 MEMORIES = (0.5, 0.7, 0.8, 0.87, 0.92, 0.95, 0.97, 0.985)
 """Values of rho that are tried."""
+COARSE = 2.0
+"""Standard deviations at rest that a sensor's step may have: what a larger one adds depends on the motion."""
 SHORT = 6
 """Coefficients of the autoregression, at most."""
 _BANDS = 60
@@ -100,14 +102,15 @@ def bridged(series: np.ndarray, good: np.ndarray) -> np.ndarray:
     return (1.0 - part) * series[places[low]] + part * series[places[high]]
 
 
-def noise_at_rest(values: np.ndarray) -> RestNoise | None:
-    """The noise of a channel from its samples [T] at rest, on an even clock; None where it never changes its value.
+def noise_at_rest(values: np.ndarray, step: float = 0.0) -> RestNoise | None:
+    """The noise of a channel from its samples [T] at rest, on an even clock; None where it has none above a step.
 
-    Raises ValueError for fewer than `FEWEST` samples.
+    step: of the sensor. What rounding makes of a motion it does not make of a rest: an encoder between two counts shows
+    nothing. Raises ValueError for fewer than `FEWEST` samples.
     """
     if len(values) < FEWEST:
         raise ValueError(f"{len(values)} samples at rest do not show the noise's colour; {FEWEST} would")
-    if np.ptp(values) == 0.0:
+    if np.ptp(values) == 0.0 or step > COARSE * np.std(values):
         return None
     moved = values - values.mean()
     power = np.abs(np.fft.rfft(moved))[1 : (len(moved) + 1) // 2] ** 2 / len(moved)

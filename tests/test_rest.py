@@ -13,7 +13,7 @@ from diagnosis.engine import ask, request_of, told_at_rest
 from diagnosis.gate import gate
 from diagnosis.likelihood import refit_and_learn
 from diagnosis.model import learn_whitener
-from diagnosis.noise import Noise
+from diagnosis.noise import Noise, resolution
 from diagnosis.proof.sensors import Colour
 from diagnosis.recording import load_recording
 from diagnosis.refit import Start
@@ -84,6 +84,10 @@ def test_only_the_size_is_learnt_from_what_is_left():
 
 def test_a_channel_that_never_changes_tells_nothing_and_few_samples_are_refused():
     assert noise_at_rest(np.full(3000, 0.7)) is None
+    counts = np.round(np.random.default_rng(0).normal(0.3, 0.15, 3000))  # now and then a step of 1
+    assert 0.2 < counts.std() < 0.5 and noise_at_rest(counts, resolution(counts)) is None
+    fine = np.round(np.random.default_rng(0).normal(0.3, 0.6, 3000))
+    assert noise_at_rest(fine, resolution(fine)).floor == pytest.approx(fine.std(), rel=0.05)
     with pytest.raises(ValueError, match="1500 samples at rest do not show the noise's colour; 2000 would"):
         noise_at_rest(np.random.default_rng(0).normal(0.0, 1.0, 1500))
 
@@ -176,14 +180,14 @@ def test_a_record_at_rest_tells_every_channel_and_is_neither_fitted_nor_predicte
 
 def test_a_channel_without_noise_at_rest_is_learnt_and_said(tmp_path):
     def counts(table):
-        table[:, 2] = 0.02
+        table[:, 2] = 0.02 + 1e-4 * (np.arange(len(table)) % 700 == 0)  # a count now and then
         return table
 
     recording = load_recording(_with_rest(tmp_path / "drive", change=counts))
     assert not gate(recording).faults
     question = told_at_rest(recording, ask(recording, request_of(recording)))
     assert {b.channel for b in question.fit.blocks if b.noise is None} == {"position"}
-    assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position never changed")
+    assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position shows none")
 
 
 def test_a_simulator_that_a_recorded_signal_drives_does_not_take_the_noise_at_rest(tmp_path):
