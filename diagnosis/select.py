@@ -44,7 +44,9 @@ class Rules:
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
     coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
     drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
-    hidden_p  | ``left_p`` where the noise has a colour, learnt or known from rest: it hides most, so that less must do
+    alone_p   | the same where nothing is named
+    rest_p    | ``alone_p`` where a record at rest tells the noise's colour: slow noise hides much, so that less must do
+    hidden_p  | ``left_p`` and ``alone_p`` where that colour is learnt: it hides most
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
@@ -72,6 +74,8 @@ class Rules:
     alike: float = 0.01
     declared: float = 0.1
     left_p: float = 1e-6
+    alone_p: float = 1e-6
+    rest_p: float = 1e-4
     hidden_p: float = 1e-3
     alone: float = 35.0
     left: float = 0.22
@@ -145,9 +149,12 @@ def select(
     at_rest = any(b.noise is not None for b in fit.blocks)
     known = at_rest or bool(stated)
     if at_rest or not stated:
-        rules = replace(rules, gain=min(rules.gain, rules.coloured), left_p=max(rules.left_p, rules.hidden_p))
+        rules = replace(rules, gain=min(rules.gain, rules.coloured))
     if known:
-        rules = replace(rules, drifts=rules.gain)
+        rules = replace(rules, drifts=rules.gain, alone_p=max(rules.alone_p, rules.rest_p if at_rest else 0.0))
+    else:
+        hidden = max(rules.hidden_p, rules.left_p)
+        rules = replace(rules, left_p=hidden, alone_p=max(hidden, rules.alone_p))
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_and_learn, fit, [Start("nominal", nominals, {})]))
     chosen: list[tuple[Hypothesis, Judged]] = []
@@ -196,7 +203,9 @@ def _adequate(after: Adequacy, gain: float, rules: Rules, share: float) -> bool:
     """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
     if after.over_noise > rules.over + (rules.beside if gain > 0.0 else 0.0):
         return False
-    return after.p_value >= rules.left_p or after.excess < (share * gain if gain > 0.0 else rules.alone)
+    named = gain > 0.0
+    least = rules.left_p if named else rules.alone_p
+    return after.p_value >= least or after.excess < (share * gain if named else rules.alone)
 
 
 def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:

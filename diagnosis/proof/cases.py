@@ -14,7 +14,7 @@ from diagnosis.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing,
 from diagnosis.proof.excitation import DESIGNS, reference
 from diagnosis.proof.refit import Refit
 from diagnosis.proof.rigs import CLOCK, TrueRig, observe, random_rig
-from diagnosis.proof.sensors import Colour, quantise, random_colour, stamps, standing_out
+from diagnosis.proof.sensors import Colour, flat, quantise, random_colour, stamps
 
 KEY_SCHEMA = "cable-proof-key/1"
 KINDS = ("single", "pair", "nothing", "decoy", "strange")
@@ -109,6 +109,10 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     found = refit.excess(changes) if changes else None
     claimed = _claims(case, rig, rng)
     colours = {channel: random_colour(case.noise, rng) for channel in rig.noise}
+
+    def seen(channel: int, series: np.ndarray) -> np.ndarray:
+        return flat(colours[rig.scored[channel]], series)
+
     clean = [observe(rig, changes, motion, times) for motion, times in zip(references, at, strict=True)]
     tables = [
         _sensed(rig, colours, c, times + offset, rng) for c, times, offset in zip(clean, at, offsets, strict=True)
@@ -124,7 +128,7 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
         "ambient": list(AMBIENT[case.system]),
         "added": found.added if found else 0.0,
         "absorbed": found.absorbed if found else 0.0,
-        "stands_out": _stands_out(rig, colours, found.left, at[:2]) if found else 0.0,
+        "stands_out": refit.gain(found.left, seen) if found else 0.0,
         "excess_by_channel": dict(found.channels) if found else {},
         "true_nominal": {t.name: t.value for t in rig.told if t.refitted},
         "noise_std": dict(rig.noise),
@@ -201,18 +205,6 @@ def _sensed(
             values = quantise(values + colours[name].draw(rng, len(values), std), 0.5 * std)
         table[name] = values
     return table
-
-
-def _stands_out(
-    rig: TrueRig, colours: Mapping[str, Colour], left: np.ndarray, at: Sequence[np.ndarray]
-) -> float:  # fmt: skip
-    """Gain of whoever knows the shape of the mismatch and the noise's spectrum: no tool can see more of it."""
-    total, row = 0.0, 0
-    for times in at:
-        for k, channel in enumerate(rig.scored):
-            total += standing_out(colours[channel], 1.0, left[row : row + len(times), k])
-        row += len(times)
-    return total
 
 
 _SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}

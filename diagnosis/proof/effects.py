@@ -275,7 +275,8 @@ AMBIENT: Mapping[str, tuple[str, ...]] = {"linear_drive": (), "cable_hole": (), 
 
 CLASSES = (
     ("actuator_lag", "sensor_delay"),
-    ("asymmetric_friction", "sensor_bias", "sensor_scale"),
+    ("asymmetric_friction", "sensor_bias", "sensor_scale", "load_dependent_friction"),
+    ("asymmetric_friction", "coulomb_friction", "load_dependent_friction"),
     ("coulomb_friction", "stribeck_friction"),
     ("coulomb_friction", "load_dependent_friction", "bending_stiffness"),
     ("viscoelastic_creep", "friction_drift"),
@@ -283,12 +284,14 @@ CLASSES = (
     ("backlash", "cable_elongation", "presliding_hysteresis"),
     ("cable_elongation", "stiffness_hardening", "viscoelastic_creep"),
     ("position_ripple", "position_dependent_load"),
-    ("sensor_scale", "load_dependent_friction"),
 )
 """Sets of names that one recording need not tell apart (diagnosis.md, recipe, step 10, and what they imply).
 
 At a hole W exp(+-m a) becomes W exp(+-m a + d a) by an asymmetry d of the friction, which is a scale exp(d a) of the
-tension; and of the two levels that one load gives, a bias moves both like a scale once the friction is refitted."""
+tension; and of the two levels that one load gives, a bias moves both like a scale once the friction is refitted. A
+coefficient that grows with the tension, m (T / W)^z, is m (1 + z m a) hauling and m (1 - z m a) lowering one load: an
+asymmetry. Friction in one direction only is Coulomb's of half its size and a constant force, which shows only where the
+sensors' zero does not wander and no offset is refitted."""
 
 
 def share_class(a: str, b: str) -> bool:

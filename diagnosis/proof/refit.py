@@ -7,6 +7,7 @@ channel's noise. On the hole each record's start is refitted, too: what nobody k
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -114,6 +115,23 @@ class Refit:
         absorbed = 1.0 - float(left @ left) / energy if energy > 0 else 0.0
         added = float(np.sqrt(1.0 + rms.max() ** 2) - 1.0)
         return Excess(added, absorbed, dict(zip(self.rig.scored, rms.tolist(), strict=True)), shaped)
+
+    def gain(self, left: np.ndarray, flat: Callable[[int, np.ndarray], np.ndarray]) -> float:
+        """Sum of squares of ``left`` [samples, channels] in its noise, beyond what a refit that knows the noise takes.
+
+        flat(channel, series [T, n]) -> independent numbers [m, n]: the series of one record in that channel's noise.
+        """
+        slopes, rows, columns = self._slopes.reshape(*left.shape, -1), [], []
+        ends = np.cumsum([0, *(len(at) for at in self._at)])
+        for first, last in pairwise(ends):
+            for k in range(left.shape[1]):
+                rows.append(flat(k, left[first:last, k : k + 1])[:, 0])
+                columns.append(flat(k, slopes[first:last, k]))
+        white, moves = np.concatenate(rows), np.concatenate(columns)
+        moves = moves / np.maximum(np.linalg.norm(moves, axis=0), 1e-300)
+        basis, sizes, _ = np.linalg.svd(moves, full_matrices=False)
+        taken = basis[:, sizes > 1e-8 * max(float(sizes.max(initial=0.0)), 1e-300)].T @ white
+        return float(white @ white - taken @ taken)
 
     def sized(
         self, change: Callable[[float], Mapping[str, float]], wanted: float, largest: float, tries: int = 6

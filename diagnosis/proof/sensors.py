@@ -38,14 +38,15 @@ def distort(time: np.ndarray, signals: Mapping[str, np.ndarray], faults: Mapping
 class Colour:
     """Noise of one sensor, of `NOISES`: white; half white, half AR(1) of memory ``rho``; half white, half 1/f.
 
-    Flicker goes down to one wave in `SLOWEST` samples; its half is what a record of `USUAL` samples shows.
+    Flicker goes down to one wave in `SLOWEST` samples: sensors are zeroed before a record, and what is slower is gone.
+    Its half is what a record of `USUAL` samples shows.
     """
 
     kind: str
     rho: float = 0.0
 
     def draw(self, rng: np.random.Generator, samples: int, std: float) -> np.ndarray:
-        """Noise of standard deviation ``std`` [samples], at most `SLOWEST`."""
+        """Noise of standard deviation ``std`` [samples], at most `_LONGEST`."""
         white = rng.standard_normal(samples)
         if self.kind == "white":
             return std * white
@@ -56,10 +57,10 @@ class Colour:
                 slow[k] = self.rho * slow[k - 1] + drive[k]
             slow = slow[300:]
         else:
-            f = np.arange(1, SLOWEST // 2) / SLOWEST
+            f = np.arange(1, _LONGEST // 2) / _LONGEST
             waves = (rng.standard_normal(len(f)) + 1j * rng.standard_normal(len(f))) / np.sqrt(2.0)
-            spectrum = np.r_[0.0, waves * np.sqrt(SLOWEST * _SHARE / f), 0.0]
-            slow = np.fft.irfft(spectrum, SLOWEST)[:samples]
+            waves *= np.sqrt(_LONGEST * _SHARE / f) * (f >= 1.0 / SLOWEST)
+            slow = np.fft.irfft(np.r_[0.0, waves, 0.0], _LONGEST)[:samples]
         return std * np.sqrt(0.5) * (white + slow)
 
     def power(self, f: np.ndarray) -> np.ndarray:
@@ -70,8 +71,16 @@ class Colour:
             return 0.5 + 0.5 * (1.0 - self.rho**2) / np.abs(1.0 - self.rho * np.exp(-2j * np.pi * f)) ** 2
         return 0.5 + 0.5 * _SHARE / f
 
+    def of_mean(self, count: int) -> float:
+        """The same of the mean of ``count`` samples: its variance times their number."""
+        if self.kind != "flicker":
+            return float(self.power(np.zeros(1))[0])
+        f = np.arange(_LONGEST // SLOWEST, _LONGEST // 20) / _LONGEST
+        window = (np.sin(np.pi * f * count) / (count * np.sin(np.pi * f))) ** 2
+        return 0.5 + 0.5 * 2.0 * count / _LONGEST * float(np.sum(window * _SHARE / f))
 
-USUAL, SLOWEST = 2700, 60_000
+
+USUAL, SLOWEST, _LONGEST = 2700, 6000, 24_000
 _SHARE = 0.5 / float(np.sum(1.0 / np.arange(1, USUAL // 2)))
 """So that the waves of `USUAL` samples have a variance of 1 together."""
 
@@ -83,13 +92,17 @@ def random_colour(kind: str, rng: np.random.Generator) -> Colour:
     return Colour(kind, float(rng.uniform(0.8, 0.97)) if kind == "ar1" else 0.0)
 
 
-def standing_out(colour: Colour, std: float, signal: np.ndarray) -> float:
-    """Sum of squares of a signal [samples] over the spectrum of the noise it is in: what knowing it would gain."""
-    count = len(signal)
-    power = np.abs(np.fft.rfft(signal)) ** 2 / count
-    power[1 : (count + 1) // 2] *= 2.0
-    f = np.maximum(np.arange(len(power)), 1.0) / count  # a mean counts as the slowest wave
-    return float(np.sum(power / colour.power(f)) / std**2)
+def flat(colour: Colour, series: np.ndarray) -> np.ndarray:
+    """Series [T, n] as amplitudes of its waves over those of noise of variance 1: independent, [about T, n]."""
+    count = len(series)
+    waves = np.fft.rfft(series, axis=0) / np.sqrt(count)
+    f = np.maximum(np.arange(len(waves)), 1.0) / count
+    power = np.r_[colour.of_mean(count), colour.power(f[1:])]
+    both = np.full(len(waves), 2.0)  # a wave has a sine and a cosine
+    both[0] = 1.0
+    both[-1] = 1.0 if count % 2 == 0 else 2.0
+    waves *= np.sqrt(both / power)[:, None]
+    return np.concatenate([waves.real, waves.imag])
 
 
 def quantise(values: np.ndarray, step: float) -> np.ndarray:
