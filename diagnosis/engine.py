@@ -201,7 +201,8 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     if not question.at_rest:
         why = "a recorded signal drives the simulator, and its noise is in everything"
         return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
-    found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks})
+    longest = max(len(b.time) for b in question.fit.blocks)
+    found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks}, longest)
     for model in (question.fit, question.heldout):
         model.blocks[:] = [replace(b, noise=found.get(b.channel)) for b in model.blocks]
     known, still = ([c for c, n in found.items() if (n is None) is none] for none in (False, True))
@@ -211,11 +212,11 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     return replace(question, notes=(*question.notes, said))
 
 
-def of_record(record: Record, period: float, channels: Iterable[str]) -> dict[str, RestNoise | None]:
-    """The noise of every channel of a record at rest; None where it shows none above its resolution."""
+def of_record(record: Record, period: float, channels: Iterable[str], longest: int) -> dict[str, RestNoise | None]:
+    """The noise of every channel of a record at rest, for records of ``longest`` samples; None where it shows none."""
     _, seen = resample(record, period, sorted(channels))
     steps = {name: resolution(record.data[name][record.usable(name)]) for name in seen}
-    return {name: noise_at_rest(bridged(s.values, s.good), steps[name]) for name, s in seen.items()}
+    return {name: noise_at_rest(bridged(s.values, s.good), steps[name], longest) for name, s in seen.items()}
 
 
 def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:

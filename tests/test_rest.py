@@ -55,6 +55,14 @@ def test_noise_known_from_rest_is_white_at_every_frequency_and_from_the_first_sa
     assert np.std(starts) == pytest.approx(1.0, abs=0.12)
 
 
+def test_a_mean_wanders_no_more_from_record_to_record_than_within_one():
+    """Flicker has no mean; a sensor that is zeroed before every record has one, within what its slowest wave does."""
+    still = KINDS["flicker"](np.random.default_rng(7), 12_000)
+    means = [1.0 / np.mean(noise_at_rest(still, longest=n).whiten(np.ones(2700)) ** 2) for n in (12_000, 2700)]
+    slowest = 2700 * 0.5 * 0.065  # of flicker: its half of the power, over the frequency of one wave in 2700 samples
+    assert means[0] > 1.5 * means[1] and means[1] == pytest.approx(slowest, rel=0.6)
+
+
 def test_the_filter_is_the_inverse_root_of_the_covariance():
     noise = noise_at_rest(KINDS["flicker"](np.random.default_rng(1), 6000))
     root = cholesky(toeplitz(noise.covariance), lower=True)
