@@ -5,8 +5,8 @@
 with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
 waves (`diagnosis.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
 a price for them (Box, Jenkins, Time Series Analysis, ch. 7). Of a noise whose colour is known from rest only the size
-is learnt (`diagnosis.rest`). Each model is judged with the noise that it leaves, so
-that a mismatch cannot pass as colour of the noise of a rival.
+is learnt (`diagnosis.rest`). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as
+colour of the noise of a rival.
 """
 
 from collections.abc import Sequence

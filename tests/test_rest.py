@@ -9,7 +9,7 @@ from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
 from cable_envs.errors import ConfigurationError
-from diagnosis.engine import ask, request_of, told_at_rest
+from diagnosis.engine import LEARNT, ask, request_of, told_at_rest
 from diagnosis.gate import gate
 from diagnosis.likelihood import refit_and_learn
 from diagnosis.model import learn_whitener
@@ -196,6 +196,20 @@ def test_a_channel_without_noise_at_rest_is_learnt_and_said(tmp_path):
     question = told_at_rest(recording, ask(recording, request_of(recording)))
     assert {b.channel for b in question.fit.blocks if b.noise is None} == {"position"}
     assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position shows none")
+
+
+def test_who_tells_no_noise_is_told_what_it_costs(tmp_path):
+    def notes(folder, change):
+        content = yaml.safe_load((folder / "recording.yaml").read_text())
+        change(content)
+        (folder / "recording.yaml").write_text(yaml.safe_dump(content))
+        recording = load_recording(folder)
+        return told_at_rest(recording, ask(recording, request_of(recording))).notes
+
+    without = notes(_with_rest(tmp_path / "learnt"), lambda content: content["records"].pop())
+    assert without[-1] == LEARNT and "use: rest" in LEARNT
+    assert LEARNT not in notes(drive.write(tmp_path / "stated"), lambda content: None)
+    assert LEARNT not in notes(_with_rest(tmp_path / "rest"), lambda content: None)
 
 
 def test_a_simulator_that_a_recorded_signal_drives_does_not_take_the_noise_at_rest(tmp_path):
