@@ -1,5 +1,7 @@
 """Whether what a model leaves is noise: no hypothesis is asked, only what any mismatch would do.
 
+It is asked of the records that were fitted and, as nothing is fitted any more, may be of those that are held out.
+
 Three kinds of tests, each with a p-value of its own; the least of them counts, times their number:
 
 - smooth functions of what a mismatch may follow, channel by channel and all channels together (`diagnosis.functions`)
@@ -9,15 +11,16 @@ Three kinds of tests, each with a p-value of its own; the least of them counts, 
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from diagnosis.functions import Regression, regressed
 from diagnosis.leftover import Leftover
-from diagnosis.likelihood import Judged
+from diagnosis.likelihood import Judged, raw_residuals
 from diagnosis.model import Block, Model
 from diagnosis.noise import resolution
+from diagnosis.refit import Start, refit
 from diagnosis.spectra import coherences, lines
 
 SURE = 1e-3
@@ -35,15 +38,35 @@ class Adequacy:
     """largest RMS over what the recording states as a channel's noise; 1 where it states none"""
 
 
-def adequacy(model: Model, judged: Judged, stated: dict[str, float] | None = None) -> Adequacy:
-    """Look for structure in what a refit leaves. ``stated``: channel -> standard deviation of its noise, SI."""
-    regression = Regression(model.blocks, judged)
-    found = [*regressed(regression), *lines(model.blocks, judged, regression.white), *coherences(model.blocks, judged)]
+def adequacy(
+    model: Model, judged: Judged, stated: dict[str, float] | None = None, heldout: Model | None = None
+) -> Adequacy:
+    """Look for structure in what a refit leaves, in the records of ``heldout`` too.
+
+    stated: channel -> standard deviation of its noise, SI.
+    """
+    blocks, judged = (model.blocks, judged) if heldout is None else _of_all(model, heldout, judged)
+    regression = Regression(blocks, judged)
+    found = [*regressed(regression), *lines(blocks, judged, regression.white), *coherences(blocks, judged)]
     tests = len(found)
     found.sort(key=lambda f: f.p_value)
     excess = max([f.gain - f.functions for f in found if tests * f.p_value < SURE], default=0.0)
-    over = _over_noise(model.blocks, judged, stated or {})
+    over = _over_noise(blocks, judged, stated or {})
     return Adequacy(min(1.0, tests * found[0].p_value), excess, tuple(found), over)
+
+
+def _of_all(model: Model, heldout: Model, judged: Judged) -> tuple[list[Block], Judged]:
+    """(blocks of both, what the refit leaves in them); what the parameters are unsure of is taken out of both."""
+    fitted = {b.record for b in model.blocks}
+    others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
+    known = {p.name for p in heldout.parameters}
+    free = tuple(n for n in judged.fit.free if n in known)
+    slopes = refit(heldout, judged.whitener, [Start("", free, judged.fit.values)], 0)[0].jacobian
+    wide = np.zeros((len(slopes), len(judged.fit.free)))
+    wide[:, [judged.fit.free.index(n) for n in free]] = slopes
+    everything = replace(judged.fit, jacobian=np.concatenate([judged.fit.jacobian, wide]))
+    left = (*judged.raw, *raw_residuals(heldout, judged.fit))
+    return [*model.blocks, *others], replace(judged, fit=everything, raw=left)
 
 
 def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:

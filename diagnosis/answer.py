@@ -7,7 +7,7 @@ import numpy as np
 
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
-from diagnosis.adequacy import Adequacy
+from diagnosis.adequacy import Adequacy, adequacy
 from diagnosis.confidence import MOST, confidence, highest, interval
 from diagnosis.gate import Quality
 from diagnosis.hypotheses import INVERSE, Hypothesis
@@ -61,7 +61,7 @@ def answer(
         tuple(_leftovers(selection)),
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
-        (*question.notes, *quality.notes, *_drifting(selection)),
+        (*question.notes, *quality.notes, *_drifting(selection), *_unfitted(recording, question, selection)),
         {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
         steps=selection.steps,
         rig=question.rig(final.fit.values, accepted),
@@ -79,6 +79,17 @@ def _drifting(selection: Selection) -> list[str]:
     )
     found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
     return [f"{canonical(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
+
+
+def _unfitted(recording: Recording, question: Question, selection: Selection) -> list[str]:
+    """What to do where only records that were not fitted show that something is missing."""
+    if selection.verdict != "unknown" or selection.accepted or selection.steps:
+        return []
+    alone = adequacy(question.fit, selection.null, dict(recording.noise))
+    if alone.p_value < selection.rules.alone_p or alone.over_noise > selection.rules.over:
+        return []
+    shown = ", ".join(dict.fromkeys(b.record for b in question.heldout.blocks))
+    return [f"only {shown}, held out, shows it: fit a motion like that ('use: fit') and hold another out"]
 
 
 def canonical(hypothesis: str) -> str:
@@ -107,9 +118,9 @@ def _found(
         for row, p in zip(h.names, h.free, strict=True)
     }  # fmt: skip
     others = tuple(dict.fromkeys(canonical(n) for n in accepted.alternatives))
-    explained = max(selection.null.deviance - selection.final.deviance, 1e-9)
     # where unseen records judge, what is left is known to be no noise, and counts against no answer
-    left = 0.0 if selection.steps or selection.after.p_value >= rules.left_p else selection.after.excess / explained
+    noise = bool(selection.steps) or selection.after.p_value >= rules.left_p
+    left = 0.0 if noise else selection.after.excess / selection.explained
     limit = MOST if selection.steps else highest(stated, len(selection.accepted), accepted.gain)
     sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left, limit)
     return Found(

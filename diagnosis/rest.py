@@ -7,7 +7,7 @@ of sensors (IEEE Std 952, annex C: white noise, an exponentially correlated part
     S(f) = white + marked (1 - rho^2) / |1 - rho exp(-2 pi i f)|^2 + flicker / f,   f in cycles per sample,
 
 by Whittle's likelihood (Beran, Statistics for Long-Memory Processes, 1994, ch. 6), times the response of an
-autoregression where this leaves a colour (hum, resonances). Below the slowest wave of the records that it is for it is
+autoregression where this leaves a colour (hum, resonances). Below half a wave over the records that it is for it is
 taken as flat: sensors are zeroed before a record, and their zero wanders no more from record to record than within one
 (else `offset_free` says so). Predictors of every order up to `LONGEST` follow from its autocovariance (Durbin and
 Levinson; Brockwell, Davis, Time Series, 1991, sec. 5.2), so that a record is whitened from its first sample on.
@@ -117,7 +117,7 @@ def noise_at_rest(values: np.ndarray, step: float = 0.0, longest: int | None = N
     moved = values - values.mean()
     power = np.abs(np.fft.rfft(moved))[1 : (len(moved) + 1) // 2] ** 2 / len(moved)
     own = np.arange(1, len(power) + 1) / len(moved)
-    f = np.maximum(np.arange(_GRID // 2 + 1) / _GRID, 1.0 / min(longest or len(values), len(values)))
+    f = np.maximum(np.arange(_GRID // 2 + 1) / _GRID, 0.5 / min(longest or len(values), len(values)))
     slow = _spectrum(power)
     first = _known(slow(f))
     hum = learn_noise([first.whiten(moved)], SHORT)

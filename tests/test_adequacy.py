@@ -16,7 +16,7 @@ from diagnosis.model import Coordinate
 from diagnosis.objections import BEYOND_DOUBT, objection
 from diagnosis.refit import Fit, Start
 from diagnosis.select import Rules, select
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
+from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 
 def _coloured(rng, count, std, memory=0.9):
@@ -89,6 +89,37 @@ def test_a_drag_that_drifts_is_left_over():
         found = adequacy(model, _refitted(model)).leftovers
         least[seen] = min(f.p_value for f in found if f.coordinate.endswith("with elapsed time"))
     assert least[warm] < 1e-5 and least[None] > 1e-2
+
+
+def test_what_only_the_held_out_records_show_is_left_over():
+    model = Toy({}, 6, std=0.3)
+    quiet, pushed = (Toy({}, 7, records=1, std=0.3, extra=extra) for extra in (None, lambda t, y, v: 2.0 * np.abs(v)))
+    judged = _refitted(model)
+    alone, with_quiet, with_pushed = (adequacy(model, judged, None, other) for other in (None, quiet, pushed))
+    assert alone.p_value > 1e-2 and with_quiet.p_value > 1e-2
+    assert with_pushed.p_value < 1e-6
+    assert {f.coordinate for f in with_quiet.leftovers} >= {"elapsed time of run0", "elapsed time of run0, held out"}
+
+
+def test_what_the_parameters_are_unsure_of_is_not_left_over_in_held_out_records():
+    """One slow record tells little of the drag: on fast ones its error is no mismatch."""
+    p_values = []
+    for seed in range(6):
+        model, heldout = Toy({}, seed, records=1, count=600), Toy({}, 50 + seed, records=2)
+        for block, (_, y, v, a) in zip(model.blocks, model._motion, strict=True):
+            for slow in (y, v, a):
+                slow *= 0.2
+            block.measured[:] = model.predict(_truth())[0][:, 0] + np.random.default_rng(seed).normal(0.0, 0.3, 600)
+        judged = _refitted(model)
+        sure = replace(judged, fit=replace(judged.fit, free=(), jacobian=judged.fit.jacobian[:, :0]))
+        p_values.append([adequacy(model, j, None, heldout).p_value for j in (judged, sure)])
+    least = np.min(p_values, axis=0)
+    assert least[0] > 1e-2 and least[1] < 1e-20
+
+
+def _truth():
+    values = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
+    return np.array([[values.get(p.name, p.start)] for p in PARAMETERS])
 
 
 def test_a_weak_channel_is_not_held_against_its_own_noise():

@@ -9,8 +9,8 @@ from scipy.signal import lfilter
 from diagnosis import answer
 from diagnosis.adequacy import adequacy
 from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import refit_and_learn
-from diagnosis.model import Coordinate, Free
+from diagnosis.likelihood import refit_and_learn, refit_nominals
+from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.common import LEFT, SETTLING, at_first
 from diagnosis.refit import Start
 from diagnosis.screen import screen
@@ -39,6 +39,28 @@ class Root(Toy):
 def _white(model):
     model.blocks = [replace(b, memory=0) for b in model.blocks]
     return model
+
+
+class Swing:
+    """sin(rate t): from a claim that is half a turn off by the end, the nearest minimum is another."""
+
+    def __init__(self):
+        t = 0.01 * np.arange(1500)
+        seen = np.sin(5.5 * t) + np.random.default_rng(0).normal(0.0, 0.1, len(t))
+        self.parameters = (Free("rate", 5.0, 0.1, 50.0, 5.0, std=0.4),)
+        self.blocks = [Block("run", "angle", t, seen, np.ones(len(t), dtype=bool))]
+
+    def predict(self, values):
+        return [np.sin(values[0] * block.time[:, None]) for block in self.blocks]
+
+
+def test_nominals_are_refitted_from_several_starts():
+    model = Swing()
+    near = refit_and_learn(model, [Start("as claimed", ("rate",), {})])
+    best = refit_nominals(model, ("rate",))
+    assert abs(near.fit.values["rate"] - 5.5) > 0.1
+    assert best.fit.values["rate"] == pytest.approx(5.5, abs=5e-3)
+    assert best.deviance < near.deviance - 100.0
 
 
 def test_probes_go_nearer_to_the_size_and_along_what_hides_them():

@@ -239,7 +239,7 @@ def test_a_cable_that_hardens_has_its_stiffness_about_its_pretension(tmp_path):
     coefficient = _curved(true["tensile_stiffness"], true["pretension_top"], curvature)
     name = "stiffness_hardening.coefficient"
     assert max(_over_noise(question.fit, key, {name: coefficient}).values()) < 1.1
-    assert max(_over_noise(question.fit, key).values()) > 1.3
+    assert max(_over_noise(question.fit, key).values()) > 1.15
 
     values = {p.name: p.start for p in question.fit.parameters} | key["true_nominal"] | {name: coefficient}
     rig = load_rig(question.rig(values, ["stiffness_hardening"]))

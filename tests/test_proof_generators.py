@@ -10,7 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from diagnosis.proof import cable_hole, linear_drive, pulley_circuit
+from diagnosis.proof.effects import find
 from diagnosis.proof.numerics import slipped, tension_ratio
+from diagnosis.proof.rigs import random_rig
 from diagnosis.proof.sensors import USUAL, distort, quantise, random_colour, stamps
 
 CLOCK = linear_drive.CLOCK
@@ -155,6 +157,24 @@ def test_circuit_dissipates_and_holds_after_a_reversal():
     after = (t > 5.0) & (t < 5.15)  # the drive turns at 5 s, at its largest angle
     drive, output = np.ptp(made["drive_angle"][after]), np.ptp(made["output_angle"][after])
     assert output < 0.3 * drive * 7 / 5  # delay and transition: Fig. 6
+
+
+def test_circuit_stands_under_its_pretension_whatever_the_pulley_is():
+    """An eccentric pulley is mounted as it is: before the first motion it pulls at neither cable."""
+    still = np.full(200, 0.4)
+    round_off = {"position_ripple.amplitude": 3e-3, "position_ripple.phase": 0.9, "contact_stiffness": 0.0}
+    made = pulley_circuit.simulate(round_off, still)
+    assert made["drive_torque"] == pytest.approx(0.0, abs=1e-9)
+    assert made["output_angle"][0] * 5 / 7 - 0.4 == pytest.approx(3e-3 * np.sin(8.0 * 0.4 + 0.9), rel=1e-6)
+
+
+def test_a_hardening_cable_loses_its_tension_as_it_slackens():
+    hardening = find("pulley_circuit", "stiffness_hardening")
+    largest = hardening.largest * hardening.sized["stiffness_hardening.coefficient"]
+    for seed in range(50):
+        rig = random_rig("pulley_circuit", np.random.default_rng(seed), (hardening,))
+        stiffness, pretension = rig.values["tensile_stiffness"], rig.values["pretension_top"]
+        assert largest < stiffness / (4.0 * pretension)
 
 
 def test_circuit_lost_motion_grows_by_the_gap():

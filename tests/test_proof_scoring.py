@@ -55,6 +55,16 @@ def test_outcome_of_a_single_effect(made, outcome):
     assert judge(key(), made).outcome == outcome
 
 
+def test_a_class_that_holds_too_much_is_wrong_and_says_that_the_truth_is_in_it():
+    wide = judge(key(), verdict("actuator_lag", kind="equivalence_class", alternatives=["backlash"]))
+    plain = judge(key(), verdict("actuator_lag", kind="equivalence_class", alternatives=["sensor_delay"]))
+    assert wide.outcome == plain.outcome == "wrong"
+    assert (wide.offered, plain.offered, judge(key(), verdict("backlash")).offered) == (True, False, False)
+    rows = {row.name: row.count for row in table([wide, plain])}
+    assert rows["wrong name, effect adds >10 %"] == 2
+    assert rows["of those, the right name among the alternatives, >10 %"] == 1
+
+
 def test_outcomes_of_other_kinds():
     pair = key(kind="pair", effects=("backlash", "friction_drift"))
     assert judge(pair, verdict("friction_drift", "backlash")).outcome == "exact"

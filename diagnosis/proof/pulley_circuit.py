@@ -101,10 +101,13 @@ def _run(p, logs, worn, length, reference, rate, start, out):
     settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
     pulley, turning, feed = angle, 0.0, 0.0
-    theta = angle * R0 / R5
-    for a in range(2):  # as if cable and pulleys had turned together from zero
+    hauled = angle
+    if p[RIP_A] != 0.0:
+        hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
+    theta = hauled * R0 / R5
+    for a in range(2):  # cable and pulleys lie as they were mounted: nothing is pulled but by the pretension
         for i in range(4):
-            s[a, i] = (1.0 - 2.0 * a) * R0 * angle
+            s[a, i] = (1.0 - 2.0 * a) * R0 * hauled
     omega, held, swing, sway, armed = 0.0, 0.0, 0.0, 0.0, 1.0
     t, torque = start, 0.0
     for tick in range(-1, len(reference)):

@@ -50,6 +50,8 @@ class Result:
     """gain of whoever knows the mismatch's shape and the noise's spectrum"""
     heldout: float | None = None
     """largest RMSE of the augmented model over the RMS of the noise that is in the channel"""
+    offered: bool = False
+    """whether a wrong answer has a truth among its alternatives, beside names that are not declared to look like it"""
 
 
 def restored(case: Mapping[str, Any]) -> Result:
@@ -90,6 +92,7 @@ def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
         _overlap(key, verdict) if truth and answers else None,
         float(key.get("stands_out", "inf")),
         _heldout(key, verdict) if answers and truth and "wrong" not in right else None,
+        any(r == "wrong" and set(truth) & set(e.get("alternatives", ())) for e, r in zip(answers, right, strict=True)),
     )
 
 
@@ -223,6 +226,8 @@ def table(results: Sequence[Result]) -> list[Row]:
         rows.append(_row(f"right name exactly, effect adds {band} %", _in(own, ("exact",))))
         limit = ("<=", 0.03) if band == "1-3" else ("", 0.0)
         rows.append(_row(f"wrong name, effect adds {band} %", _in(own, ("wrong",)), *limit))
+        offered = (r.outcome == "wrong" and r.offered for r in own)
+        rows.append(_row(f"of those, the right name among the alternatives, {band} %", offered))
     for noise in ("white", "coloured"):
         own = [r for r in nothing if (r.noise == "white") == (noise == "white")]
         rows.append(_row(f"false alarms, nothing wrong, {noise} noise", (alarm(r) for r in own), "<=", 0.05))
