@@ -16,9 +16,8 @@ import numpy as np
 from scipy.stats import qmc
 
 from diagnosis.model import Block, Model, Whitener, learn_whitener, residuals
-from diagnosis.noise import PRICE, memory
+from diagnosis.noise import PRICE
 from diagnosis.refit import Fit, Start, refit
-from diagnosis.rest import RestNoise
 
 ABOUT, SPREAD = 4, 1.5
 """Starts of the nominals' refit beside what is claimed, and how far from it, in standard deviations of the claim.
@@ -48,18 +47,9 @@ def deviance(blocks: Sequence[Block], whitener: Whitener) -> float:
     """Of residuals whose noise ``whitener`` learnt; see the module."""
     total = 0.0
     for channel, noise in whitener.noise.items():
-        own = [block.good for block in blocks if block.channel == channel]
-        known = isinstance(noise, RestNoise)
-        longest = 0 if known else memory([len(good) for good in own])
-        count = sum(_usable(good, longest) for good in own)
+        count = noise.counted([block.good for block in blocks if block.channel == channel])
         total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers + noise.surprise
     return float(total)
-
-
-def _usable(good: np.ndarray, longest: int) -> int:
-    """Samples with a whole past, on which noise is learnt."""
-    whole = np.convolve(good, np.ones(longest + 1))[longest : len(good)]
-    return int(np.sum(whole > longest + 0.5))
 
 
 def judge(model: Model, fit: Fit) -> Judged:

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from diagnosis.noise import learn_noise
-from diagnosis.rest import Colour, RestNoise, bridged
+from diagnosis.rest import AnyNoise, RestNoise
 
 
 @dataclass(frozen=True)
@@ -78,21 +78,11 @@ class Model(Protocol):
 class Whitener:
     """Residuals of all blocks as independent samples of variance 1, given the noise of each channel."""
 
-    noise: dict[str, Colour] = field(default_factory=dict)
+    noise: dict[str, AnyNoise] = field(default_factory=dict)
 
     def flat(self, blocks: Sequence[Block], series: Sequence[np.ndarray]) -> np.ndarray:
         """Series [T, n] of every block, one below the other, whitened; samples that do not count are 0."""
-        parts = []
-        for block, values in zip(blocks, series, strict=True):
-            good = block.good if values.ndim == 1 else block.good[:, None]
-            noise = self.noise[block.channel]
-            known = isinstance(noise, RestNoise)
-            white = noise.whiten(bridged(values, block.good) if known else np.where(good, values, 0.0))
-            ready = np.convolve(~block.good, np.ones(noise.order + 1))[: len(block.good)] < 0.5
-            ready[: noise.order] = False
-            if noise.lift and block.good.any():
-                white = white + noise.lift * values[block.good].mean(axis=0)
-            parts.append(white * (ready if values.ndim == 1 else ready[:, None]))
+        parts = [self.noise[b.channel].flat(values, b.good) for b, values in zip(blocks, series, strict=True)]
         return np.concatenate(parts)
 
 
@@ -103,7 +93,7 @@ def residuals(blocks: Sequence[Block], predictions: Sequence[np.ndarray]) -> lis
 
 def learn_whitener(blocks: Sequence[Block], series: Sequence[np.ndarray], max_order: int = 8) -> Whitener:
     """The noise of every channel, from residuals [T] of its blocks; of one that is known from rest, its size only."""
-    noise: dict[str, Colour] = {}
+    noise: dict[str, AnyNoise] = {}
     for channel in dict.fromkeys(block.channel for block in blocks):
         of_channel = [
             np.where(block.good, values, np.nan)

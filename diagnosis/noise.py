@@ -73,6 +73,22 @@ class Noise:
         white[: self.order] = 0.0
         return white
 
+    def flat(self, series: np.ndarray, good: np.ndarray) -> np.ndarray:
+        """Series [T] or [T, n] whitened; samples that do not count (good [T]), or whose past does not, are 0."""
+        shape = (-1, *[1] * (series.ndim - 1))
+        white = self.whiten(np.where(good.reshape(shape), series, 0.0))
+        if self.lift and good.any():
+            white = white + self.lift * series[good].mean(axis=0)
+        ready = np.convolve(~good, np.ones(self.order + 1))[: len(good)] < 0.5
+        ready[: self.order] = False
+        return white * ready.reshape(shape)
+
+    def counted(self, goods: Sequence[np.ndarray]) -> int:
+        """Samples of records on which it is learnt: those with a whole past."""
+        longest = memory([len(good) for good in goods])
+        whole = (np.convolve(good, np.ones(longest + 1))[longest : len(good)] for good in goods)
+        return sum(int(np.sum(count > longest + 0.5)) for count in whole)
+
     def simulate(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """``count`` samples of this noise, after 1000 that are thrown away."""
         drive = rng.normal(0.0, self.std, count + 1000)

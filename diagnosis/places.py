@@ -9,7 +9,7 @@ import numpy as np
 from diagnosis import locate
 from diagnosis.likelihood import Judged
 from diagnosis.model import Coordinate, Model
-from diagnosis.rest import Colour
+from diagnosis.rest import AnyNoise
 from diagnosis.select import Selection
 from diagnosis.verdict import Trace
 
@@ -19,20 +19,20 @@ def located(
 ) -> tuple[list[dict[str, Any]], tuple[Trace, ...]]:
     """(entries of the verdict's location, the largest first; the traces with their shaded intervals).
 
-    The mismatch is the difference of the two predictions where an effect is named, else what the refit leaves. A
-    recording with nothing wrong has no location.
+    The mismatch is the difference of the two predictions where an effect is named, else what the refit leaves, in the
+    held-out records too: they may be all that shows it. A recording with nothing wrong has no location.
     """
     if nothing:
         return [], tuple(traces)
     noise = selection.final.whitener.noise
     energies = {id(t): _energy(t, named, noise[t.channel]) for t in traces}
-    fitted = [t for t in traces if t.use == "fit"]
-    total = sum(float(energies[id(t)].sum()) for t in fitted)
+    asked = [t for t in traces if t.use == "fit" or not named]
+    total = sum(float(energies[id(t)].sum()) for t in asked)
     if total <= 0.0:
         return [], tuple(traces)
     entries, spans_of = [], {}
-    for channel in dict.fromkeys(t.channel for t in fitted):
-        own = [t for t in fitted if t.channel == channel]
+    for channel in dict.fromkeys(t.channel for t in asked):
+        own = [t for t in asked if t.channel == channel]
         share = sum(float(energies[id(t)].sum()) for t in own) / total
         if share < locate.LEAST_CHANNEL:
             continue
@@ -57,7 +57,7 @@ def located(
     return sorted(entries, key=lambda e: -e["share_of_all"]), shaded
 
 
-def _energy(trace: Trace, named: bool, noise: Colour) -> np.ndarray:
+def _energy(trace: Trace, named: bool, noise: AnyNoise) -> np.ndarray:
     if named:
         d = (trace.augmented - trace.refit) / trace.noise
         return np.where(np.isfinite(d), d, 0.0) ** 2

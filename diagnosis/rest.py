@@ -51,10 +51,7 @@ class RestNoise:
     covariance: np.ndarray
     std: float = 1.0
     numbers: int = 0
-    lift: float = 0.0
     surprise: float = 0.0
-    order: int = 0
-    """samples without a past that count for nothing: none"""
 
     @property
     def floor(self) -> float:
@@ -76,6 +73,14 @@ class RestNoise:
         if len(columns) > first:
             white[first:] = oaconvolve(columns, self.taps[:, None], axes=0)[first : len(columns)]
         return white.reshape(series.shape) / self.std
+
+    def flat(self, series: np.ndarray, good: np.ndarray) -> np.ndarray:
+        """Series [T] or [T, n] whitened, with straight lines over samples that do not count (good [T]), which are 0."""
+        return self.whiten(bridged(series, good)) * good.reshape(-1, *[1] * (series.ndim - 1))
+
+    def counted(self, goods: Sequence[np.ndarray]) -> int:
+        """Samples of records by which its size is known."""
+        return sum(int(good.sum()) for good in goods)
 
     def sized(self, residuals: Sequence[np.ndarray]) -> "RestNoise":
         """The same colour at the size of residuals [T] of several records; NaN marks samples that do not count."""
@@ -187,5 +192,5 @@ def _predictors(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     raise AssertionError("the loop ends at the last order")
 
 
-Colour = Noise | RestNoise
+AnyNoise = Noise | RestNoise
 """What whitens a channel."""
