@@ -47,7 +47,7 @@ def adequacy(
     """
     blocks, judged = (model.blocks, judged) if heldout is None else _of_all(model, heldout, judged)
     regression = Regression(blocks, judged)
-    found = [*regressed(regression), *lines(blocks, judged, regression.white), *coherences(blocks, judged)]
+    found = [*regressed(regression), *lines(blocks, judged, regression.white), *coherences(blocks, regression.white)]
     tests = len(found)
     found.sort(key=lambda f: f.p_value)
     excess = max([f.gain - f.functions for f in found if tests * f.p_value < SURE], default=0.0)

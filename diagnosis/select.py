@@ -56,7 +56,8 @@ class Rules:
     alike     | the same as a share of its gain: the formulation of either is a little wrong
     declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
     left_p    | familywise p-value below which what is left is not noise
-    alone     | least excess of what is left for "unknown" where nothing is named: two formulations differ a little
+    alone     | least excess of what is left for "unknown" where nothing is named: two formulations differ a little;
+              | where a record at rest tells the noise the p-value by itself decides
     left      | share of all that was to be explained, which may be left when something is named
     drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
               | explains much of a drift of another kind
@@ -157,7 +158,8 @@ def select(
     if known:
         rules = replace(rules, drifts=rules.gain)
         if at_rest:
-            rules = replace(rules, left_p=max(rules.left_p, rules.rest_p), alone_p=max(rules.alone_p, rules.rest_p))
+            hidden = max(rules.left_p, rules.rest_p)
+            rules = replace(rules, left_p=hidden, alone_p=max(hidden, rules.alone_p), alone=0.0)
     else:
         hidden = max(rules.hidden_p, rules.left_p)
         rules = replace(rules, left_p=hidden, alone_p=max(hidden, rules.alone_p))

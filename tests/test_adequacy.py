@@ -1,6 +1,7 @@
 """Functions of the motion on what is left: channels together, single places, what drifts, a channel's own noise."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from diagnosis.confidence import interval
 from diagnosis.functions import Regression
 from diagnosis.leftover import ALL
 from diagnosis.likelihood import refit_and_learn
-from diagnosis.model import Coordinate
+from diagnosis.model import Block, Coordinate, learn_whitener
 from diagnosis.objections import BEYOND_DOUBT, objection
 from diagnosis.refit import Fit, Start
 from diagnosis.select import Rules, select
+from diagnosis.spectra import coherences
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 
@@ -75,6 +77,23 @@ def test_channels_of_one_noise_are_not_taken_together(shared):
         judged = _refitted(model)
         assert len(Regression(model.blocks, judged).apart) == (1 if shared else 3)
         assert adequacy(model, judged).p_value > Rules().hidden_p
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+def test_coherence_of_independent_channels_is_as_rare_as_it_says(memory):
+    p_values, gains = [], []
+    for seed in range(80):
+        rng, blocks = np.random.default_rng(seed), []
+        t = 0.01 * np.arange(2000)
+        for record, channel in product(("one", "two"), "abc"):
+            noise = lfilter([1.0], [1.0, -memory], rng.normal(size=len(t)))
+            blocks.append(Block(record, channel, t, noise, np.ones(len(t), dtype=bool), sensor=channel))
+        raw = [b.measured for b in blocks]
+        found = coherences(blocks, learn_whitener(blocks, raw).flat(blocks, raw))
+        gains += [f.gain / f.functions for f in found if f.coordinate == "frequency"]
+        p_values += [f.p_value for f in found if f.channel == ALL]
+    assert np.mean(gains) == pytest.approx(1.0, abs=0.05)
+    assert np.mean(np.array(p_values) < 0.05) < 0.1 and min(p_values) > 1e-4
 
 
 def test_a_drag_that_drifts_is_left_over():
