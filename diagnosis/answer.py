@@ -83,7 +83,9 @@ def _drifting(selection: Selection) -> list[str]:
 
 def _unfitted(recording: Recording, question: Question, selection: Selection) -> list[str]:
     """What to do where only records that were not fitted show that something is missing."""
-    if selection.verdict != "unknown" or selection.accepted or selection.steps:
+    at_rest = any(b.noise is not None for b in question.fit.blocks)  # else they were not asked (`diagnosis.select`)
+    shows = selection.verdict == "unknown" and selection.after.p_value < selection.rules.alone_p
+    if not at_rest or not shows or selection.accepted:
         return []
     alone = adequacy(question.fit, selection.null, dict(recording.noise))
     if alone.p_value < selection.rules.alone_p or alone.over_noise > selection.rules.over:

@@ -47,8 +47,7 @@ class Rules:
     coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
     drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
     alone_p   | the same where nothing is named
-    rest_p    | ``left_p`` and ``alone_p`` where a record at rest tells the noise's colour: it hides much, less must do
-    hidden_p  | ``left_p`` and ``alone_p`` where that colour is learnt: it hides most
+    hidden_p  | ``left_p`` and ``alone_p`` where the noise has a colour, known from rest or learnt: it hides much
     further   | the same for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
@@ -78,7 +77,6 @@ class Rules:
     declared: float = 0.1
     left_p: float = 1e-6
     alone_p: float = 1e-6
-    rest_p: float = 1e-3
     hidden_p: float = 1e-3
     alone: float = 35.0
     left: float = 0.22
@@ -154,15 +152,12 @@ def select(
     at_rest = any(b.noise is not None for b in fit.blocks)
     known = at_rest or bool(stated)
     if at_rest or not stated:
-        rules = replace(rules, gain=min(rules.gain, rules.coloured))
+        hidden, gain = max(rules.hidden_p, rules.left_p), min(rules.gain, rules.coloured)
+        rules = replace(rules, gain=gain, left_p=hidden, alone_p=max(hidden, rules.alone_p))
     if known:
         rules = replace(rules, drifts=rules.gain)
-        if at_rest:
-            hidden = max(rules.left_p, rules.rest_p)
-            rules = replace(rules, left_p=hidden, alone_p=max(hidden, rules.alone_p), alone=0.0)
-    else:
-        hidden = max(rules.hidden_p, rules.left_p)
-        rules = replace(rules, left_p=hidden, alone_p=max(hidden, rules.alone_p))
+    if at_rest:
+        rules = replace(rules, alone=0.0)
     tell("refitting the nominal parameters")
     null = keep("null", partial(refit_nominals, fit, nominals))
     chosen: list[tuple[Hypothesis, Judged]] = []

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from diagnosis import select as selection
 from diagnosis.adequacy import adequacy
+from diagnosis.answer import _unfitted
 from diagnosis.confidence import interval
 from diagnosis.functions import Regression
 from diagnosis.leftover import ALL
@@ -16,6 +18,7 @@ from diagnosis.likelihood import refit_and_learn
 from diagnosis.model import Block, Coordinate, learn_whitener
 from diagnosis.objections import BEYOND_DOUBT, objection
 from diagnosis.refit import Fit, Start
+from diagnosis.rest import noise_at_rest
 from diagnosis.select import Rules, select
 from diagnosis.spectra import coherences
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
@@ -118,6 +121,21 @@ def test_what_only_the_held_out_records_show_is_left_over():
     assert alone.p_value > 1e-2 and with_quiet.p_value > 1e-2
     assert with_pushed.p_value < 1e-6
     assert {f.coordinate for f in with_quiet.leftovers} >= {"elapsed time of run0", "elapsed time of run0, held out"}
+
+
+@pytest.mark.parametrize(("rest", "p_value", "notes"), [(True, 1e-9, 1), (True, 0.5, 0), (False, 1e-9, 0)])
+def test_a_note_says_so_where_only_held_out_records_show_it(rest, p_value, notes):
+    """Not where nothing is left (a drift that is too small is unknown, too), nor where they were not asked."""
+    model, heldout = Toy({}, 6, std=0.3), Toy({}, 7, records=1, std=0.3)
+    known = noise_at_rest(np.random.default_rng(0).normal(0.0, 0.3, 3000)) if rest else None
+    model.blocks = [replace(b, noise=known) for b in model.blocks]
+    heldout.blocks = [replace(b, record="run9", noise=known) for b in heldout.blocks]
+    found = SimpleNamespace(
+        verdict="unknown", accepted=(), null=_refitted(model), after=SimpleNamespace(p_value=p_value),
+        rules=Rules(alone_p=1e-3),
+    )  # fmt: skip
+    said = _unfitted(SimpleNamespace(noise={}), SimpleNamespace(fit=model, heldout=heldout), found)
+    assert len(said) == notes and all("only run9, held out" in text for text in said)
 
 
 def test_what_the_parameters_are_unsure_of_is_not_left_over_in_held_out_records():
