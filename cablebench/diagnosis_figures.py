@@ -1,4 +1,5 @@
-"""Figures of a diagnosis as inline SVG: over time, along coordinates, errors against the noise, maps of what is left.
+"""Figures of a diagnosis as inline SVG: over time, along coordinates, errors against the noise, maps of what is left,
+spectra.
 
 ``traces`` are `diagnosis.verdict.Trace`, read by their fields only.
 """
@@ -178,3 +179,26 @@ def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:
         figure.subplots_adjust(left=0.085, right=0.99, top=0.88, bottom=0.2, wspace=0.35)
 
     return svg(draw, 9.6, 2.5, {})
+
+
+def spectra(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Power of what is left over that of the noise, and what the answer expects of it; empty text without any."""
+    if not rows:
+        return ""
+
+    def draw(figure: Any) -> None:
+        axes = figure.subplots(1, len(rows), squeeze=False)[0]
+        for ax, row in zip(axes, rows, strict=True):
+            ax.step(row["at"], row["left"], where="mid", color=RED, linewidth=0.9, label="recorded")
+            ax.step(row["at"], row["expected"], where="mid", color=BLUE, linewidth=0.9, label="expected")
+            ax.axhline(1.0, color=SOFT, linewidth=0.7, linestyle=(0, (2, 2)))
+            ax.set(title=plain(row["channel"]), xlabel="frequency [Hz]", yscale="log", xlim=(0.0, max(row["at"])))
+            least, most = min(min(row["left"]), 1.0), max(*row["left"], *row["expected"])
+            decades = [f for k in range(-3, 9) for f in (10.0**k,) if least / 2 < f < 2 * most]
+            ax.set_yticks(decades, [f"{f:g}" for f in decades])
+            ax.set_yticks([], minor=True)
+        axes[0].set_ylabel("power over the noise's")
+        axes[0].legend(loc="upper left")
+        figure.subplots_adjust(left=0.085, right=0.99, top=0.9, bottom=0.18, wspace=0.25)
+
+    return svg(draw, 9.6, 2.7, {})

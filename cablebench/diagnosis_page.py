@@ -30,6 +30,7 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         record=record, named=named, title=words.VERDICT[record["verdict"]], headline=words.headline(record),
         cost=words.cost(record), advice=words.advice(record), places=shown, left=last,
         errors=Markup(figures.errors(record["fit"], named)), maps=Markup(figures.maps(last, record["fit"])),
+        spectra=Markup(figures.spectra(record["spectra"])),
         top=max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), visited=_visited(record),
     )  # fmt: skip
 

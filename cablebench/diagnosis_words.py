@@ -49,7 +49,7 @@ def headline(record: Mapping[str, Any]) -> str:
     if verdict == "no_detectable_mismatch":
         return (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
-        )
+        ) + (" It oscillates by itself, and the recording as it does." if record.get("spectra") else "")
     if verdict == "unknown":
         places = record["location"]
         where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
@@ -85,6 +85,12 @@ def cost(record: Mapping[str, Any]) -> str:
             f"On records that no fit has seen, {plain(channel)} is predicted to {shown(held['refit'], unit)} RMS "
             f"(at the claimed parameters {shown(held['nominal'], unit)}); its noise is about {floor}."
         )
+    if record.get("spectra"):
+        return (
+            f"With it the simulation oscillates by itself as the recording does, most at {_loudest(record):.3g} Hz. "
+            f"When it swings which way nobody can predict: on unseen records {plain(channel)} stays at "
+            f"{shown(held['refit'], unit)} RMS (the noise is {floor}), and to ignore it costs the oscillation."
+        )
     change = 1.0 - held["augmented"] / max(held["refit"], 1e-300)
     if change < HARDLY:
         return (
@@ -96,6 +102,12 @@ def cost(record: Mapping[str, Any]) -> str:
         f"To ignore it costs {plain(channel)} on unseen records {shown(held['refit'], unit)} RMS where "
         f"{shown(held['augmented'], unit)} is possible ({change:.0%} less; the noise is {floor})."
     )
+
+
+def _loudest(record: Mapping[str, Any]) -> float:
+    """Frequency, Hz, at which most is left over the noise."""
+    powers = ((power, at) for row in record["spectra"] for power, at in zip(row["left"], row["at"], strict=True))
+    return max(powers)[1]
 
 
 def advice(record: Mapping[str, Any]) -> str:

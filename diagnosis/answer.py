@@ -1,6 +1,7 @@
 """From the selected model to the verdict: effects in canonical names, errors by channel, what could have been seen."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,10 @@ import numpy as np
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
 from diagnosis.adequacy import Adequacy, adequacy
+from diagnosis.bands import Averaged
 from diagnosis.confidence import MOST, confidence, highest, interval
 from diagnosis.gate import Quality
+from diagnosis.hunting import RUNS
 from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals
 from diagnosis.model import Free, Model, residuals
@@ -54,16 +57,23 @@ def answer(
         found if named else (),
         tuple(location),
         _absorbed(question, selection.null, final),
-        _errors(question, selection.null, final, floors),
+        _errors(_predictable(question, selection), selection.null, final, floors),
         _test(question, selection, known),
         () if named else found,
         _tried(question, selection, known),
         tuple(_leftovers(selection)),
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
-        (*question.notes, *quality.notes, *_drifting(selection), *_unfitted(recording, question, selection)),
+        (
+            *question.notes,
+            *quality.notes,
+            *_drifting(selection),
+            *_swinging(selection),
+            *_unfitted(recording, question, selection),
+        ),
         {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
         steps=selection.steps,
+        spectra=() if selection.bands is None else tuple(selection.bands.rows()),
         rig=question.rig(final.fit.values, accepted),
         traces=traces,
     )
@@ -79,6 +89,25 @@ def _drifting(selection: Selection) -> list[str]:
     )
     found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
     return [f"{canonical(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
+
+
+def _swinging(selection: Selection) -> list[str]:
+    """How to read the errors of a model that oscillates by itself."""
+    if selection.bands is None:
+        return []
+    by = " with it" if selection.accepted else ""
+    return [
+        f"the simulation{by} oscillates by itself, in a phase of its own: spectra were compared, and errors are those "
+        f"of the mean of {RUNS} runs, which has next to nothing of the oscillation"
+    ]
+
+
+def _predictable(question: Question, selection: Selection) -> Question:
+    """The question with models that predict what can be predicted, where the simulation oscillates by itself."""
+    if selection.bands is None:
+        return question
+    fit, heldout = (Averaged(model, RUNS) for model in (question.fit, question.heldout))
+    return replace(question, fit=fit, heldout=heldout)
 
 
 def _unfitted(recording: Recording, question: Question, selection: Selection) -> list[str]:
@@ -212,6 +241,8 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection, known: 
     asked = np.sqrt(rules.gain + rules.each * (len(h.free) - 1)) / _STANDS_OUT
     scores = [s for screening in selection.screenings[:1] for s in screening.scores if s.hypothesis is h]
     scores = [s for s in scores if np.isfinite(s.visible)]
+    if not selection.screenings:
+        return "not looked for"
     if not scores:
         return "none: wholly absorbed"
     lead = next(iter(h.nulls))

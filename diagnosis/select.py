@@ -10,6 +10,8 @@
 6. `diagnosis.adequacy` asks whether what is left is noise. Where it is not, nothing is named. Under a noise that is
    known from rest the held-out records are asked too: slow noise hides much, and another motion may show it. Not in
    white noise: there two formulations differ by what friction holds after a stop, in one of 20 quiet recordings.
+7. Where that names nothing, spectra are compared instead of residuals (`diagnosis.hunting`): of a loop that hunts no
+   simulation has the phase. A simulator that hunts by itself, and has the spectrum, is left as it is from the start.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis import hunting
 from diagnosis.adequacy import Adequacy, adequacy
+from diagnosis.bands import Bands, Spectra
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.likelihood import Judged, refit_and_learn, refit_nominals, settled
 from diagnosis.model import Model, Whitener
@@ -34,6 +38,9 @@ DRIFTS = ("friction_drift",)
 and a sagging supply gained 41 to 74 as such (recordings that no proof uses)."""
 CONSTANT = ("sensor_scale", "sensor_bias")
 """Effects that are none where they change with the elapsed time: a warming sensor is no scale."""
+ENDING = 20
+"""Iterations, at most, with which a candidate's refit ends: a load that sticks and slips is long on its way (a Stribeck
+curve that was there gained 2868 after a race, 11500 after two more iterations, and 15400 in the end)."""
 NOTHING = 1.0
 """Fall of the deviance that a number brings by chance in one recording of three."""
 LIKE_ANY = "something drifts with the elapsed time"
@@ -60,6 +67,7 @@ class Rules:
     left      | share of all that was to be explained, which may be left when something is named
     drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
               | explains much of a drift of another kind
+    swinging  | the same of a simulator that oscillates by itself: nothing has adapted it to the recording's oscillation
     over      | RMS over the stated noise up to which a model may be right
     beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
@@ -81,6 +89,7 @@ class Rules:
     alone: float = 35.0
     left: float = 0.22
     drifted: float = 0.05
+    swinging: float = 0.35
     over: float = 1.08
     beside: float = 0.1
     clean: float = 0.05
@@ -119,6 +128,8 @@ class Selection:
     """of the ladder, where the held-out records judge (`diagnosis.unseen`)"""
     explained: float = 0.0
     """what the effects gain on all records that are asked whether what is left is noise"""
+    bands: Bands | None = None
+    """spectra of the last model, where it was judged by these; ``after`` is then of them"""
 
     @property
     def verdict(self) -> str:
@@ -159,6 +170,12 @@ def select(
     if at_rest:
         rules = replace(rules, alone=0.0)
     tell("refitting the nominal parameters")
+    spectra = Spectra(fit, stated)
+    by_itself = hunting.oscillates(spectra, rules.gain)
+    if by_itself:
+        alone = _as_it_swings(*keep("averaged", partial(hunting.refitted, spectra, nominals, rng)), rules)
+        if alone is not None:
+            return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
     chosen: list[tuple[Hypothesis, Judged]] = []
     screenings, tried, refused = [], [], {}
@@ -195,9 +212,42 @@ def select(
     drifting = not chosen and any(why.startswith(LIKE_ANY) for why in refused.values())
     share = rules.drifted if _tells_of_drift([h for h, _ in chosen], after) else rules.left
     adequate = _adequate(after, explained, rules, share) and not drifting
+    if not by_itself and not (adequate and accepted):
+        tell("comparing spectra")
+        swung = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
+        found = keep("spectra", partial(hunting.oscillations, *swung))
+        swinging = _swings(spectra, null, found, rules)
+        if swinging is not None:
+            return replace(swinging, screenings=tuple(screenings), tried=tuple(tried), refused=refused, before=before)
     return Selection(
         null, best, accepted, tuple(screenings), tuple(tried), before, after, adequate, refused, rules,
         explained=explained,
+    )  # fmt: skip
+
+
+def _as_it_swings(null: Judged, bands: Bands, rules: Rules) -> Selection | None:
+    """The answer where the simulator hunts without any effect, and the recording as it does."""
+    after, explained = hunting.left_by(bands), bands.still.cost - bands.cost
+    if explained <= 0.0 or not _adequate(after, explained, rules, rules.swinging):
+        return None
+    return Selection(null, null, (), (), (), after, after, True, rules=rules, explained=explained, bands=bands)
+
+
+def _swings(spectra: Spectra, null: Judged, found: Sequence[hunting.Oscillation], rules: Rules) -> Selection | None:
+    """The answer of the best of what makes the simulator hunt as the recording does, if that explains it."""
+    best = next(iter(found), None)
+    if best is None or best.gain < _least(best.hypothesis, rules, 0.0):
+        return None
+    after, apart = hunting.left_by(best.bands), best.bands.dispersion
+    if not _adequate(after, best.gain, rules, rules.left):
+        return None
+    behind = {o.hypothesis.name: (best.gain - o.gain) / apart for o in found[1:]}
+    equal = tuple(name for name, by in behind.items() if by < rules.margin)
+    margin = min((by for by in behind.values() if by >= rules.margin), default=best.gain / apart)
+    accepted = Accepted(best.hypothesis, best.gain, best.heldout, equal, margin)
+    final = hunting.judged(spectra, null, best)
+    return Selection(
+        null, final, (accepted,), (), (), after, after, True, rules=rules, explained=best.gain, bands=best.bands
     )  # fmt: skip
 
 
@@ -272,7 +322,7 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
         if candidate.gain < least:
             refused.setdefault(h.name, f"it gains {candidate.gain:.1f}, less than the {least:.1f} that is asked")
             continue
-        mine = settled(fit, mine)
+        mine = settled(fit, mine, ENDING)
         candidate = replace(candidate, judged=mine, gain=base.deviance - mine.deviance)
         held = base_held - held_cost(heldout, screening.whitener, mine.fit)
         reason = objection(h, mine.fit, held, candidate.gain) or unstable(mine.fit, h) or momentary(fit, base, mine)

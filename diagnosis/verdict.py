@@ -101,6 +101,8 @@ class Diagnosis:
     visited    | what the recording visited: ranges by channel, reversals
     about      | recording, system, options, seed, seconds
     steps      | from the refit up, where the held-out records judge; else empty
+    spectra    | where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it
+               | expects, over that of the noise
     rig        | content of augmented.yaml
     traces     | for figures; not in the JSON
     """
@@ -120,6 +122,7 @@ class Diagnosis:
     about: Mapping[str, Any] = field(default_factory=dict)
     augmented_rig: str = "augmented.yaml"
     steps: tuple[Step, ...] = ()
+    spectra: tuple[Mapping[str, Any], ...] = ()
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
 

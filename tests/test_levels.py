@@ -85,7 +85,7 @@ def coloured(tmp_path_factory):
 def test_a_loop_is_replayed_in_slow_noise(coloured):
     recording = load_recording(coloured)
     left = controller(recording, 0.01)[1]
-    assert 1.3 < left < EXPLAINED  # the jitter between samples is the smaller part of such noise
+    assert 1.2 < left < EXPLAINED  # the jitter between samples is the smaller part of such noise
     assert ask(recording, request_of(recording)).fit.closed
 
 
