@@ -30,6 +30,8 @@ from diagnosis.rest import AnyNoise
 
 BAND = 16
 """Frequencies of a band, of the longest record."""
+AT_ONCE = 192
+"""Runs at a time: a long recording's must fit into memory."""
 LEAST = 0.05
 """Share of what the mean of few runs leaves that stays in any case."""
 NUDGE = 1e-4
@@ -148,6 +150,10 @@ class Spectra:
 
     def of(self, columns: np.ndarray, runs: int) -> list[Bands]:
         """Of every column [parameters, n], each run so many times."""
+        pieces = range(0, columns.shape[1], max(AT_ONCE // runs, 1))
+        return [bands for k in pieces for bands in self._of(columns[:, k : k + pieces.step], runs)]
+
+    def _of(self, columns: np.ndarray, runs: int) -> list[Bands]:
         n = columns.shape[1]
         predictions = self.model.predict(_nudged(self.model, columns, runs))
         sums: dict[str, np.ndarray] = {}

@@ -31,8 +31,8 @@ COARSE = 8
 RIVALS = 3
 """Hypotheses whose size is looked for."""
 SOFT = 0.5
-"""Share of a parameter's standard deviation beforehand that the refit may leave for it to be looked for again: what sets
-an oscillation's frequency, a belt's stiffness say, may show in nothing else."""
+"""Share of a parameter's standard deviation beforehand that the refit may leave for it to be looked for again: what
+sets an oscillation's frequency, a belt's stiffness say, may show in nothing else."""
 WIDE, FACTOR = 2.0, 4.0
 """Where they are looked for: such a parameter about its claim, in standard deviations; a size about a look."""
 POPULATION, GENERATIONS = 32, 10
