@@ -96,7 +96,9 @@ def test_a_pitch_that_the_refit_cannot_know_is_found_along():
 
 
 def test_neither_noise_nor_a_hum_is_a_swing():
-    hum = lambda t: 0.15 * np.sin(2 * np.pi * 7.3 * t)  # noqa: E731
+    def hum(t):
+        return 0.15 * np.sin(2 * np.pi * 7.3 * t)
+
     for extra in (None, hum):
         _, found = _oscillations(Swinging({}, 3, extra), Swinging({}, 103, extra))
         assert not [o for o in found if o.bands.excess < 0.22 * o.gain]
