@@ -52,6 +52,7 @@ class Rules:
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
     coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
+    rest      | the same where a record at rest tells the colour: nothing of the mismatch is in it
     drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
     alone_p   | the same where nothing is named
     hidden_p  | ``left_p`` and ``alone_p`` where the noise has a colour, known from rest or learnt: it hides much
@@ -76,6 +77,7 @@ class Rules:
 
     gain: float = 40.0
     coloured: float = 30.0
+    rest: float = 21.0
     drifts: float = 80.0
     further: float = 60.0
     each: float = 4.0
@@ -163,7 +165,7 @@ def select(
     at_rest = any(b.noise is not None for b in fit.blocks)
     known = at_rest or bool(stated)
     if at_rest or not stated:
-        hidden, gain = max(rules.hidden_p, rules.left_p), min(rules.gain, rules.coloured)
+        hidden, gain = max(rules.hidden_p, rules.left_p), min(rules.gain, rules.rest if at_rest else rules.coloured)
         rules = replace(rules, gain=gain, left_p=hidden, alone_p=max(hidden, rules.alone_p))
     if known:
         rules = replace(rules, drifts=rules.gain)

@@ -6,9 +6,13 @@ import numpy as np
 import pytest
 
 from diagnosis.proof.baselines import BASELINES
-from diagnosis.proof.cases import AT_REST, BANDS, Case, digest, make, plan
-from diagnosis.proof.effects import LIBRARY, STRANGE, SYSTEMS
+from diagnosis.proof.cases import AT_REST, BANDS, PERIOD, Case, digest, make, plan
+from diagnosis.proof.effects import LIBRARY, STRANGE, SYSTEMS, find
+from diagnosis.proof.excitation import reference
+from diagnosis.proof.refit import Refit
+from diagnosis.proof.rigs import CLOCK, random_rig
 from diagnosis.proof.run import make_one, prove
+from diagnosis.proof.sensors import stamps
 from diagnosis.recording import load_recording
 
 ONE = {
@@ -127,3 +131,33 @@ def test_prove_with_a_callable(tmp_path):
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     again = make_one(None, cases[0], str(tmp_path))
     assert again == manifest["cases"][cases[0].name]
+
+
+def _refit(seed, effect):
+    """(a rig of the hole, its refit over two records)"""
+    rng = np.random.default_rng([seed, 7])
+    rig = random_rig("cable_hole", rng, (find("cable_hole", effect),))
+    at = [stamps(rng, 0.0, 24.0, PERIOD, 0.02) for _ in range(2)]
+    motions = [rig.centre + reference(kind, rng, 24.0, rig.amplitude, CLOCK) for kind in ("sine", "multisine")]
+    return rig, Refit(rig, motions, at)
+
+
+def test_what_friction_holds_before_the_first_motion_does_not_count():
+    """On this rig an asymmetry is another friction and another mass, but for the tension that records begin with."""
+    rig, refit = _refit(1203998115, "asymmetric_friction")
+    place = refit.see({})[:, rig.scored.index("load_position")]
+    first = np.abs(place - place[0]) < 0.01 * np.ptp(place)
+    standing = np.logical_and.accumulate(first)
+    assert standing[5]  # the load hangs still while the drive stretches the cable
+    found = refit.excess({"asymmetric_friction.difference": 0.05})
+    assert np.abs(found.left[standing]).max() < 1e-9 < np.abs(found.left).max()
+    assert found.absorbed > 0.99 and found.added < 0.01
+
+
+def test_a_refit_of_the_proof_goes_on_until_no_more_is_absorbed(monkeypatch):
+    _, refit = _refit(205116082, "bending_stiffness")
+    left = []
+    for steps in (1, 6, 12):
+        monkeypatch.setattr("diagnosis.proof.refit.STEPS", steps)
+        left.append(refit.excess({"bending_stiffness.rigidity": 2e-6}).added)
+    assert left[1] < 0.95 * left[0] and left[2] == pytest.approx(left[1], rel=0.02)

@@ -123,17 +123,27 @@ def test_a_slow_mismatch_is_no_colour_of_a_noise_that_is_known():
             (c.gain for race in found.tried for c in race if c.hypothesis.name == "bias_effect"), default=0
         )
         if rest:
-            assert [a.hypothesis.name for a in found.accepted] == [
-                "bias_effect"
-            ] and found.rules.drifts == Rules().coloured
+            assert [a.hypothesis.name for a in found.accepted] == ["bias_effect"] and found.rules.drifts == Rules().rest
     assert gains[True] > gains[False] + 5.0
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", range(1, 9))
 def test_nothing_is_found_in_noise_that_is_known(seed):
     fit, heldout = _toys({}, seed, 0.9, True)
     found = select(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0))
     assert found.verdict == "no_detectable_mismatch" and found.after.over_noise < 1.08
+
+
+def test_less_is_asked_where_the_colour_is_known_than_where_it_is_learnt():
+    fit, heldout = _toys({"bias": 0.165}, 21, 0.97, True)
+    named = {}
+    for asked in (Rules().rest, Rules().coloured):
+        rules = Rules(rest=asked)
+        one = [h for h in HYPOTHESES if h.name == "bias_effect"]
+        found = select(fit, heldout, NOMINALS, one, np.random.default_rng(0), rules=rules)
+        named[asked] = [(a.hypothesis.name, a.gain) for a in found.accepted]
+    ((name, gain),) = named[Rules().rest]
+    assert name == "bias_effect" and Rules().rest < gain < Rules().coloured and not named[Rules().coloured]
 
 
 def test_more_than_the_noise_at_rest_is_no_noise():

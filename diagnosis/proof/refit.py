@@ -3,6 +3,8 @@
 The refit is a step of Gauss and Newton from the truth, and where the parameters absorb half or more a second one from
 where it led: an effect that hides almost wholly moves them far. All residuals count in standard deviations of their
 channel's noise. On the hole each record's start is refitted, too: what nobody knows exactly is where the load hung.
+What a record shows before its motion has left the first place does not count: what friction holds there was left by
+what happened before, of which a recording knows nothing.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -13,6 +15,10 @@ import numpy as np
 
 from diagnosis.proof.rigs import CLOCK, SIMULATE, TrueRig, observe
 
+STEPS = 6
+"""Of a refit at most; it ends where what is left is most of what there is."""
+AWAY = 0.03
+"""Share of its range by which a position has left its first place."""
 SHIFT = 1e-5
 """m, by which a start is moved to see what that changes."""
 
@@ -40,12 +46,14 @@ class Refit:
         self.rig, self._references, self._at = rig, references, at
         self._std = np.array([rig.noise[c] for c in rig.scored])
         self._plain = self.see({})
+        self._counts = self._away()
         columns = []
         for names in rig.free:
             step = {name: 1.01 * rig.values[name] for name in names}
             columns.append((self.see(step) - self._plain).ravel() / 0.01)
         columns += self._starts()
-        self._slopes = np.column_stack(columns) if columns else np.zeros((self._plain.size, 0))
+        slopes = np.column_stack(columns) if columns else np.zeros((self._plain.size, 0))
+        self._slopes = slopes * np.repeat(self._counts, len(rig.scored))[:, None]
         self._basis = np.linalg.svd(self._slopes, full_matrices=False)[0]
 
     def see(self, changes: Mapping[str, float]) -> np.ndarray:
@@ -55,6 +63,18 @@ class Refit:
             channels = observe(self.rig, changes, reference, at)
             rows.append(np.column_stack([channels[c] for c in self.rig.scored]))
         return np.concatenate(rows) / self._std
+
+    def _away(self) -> np.ndarray:
+        """Whether every position of a record has left its first place [samples]."""
+        positions = [k for k, name in enumerate(self.rig.scored) if name.endswith(("position", "angle"))]
+        found = []
+        for seen in self._by_record(self._plain[:, positions]):
+            far = np.abs(seen - seen[0]) > AWAY * np.ptp(seen, axis=0)
+            found.append(np.logical_or.accumulate(far, axis=0).all(axis=1))
+        return np.concatenate(found)
+
+    def _by_record(self, rows: np.ndarray) -> list[np.ndarray]:
+        return np.split(rows, np.cumsum([len(at) for at in self._at])[:-1])
 
     def _starts(self) -> list[np.ndarray]:
         """Change of all channels with the place where the load of each record begins, the commands being the same."""
@@ -99,22 +119,32 @@ class Refit:
     def excess(self, changes: Mapping[str, float]) -> Excess:
         """What ``changes`` leave after the refit."""
         seen = self.see(changes)
-        raw = (seen - self._under(changes, {})).ravel()
+        raw = self._counted(seen - self._under(changes, {}))
         left = raw - self._basis @ (self._basis.T @ raw)
-        if raw @ raw > 2.0 * (left @ left) and np.isfinite(raw).all():
-            step = np.clip(np.linalg.lstsq(self._slopes, raw, rcond=1e-8)[0], -0.5, 0.5)[: len(self.rig.free)]
+        total, now = np.zeros(len(self.rig.free)), raw
+        for _ in range(STEPS):
+            if not np.isfinite(now).all() or now @ now <= 2.0 * (left @ left):
+                break
+            total += np.linalg.lstsq(self._slopes, now, rcond=1e-8)[0][: len(total)]
+            total = np.clip(total, -0.5, 0.5)
             moved = {
-                n: (1.0 + s) * self.rig.values[n] for names, s in zip(self.rig.free, step, strict=True) for n in names
+                n: (1.0 + s) * self.rig.values[n] for names, s in zip(self.rig.free, total, strict=True) for n in names
             }
-            again = (seen - self._under(changes, moved)).ravel()
-            again -= self._basis @ (self._basis.T @ again)
-            left = again if again @ again < left @ left else left
+            now = self._counted(seen - self._under(changes, moved))
+            rest = now - self._basis @ (self._basis.T @ now)
+            if not rest @ rest < left @ left:
+                break
+            left = rest
         shaped = left.reshape(-1, len(self._std))
-        rms = np.sqrt(np.mean(shaped**2, axis=0))
+        rms = np.sqrt(np.sum(shaped**2, axis=0) / np.sum(self._counts))
         energy = float(raw @ raw)
         absorbed = 1.0 - float(left @ left) / energy if energy > 0 else 0.0
         added = float(np.sqrt(1.0 + rms.max() ** 2) - 1.0)
         return Excess(added, absorbed, dict(zip(self.rig.scored, rms.tolist(), strict=True)), shaped)
+
+    def _counted(self, rows: np.ndarray) -> np.ndarray:
+        """Rows [samples, channels] one after the other, those that do not count as 0."""
+        return np.where(self._counts[:, None], rows, 0.0).ravel()
 
     def gain(self, left: np.ndarray, flat: Callable[[int, np.ndarray], np.ndarray]) -> float:
         """Sum of squares of ``left`` [samples, channels] in its noise, beyond what a refit that knows the noise takes.
