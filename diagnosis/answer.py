@@ -22,7 +22,8 @@ from diagnosis.places import located, permuted
 from diagnosis.recording import Recording
 from diagnosis.refit import Fit
 from diagnosis.screen import Score
-from diagnosis.select import LIKE_ANY, Accepted, Selection
+from diagnosis.select import LIKE_ANY
+from diagnosis.selection import Accepted, Selection
 from diagnosis.verdict import Diagnosis, Found, Trace
 
 _STANDS_OUT = 3.6

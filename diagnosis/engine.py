@@ -31,7 +31,8 @@ from diagnosis.models.question import Question, Request
 from diagnosis.noise import resolution
 from diagnosis.recording import Record, Recording, load_recording
 from diagnosis.rest import RestNoise, bridged, noise_at_rest
-from diagnosis.select import Selection, select
+from diagnosis.select import select
+from diagnosis.selection import Selection
 from diagnosis.steps import Steps, digest
 from diagnosis.unseen import select_unseen
 from diagnosis.verdict import Diagnosis

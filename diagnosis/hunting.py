@@ -21,6 +21,8 @@ from diagnosis.hypotheses import INVERSE, Hypothesis
 from diagnosis.likelihood import Judged, raw_residuals, refit_nominals
 from diagnosis.model import Free, Whitener
 from diagnosis.refit import Fit
+from diagnosis.rules import Rules
+from diagnosis.selection import Accepted, Selection
 
 RUNS, LOOKS = 6, 2
 """Runs that are nudged apart: of a model, and of each of many that are only looked at."""
@@ -247,3 +249,29 @@ def judged(spectra: Spectra, null: Judged, found: Oscillation) -> Judged:
     raw = raw_residuals(Averaged(spectra.model, RUNS), fit)
     noise = {**null.whitener.noise, **spectra.whitener.noise}
     return Judged(fit, tuple(raw), Whitener(noise), null.deviance - found.gain)
+
+
+def as_it_is(null: Judged, bands: Bands, rules: Rules) -> Selection | None:
+    """The answer where the simulator hunts without any effect, and the recording as it does."""
+    after, explained = left_by(bands), bands.still.cost - bands.cost
+    if explained <= 0.0 or not rules.adequate(after, explained, rules.swinging):
+        return None
+    return Selection(null, null, (), (), (), after, after, True, rules=rules, explained=explained, bands=bands)
+
+
+def explaining(spectra: Spectra, null: Judged, found: Sequence[Oscillation], rules: Rules) -> Selection | None:
+    """The answer of the best of what makes the simulator hunt as the recording does, if that explains it."""
+    best = next(iter(found), None)
+    if best is None or best.gain < rules.least(best.hypothesis, 0.0):
+        return None
+    after, apart = left_by(best.bands), best.bands.dispersion
+    if not rules.adequate(after, best.gain, rules.left):
+        return None
+    behind = {o.hypothesis.name: (best.gain - o.gain) / apart for o in found[1:]}
+    equal = tuple(name for name, by in behind.items() if by < rules.margin)
+    margin = min((by for by in behind.values() if by >= rules.margin), default=best.gain / apart)
+    accepted = Accepted(best.hypothesis, best.gain, best.heldout, equal, margin)
+    final = judged(spectra, null, best)
+    return Selection(
+        null, final, (accepted,), (), (), after, after, True, rules=rules, explained=best.gain, bands=best.bands
+    )  # fmt: skip

@@ -10,7 +10,7 @@ import numpy as np
 
 from diagnosis.model import Block, Model
 from diagnosis.noise import jitter
-from diagnosis.select import Selection
+from diagnosis.selection import Selection
 
 FAR = 3.0
 """RMS of what is left over the sensor's noise, in every regime, from which the model's error is what limits."""

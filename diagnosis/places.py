@@ -10,7 +10,7 @@ from diagnosis import locate
 from diagnosis.likelihood import Judged
 from diagnosis.model import Coordinate, Model
 from diagnosis.rest import AnyNoise
-from diagnosis.select import Selection
+from diagnosis.selection import Selection
 from diagnosis.verdict import Trace
 
 

@@ -15,7 +15,7 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -23,15 +23,16 @@ import numpy as np
 
 from diagnosis import hunting
 from diagnosis.adequacy import Adequacy, adequacy
-from diagnosis.bands import Bands, Spectra
+from diagnosis.bands import Spectra
 from diagnosis.hypotheses import Hypothesis
 from diagnosis.likelihood import Judged, refit_and_learn, refit_nominals, settled
 from diagnosis.model import Model, Whitener
 from diagnosis.objections import bounded, held_cost, momentary, objection, unstable
 from diagnosis.race import Candidate, race
 from diagnosis.refit import Start
-from diagnosis.screen import Screening, screen
-from diagnosis.verdict import Step
+from diagnosis.rules import Rules
+from diagnosis.screen import screen
+from diagnosis.selection import Accepted, Selection
 
 DRIFTS = ("friction_drift",)
 """Effects that change with the elapsed time alone. Under a noise whose colour is learnt, a leaking load, a warm cable
@@ -44,103 +45,6 @@ curve that was there gained 2868 after a race, 11500 after two more iterations, 
 NOTHING = 1.0
 """Fall of the deviance that a number brings by chance in one recording of three."""
 LIKE_ANY = "something drifts with the elapsed time"
-
-
-@dataclass(frozen=True)
-class Rules:
-    """What is asked of an answer; found on recordings that are spent for proofs (docs/diagnosis.md).
-
-    gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
-    coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
-    rest      | the same where a record at rest tells the colour: nothing of the mismatch is in it
-    drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
-    alone_p   | the same where nothing is named
-    hidden_p  | ``left_p`` and ``alone_p`` where the noise has a colour, known from rest or learnt: it hides much
-    further   | the same for a further effect
-    share     | least gain of a further effect over that of all before it
-    races     | times that what was behind a refused hypothesis may race again
-    margin    | fall of the deviance by which an effect must beat another to be told from it
-    alike     | the same as a share of its gain: the formulation of either is a little wrong
-    declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
-    left_p    | familywise p-value below which what is left is not noise
-    alone     | least excess of what is left for "unknown" where nothing is named: two formulations differ a little;
-              | where a record at rest tells the noise the p-value by itself decides
-    left      | share of all that was to be explained, which may be left when something is named
-    drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
-              | explains much of a drift of another kind
-    swinging  | the same of a simulator that oscillates by itself: nothing has adapted it to the recording's oscillation
-    over      | RMS over the stated noise up to which a model may be right
-    beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
-    clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
-    most      | effects at the most
-    """
-
-    gain: float = 40.0
-    coloured: float = 30.0
-    rest: float = 21.0
-    drifts: float = 80.0
-    further: float = 60.0
-    each: float = 4.0
-    share: float = 0.15
-    margin: float = 10.0
-    alike: float = 0.01
-    declared: float = 0.1
-    left_p: float = 1e-6
-    alone_p: float = 1e-6
-    hidden_p: float = 1e-3
-    alone: float = 35.0
-    left: float = 0.22
-    drifted: float = 0.05
-    swinging: float = 0.35
-    over: float = 1.08
-    beside: float = 0.1
-    clean: float = 0.05
-    white: float = 1.04
-    most: int = 2
-    races: int = 3
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An effect that was found, with what it was chosen from."""
-
-    hypothesis: Hypothesis
-    gain: float
-    heldout_gain: float
-    alternatives: tuple[str, ...]
-    margin: float
-    """deviance of the best other hypothesis less its own; of those that are no alternatives"""
-
-
-@dataclass(frozen=True)
-class Selection:
-    """The steps from the nominal refit to the last model, and the reasons."""
-
-    null: Judged
-    final: Judged
-    accepted: tuple[Accepted, ...]
-    screenings: tuple[Screening, ...]
-    tried: tuple[tuple[Candidate, ...], ...]
-    before: Adequacy
-    after: Adequacy
-    adequate: bool
-    refused: Mapping[str, str] = field(default_factory=dict)
-    rules: Rules = field(default_factory=Rules)
-    steps: tuple[Step, ...] = ()
-    """of the ladder, where the held-out records judge (`diagnosis.unseen`)"""
-    explained: float = 0.0
-    """what the effects gain on all records that are asked whether what is left is noise"""
-    bands: Bands | None = None
-    """spectra of the last model, where it was judged by these; ``after`` is then of them"""
-
-    @property
-    def verdict(self) -> str:
-        """As in the specification."""
-        if not self.adequate:
-            return "unknown"
-        if not self.accepted:
-            return "no_detectable_mismatch"
-        return "equivalence_class" if any(a.alternatives for a in self.accepted) else "named"
 
 
 def select(
@@ -164,18 +68,12 @@ def select(
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)
     known = at_rest or bool(stated)
-    if at_rest or not stated:
-        hidden, gain = max(rules.hidden_p, rules.left_p), min(rules.gain, rules.rest if at_rest else rules.coloured)
-        rules = replace(rules, gain=gain, left_p=hidden, alone_p=max(hidden, rules.alone_p))
-    if known:
-        rules = replace(rules, drifts=rules.gain)
-    if at_rest:
-        rules = replace(rules, alone=0.0)
+    rules = rules.under(at_rest, bool(stated))
     tell("refitting the nominal parameters")
     spectra = Spectra(fit, stated)
     by_itself = hunting.oscillates(spectra, rules.gain)
     if by_itself:
-        alone = _as_it_swings(*keep("averaged", partial(hunting.refitted, spectra, nominals, rng)), rules)
+        alone = hunting.as_it_is(*keep("averaged", partial(hunting.refitted, spectra, nominals, rng)), rules)
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
@@ -197,7 +95,7 @@ def select(
             break
         chosen.append((found.hypothesis, found.judged))
         best = found.judged
-        if known and _clean(adequacy(fit, best, stated), rules):
+        if known and rules.nothing_left(adequacy(fit, best, stated)):
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
@@ -213,12 +111,12 @@ def select(
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
     drifting = not chosen and any(why.startswith(LIKE_ANY) for why in refused.values())
     share = rules.drifted if _tells_of_drift([h for h, _ in chosen], after) else rules.left
-    adequate = _adequate(after, explained, rules, share) and not drifting
+    adequate = rules.adequate(after, explained, share) and not drifting
     if not by_itself and not (adequate and accepted):
         tell("comparing spectra")
         swung = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
         found = keep("spectra", partial(hunting.oscillations, *swung))
-        swinging = _swings(spectra, null, found, rules)
+        swinging = hunting.explaining(spectra, null, found, rules)
         if swinging is not None:
             return replace(swinging, screenings=tuple(screenings), tried=tuple(tried), refused=refused, before=before)
     return Selection(
@@ -227,55 +125,9 @@ def select(
     )  # fmt: skip
 
 
-def _as_it_swings(null: Judged, bands: Bands, rules: Rules) -> Selection | None:
-    """The answer where the simulator hunts without any effect, and the recording as it does."""
-    after, explained = hunting.left_by(bands), bands.still.cost - bands.cost
-    if explained <= 0.0 or not _adequate(after, explained, rules, rules.swinging):
-        return None
-    return Selection(null, null, (), (), (), after, after, True, rules=rules, explained=explained, bands=bands)
-
-
-def _swings(spectra: Spectra, null: Judged, found: Sequence[hunting.Oscillation], rules: Rules) -> Selection | None:
-    """The answer of the best of what makes the simulator hunt as the recording does, if that explains it."""
-    best = next(iter(found), None)
-    if best is None or best.gain < _least(best.hypothesis, rules, 0.0):
-        return None
-    after, apart = hunting.left_by(best.bands), best.bands.dispersion
-    if not _adequate(after, best.gain, rules, rules.left):
-        return None
-    behind = {o.hypothesis.name: (best.gain - o.gain) / apart for o in found[1:]}
-    equal = tuple(name for name, by in behind.items() if by < rules.margin)
-    margin = min((by for by in behind.values() if by >= rules.margin), default=best.gain / apart)
-    accepted = Accepted(best.hypothesis, best.gain, best.heldout, equal, margin)
-    final = hunting.judged(spectra, null, best)
-    return Selection(
-        null, final, (accepted,), (), (), after, after, True, rules=rules, explained=best.gain, bands=best.bands
-    )  # fmt: skip
-
-
 def _held_gain(heldout: Model, whitener: Whitener, one: Judged, other: Judged) -> float:
     """How much better the other is on the held-out records."""
     return held_cost(heldout, whitener, one.fit) - held_cost(heldout, whitener, other.fit)
-
-
-def _clean(left: Adequacy, rules: Rules) -> bool:
-    """Whether nothing at all is left."""
-    return left.p_value > rules.clean and left.over_noise < rules.white
-
-
-def _adequate(after: Adequacy, explained: float, rules: Rules, share: float) -> bool:
-    """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
-    named = explained > 0.0
-    if after.over_noise > rules.over + (rules.beside if named else 0.0):
-        return False
-    least = rules.left_p if named else rules.alone_p
-    return after.p_value >= least or after.excess < (share * explained if named else rules.alone)
-
-
-def _least(hypothesis: Hypothesis | None, rules: Rules, so_far: float) -> float:
-    """Least gain of a hypothesis (of any, for None) on top of effects that gained ``so_far``."""
-    numbers = 0 if hypothesis is None else len(hypothesis.free) - 1
-    return max((rules.further if so_far > 0.0 else rules.gain) + rules.each * numbers, rules.share * so_far)
 
 
 def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
@@ -285,7 +137,7 @@ def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
     race again without it.
     """
     races, out = [], set()
-    least = _least(None, rules, so_far)
+    least = rules.least(None, so_far)
     while len(races) < rules.races:
         candidates = keep("race", partial(race, fit, base, screening, least, frozenset(out)))
         races.append(tuple(candidates))
@@ -320,7 +172,7 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
     base_held = held_cost(heldout, screening.whitener, base.fit)
     for candidate in candidates:
         h, mine = candidate.hypothesis, candidate.judged
-        least = _least(h, rules, so_far)
+        least = rules.least(h, so_far)
         if candidate.gain < least:
             refused.setdefault(h.name, f"it gains {candidate.gain:.1f}, less than the {least:.1f} that is asked")
             continue

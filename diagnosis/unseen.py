@@ -15,7 +15,8 @@ from diagnosis.ladder import MARGIN, MOST, Rung, held, inside, ladder
 from diagnosis.likelihood import Judged, judge, settled
 from diagnosis.model import Model
 from diagnosis.refit import Fit
-from diagnosis.select import Accepted, Rules, Selection
+from diagnosis.rules import Rules
+from diagnosis.selection import Accepted, Selection
 from diagnosis.verdict import Estimate, Step
 
 RULES = Rules(gain=MARGIN, each=0.0, share=0.0, margin=MARGIN, most=MOST)

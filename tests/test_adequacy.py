@@ -19,7 +19,8 @@ from diagnosis.model import Block, Coordinate, learn_whitener
 from diagnosis.objections import BEYOND_DOUBT, objection
 from diagnosis.refit import Fit, Start
 from diagnosis.rest import noise_at_rest
-from diagnosis.select import Rules, select
+from diagnosis.rules import Rules
+from diagnosis.select import select
 from diagnosis.spectra import coherences
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 

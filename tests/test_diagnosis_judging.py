@@ -13,8 +13,9 @@ from diagnosis.likelihood import refit_and_learn, refit_nominals
 from diagnosis.model import Block, Coordinate, Free
 from diagnosis.models.common import LEFT, SETTLING, at_first
 from diagnosis.refit import Start
+from diagnosis.rules import Rules
 from diagnosis.screen import screen
-from diagnosis.select import Rules, select
+from diagnosis.select import select
 from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 

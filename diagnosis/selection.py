@@ -1,0 +1,56 @@
+"""What a selection finds: the steps from the nominal refit to the last model, and the reasons."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from diagnosis.adequacy import Adequacy
+from diagnosis.bands import Bands
+from diagnosis.hypotheses import Hypothesis
+from diagnosis.likelihood import Judged
+from diagnosis.race import Candidate
+from diagnosis.rules import Rules
+from diagnosis.screen import Screening
+from diagnosis.verdict import Step
+
+
+@dataclass(frozen=True)
+class Accepted:
+    """An effect that was found, with what it was chosen from."""
+
+    hypothesis: Hypothesis
+    gain: float
+    heldout_gain: float
+    alternatives: tuple[str, ...]
+    margin: float
+    """deviance of the best other hypothesis less its own; of those that are no alternatives"""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The steps from the nominal refit to the last model, and the reasons."""
+
+    null: Judged
+    final: Judged
+    accepted: tuple[Accepted, ...]
+    screenings: tuple[Screening, ...]
+    tried: tuple[tuple[Candidate, ...], ...]
+    before: Adequacy
+    after: Adequacy
+    adequate: bool
+    refused: Mapping[str, str] = field(default_factory=dict)
+    rules: Rules = field(default_factory=Rules)
+    steps: tuple[Step, ...] = ()
+    """of the ladder, where the held-out records judge (`diagnosis.unseen`)"""
+    explained: float = 0.0
+    """what the effects gain on all records that are asked whether what is left is noise"""
+    bands: Bands | None = None
+    """spectra of the last model, where it was judged by these; ``after`` is then of them"""
+
+    @property
+    def verdict(self) -> str:
+        """As in the specification."""
+        if not self.adequate:
+            return "unknown"
+        if not self.accepted:
+            return "no_detectable_mismatch"
+        return "equivalence_class" if any(a.alternatives for a in self.accepted) else "named"
