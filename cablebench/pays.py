@@ -40,8 +40,8 @@ class Study:
     rig: str = "circuit"
     hidden: Mapping[str, Mapping[str, float]] | None = None
     seeds: tuple[int, ...] = (0, 1, 2)
-    steps: int = 98_304
-    trials: int = 15
+    steps: int = 499_712
+    trials: int = 60
     tuning_episodes: int = 2
     episodes: int = 6
     duration: float | None = None
