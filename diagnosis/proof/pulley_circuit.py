@@ -82,6 +82,12 @@ def _dry(p, omega, held, both, warm):
 
 
 @jit
+def _hauled(p, angle):
+    """Angle by which a driving pulley at ``angle`` has hauled the cables, rad: with its ripple."""
+    return angle + p[RIP_A] * np.sin(p[RIP_N] * angle + p[RIP_PH]) if p[RIP_A] != 0.0 else angle
+
+
+@jit
 def _run(p, logs, worn, length, reference, rate, start, out):
     """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs, worn [2, 4]: ln lambda at first and when friction has drifted wholly;
     length [2, 5] of the spans with what is wrapped, m."""
@@ -101,9 +107,7 @@ def _run(p, logs, worn, length, reference, rate, start, out):
     settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
     pulley, turning, feed = angle, 0.0, 0.0
-    hauled = angle
-    if p[RIP_A] != 0.0:
-        hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
+    hauled = _hauled(p, angle)
     theta = hauled * R0 / R5
     for a in range(2):  # cable and pulleys lie as they were mounted: nothing is pulled but by the pretension
         for i in range(4):
@@ -118,9 +122,7 @@ def _run(p, logs, worn, length, reference, rate, start, out):
             lagged += follow * (reference[now] + part * (reference[ahead] - reference[now]) - lagged)
             feed += follow * (rate[now] + part * (rate[ahead] - rate[now]) - feed)
             speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
-            hauled = pulley if p[GAP] > 0.0 else angle
-            if p[RIP_A] != 0.0:
-                hauled += p[RIP_A] * np.sin(p[RIP_N] * hauled + p[RIP_PH])
+            hauled = _hauled(p, pulley if p[GAP] > 0.0 else angle)
             done = 1.0 - np.exp(-t / p[DRIFT_T]) if p[DRIFT] != 0.0 else 0.0
             rough = 1.0 + p[SHEATH] * theta * theta
             strain = 0.0

@@ -9,7 +9,7 @@ what happened before, of which a recording knows nothing.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -44,6 +44,7 @@ class Refit:
 
     def __init__(self, rig: TrueRig, references: Sequence[np.ndarray], at: Sequence[np.ndarray]):
         self.rig, self._references, self._at = rig, references, at
+        self._records = [slice(*ends) for ends in pairwise(accumulate((len(times) for times in at), initial=0))]
         self._std = np.array([rig.noise[c] for c in rig.scored])
         self._plain = self.see({})
         self._counts = self._away()
@@ -68,26 +69,24 @@ class Refit:
         """Whether every position of a record has left its first place [samples]."""
         positions = [k for k, name in enumerate(self.rig.scored) if name.endswith(("position", "angle"))]
         found = []
-        for seen in self._by_record(self._plain[:, positions]):
+        for rows in self._records:
+            seen = self._plain[rows][:, positions]
             far = np.abs(seen - seen[0]) > AWAY * np.ptp(seen, axis=0)
             found.append(np.logical_or.accumulate(far, axis=0).all(axis=1))
         return np.concatenate(found)
-
-    def _by_record(self, rows: np.ndarray) -> list[np.ndarray]:
-        return np.split(rows, np.cumsum([len(at) for at in self._at])[:-1])
 
     def _starts(self) -> list[np.ndarray]:
         """Change of all channels with the place where the load of each record begins, the commands being the same."""
         if self.rig.system != "cable_hole":
             return []
         told = replace(self.rig, values={**self.rig.values, "kp": 0.0})
-        found, ends = [], np.cumsum([0, *(len(at) for at in self._at)])
-        for k, (reference, at) in enumerate(zip(self._references, self._at, strict=True)):
+        found = []
+        for rows, reference, at in zip(self._records, self._references, self._at, strict=True):
             path = self._commanded({}, reference)
             here, there = (observe(told, {}, path + by, at) for by in (0.0, SHIFT))
             column = np.zeros_like(self._plain)
             change = np.column_stack([there[c] - here[c] for c in self.rig.scored])
-            column[ends[k] : ends[k + 1]] = change / self._std
+            column[rows] = change / self._std
             found.append(column.ravel())
         return found
 
@@ -151,13 +150,12 @@ class Refit:
 
         flat(channel, series [T, n]) -> independent numbers [m, n]: the series of one record in that channel's noise.
         """
-        slopes, rows, columns = self._slopes.reshape(*left.shape, -1), [], []
-        ends = np.cumsum([0, *(len(at) for at in self._at)])
-        for first, last in pairwise(ends):
+        slopes, series, columns = self._slopes.reshape(*left.shape, -1), [], []
+        for rows in self._records:
             for k in range(left.shape[1]):
-                rows.append(flat(k, left[first:last, k : k + 1])[:, 0])
-                columns.append(flat(k, slopes[first:last, k]))
-        white, moves = np.concatenate(rows), np.concatenate(columns)
+                series.append(flat(k, left[rows, k : k + 1])[:, 0])
+                columns.append(flat(k, slopes[rows, k]))
+        white, moves = np.concatenate(series), np.concatenate(columns)
         moves = moves / np.maximum(np.linalg.norm(moves, axis=0), 1e-300)
         basis, sizes, _ = np.linalg.svd(moves, full_matrices=False)
         taken = basis[:, sizes > 1e-8 * max(float(sizes.max(initial=0.0)), 1e-300)].T @ white
