@@ -56,7 +56,10 @@ def adequacy(
 
 
 def _of_all(model: Model, heldout: Model, judged: Judged) -> tuple[list[Block], Judged]:
-    """(blocks of both, what the refit leaves in them); what the parameters are unsure of is taken out of both."""
+    """(blocks of both, what the refit leaves in them); what the parameters are unsure of is taken out of both.
+
+    A fitted parameter that the held-out records do not have (where a record begins) has no slope there.
+    """
     fitted = {b.record for b in model.blocks}
     others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
     known = {p.name for p in heldout.parameters}

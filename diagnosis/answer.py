@@ -71,6 +71,7 @@ def answer(
             *_drifting(selection),
             *_swinging(selection),
             *_unfitted(recording, question, selection),
+            *_beside_its_effects(selection),
         ),
         {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
         steps=selection.steps,
@@ -122,6 +123,15 @@ def _unfitted(recording: Recording, question: Question, selection: Selection) ->
         return []
     shown = ", ".join(dict.fromkeys(b.record for b in question.heldout.blocks))
     return [f"only {shown}, held out, shows it: fit a motion like that ('use: fit') and hold another out"]
+
+
+def _beside_its_effects(selection: Selection) -> list[str]:
+    """What is left of a rig that has effects already, where it is more than noise and too little to be asked about."""
+    quiet = selection.verdict == "no_detectable_mismatch" and selection.bands is None and selection.explained > 0.0
+    if not quiet or selection.after.p_value >= selection.rules.left_p:
+        return []
+    share = selection.after.excess / selection.explained
+    return [f"what is left is {share:.1%} of what the rig's effects explain: two formulations differ by as much"]
 
 
 def canonical(hypothesis: str) -> str:

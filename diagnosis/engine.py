@@ -11,6 +11,7 @@ Records for "heldout" are never fitted. A recording without any keeps back the l
 import time as clock
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from cable_envs.plants import VARIANTS, plant_for
 from cable_envs.rigs import Rig, load_rig
 from diagnosis.answer import answer
 from diagnosis.gate import gate
+from diagnosis.likelihood import refit_nominals
 from diagnosis.limits import limited_by_the_model
 from diagnosis.models import looked_at, prepare
 from diagnosis.models.common import resample, sample_period
@@ -113,7 +115,9 @@ def examine(
     taken = request.rig and sorted(request.rig.items())
     options = (request.only, request.without, taken, effect_file, variant, judge, seed)
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
-    selection = selected(recording, question, judge, rng, steps, tell)
+    given = request.rig and judge == "noise"
+    plain = steps("plain", partial(without_its_effects, recording, request)) if given else None
+    selection = selected(recording, question, judge, rng, steps, tell, plain)
     tell("locating the mismatch")
     about = {
         "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
@@ -193,6 +197,21 @@ def ask(recording: Recording, request: Request) -> Question:
     return replace(question, notes=(*question.notes, share))
 
 
+def without_its_effects(recording: Recording, request: Request) -> float | None:
+    """Deviance of the recording under the rig that is given, refitted, without that rig's effects; None if it has none.
+
+    What an effect is called in the plant's own table (a spring at the load) counts as one.
+    """
+    plant = plant_for(recording.system)
+    effects = (*plant.effects.effects.values(), *request.own)
+    rows = {p.aliases.get(plant.name, f"{e.name}.{p.name}") for e in effects for p in e.parameters_on(plant.name)}
+    rest = {name: value for name, value in (request.rig or {}).items() if name not in rows}
+    if len(rest) == len(request.rig or {}):
+        return None
+    question = told_at_rest(recording, ask(recording, replace(request, rig=rest)))
+    return refit_nominals(question.fit, question.nominals).deviance
+
+
 def told_at_rest(recording: Recording, question: Question) -> Question:
     """The question with the noise of its channels that a record at rest tells (`diagnosis.rest`), and a note of it."""
     record = next(iter(recording.used_for("rest")), None)
@@ -234,12 +253,12 @@ def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:
 
 def selected(
     recording: Recording, question: Question, judge: str, rng: np.random.Generator, steps: Steps,
-    tell: Callable[[str], None],
+    tell: Callable[[str], None], plain: float | None = None,
 ) -> Selection:  # fmt: skip
-    """The best model by a criterion, under the noise that the recording states."""
+    """The best model by a criterion, under the noise that the recording states; plain: as `select`."""
     predicted = {b.channel for b in question.fit.blocks}
     stated = {n: s for n, s in recording.noise.items() if n in predicted}
     asked = (question.fit, question.heldout, question.nominals, question.hypotheses)
     if judge == "unseen":
         return select_unseen(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
-    return select(*asked, rng, stated=stated, tell=tell, keep=steps)
+    return select(*asked, rng, stated=stated, plain=plain, tell=tell, keep=steps)

@@ -11,24 +11,24 @@ class Rules:
     """Limits of a selection.
 
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
-    coloured  | the same where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
-    rest      | the same where a record at rest tells the colour: nothing of the mismatch is in it
+    coloured  | as ``gain``, where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
+    rest      | as ``gain``, where a record at rest tells the colour: nothing of the mismatch is in it
     drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
-    alone_p   | the same where nothing is named
-    hidden_p  | ``left_p`` and ``alone_p`` where the noise has a colour, known from rest or learnt: it hides much
-    further   | the same for a further effect
+    further   | as ``gain``, for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again
     margin    | fall of the deviance by which an effect must beat another to be told from it
-    alike     | the same as a share of its gain: the formulation of either is a little wrong
-    declared  | the same of effects that are declared to look alike: what tells them apart is smaller than a formulation
+    alike     | ``margin`` as a share of its gain: the formulation of either is a little wrong
+    declared  | ``alike`` of effects declared to look alike: what tells them apart is smaller than a formulation
     left_p    | familywise p-value below which what is left is not noise
+    alone_p   | ``left_p`` where nothing is named
+    hidden_p  | ``left_p`` and ``alone_p`` where the noise has a colour, known from rest or learnt: it hides much
     alone     | least excess of what is left for "unknown" where nothing is named: two formulations differ a little;
               | where a record at rest tells the noise the p-value by itself decides
     left      | share of all that was to be explained, which may be left when something is named
-    drifted   | the same when what changes with the elapsed time alone is, or a constant is that still drifts: either
+    drifted   | ``left`` when what changes with the elapsed time alone is, or a constant is that still drifts: either
               | explains much of a drift of another kind
-    swinging  | the same of a simulator that oscillates by itself: nothing has adapted it to the recording's oscillation
+    swinging  | ``left`` of a simulator that oscillates by itself: nothing has adapted it to the recording's oscillation
     over      | RMS over the stated noise up to which a model may be right
     beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for

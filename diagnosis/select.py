@@ -56,14 +56,17 @@ def select(
     *,
     rules: Rules | None = None,
     stated: Mapping[str, float] | None = None,
+    plain: float | None = None,
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:
     """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
 
     stated: channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
-    (`diagnosis.model.Block.noise`). keep(name, make) gives ``make()``,
-    or what it gave before an interruption (`diagnosis.steps`).
+    (`diagnosis.model.Block.noise`). plain: deviance of the refit without the effects that the models have already
+    (of an augmented rig); what these explain counts as that of effects accepted here: a further one is asked for its
+    share, and as little may be left. keep(name, make) gives ``make()``, or what it gave before an interruption
+    (`diagnosis.steps`).
     """
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)
@@ -77,6 +80,7 @@ def select(
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
+    already = 0.0 if plain is None or plain - null.deviance < rules.gain else plain - null.deviance
     chosen: list[tuple[Hypothesis, Judged]] = []
     screenings, tried, refused = [], [], {}
     best = null
@@ -88,7 +92,7 @@ def select(
         screening = keep("screen", partial(screen, fit, best, left, rng))
         screenings.append(screening)
         tell("refitting the best of them")
-        so_far = null.deviance - best.deviance
+        so_far = already + null.deviance - best.deviance
         found, races = _raced(fit, heldout, best, screening, rules, so_far, refused, keep)
         tried += races
         if found is None:
@@ -99,13 +103,13 @@ def select(
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
-        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep)
+        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, already)
         tried += swapped
     tell("looking at what is left")
     also = heldout if at_rest else None
     after = adequacy(fit, best, stated, also)
     before = adequacy(fit, null, stated, also) if chosen else after
-    explained = null.deviance - best.deviance
+    explained = already + null.deviance - best.deviance
     if chosen and at_rest:
         explained += max(_held_gain(heldout, best.whitener, null, best), 0.0)
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
@@ -186,7 +190,7 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
     return None
 
 
-def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep):
+def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, already):
     """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes.
 
     An effect that was exchanged puts all others in doubt again.
@@ -203,7 +207,8 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep):
         base = keep("rest", partial(refit_and_learn, fit, [start], 1))
         left = [h for h in hypotheses if h is doubtful[0] or h.name not in {h.name for h, _ in chosen}]
         screening = keep("screen", partial(screen, fit, base, left, rng))
-        found, races = _raced(fit, heldout, base, screening, rules, null.deviance - base.deviance, {}, keep)
+        so_far = already + null.deviance - base.deviance
+        found, races = _raced(fit, heldout, base, screening, rules, so_far, {}, keep)
         tried += races
         if found is None:
             chosen, sure = [(h, base) for h, _ in rest], {h.name for h, _ in rest[1:]}

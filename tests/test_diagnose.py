@@ -16,6 +16,7 @@ from cablebench.diagnosis_words import cost
 from diagnosis import engine, locate
 from diagnosis.engine import diagnose, kept_back
 from diagnosis.gate import gate
+from diagnosis.likelihood import refit_nominals
 from diagnosis.model import Coordinate
 from diagnosis.recording import load_recording
 from diagnosis.verdict import from_json
@@ -70,6 +71,18 @@ def test_the_augmented_rig_leaves_nothing_to_find(sprung):
     assert rig.plant == "linear_drive"
     again = diagnose(recording, rig=out / "augmented.yaml", effects=["actuator_lag", "sensor_scale"])
     assert again.verdict == "no_detectable_mismatch" and not again.location
+
+
+def test_what_the_effects_of_a_given_rig_explain_is_what_they_gained(sprung):
+    folder, out, done = sprung
+    recording = load_recording(folder)
+    corrected = engine.request_of(recording, rig=out / "augmented.yaml")
+    question = engine.ask(recording, corrected)
+    plain = engine.without_its_effects(recording, corrected)
+    with_it = refit_nominals(question.fit, question.nominals).deviance
+    (effect,) = json.loads(done.stdout)["effects"]
+    assert plain - with_it == pytest.approx(effect["gain"], rel=0.02)
+    assert engine.without_its_effects(recording, engine.request_of(recording)) is None
 
 
 OWN = """
