@@ -53,6 +53,8 @@ def headline(record: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         places = record["location"]
         where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
+        if record.get("suspected"):
+            return f"Something is missing; {_suspects(record)} helped, but what is left is no noise.{where}"
         return f"Something is missing, but none of the {len(record['hypotheses'])} hypotheses explains it.{where}"
     several = " and ".join(_one(effect) for effect in effects)
     return f"The simulator lacks {several}."
@@ -64,6 +66,10 @@ def _one(effect: Mapping[str, Any]) -> str:
         others = " or ".join(plain(n) for n in (effect["name"], *effect["alternatives"]))
         return f"either {others} ({sure} that it is one of them)"
     return f"{plain(effect['hypothesis'] or effect['name'])} ({sure})"
+
+
+def _suspects(record: Mapping[str, Any]) -> str:
+    return " and ".join(plain(effect["hypothesis"] or effect["name"]) for effect in record["suspected"])
 
 
 def cost(record: Mapping[str, Any]) -> str:
@@ -81,9 +87,10 @@ def cost(record: Mapping[str, Any]) -> str:
     held, unit = fit["heldout_rmse"], fit["unit"]
     floor = shown(fit["noise_floor"], unit)
     if not named:
+        helped = f", with {_suspects(record)} {shown(held['suspected'], unit)}" if record.get("suspected") else ""
         return (
             f"On records that no fit has seen, {plain(channel)} is predicted to {shown(held['refit'], unit)} RMS "
-            f"(at the claimed parameters {shown(held['nominal'], unit)}); its noise is about {floor}."
+            f"(at the claimed parameters {shown(held['nominal'], unit)}{helped}); its noise is about {floor}."
         )
     if record.get("spectra"):
         return (
@@ -124,10 +131,14 @@ def advice(record: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         places = record["location"]
         where = f" where the mismatch is ({places[0]['in_words']})" if places else ""
-        return (
+        look = (
             f"Look at the rig{where}; then give your own idea as --effect-file. The maps of what is left say "
             "what shape it must have."
         )
+        if not record.get("suspected") or record["about"]["judge"] == "unseen":
+            return look
+        unseen = "ask with --judge unseen, which accepts effects by the error on records that no fit has seen"
+        return f"If what is left may be the simulator's own error, {unseen}. {look}"
     return "Look below for the size that each effect would need for this recording to show it."
 
 
@@ -144,6 +155,9 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     found.append(advice(record))
     for effect in record["effects"]:
         found.append(f"  {plain(effect['hypothesis'])}: {effect['equation']}")
+        found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
+    for effect in record.get("suspected", ()):
+        found.append(f"  helped: {plain(effect['hypothesis'])}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
     found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
     found += [f"  where: {place['where']}" for place in record["location"][:4]]

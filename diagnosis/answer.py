@@ -49,6 +49,7 @@ def answer(
     verdict = selection.verdict
     named = verdict in ("named", "equivalence_class")
     final = selection.final if named else selection.null
+    helped = selection.final if found and not named else None
     floors = _floors(recording, question.fit, selection)
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(recording.system, traces, selection, named, verdict == "no_detectable_mismatch")
@@ -58,7 +59,7 @@ def answer(
         found if named else (),
         tuple(location),
         _absorbed(question, selection.null, final),
-        _errors(_predictable(question, selection), selection.null, final, floors),
+        _errors(_predictable(question, selection), selection.null, final, floors, helped),
         _test(question, selection, known),
         () if named else found,
         _tried(question, selection, known),
@@ -215,7 +216,10 @@ def _absorbed(question: Question, null: Judged, final: Judged) -> dict[str, dict
     }  # fmt: skip
 
 
-def _errors(question: Question, null: Judged, final: Judged, floors: Mapping[str, float]) -> dict[str, Any]:
+def _errors(
+    question: Question, null: Judged, final: Judged, floors: Mapping[str, float], helped: Judged | None
+) -> dict[str, Any]:
+    """RMS of every channel; ``helped``: with effects that helped and are not named."""
     found: dict[str, Any] = {}
     for use, model in (("heldout_rmse", question.heldout), ("fit_rmse", question.fit)):
         nominal = np.array([[p.start] for p in model.parameters])
@@ -224,6 +228,8 @@ def _errors(question: Question, null: Judged, final: Judged, floors: Mapping[str
             "refit": raw_residuals(model, null.fit),
             "augmented": raw_residuals(model, final.fit),
         }
+        if helped is not None:
+            series["suspected"] = raw_residuals(model, helped.fit)
         for channel in dict.fromkeys(b.channel for b in model.blocks):
             unit = next(b.unit for b in model.blocks if b.channel == channel)
             entry = found.setdefault(channel, {"unit": unit, "noise_floor": floors[channel]})

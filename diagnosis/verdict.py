@@ -94,7 +94,8 @@ class Trace:
 class Diagnosis:
     """The whole answer. Fields as in the JSON; those from ``suspected`` on are beyond the specification.
 
-    suspected  | effects that helped, where what is left forbids naming them (verdict "unknown")
+    suspected  | effects that helped, where what is left forbids naming them (verdict "unknown"); `fit` then has the
+               | errors with them as "suspected"
     hypotheses | every hypothesis tried: gain, absorbability, what it is confused with, why it was refused
     leftover   | smooth maps of what is left: channel, coordinate, places, height, error, p_value
     clues      | channel and coordinate -> p-values of block permutation, before and after

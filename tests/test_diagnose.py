@@ -12,7 +12,7 @@ from cable_envs.errors import ConfigurationError
 from cable_envs.replay import replay
 from cable_envs.rigs import load_rig
 from cablebench.commands.app import app
-from cablebench.diagnosis_words import cost
+from cablebench.diagnosis_words import advice, cost, headline, lines
 from diagnosis import engine, locate
 from diagnosis.engine import diagnose, kept_back
 from diagnosis.gate import gate
@@ -405,3 +405,23 @@ def test_an_effect_that_costs_little_is_said_to():
     assert cost(record).startswith(
         "To ignore it costs load position on unseen records 0.009 mm RMS where 0.00655 mm is"
     )
+
+
+def test_an_unknown_mismatch_says_what_helped_and_how_far():
+    rmse = {"nominal": 5.44, "refit": 5.02, "augmented": 5.02, "suspected": 0.186}
+    gap = {"value": 5.01e-4, "unit": "m", "ci95": [4.6e-4, 5.4e-4]}
+    record = {
+        "verdict": "unknown", "effects": [], "location": [], "hypotheses": [{}] * 35, "absorbed": {}, "steps": [],
+        "notes": [], "about": {"judge": "noise"},
+        "suspected": [{"name": "backlash", "hypothesis": "backlash", "parameters": {"gap": gap}}],
+        "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
+    }  # fmt: skip
+    assert headline(record) == "Something is missing; backlash helped, but what is left is no noise."
+    assert "with backlash 0.186 N" in cost(record)
+    assert "--judge unseen" in advice(record) and "--effect-file" in advice(record)
+    assert "    gap = 0.501 mm (95 %: 0.46 mm to 0.54 mm)" in lines(record)
+    unseen = {**record, "about": {"judge": "unseen"}}
+    assert "--judge unseen" not in advice(unseen)
+    nothing = {**record, "suspected": []}
+    assert "none of the 35 hypotheses" in headline(nothing) and "--judge unseen" not in advice(nothing)
+    assert "backlash" not in cost(nothing)
