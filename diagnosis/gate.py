@@ -27,6 +27,8 @@ some hundred predictions of every channel at once: 2e5 samples of three channels
 _JITTER, _PERIODS = 0.25, 0.01
 """Of the clock's step; between records."""
 _MOST_EMPTY = 0.2
+_FINER = 10.0
+"""Least noise over the resolution where most samples are at a channel's two ends: an encoder rests there, too."""
 _STILL = 8
 """Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
 _STIRS, _CALM = 0.05, 50
@@ -200,6 +202,8 @@ def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> l
     levels = np.unique(held)
     step = float(np.min(np.diff(levels)))
     noise = float(np.median(np.abs(np.diff(held, 3)))) / 0.6745 / np.sqrt(20.0)
+    if ((held == held.max()) | (held == held.min())).mean() > 0.5:  # the median then is of what stands still
+        noise, step = _noise_in_motion(held), _FINER * step
     if noise < step or noise < 1e-9 * float(np.ptp(held)):
         return []
     for level, what in ((held.max(), "highest"), (held.min(), "lowest")):
@@ -212,6 +216,21 @@ def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> l
         text = f"{longest + 1} equal samples in a row, {values[start]:g}: stuck; mark them under 'quality'"
         return [Fault(record, channel, max(start, 1), text)]
     return []
+
+
+def _noise_in_motion(values: np.ndarray) -> float:
+    """Standard deviation of the noise where no value equals the next; 0 where third differences are of the motion.
+
+    Those of white noise alternate, with a correlation of -0.75 from each to the next; those of a motion do not.
+    """
+    thirds, moves = np.diff(values, 3), np.diff(values) != 0.0
+    apart = moves[:-2] & moves[1:-1] & moves[2:]
+    both = apart[:-1] & apart[1:]
+    if both.sum() < FEWEST_HELDOUT:
+        return 0.0
+    one, next_ = thirds[:-1][both], thirds[1:][both]
+    alternates = float(one @ next_) < -0.3 * float(np.sqrt((one @ one) * (next_ @ next_)))
+    return float(np.median(np.abs(thirds[apart]))) / 0.6745 / np.sqrt(20.0) if alternates else 0.0
 
 
 def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:

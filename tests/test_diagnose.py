@@ -15,7 +15,7 @@ from cablebench.commands.app import app
 from cablebench.diagnosis_words import advice, cost, headline, lines
 from diagnosis import engine, locate
 from diagnosis.engine import diagnose, kept_back
-from diagnosis.gate import gate
+from diagnosis.gate import _still, gate
 from diagnosis.likelihood import refit_nominals
 from diagnosis.model import Coordinate
 from diagnosis.recording import load_recording
@@ -227,6 +227,24 @@ def test_saturation_is_a_fault_and_no_friction(tmp_path):
 
     with pytest.raises(ConfigurationError, match=r"channel force, row \d+: .* highest value 1.5: saturated"):
         diagnose(drive.write(tmp_path / "recording", change=clipped))
+
+
+def test_a_channel_that_is_mostly_at_its_limits_is_saturated_and_one_that_rests_there_is_not():
+    """With most samples on two levels third differences say nothing of the noise; an encoder may rest on two counts."""
+    t = 0.01 * np.arange(3000)
+    wave = 3.0 * np.sin(2.0 * np.pi * 0.3 * t)
+    noisy = wave + 0.01 * np.random.default_rng(0).normal(size=len(t))
+    square = np.tanh(4.0 * np.sin(2.0 * np.pi * 0.3 * t))
+
+    def said(values):
+        return [str(fault) for fault in _still("run", "angle", values, np.ones(len(t), dtype=bool))]
+
+    for clipped, level in ((np.clip(noisy, -1.0, 1.0), "1"), (np.minimum(noisy, -1.5), "-1.5")):
+        (fault,) = said(clipped)
+        assert f"in a row at its highest value {level}: saturated" in fault
+    for count in (1e-6, 1e-3, 0.05):
+        assert not said(count * np.round(np.clip(wave, -1.0, 1.0) / count))
+        assert not said(count * np.round(square / count))
 
 
 def test_single_empty_cells_are_left_out_and_noted(tmp_path):
