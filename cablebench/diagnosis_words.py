@@ -65,11 +65,15 @@ def _one(effect: Mapping[str, Any]) -> str:
     if effect["alternatives"]:
         others = " or ".join(plain(n) for n in (effect["name"], *effect["alternatives"]))
         return f"either {others} ({sure} that it is one of them)"
-    return f"{plain(effect['hypothesis'] or effect['name'])} ({sure})"
+    return f"{_called(effect)} ({sure})"
+
+
+def _called(effect: Mapping[str, Any]) -> str:
+    return plain(effect["hypothesis"] or effect["name"])
 
 
 def _suspects(record: Mapping[str, Any]) -> str:
-    return " and ".join(plain(effect["hypothesis"] or effect["name"]) for effect in record["suspected"])
+    return " and ".join(map(_called, record["suspected"]))
 
 
 def cost(record: Mapping[str, Any]) -> str:
@@ -153,11 +157,8 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     if cost(record):
         found.append(cost(record))
     found.append(advice(record))
-    for effect in record["effects"]:
-        found.append(f"  {plain(effect['hypothesis'])}: {effect['equation']}")
-        found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
-    for effect in record.get("suspected", ()):
-        found.append(f"  helped: {plain(effect['hypothesis'])}")
+    for effect in (*record["effects"], *record.get("suspected", ())):
+        found.append(f"  {_called(effect)}: {effect['equation']}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
     found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
     found += [f"  where: {place['where']}" for place in record["location"][:4]]

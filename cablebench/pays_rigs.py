@@ -77,8 +77,8 @@ RIGS: Mapping[str, HiddenRig] = {
         chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring), 4 N of 49 at the end of the "
         "motion, and the drive follows its command with a lag of 0.1 s. Two other plans were answered `unknown`. With "
         "4 N of dry friction in the load's guide in the lag's place, guide and hole both hold the load at a stop, and "
-        "how they share is not determined: at the truth the generator's tension of the load is 0.3 to 0.6 N off the "
-        "simulator's, with 0.1 N of noise. With a gap of 0.5 mm both were found within 0.3 %, and up to 1.5 times the "
-        "noise was left",
+        "may share it in many ways: at the truth the generator's tension of the load is 0.6 to 1.5 N off the "
+        "simulator's below 1 mm/s, 0.2 to 0.3 N above, with 0.1 N of noise. With a gap of 0.5 mm both were found "
+        "within 0.3 %, and up to 1.5 times the noise was left, all of it below 1 mm/s",
     ),
 }  # fmt: skip

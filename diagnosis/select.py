@@ -80,7 +80,7 @@ def select(
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
-    already = 0.0 if plain is None or plain - null.deviance < rules.gain else plain - null.deviance
+    bare = null.deviance if plain is None or plain - null.deviance < rules.gain else plain
     chosen: list[tuple[Hypothesis, Judged]] = []
     screenings, tried, refused = [], [], {}
     best = null
@@ -92,8 +92,7 @@ def select(
         screening = keep("screen", partial(screen, fit, best, left, rng))
         screenings.append(screening)
         tell("refitting the best of them")
-        so_far = already + null.deviance - best.deviance
-        found, races = _raced(fit, heldout, best, screening, rules, so_far, refused, keep)
+        found, races = _raced(fit, heldout, best, screening, rules, bare - best.deviance, refused, keep)
         tried += races
         if found is None:
             break
@@ -103,13 +102,13 @@ def select(
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
-        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, already)
+        chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, bare)
         tried += swapped
     tell("looking at what is left")
     also = heldout if at_rest else None
     after = adequacy(fit, best, stated, also)
     before = adequacy(fit, null, stated, also) if chosen else after
-    explained = already + null.deviance - best.deviance
+    explained = bare - best.deviance
     if chosen and at_rest:
         explained += max(_held_gain(heldout, best.whitener, null, best), 0.0)
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
@@ -190,10 +189,10 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
     return None
 
 
-def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, already):
+def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, bare):
     """Each chosen effect against every other hypothesis, given the rest; what the rest has made needless goes.
 
-    An effect that was exchanged puts all others in doubt again.
+    bare: deviance without any effect. An effect that was exchanged puts all others in doubt again.
     """
     tried, sure = [], {chosen[-1][0].name}  # the last one was chosen given all others
     for _ in range(3 * len(chosen)):
@@ -207,8 +206,7 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, already
         base = keep("rest", partial(refit_and_learn, fit, [start], 1))
         left = [h for h in hypotheses if h is doubtful[0] or h.name not in {h.name for h, _ in chosen}]
         screening = keep("screen", partial(screen, fit, base, left, rng))
-        so_far = already + null.deviance - base.deviance
-        found, races = _raced(fit, heldout, base, screening, rules, so_far, {}, keep)
+        found, races = _raced(fit, heldout, base, screening, rules, bare - base.deviance, {}, keep)
         tried += races
         if found is None:
             chosen, sure = [(h, base) for h, _ in rest], {h.name for h, _ in rest[1:]}

@@ -42,7 +42,8 @@ class Selection:
     steps: tuple[Step, ...] = ()
     """of the ladder, where the held-out records judge (`diagnosis.unseen`)"""
     explained: float = 0.0
-    """what the effects gain on all records that are asked whether what is left is noise"""
+    """what the effects gain on all records that are asked whether what is left is noise, and what those that the rig
+    has already gain on the fitted ones"""
     bands: Bands | None = None
     """spectra of the last model, where it was judged by these; ``after`` is then of them"""
 

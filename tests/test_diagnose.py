@@ -431,7 +431,7 @@ def test_an_unknown_mismatch_says_what_helped_and_how_far():
     record = {
         "verdict": "unknown", "effects": [], "location": [], "hypotheses": [{}] * 35, "absorbed": {}, "steps": [],
         "notes": [], "about": {"judge": "noise"},
-        "suspected": [{"name": "backlash", "hypothesis": "backlash", "parameters": {"gap": gap}}],
+        "suspected": [{"name": "backlash", "hypothesis": "backlash", "equation": "play", "parameters": {"gap": gap}}],
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
     assert headline(record) == "Something is missing; backlash helped, but what is left is no noise."
