@@ -2,7 +2,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 JOBS ?= 2
-PROOF ?= proof-quick
+PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
 .PHONY: demo test test-slow bench proof proof-quick recordings lint clean
@@ -21,7 +21,7 @@ bench: .venv/installed
 
 # hours: every effect 20 times on every system
 proof: .venv/installed
-	$(BIN)/cablebench proof --out proof --jobs $(JOBS)
+	$(BIN)/cablebench proof --out results/proof --jobs $(JOBS)
 
 proof-quick: .venv/installed
 	$(BIN)/cablebench proof --quick --no-baselines --out $(PROOF) --jobs $(JOBS)

@@ -18,9 +18,9 @@ import torch
 from stable_baselines3.common.policies import BasePolicy
 
 from agents.settings import ALGORITHMS, make_settings
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.envs import make_spaces
-from cable_envs.errors import ConfigurationError, require_known
-from cablebench.evaluate import setup_of
+from cablebench.run.evaluate import setup_of
 
 WEIGHTS = "policy.pth"
 

@@ -28,11 +28,11 @@ from stable_baselines3.td3.policies import TD3Policy
 from agents.settings import ALGORITHMS, Settings
 from agents.shaping import Shaping
 from agents.vec_env import observation_space
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.envs import make_spaces
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.setup import Setup
-from cablebench.evaluate import setup_of
-from cablebench.store import jsonable, write_atomic
+from cable_envs.sim.setup import Setup
+from cablebench.run.evaluate import setup_of
+from cablebench.run.store import jsonable, write_atomic
 
 SCHEMA = "cable-policy/1"
 ENTRY = "cable-policy.json"
@@ -83,7 +83,7 @@ class PolicyState:
 
 @dataclass(frozen=True)
 class Policy:
-    """A loaded policy; `predict` is what `cablebench.evaluate` asks for."""
+    """A loaded policy; `predict` is what `cablebench.run.evaluate` asks for."""
 
     network: BasePolicy
     metadata: Metadata

@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 
 from baselines import make_controller
-from cable_envs.setup import Setup
-from cable_envs.tasks import LAST_COMMAND, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import LAST_COMMAND, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
 
 BASE_CHANNEL = "base_action"
 """Name of the channel that shows the base controller's action."""
@@ -103,7 +103,7 @@ class Shaping:
 
 
 class _Base:
-    """One controller for each environment, as `cablebench.actors.ControllerActor` runs a single one."""
+    """One controller for each environment, as `cablebench.run.actors.ControllerActor` runs a single one."""
 
     def __init__(self, setup: Setup, n: int, residual: Residual):
         case = (setup.plant.name, setup.action_mode.name, setup.task.kind)

@@ -21,7 +21,7 @@ from agents import checkpoint
 from agents.policy import FILE, Metadata, Policy, load_policy, policy_file, read_policy, save_policy
 from agents.settings import Settings
 from agents.vec_env import CableVecEnv
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 ProgressReport = Callable[[int, int, str], None]
 """(steps done, steps to do, text)"""

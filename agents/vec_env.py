@@ -12,8 +12,8 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
 
 from agents.shaping import BASE_CHANNEL, Residual, Shaping
 from cable_envs.envs import make_spaces
-from cable_envs.setup import Setup
-from cable_envs.tasks import OBSERVATION_LIMIT
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import OBSERVATION_LIMIT
 from cable_envs.vector import CableVectorEnv
 
 

@@ -20,7 +20,7 @@ from baselines.mrac import MracG9, MracG22
 from baselines.open_loop import OpenLoop
 from baselines.oracle import Oracle
 from baselines.pid import PidController
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 CABLE_BENCHMARK = True
 """Marks this package: other distributions also install a top-level `baselines`, and callers check for this name."""

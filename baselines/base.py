@@ -4,10 +4,10 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import ParameterTable
-from cable_envs.plants.cable_hole import cable_hole
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import ParameterTable
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.hole.plant import cable_hole
 
 Reference = tuple[float, float, float]
 """r, r_dot, r_ddot in SI."""

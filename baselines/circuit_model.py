@@ -1,6 +1,6 @@
 """The pulley circuit as a controller knows it: ideal kinematics, Zou's working phase, and an estimated grasp torque.
 
-The closed forms live in `cable_envs.circuit_statics` and work on arrays. In one direction they are piecewise linear in
+The closed forms live in `circuit.statics` and work on arrays. In one direction they are piecewise linear in
 the drive torque (both cables taut, or one slack), so here they are sampled once at the corners and interpolated: the
 same equations at the price of a few comparisons.
 """
@@ -10,8 +10,8 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cable_envs.circuit_statics import Statics
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.circuit.statics import Statics
 
 
 class IdealCircuit:

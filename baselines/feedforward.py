@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from baselines.base import CIRCUITS, Controller, Reference
 from baselines.circuit_model import CircuitModel
 from baselines.parts import Pid, Smoother, follow_direction
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.params import Parameter, ParameterTable
 
 _EXCEEDED = 1.05
 """share of the grasp limit above which the saturator gives way"""

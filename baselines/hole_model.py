@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.hole_statics import EXACT, G9, G22, hole_ratio
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.hole.statics import EXACT, G9, G22, hole_ratio
 
 FORMS = {"exact": EXACT, "g22": G22, "g9": G9}
 

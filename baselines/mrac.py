@@ -48,8 +48,8 @@ from scipy.linalg import expm, solve_continuous_lyapunov
 
 from baselines.base import HOLE, Controller, Reference
 from baselines.hole_model import HoleModel
-from cable_envs.errors import require_known
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.errors import require_known
+from cable_envs.core.params import Parameter, ParameterTable
 
 SIGN_OF_B = -1.0
 """sgn(b) of G31, derived above"""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 from baselines.base import HOLE, Controller, Reference
 from baselines.oracle_circuit import CircuitOracle
 from baselines.oracle_hole import HoleOracle
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.params import Parameter, ParameterTable
 
 
 def _hole_gains(output_gain: float, stretch_gain: float) -> ParameterTable:

@@ -7,7 +7,7 @@ from baselines.base import Controller, Reference
 from baselines.circuit_model import IdealCircuit
 from baselines.hole_model import HoleModel
 from baselines.parts import Pid
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.params import Parameter, ParameterTable
 
 
 def pid_gains(kp: tuple, ki: tuple, kd: tuple, filter_time: float = 0.02, feedforward: float = 1.0) -> ParameterTable:

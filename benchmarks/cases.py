@@ -15,7 +15,7 @@ import numpy as np
 import cable_envs  # noqa: F401 (registers the environments)
 from benchmarks.pairs import Contender, Result, compare, stepping
 from benchmarks.training import against_sb3
-from cable_envs.team import available_cores
+from cable_envs.core.team import available_cores
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 TEN = {"substeps": 10}
@@ -187,8 +187,8 @@ def start_up(pairs: int, seconds: float) -> Iterator[Result]:
 
 
 def memory(pairs: int, seconds: float) -> Iterator[Result]:
-    from cable_envs.setup import make_setup
-    from cable_envs.steppers import Buffers
+    from cable_envs.sim.setup import make_setup
+    from cable_envs.sim.steppers import Buffers
 
     for plant, (env_id, options) in PLANTS.items():
         setup = make_setup(**{**gym.spec(env_id).kwargs, **options})

@@ -9,10 +9,10 @@ import numpy as np
 from gymnasium import spaces
 
 from cable_envs.effects import Effect
-from cable_envs.rigs import Rig
-from cable_envs.setup import Setup, make_setup
-from cable_envs.simulation import Simulation
-from cable_envs.tasks import OBSERVATION_LIMIT
+from cable_envs.sim.rigs import Rig
+from cable_envs.sim.setup import Setup, make_setup
+from cable_envs.sim.simulation import Simulation
+from cable_envs.sim.tasks import OBSERVATION_LIMIT
 
 
 def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
@@ -66,7 +66,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     |----------------|--------------------------------------------------------------------------------------|
     | rig            | preset name, YAML path, full mapping, or mapping of parameters to change             |
     | effects        | physics besides: ``{"backlash": {"gap": 0.02}}`` (`cable_envs.effects`, ``EFFECTS``)   |
-    | effect_file    | a Python file with an effect of one's own (`cable_envs.own_effects`)                 |
+    | effect_file    | a Python file with an effect of one's own (`cable_envs.plants.own_effects`)                 |
     | plant          | "analytic" or "chain" (pulley circuit: span-and-contact chain)                       |
     | action_mode    | hole: "tension", "speed"; circuit: "position", "torque"                              |
     | observe        | "drive", "output", "full"; the circuit's default is "drive", the hole's "output"     |

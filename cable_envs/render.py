@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 if TYPE_CHECKING:
-    from cable_envs.setup import Setup
+    from cable_envs.sim.setup import Setup
 
 MODES = ("rgb_array", "human")
 PLANTS = ("cable_hole", "pulley_circuit", "pulley_chain")
@@ -81,7 +81,7 @@ class Renderer:
 
     @classmethod
     def for_setup(cls, setup: "Setup", mode: str) -> "Renderer":
-        """The renderer of an environment's `cable_envs.setup.Setup`."""
+        """The renderer of an environment's `cable_envs.sim.setup.Setup`."""
         kind = setup.reference.get("kind", "")
         task = f"{setup.task.name}, {kind}, rig {setup.rig.name}"
         return cls(setup.plant.name, setup.rig.values, task, setup.output_unit, mode)
@@ -165,9 +165,10 @@ class _Picture:
 
     def __init__(self, plant: str, rig: Mapping[str, float], task: str, unit: str, window: float, scale: float):
         try:
-            from cable_envs import render_draw, render_widgets
-            from cable_envs.render_circuit import CircuitScene
-            from cable_envs.render_hole import HoleScene
+            from cable_envs.drawing import draw as render_draw
+            from cable_envs.drawing import widgets as render_widgets
+            from cable_envs.plants.circuit.scene import CircuitScene
+            from cable_envs.plants.hole.scene import HoleScene
         except ImportError as error:
             raise ImportError("rendering needs matplotlib: pip install 'cable-envs[render]'") from error
         self._draw, self._widgets = render_draw, render_widgets

@@ -8,11 +8,11 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from cable_envs.core.team import WORTHWHILE, available_cores
 from cable_envs.envs import CableEnv, make_spaces
-from cable_envs.setup import make_setup
-from cable_envs.simulation import Simulation
-from cable_envs.steppers import ask
-from cable_envs.team import WORTHWHILE, available_cores
+from cable_envs.sim.setup import make_setup
+from cable_envs.sim.simulation import Simulation
+from cable_envs.sim.steppers import ask
 
 
 class CableVectorEnv(VectorEnv):

@@ -4,7 +4,7 @@
     -> select (refit, screen, race, accept, adequacy) -> answer
 
 Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
-(`diagnosis.select`), and "unseen", where the model's own error does: then held-out records judge (`diagnosis.unseen`).
+(`search.select`), and "unseen", where the model's own error does: then held-out records judge (`search.unseen`).
 Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
 """
 
@@ -17,27 +17,27 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.config import read_yaml
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.effects import Effect
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.own_effects import load_effect
 from cable_envs.plants import VARIANTS, plant_for
-from cable_envs.rigs import Rig, load_rig
-from diagnosis.answer import answer
-from diagnosis.gate import gate
-from diagnosis.likelihood import refit_nominals
-from diagnosis.limits import limited_by_the_model
-from diagnosis.models import looked_at, prepare
-from diagnosis.models.common import resample, sample_period
-from diagnosis.models.question import Question, Request
-from diagnosis.noise import resolution
-from diagnosis.recording import Record, Recording, load_recording
-from diagnosis.rest import RestNoise, bridged, noise_at_rest
-from diagnosis.select import select
-from diagnosis.selection import Selection
-from diagnosis.steps import Steps, digest
-from diagnosis.unseen import select_unseen
-from diagnosis.verdict import Diagnosis
+from cable_envs.plants.own_effects import load_effect
+from cable_envs.sim.rigs import Rig, load_rig
+from diagnosis.data.recording import Record, Recording, load_recording
+from diagnosis.fit.likelihood import refit_nominals
+from diagnosis.intake.gate import gate
+from diagnosis.model.noise import resolution
+from diagnosis.model.rest import RestNoise, bridged, noise_at_rest
+from diagnosis.model.verdict import Diagnosis
+from diagnosis.report.answer import answer
+from diagnosis.search.detectable import limited_by_the_model
+from diagnosis.search.select import select
+from diagnosis.search.selection import Selection
+from diagnosis.search.steps import Steps, digest
+from diagnosis.search.unseen import select_unseen
+from diagnosis.systems import looked_at, prepare
+from diagnosis.systems.common import resample, sample_period
+from diagnosis.systems.question import Question, Request
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
@@ -74,7 +74,7 @@ def diagnose(
     """What a recording shows that its simulator leaves out.
 
     effects, without | canonical names to look for only, and not to look for
-    effect_file      | an effect of one's own (`cable_envs.own_effects`), looked for beside the canonical ones
+    effect_file      | an effect of one's own (`cable_envs.plants.own_effects`), looked for beside the canonical ones
     rig              | a rig (augmented.yaml) whose values and effects replace those of the recording
     variant          | "analytic" or "chain": the form of a circuit that is held against it; "": the chain
     judge            | what accepts effects: "noise" (likelihood under the sensors' noise), "unseen" (held-out records)
@@ -186,7 +186,7 @@ def _dotted_names(effects: Mapping[str, Any]) -> list[str]:
 
 
 def ask(recording: Recording, request: Request) -> Question:
-    """The question of a recording (`diagnosis.models`), with something held out."""
+    """The question of a recording (`diagnosis.systems`), with something held out."""
     if recording.used_for("heldout"):
         return prepare(recording, request)
     cut, ends = kept_back(recording)
@@ -213,7 +213,7 @@ def without_its_effects(recording: Recording, request: Request) -> float | None:
 
 
 def told_at_rest(recording: Recording, question: Question) -> Question:
-    """The question with the noise of its channels that a record at rest tells (`diagnosis.rest`), and a note of it."""
+    """The question with the noise of its channels that a record at rest tells (`model.rest`), and a note of it."""
     record = next(iter(recording.used_for("rest")), None)
     if record is None:
         learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)

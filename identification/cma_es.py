@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from identification.fit import Fit, at_bounds
 from identification.problem import RatioProblem
 

@@ -1,19 +1,19 @@
 """Tension ratios of many parameter sets at many points, and their exact derivatives: the inner loop of identification.
 
 Rows of ``theta``: delta, mu, K, omega, rho0 (SI), one column for each parameter set. The ratios are the kernels of
-`cable_envs.contact`: no second copy of the physics, only its derivatives.
+`cable_envs.physics.contact`: no second copy of the physics, only its derivatives.
 """
 
 import numpy as np
 
-from cable_envs.contact import (
+from cable_envs.core.kernels import exp, inline, jit, log, maximum, sqrt
+from cable_envs.physics.contact import (
     extrusion_coefficient,
     tension_ratio,
     tension_ratio_and_slope,
     tension_ratio_perturbed,
 )
-from cable_envs.hole_statics import EXACT, G22
-from cable_envs.kernels import exp, inline, jit, log, maximum, sqrt
+from cable_envs.plants.hole.statics import EXACT, G22
 
 NAMES = ("delta", "mu", "K", "omega", "rho0")
 """Row order of ``theta``; K in (s/m)^omega, all others are pure numbers."""

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from identification.model import FORMS, GAIN, NAMES, costs, ratio_jacobian, ratios
 
 BOUNDS: Mapping[str, tuple[float, float]] = {

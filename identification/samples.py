@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from cable_envs.contact import wrap_in_contact
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.physics.contact import wrap_in_contact
 
 REASONS = ("at rest or reversing", "speed not steady", "tension not steady", "slack", "gaps")
 """Why a block is left out."""

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from diagnosis.proof import effects as library
-from diagnosis.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
-from diagnosis.proof.excitation import DESIGNS, reference
-from diagnosis.proof.refit import Refit
-from diagnosis.proof.rigs import CLOCK, TrueRig, observe, random_rig
-from diagnosis.proof.sensors import Colour, flat, quantise, random_colour, stamps
+from proof import effects as library
+from proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
+from proof.excitation import DESIGNS, reference
+from proof.refit import Refit
+from proof.rigs import CLOCK, TrueRig, observe, random_rig
+from proof.sensors import Colour, flat, quantise, random_colour, stamps
 
 KEY_SCHEMA = "cable-proof-key/1"
 KINDS = ("single", "pair", "nothing", "decoy", "strange")

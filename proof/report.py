@@ -6,8 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.proof.scoring import Result, Row, calibration, confusion, failures, restored, table
+from cable_envs.core.errors import ConfigurationError
+from proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
 

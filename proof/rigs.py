@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.proof import cable_hole, linear_drive, pulley_circuit
-from diagnosis.proof.effects import Missing
-from diagnosis.proof.sensors import distort
+from proof.effects import Missing
+from proof.sensors import distort
+from proof.simulators import cable_hole, linear_drive, pulley_circuit
 
 
 @dataclass(frozen=True)

@@ -18,11 +18,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.proof.baselines import BASELINES
-from diagnosis.proof.cases import Case, digest, make
-from diagnosis.proof.scoring import Result, judge
-from diagnosis.proof.sealing import MANIFEST_SCHEMA, opened, seal, state_of
+from cable_envs.core.errors import ConfigurationError
+from proof.baselines import BASELINES
+from proof.cases import Case, digest, make
+from proof.scoring import Result, judge
+from proof.sealing import MANIFEST_SCHEMA, opened, seal, state_of
 
 TOOL = "diagnose"
 LIMIT = 900.0
@@ -110,7 +110,7 @@ def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
 
 
 def _baseline(method: str, folder: Path) -> dict[str, Any]:
-    from diagnosis.recording import load_recording
+    from diagnosis.data.recording import load_recording
 
     return checked(BASELINES[method](load_recording(folder)))
 

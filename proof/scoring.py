@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from diagnosis.proof.effects import share_class
+from proof.effects import share_class
 
 OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "none", "failed")
 """exact: the names, all and only; class: a truth is among declared alternatives of its class; partly: one of two named,

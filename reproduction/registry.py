@@ -10,7 +10,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 REPRODUCED, DIFFERS, NOT_REPRODUCIBLE = STATUSES = ("reproduced", "differs", "not reproducible")
 PAPERS = {
@@ -165,19 +165,19 @@ class Item:
 
 
 ITEMS: tuple[Item, ...] = (
-    Item("gu-table2", "Identified parameters of nine cables (Tables 2, A1, Fig. 14)", "gu_table2", 120),
-    Item("gu-fig12", "Tension ratio over wrap and speed (Fig. 12)", "gu_fig12", 5),
-    Item("gu-fig13", "Compression and diameter over wrap and speed (Fig. 13, Table A1)", "gu_fig13", 5),
-    Item("gu-fig15-17", "Sensitivity of the swarm to w, c1 and c2 (Figs. 15-17)", "gu_fig15_17", 65),
-    Item("gu-fig20-25", "Step and sinusoid under MRAC, with and without extrusion (Figs. 20-25)", "gu_fig20_25", 15),
-    Item("gu-tableA1", "Tracking error of nine cables under adaptive control (Table A1)", "gu_table_a1", 50),
-    Item("zou-table3", "Slip angles and tension ratios of the idlers (Table 3)", "zou_table3", 3),
-    Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou_fig6", 5),
-    Item("zou-fig10", "Output angle and torque at three pretensions (Fig. 10)", "zou_fig10", 5),
-    Item("zou-table4", "Errors at three pretensions, and their minimum near 50 N (Table 4)", "zou_table4", 60),
-    Item("zou-fig11", "Estimated output at 25 N (Fig. 11)", "zou_fig11", 10),
-    Item("zou-fig12", "Backlash compensation at 25 N (Fig. 12)", "zou_fig12", 20),
-    Item("zou-fig14", "Surgical instrument with compensation (Fig. 14)", "zou_fig14", 20),
+    Item("gu-table2", "Identified parameters of nine cables (Tables 2, A1, Fig. 14)", "gu.table2", 120),
+    Item("gu-fig12", "Tension ratio over wrap and speed (Fig. 12)", "gu.fig12", 5),
+    Item("gu-fig13", "Compression and diameter over wrap and speed (Fig. 13, Table A1)", "gu.fig13", 5),
+    Item("gu-fig15-17", "Sensitivity of the swarm to w, c1 and c2 (Figs. 15-17)", "gu.fig15_17", 65),
+    Item("gu-fig20-25", "Step and sinusoid under MRAC, with and without extrusion (Figs. 20-25)", "gu.fig20_25", 15),
+    Item("gu-tableA1", "Tracking error of nine cables under adaptive control (Table A1)", "gu.table_a1", 50),
+    Item("zou-table3", "Slip angles and tension ratios of the idlers (Table 3)", "zou.table3", 3),
+    Item("zou-fig6", "Transmission characteristic and its phases (Fig. 6)", "zou.fig6", 5),
+    Item("zou-fig10", "Output angle and torque at three pretensions (Fig. 10)", "zou.fig10", 5),
+    Item("zou-table4", "Errors at three pretensions, and their minimum near 50 N (Table 4)", "zou.table4", 60),
+    Item("zou-fig11", "Estimated output at 25 N (Fig. 11)", "zou.fig11", 10),
+    Item("zou-fig12", "Backlash compensation at 25 N (Fig. 12)", "zou.fig12", 20),
+    Item("zou-fig14", "Surgical instrument with compensation (Fig. 14)", "zou.fig14", 20),
 )
 """In the order of the papers."""
 

@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
-from cablebench.store import jsonable
-from cablebench.units import number
+from cable_envs.core.errors import ConfigurationError
+from cablebench.run.store import jsonable
+from cablebench.run.units import number
 from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
 
 
@@ -75,7 +75,7 @@ def render_html(results: Sequence[Result]) -> str:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from cablebench.provenance import machine, versions
+    from cablebench.run.provenance import machine, versions
 
     results = in_order(results)
     titles = {result.item: result.item for result in results} | {item.name: item.title for item in ITEMS}

@@ -4,7 +4,7 @@ import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cablebench.figures import scoped
+from cablebench.board.figures import scoped
 
 COLUMN, PAGE = 3.4, 7.0
 """widths of a figure in one column and over the page, in"""

@@ -10,10 +10,10 @@ import pytest
 import typer
 import yaml
 
-from cablebench.commands.app import app
-from cablebench.entrants import named_entrant
-from cablebench.evaluate import run_episode
-from cablebench.metrics import measure
+from cablebench.cli.app import app
+from cablebench.entrants.entrant import named_entrant
+from cablebench.run.evaluate import run_episode
+from cablebench.run.metrics import measure
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -136,7 +136,7 @@ def test_the_example_controller_tracks(example):
 
 
 def test_the_example_enters_the_tasks_it_names(example):
-    from cablebench.evaluate import setup_of
+    from cablebench.run.evaluate import setup_of
 
     entrant = named_entrant(str(example / "weight_pid.yaml"))
     assert (entrant.name, entrant.information, entrant.charged) == (
@@ -166,7 +166,7 @@ def test_the_example_settings_load(tmp_path):
 def test_the_example_log_becomes_a_recording(tmp_path):
     """The log and the mapping of "Your own recording", made longer, through its own commands."""
     from cablebench.cli import main
-    from diagnosis.recording import load_recording
+    from diagnosis.data.recording import load_recording
 
     (text,), (mapping,) = blocks("your-own-recording.md", "text"), blocks("your-own-recording.md", "yaml")
     (tmp_path / "logs").mkdir()

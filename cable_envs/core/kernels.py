@@ -41,7 +41,7 @@ def _cache_folder() -> str:
     is named after all sources, and a process that still runs older ones keeps to its own. Folders that were not used
     for a day are deleted.
     """
-    root = Path(__file__).parent
+    root = Path(__file__).parents[1]
     digest = hashlib.sha256(numba.__version__.encode())
     for source in sorted(root.rglob("*.py")):
         digest.update(source.name.encode())
@@ -93,6 +93,12 @@ if JIT_DISABLED:
     def sqrt(x):
         return math.sqrt(x) if x >= 0.0 else math.nan
 
+    def stack(rows):
+        return np.empty((rows, LANES))
+
+    def rows_at(base, first, shape):
+        return base[first] if len(shape) == 1 else base[first : first + shape[0]]
+
     def tile(rows):
         return np.empty((rows, LANES))
 
@@ -128,7 +134,7 @@ else:
         return types.float64(types.float64), codegen
 
     @intrinsic
-    def _stack(typingctx, rows):
+    def stack(typingctx, rows):
         if not isinstance(rows, types.IntegerLiteral):
             return None
 
@@ -138,9 +144,21 @@ else:
 
         return types.CPointer(types.float64)(rows), codegen
 
+    @intrinsic
+    def _offset(typingctx, base, first):
+        def codegen(context, builder, signature, args):
+            place = builder.mul(args[1], ir.Constant(args[1].type, LANES))
+            return builder.gep(args[0], [place])
+
+        return base(base, types.intp), codegen
+
+    @njit(forceinline=True, error_model="numpy")
+    def rows_at(base, first, shape):
+        return numba.carray(_offset(base, first), shape)
+
     @njit(forceinline=True, error_model="numpy")
     def tile(rows):
-        return numba.carray(_stack(rows), (rows, LANES))
+        return numba.carray(stack(rows), (rows, LANES))
 
     @intrinsic
     def _fma(typingctx, a, b, c):

@@ -6,7 +6,7 @@ steps are such that loops over environments vectorise.
 
 import math
 
-from cable_envs.kernels import JIT_DISABLED, from_bits, inline, log, maximum, sine_cosine, sqrt, to_bits
+from cable_envs.core.kernels import JIT_DISABLED, from_bits, inline, log, maximum, sine_cosine, sqrt, to_bits
 
 _WHOLE = 0x4330000000000000  # the bits of 2**52: adding it moves a whole number into the low bits
 _ONE = 0x3FF0000000000000

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 
 _UNITS: dict[str, tuple[str, float]] = {  # unit -> (SI unit, factor)
     "mm": ("m", 1e-3),

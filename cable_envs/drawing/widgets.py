@@ -18,7 +18,7 @@ from matplotlib.path import Path
 from matplotlib.textpath import TextPath, text_to_path
 from matplotlib.transforms import Affine2D
 
-from cable_envs.render_draw import (
+from cable_envs.drawing.draw import (
     FILL,
     INK,
     NORMAL,

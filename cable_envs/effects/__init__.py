@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import (
     actuator_lag,
     asymmetric_friction,
@@ -37,8 +39,6 @@ from cable_envs.effects import (
     viscous_friction,
 )  # fmt: skip
 from cable_envs.effects.base import MEASURED, PLANTS, SEAMS, Effect, EffectParameter
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import Parameter, ParameterTable
 
 __all__ = ["EFFECTS", "MEASURED", "PLANTS", "SEAMS", "Effect", "EffectParameter", "Layout", "dotted", "layout"]
 

@@ -1,7 +1,7 @@
 """The drive's amplifier follows the command with a first-order lag."""
 
+from cable_envs.core.kernels import exp, inline, select
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import exp, inline, select
 
 EFFECT = Effect(
     name="actuator_lag",

@@ -1,7 +1,7 @@
 """Friction in one direction only: the difference between both directions."""
 
+from cable_envs.core.kernels import inline, maximum
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import inline, maximum
 
 EFFECT = Effect(
     name="asymmetric_friction",

@@ -1,7 +1,7 @@
 """Lost motion between the drive (where it is measured) and what it moves."""
 
+from cable_envs.core.kernels import clip, inline, maximum, minimum
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import clip, inline, maximum, minimum
 
 EFFECT = Effect(
     name="backlash",

@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.params import Parameter
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import Parameter
 
 SEAMS = ("actuate", "cable", "contact", "load", "sense")
 PLANTS = ("cable_hole", "pulley_circuit", "pulley_chain", "linear_drive")

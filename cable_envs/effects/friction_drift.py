@@ -1,7 +1,7 @@
 """Friction that changes as the rig runs: with time, with travel (wear, lubricant, temperature)."""
 
+from cable_envs.core.kernels import exp, inline, select
 from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
-from cable_envs.kernels import exp, inline, select
 
 EFFECT = Effect(
     name="friction_drift",

@@ -1,10 +1,10 @@
 """Where a user's own effect is compiled in: these pieces do nothing, and a copy of the kernel takes others instead.
 
 e, i: tile of the effects' coefficients and column; the numbers of an own effect begin at row `rows.OWN_0`. The plants
-call these by name from their own files. See `cable_envs.own_effects`.
+call these by name from their own files. See `cable_envs.plants.own_effects`.
 """
 
-from cable_envs.kernels import inline
+from cable_envs.core.kernels import inline
 
 
 @inline

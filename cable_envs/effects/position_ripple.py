@@ -1,7 +1,7 @@
 """A periodic error over position: eccentric pulleys and screws (motion), cogging (force)."""
 
+from cable_envs.core.kernels import inline, sine_cosine
 from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
-from cable_envs.kernels import inline, sine_cosine
 
 _TAU = 6.283185307179586
 

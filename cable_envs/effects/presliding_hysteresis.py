@@ -1,8 +1,8 @@
 """Dry friction that builds up over a distance after each reversal: asperities bend before they slide."""
 
+from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
 from cable_envs.effects.rows import ELEMENTS
-from cable_envs.kernels import clip, inline, maximum, select, sqrt
 
 EFFECT = Effect(
     name="presliding_hysteresis",

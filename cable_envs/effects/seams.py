@@ -3,6 +3,7 @@
 e: tile of the effects' coefficients, s: of their states (`cable_envs.effects.rows`), g: scratch of a control step.
 """
 
+from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.effects.actuator_lag import keep, lagged
 from cable_envs.effects.asymmetric_friction import levels
 from cable_envs.effects.friction_drift import drifted
@@ -28,7 +29,6 @@ from cable_envs.effects.rows import (
 )  # fmt: skip
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import kept
-from cable_envs.kernels import clip, inline, maximum, select
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, FOLLOW, IMPOSED, MODE, RAMPED
 
 (ASKED, ASKED_RATE, RAMP, MEAN, LAG_LEFT, CREEP_LEFT, FACTOR, FOLLOWS, IMPOSES, START, START_V, TARGET, TARGET_V, UP,

@@ -1,7 +1,7 @@
 """A rope whose stiffness grows with its tension: strands and braids settle."""
 
+from cable_envs.core.kernels import inline, sqrt
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import inline, sqrt
 
 EFFECT = Effect(
     name="stiffness_hardening",

@@ -1,7 +1,7 @@
 """Friction that falls from its value at breakaway to the sliding one as the speed grows."""
 
+from cable_envs.core.kernels import exp, inline
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import exp, inline
 
 EFFECT = Effect(
     name="stribeck_friction",

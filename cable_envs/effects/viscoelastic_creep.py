@@ -1,7 +1,7 @@
 """The cable goes on stretching under load, and recovers: a standard linear solid."""
 
+from cable_envs.core.kernels import exp, inline, select
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.kernels import exp, inline, select
 
 EFFECT = Effect(
     name="viscoelastic_creep",

@@ -23,7 +23,7 @@ kept in q_0.
 
 import numpy as np
 
-from cable_envs.kernels import inline, jit, maximum, minimum, select
+from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 
 SPANS, CONTACTS = 5, 4
 PASSES = 12

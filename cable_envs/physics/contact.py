@@ -13,7 +13,7 @@ phi    | wrap angle in contact | rad
 All functions are scalar kernels without branches; they accept Python floats too. mu is limited below at 1e-9.
 """
 
-from cable_envs.kernels import exp, expm1, inline, maximum, power, sqrt
+from cable_envs.core.kernels import exp, expm1, inline, maximum, power, sqrt
 
 
 @inline

@@ -16,7 +16,7 @@ Eq. (7) as printed lacks factors. Expanding Eqs. (4) and (6) gives
     area per angle = R eps + eps^2 = [R chi^2/(2r)] N' + [R/(8 r^3) + 1/(4 r^2)] chi^4 N'^2 + ...
 
 where the print has R chi^2/r and chi^4/r^2. What Eq. (6) calls area is depth times arc, not width times arc; the
-identified K absorbs the difference. Plain Python and NumPy: plants use the closed forms of `cable_envs.contact`, of
+identified K absorbs the difference. Plain Python and NumPy: plants use the closed forms of `physics.contact`, of
 which this is the reference.
 """
 
@@ -25,7 +25,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 LAWS = ("exact", "taylor", "linear")
 """How the area follows the line force: Eq. (6) itself; its first two Taylor terms, Eq. (7); the first term alone."""

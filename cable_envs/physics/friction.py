@@ -1,6 +1,6 @@
 """One inertia with set-valued dry friction: sticks exactly, slides by a second-order step."""
 
-from cable_envs.kernels import inline, select
+from cable_envs.core.kernels import inline, select
 
 
 @inline

@@ -18,9 +18,9 @@ the first. `Pulley` and `WrappedPart` are plain Python; the functions above them
 import math
 from dataclasses import dataclass
 
-from cable_envs.contact import tension_integral, tension_ratio
-from cable_envs.errors import ConfigurationError, nearest
-from cable_envs.kernels import clip, inline, log, maximum, sqrt
+from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.core.kernels import clip, inline, log, maximum, sqrt
+from cable_envs.physics.contact import tension_integral, tension_ratio
 
 SUPPORTS = ("fixed", "shaft", "bearing")
 JOINTS = ("continuous", "printed")

@@ -1,6 +1,6 @@
 """One file per plant; `plant_for` finds them by name."""
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.plants.base import Plant
 
 NAMES = ("cable_hole", "pulley_circuit", "linear_drive")
@@ -12,21 +12,21 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
     if variant not in VARIANTS:
         raise ConfigurationError(f"unknown plant variant '{variant}'; {nearest(variant, VARIANTS)}")
     if name == "cable_hole":
-        from cable_envs.plants.cable_hole import cable_hole
+        from cable_envs.plants.hole.plant import cable_hole
 
         return cable_hole(holes)
     if name in NAMES and holes != 1:
         raise ConfigurationError("'holes' belongs to cable_hole rigs only")
     if name == "pulley_circuit":
         if variant == "chain":
-            from cable_envs.plants import pulley_chain
+            from cable_envs.plants.circuit import chain as pulley_chain
 
             return pulley_chain.PLANT
-        from cable_envs.plants import pulley_circuit
+        from cable_envs.plants.circuit import closed_form as pulley_circuit
 
         return pulley_circuit.PLANT
     if name == "linear_drive":
-        from cable_envs.plants import linear_drive
+        from cable_envs.plants.drive import plant as linear_drive
 
         return linear_drive.PLANT
     raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, NAMES)}")

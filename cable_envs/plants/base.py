@@ -6,9 +6,9 @@ from types import ModuleType
 
 import numpy as np
 
+from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
 from cable_envs.effects.rows import ON
-from cable_envs.params import ParameterTable
 
 INPUTS = ("command", "command_rate", "mode", "disturbance")
 """Rows of every plant's input array u: the drive command in the unit of the action mode, its rate, the number of the
@@ -70,7 +70,7 @@ class Plant:
     without them the plant has no effects"""
 
     own: tuple[Effect, ...] = ()
-    """a user's own effects (`cable_envs.own_effects`)"""
+    """a user's own effects (`cable_envs.plants.own_effects`)"""
     home: ModuleType | None = field(default=None, compare=False)
     """the module of its kernels where own effects are compiled in"""
 

@@ -24,7 +24,7 @@ A cubic spring to ground, which pushes the slide of a drive back:
     )
 
 They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math` and those of
-`cable_envs.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
+`cable_envs.core.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
 """
 
 import importlib.util
@@ -36,10 +36,10 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.kernels import inline, jit_uncached
 from cable_envs.effects import EFFECTS, Effect, Layout
 from cable_envs.effects.rows import OWN_0
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.kernels import inline, jit_uncached
 from cable_envs.plants.base import Plant
 
 ARGUMENTS = {
@@ -52,10 +52,10 @@ ARGUMENTS = {
 
 _JOIN = {"actuate": None, "cable": None, "contact": " + ", "load": " + "}  # None: one after the other
 _MODULES = {
-    "cable_hole": "cable_envs.plants.cable_hole",
-    "pulley_circuit": "cable_envs.plants.pulley_circuit",
-    "pulley_chain": "cable_envs.plants.pulley_chain",
-    "linear_drive": "cable_envs.plants.linear_drive",
+    "cable_hole": "cable_envs.plants.hole.plant",
+    "pulley_circuit": "cable_envs.plants.circuit.closed_form",
+    "pulley_chain": "cable_envs.plants.circuit.chain",
+    "linear_drive": "cable_envs.plants.drive.plant",
 }
 
 

@@ -21,10 +21,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.kernels import inline, jit, sine_cosine
-from cable_envs.noise import uniform
-from cable_envs.params import is_number
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.kernels import inline, jit, sine_cosine
+from cable_envs.core.noise import uniform
+from cable_envs.core.params import is_number
 
 KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
 FIELDS = ("kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key")

@@ -10,12 +10,11 @@ from functools import cache
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.core.kernels import inline, jit
+from cable_envs.core.params import is_number
+from cable_envs.core.team import Team
 from cable_envs.effects.rows import S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
-from cable_envs.errors import ConfigurationError, nearest
-from cable_envs.kernels import inline, jit
-from cable_envs.own_effects import copied
-from cable_envs.params import is_number
-from cable_envs.plants import cable_hole, linear_drive, pulley_chain, pulley_circuit
 from cable_envs.plants.base import (
     COMMAND,
     COMMAND_RATE,
@@ -28,7 +27,11 @@ from cable_envs.plants.base import (
     RAMPED,
     Plant,
 )
-from cable_envs.team import Team
+from cable_envs.plants.circuit import chain as pulley_chain
+from cable_envs.plants.circuit import closed_form as pulley_circuit
+from cable_envs.plants.drive import plant as linear_drive
+from cable_envs.plants.hole import plant as cable_hole
+from cable_envs.plants.own_effects import copied
 
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""

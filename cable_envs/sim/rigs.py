@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.config import config_path, read_yaml
+from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.effects import Effect, dotted
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
+from cable_envs.plants.own_effects import with_own_effects
 
 SCHEMA = "cable-rig/1"
 _KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "effects")
@@ -123,7 +123,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
 def load_rig(rig: str | Path | Mapping[str, Any] | Rig, own: tuple[Effect, ...] = ()) -> Rig:
     """A rig by preset name (configs/rigs), by path of a YAML file, or from a mapping.
 
-    own: a user's own effects (`cable_envs.own_effects`), that the rig may name. Raises ConfigurationError with the
+    own: a user's own effects (`plants.own_effects`), that the rig may name. Raises ConfigurationError with the
     nearest preset when the name is unknown.
     """
     if isinstance(rig, Rig):

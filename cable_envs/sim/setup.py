@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import is_number
 from cable_envs.effects import Effect, dotted
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.own_effects import load_effect
-from cable_envs.params import is_number
 from cable_envs.plants.base import ActionMode, Plant
-from cable_envs.references import pack_signal
-from cable_envs.rigs import Rig, load_rig
-from cable_envs.tasks import (
+from cable_envs.plants.own_effects import load_effect
+from cable_envs.sim.references import pack_signal
+from cable_envs.sim.rigs import Rig, load_rig
+from cable_envs.sim.tasks import (
     ERROR,
     LAST_COMMAND,
     LEVELS,

@@ -6,15 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs import references, steppers
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.kernels import LANES
-from cable_envs.params import is_number
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.kernels import LANES
+from cable_envs.core.params import is_number
+from cable_envs.core.team import Team
 from cable_envs.plants.base import COMMAND, MODE
-from cable_envs.references import evaluate, pack_signal
-from cable_envs.setup import Setup
-from cable_envs.tasks import INFO
-from cable_envs.team import Team
+from cable_envs.sim import references, steppers
+from cable_envs.sim.references import evaluate, pack_signal
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import INFO
 
 RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
 

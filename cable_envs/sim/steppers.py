@@ -13,14 +13,16 @@ from functools import cache
 
 import numpy as np
 
+from cable_envs.core.kernels import clip, inline, jit, minimum, select
 from cable_envs.effects.rows import ROWS_S, S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
-from cable_envs.kernels import clip, inline, jit, minimum, select
-from cable_envs.own_effects import copied
-from cable_envs.plants import cable_hole, pulley_chain, pulley_circuit
 from cable_envs.plants.base import COMMAND, INPUTS, Plant
-from cable_envs.references import FIELDS
-from cable_envs.setup import Setup
-from cable_envs.tasks import INFO, before_step, observe, refill, reward, sense, target
+from cable_envs.plants.circuit import chain as pulley_chain
+from cable_envs.plants.circuit import closed_form as pulley_circuit
+from cable_envs.plants.hole import plant as cable_hole
+from cable_envs.plants.own_effects import copied
+from cable_envs.sim.references import FIELDS
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import INFO, before_step, observe, refill, reward, sense, target
 
 BLOCK = 128
 """Environments whose numbers stay in the cache from action to reward."""

@@ -15,12 +15,12 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.config import config_path, read_yaml
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.kernels import clip, inline
-from cable_envs.noise import normal
+from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.kernels import clip, inline
+from cable_envs.core.noise import normal
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE
-from cable_envs.references import signal
+from cable_envs.sim.references import signal
 
 SCHEMA = "cable-task/1"
 LEVELS = ("drive", "output", "full")

@@ -9,13 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import INFORMATION
-from cablebench.metrics import METRICS
-from cablebench.notes import notes
-from cablebench.protocol import Protocol
-from cablebench.scoring import Record, episode_key, latest, score_episodes, whole_runs
-from cablebench.statistics import (
+from cable_envs.core.errors import ConfigurationError
+from cablebench.board.notes import notes
+from cablebench.board.scoring import Record, episode_key, latest, score_episodes, whole_runs
+from cablebench.board.statistics import (
     Interval,
     Scores,
     bootstrap,
@@ -25,6 +22,9 @@ from cablebench.statistics import (
     probability_of_improvement,
     worst_tenth,
 )
+from cablebench.entrants.entrant import INFORMATION
+from cablebench.run.metrics import METRICS
+from cablebench.run.protocol import Protocol
 
 SCHEMA = 1
 """Version of board.json."""

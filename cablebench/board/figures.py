@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board import Board, Row, Table
-from cablebench.metrics import PHASES
-from cablebench.statistics import performance_profile
-from cablebench.units import axis_label, display
+from cablebench.board.board import Board, Row, Table
+from cablebench.board.statistics import performance_profile
+from cablebench.run.metrics import PHASES
+from cablebench.run.units import axis_label, display
 
 INK, SOFT, GRID = "#1f2933", "#5b6770", "#dfe3e6"
 _COLOURS = (

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from cablebench.protocol import Protocol
-from cablebench.scoring import Record
+from cablebench.board.scoring import Record
+from cablebench.run.protocol import Protocol
 
 if TYPE_CHECKING:
-    from cablebench.board import Table
+    from cablebench.board.board import Table
 
 REMARKS = "NOTES.md"
 """Remarks by people, in a board's folder: shown on the page and in board.md."""

@@ -5,14 +5,14 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from cablebench import figures, stress_figures
-from cablebench.board import Board, Row, Table
-from cablebench.entrants import BUDGETS, INFORMATION
-from cablebench.learning import Curve
-from cablebench.metrics import METRICS
-from cablebench.report import MAIN_METRICS, censored, seed_text
-from cablebench.scoring import GAP_FLOOR
-from cablebench.units import count, number, shown, unit_of
+from cablebench.board import figures, stress_figures
+from cablebench.board.board import Board, Row, Table
+from cablebench.board.report import MAIN_METRICS, censored, seed_text
+from cablebench.board.scoring import GAP_FLOOR
+from cablebench.entrants.entrant import BUDGETS, INFORMATION
+from cablebench.run.learning import Curve
+from cablebench.run.metrics import METRICS
+from cablebench.run.units import count, number, shown, unit_of
 
 TITLES = {"CableHole": "Cable through a hole", "PulleyCircuit": "Closed pulley circuit"}
 _SHOWN_TRAJECTORIES = 4
@@ -27,7 +27,7 @@ def render_html(
     from markupsafe import Markup
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("cablebench").joinpath("templates/board.html.j2").read_text(encoding="utf-8")
+    source = files("cablebench").joinpath("pages/templates/board.html.j2").read_text(encoding="utf-8")
     style = figures.styles(board)
     return environment.from_string(source).render(
         board=board,
@@ -38,7 +38,7 @@ def render_html(
         tasks=list(dict.fromkeys(t.task for t in board.tables)),
         tracks=list(dict.fromkeys(t.track for t in board.tables)),
         classes=[c for c in INFORMATION if any(r.information == c for t in board.tables for r in t.rows)],
-        script=Markup(files("cablebench").joinpath("templates/board.js").read_text(encoding="utf-8")),
+        script=Markup(files("cablebench").joinpath("pages/templates/board.js").read_text(encoding="utf-8")),
         level=f"{100 * board.protocol.level:g}",
         worst=number(board.protocol.worst_score),
         floor=number(100 * GAP_FLOOR),

@@ -6,12 +6,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cablebench.board import SCHEMA, Board, Row, Table
-from cablebench.entrants import BUDGETS
-from cablebench.learning import Curve
-from cablebench.metrics import METRICS
-from cablebench.store import jsonable, write_atomic
-from cablebench.units import count, shown, unit_of
+from cablebench.board.board import SCHEMA, Board, Row, Table
+from cablebench.entrants.entrant import BUDGETS
+from cablebench.run.learning import Curve
+from cablebench.run.metrics import METRICS
+from cablebench.run.store import jsonable, write_atomic
+from cablebench.run.units import count, shown, unit_of
 
 Trajectories = Callable[[str], Mapping[str, Mapping[str, Any]]]
 """run key -> {"median": arrays by name, "worst": arrays by name}, empty where nothing was kept"""
@@ -28,7 +28,7 @@ def write_board(
     ``trajectories`` is `ResultStore.trajectories` of the store that the board was made from; ``curves`` are its agents'
     learning curves.
     """
-    from cablebench.page import render_html
+    from cablebench.board.page import render_html
 
     folder = Path(folder)
     return {

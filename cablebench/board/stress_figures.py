@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board import Board
-from cablebench.figures import GRID, INK, Style, legend_below, svg
-from cablebench.learning import Curve
+from cablebench.board.board import Board
+from cablebench.board.figures import GRID, INK, Style, legend_below, svg
+from cablebench.run.learning import Curve
 
 SHOWN = 7
 """Entrants drawn in a radar; more cannot be told apart. The table beside it has all."""

@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Sequence
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 USAGE_ERROR = 2
 """Exit code for input that cannot be used (typer's own, too)."""
@@ -25,7 +25,7 @@ EXTRAS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``cablebench``; ``arguments`` default to those of the process. Ends by SystemExit."""
     try:
-        from cablebench.commands.app import app
+        from cablebench.cli.app import app
 
         app(args=None if arguments is None else list(arguments), prog_name="cablebench")
     except ConfigurationError as error:
@@ -50,7 +50,3 @@ def missing_extra(error: ImportError) -> str | None:
 def _stop(message: str) -> None:
     print(f"cablebench: error: {message}", file=sys.stderr)
     raise SystemExit(USAGE_ERROR) from None
-
-
-if __name__ == "__main__":
-    main()

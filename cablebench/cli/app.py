@@ -4,27 +4,9 @@ from typing import Annotated
 
 import typer
 
-from cablebench.commands import (
-    demo,
-    diagnose,
-    envs,
-    evaluate,
-    export,
-    first_look,
-    identify,
-    import_,
-    leaderboard,
-    pays,
-    proof,
-    publish,
-    recordings,
-    replay,
-    reproduce,
-    run,
-    submit,
-    train,
-    tune,
-)
+from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, replay, run, submit
+from cablebench.cli.learn import publish, train, tune
+from cablebench.cli.physics import diagnose, first_look, identify, import_, pays, proof, recordings, reproduce
 
 app = typer.Typer(
     name="cablebench",

@@ -10,7 +10,7 @@ from typing import Any
 
 import yaml
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
@@ -88,7 +88,7 @@ def require_ours(*packages: str) -> None:
 
 def print_json(data: Any) -> None:
     """``data`` as JSON on standard output, and nothing else there."""
-    from cablebench.store import jsonable
+    from cablebench.run.store import jsonable
 
     sys.stdout.write(json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
 
@@ -157,7 +157,7 @@ def _bars(err: Any) -> Any:
 
 def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
-    from cablebench.evaluate import setup_of
+    from cablebench.run.evaluate import setup_of
 
     needs = entrant.needs(env_id, setup_of(env_id, options))
     if needs is None:
@@ -169,14 +169,14 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
 
 
 def policy_entrant(path: str) -> Any:
-    """The `cablebench.entrants.Entrant` of a saved policy, with what it was charged and how it was trained."""
+    """The `cablebench.entrants.entrant.Entrant` of a saved policy, with what it was charged and how it was trained."""
     require_ours("agents")
-    from cablebench.commands.policies import is_policy_file, policy_file_entrant
+    from cablebench.cli.policies import is_policy_file, policy_file_entrant
 
     if is_policy_file(path):
         return policy_file_entrant(path)
     from agents.policy import load_policy
-    from cablebench.entrants import agent_entrant
+    from cablebench.entrants.entrant import agent_entrant
 
     policy = load_policy(path)
     m = policy.metadata

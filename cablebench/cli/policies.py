@@ -1,11 +1,11 @@
-"""Entrants of saved policies that a policy file (`cablebench.policy_files`) names."""
+"""Entrants of saved policies that a policy file (`cablebench.entrants.policy_files`) names."""
 
 import shlex
 from dataclasses import replace
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import INFORMATION, Entrant, agent_entrant
-from cablebench.policy_files import PolicyFile, load_policy_file
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import INFORMATION, Entrant, agent_entrant
+from cablebench.entrants.policy_files import PolicyFile, load_policy_file
 
 
 def is_policy_file(path: str) -> bool:
@@ -23,7 +23,7 @@ def policy_file_entrant(path: str) -> Entrant:
 
 
 def _own(path: str, file: PolicyFile) -> Entrant:
-    from cablebench.commands.common import policy_entrant
+    from cablebench.cli.common import policy_entrant
 
     entrant = policy_entrant(str(file.policy))
     if INFORMATION.index(file.information) > INFORMATION.index(entrant.information):

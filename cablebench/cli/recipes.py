@@ -8,8 +8,8 @@ from typing import Any
 
 import yaml
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import parse_gains, policy_entrant, require_ours
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import parse_gains, policy_entrant, require_ours
 
 POLICY = "policy.zip"
 
@@ -41,7 +41,7 @@ class NamedEntrant:
     def _make(self, name: str) -> Any:
         if self.kind == "policy":
             return policy_entrant(name)
-        from cablebench.entrants import named_entrant
+        from cablebench.entrants.entrant import named_entrant
 
         return named_entrant(name, dict(self.gains))
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import short_name
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import short_name
 from cablebench.jobs import Context, Job, Stopped
 
 RUN, LOGS = "run", "tensorboard"

@@ -4,8 +4,8 @@ import sys
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console
 
 
 def ask(file: str, trust: bool) -> None:

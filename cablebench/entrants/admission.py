@@ -11,12 +11,12 @@ from typing import Any
 
 import yaml
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError
-from cablebench import controller_files, policy_files
-from cablebench.protocol import configuration_hash
-from cablebench.store import write_atomic
-from cablebench.submission import source_hash
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants import controller_files, policy_files
+from cablebench.entrants.submission import source_hash
+from cablebench.run.protocol import configuration_hash
+from cablebench.run.store import write_atomic
 
 FOLDER = "submissions"
 
@@ -113,6 +113,6 @@ def check_name(entrant: Any, records: list[Mapping[str, Any]], reserved: tuple[s
 
 
 def _enters(entrant: Any, env_id: str) -> bool:
-    from cablebench.evaluate import setup_of
+    from cablebench.run.evaluate import setup_of
 
     return entrant.needs(env_id, setup_of(env_id, {})) is not None

@@ -21,13 +21,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.config import config_path, config_root, read_yaml
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import is_number
-from cable_envs.setup import Setup
-from cablebench.actors import Actor, ControllerActor
-from cablebench.entrants import BUDGETS, INFORMATION, Entrant
-from cablebench.protocol import Task
+from cable_envs.core.config import config_path, config_root, read_yaml
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import is_number
+from cable_envs.sim.setup import Setup
+from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant
+from cablebench.run.actors import Actor, ControllerActor
+from cablebench.run.protocol import Task
 
 SCHEMA = "cable-controller/1"
 FOLDER = "controllers"
@@ -155,7 +155,7 @@ def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
     from baselines import CONTROLLERS
 
     if controller.endswith(".py"):
-        from cablebench.submission import FileController, controller_kind
+        from cablebench.entrants.submission import FileController, controller_kind
 
         kind = controller_kind(path.parent / controller)
         if not gains and not isinstance(kind, FileController):
@@ -168,7 +168,7 @@ def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
 
 def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, bool], Mapping[str, float]]) -> None:
     """Make the controller once for ``env``: it says itself what does not fit."""
-    from cablebench.evaluate import setup_of
+    from cablebench.run.evaluate import setup_of
 
     setup = setup_of(env, {})
     case = (setup.plant.name, setup.action_mode.name, setup.task.kind)

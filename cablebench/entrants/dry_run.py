@@ -12,10 +12,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import Entrant
-from cablebench.evaluate import cell_options, setup_of
-from cablebench.protocol import Protocol
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import Entrant
+from cablebench.run.evaluate import cell_options, setup_of
+from cablebench.run.protocol import Protocol
 
 STEPS = 50
 """Control steps tried on each task: half a second at 100 Hz, with a reset before and one in between."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.setup import Setup
-from cablebench.actors import Actor, ControllerActor, PolicyActor
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.sim.setup import Setup
+from cablebench.run.actors import Actor, ControllerActor, PolicyActor
 
 INFORMATION = ("model-free", "nominal", "identified", "oracle")
 """What an entrant was told about the rig; entrants are ranked within their class."""
@@ -98,7 +98,7 @@ def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entran
     executes it. ``gains`` are for reference controllers only. Raises ConfigurationError with the nearest name.
     """
     from baselines import CONTROLLERS
-    from cablebench.controller_files import FOLDER, shipped_files
+    from cablebench.entrants.controller_files import FOLDER, shipped_files
 
     if name in CONTROLLERS:
         return controller_entrant(name, gains)
@@ -109,15 +109,15 @@ def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entran
     if gains:
         raise ConfigurationError(f"gains of '{name}' belong into its file (configs/{FOLDER} has examples)")
     if suffix == ".py":
-        from cablebench.submission import submission_entrant
+        from cablebench.entrants.submission import submission_entrant
 
         return submission_entrant(name)
     return controller_file_entrant(name)
 
 
 def controller_file_entrant(path_or_name: str | Path) -> Entrant:
-    """The entrant of a controller file: its path, or a name in configs/controllers/ (`cablebench.controller_files`)."""
-    from cablebench.controller_files import file_entrant
+    """The entrant of a controller file: its path, or a name in configs/controllers/ (`entrants.controller_files`)."""
+    from cablebench.entrants.controller_files import file_entrant
 
     return file_entrant(path_or_name)
 

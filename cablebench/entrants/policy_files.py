@@ -23,11 +23,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.params import is_number
-from cablebench.entrants import BUDGETS, INFORMATION
-from cablebench.protocol import Task
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.params import is_number
+from cablebench.entrants.entrant import BUDGETS, INFORMATION
+from cablebench.run.protocol import Task
 
 SCHEMA = "cable-policy-file/1"
 _KEYS = (

@@ -34,13 +34,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.params import is_number
-from cable_envs.setup import Setup
-from cable_envs.tasks import LEVELS
-from cablebench.actors import ControllerActor
-from cablebench.entrants import BUDGETS, INFORMATION, Entrant, controller_entrant
-from cablebench.protocol import Task
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.params import is_number
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import LEVELS
+from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
+from cablebench.run.actors import ControllerActor
+from cablebench.run.protocol import Task
 
 _DECLARED = ("name", "information", "observe", "tasks", "charged")
 

@@ -1,6 +1,6 @@
 """Recordings of a rig whose effects the recording does not tell: what a diagnosis is asked about.
 
-They are made by the generators of the blind proof (`diagnosis.proof`), which share no integrator with the simulators:
+They are made by the generators of the blind proof (`proof`), which share no integrator with the simulators:
 what a diagnosis finds in a simulator's own episodes it has put there itself.
 """
 
@@ -12,15 +12,15 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cable_envs.errors import require_known
-from cable_envs.rigs import load_rig
-from cable_envs.setup import Setup
+from cable_envs.core.errors import require_known
+from cable_envs.sim.rigs import load_rig
+from cable_envs.sim.setup import Setup
 from cablebench.export.recording import FILE, SIGNALS, channel_entry, check_folder
-from cablebench.store import write_atomic
-from diagnosis.proof import cable_hole, pulley_circuit
-from diagnosis.proof.excitation import reference
-from diagnosis.proof.sensors import stamps
-from diagnosis.recording import SCHEMA
+from cablebench.run.store import write_atomic
+from diagnosis.data.recording import SCHEMA
+from proof.excitation import reference
+from proof.sensors import stamps
+from proof.simulators import cable_hole, pulley_circuit
 
 GENERATORS: Mapping[str, Any] = {"cable_hole": cable_hole, "pulley_circuit": pulley_circuit}
 COMMAND = {"cable_hole": "drive_velocity_command", "pulley_circuit": "drive_angle_command"}
@@ -55,7 +55,7 @@ def write_concealed(
     """One record for each motion, the last held out; returns the recording's file.
 
     setup: the true rig with its effects, and the noise of its sensors; believed: a preset, all that is told. motions:
-    {design, amplitude, centre} of `diagnosis.proof.excitation`; m of the load, or rad of the drive. A channel that
+    {design, amplitude, centre} of `proof.excitation`; m of the load, or rad of the drive. A channel that
     never moves is left out. Raises ConfigurationError for an effect that the generator does not have.
     """
     check_folder(folder)

@@ -17,10 +17,10 @@ from typing import Any
 import gymnasium as gym
 
 import cable_envs
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import Entrant
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace
-from cablebench.provenance import versions
+from cablebench.run.provenance import versions
 
 ROOT_VARIABLE = "MINARI_DATASETS_PATH"
 """Where Minari looks for datasets; its functions know no argument for it."""

@@ -1,4 +1,4 @@
-"""Episodes as a recording of a rig: the format ``cable-recording/1`` that `diagnosis.recording` reads.
+"""Episodes as a recording of a rig: the format ``cable-recording/1`` that `diagnosis.data.recording` reads.
 
 A folder with recording.yaml, one table (CSV or Parquet) for each episode and, where the rig is no preset, its file
 under rig/. The tables hold what sensors read (with the noise and delay of the environment), the reference, and the
@@ -16,14 +16,14 @@ import gymnasium as gym
 import numpy as np
 import yaml
 
-from cable_envs.errors import ConfigurationError, nearest
-from cable_envs.rigs import SCHEMA as RIG_SCHEMA
-from cable_envs.rigs import Rig, load_rig
-from cable_envs.setup import Setup
-from cablebench.entrants import Entrant
+from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
+from cable_envs.sim.rigs import Rig, load_rig
+from cable_envs.sim.setup import Setup
+from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
-from cablebench.store import write_atomic
-from diagnosis.recording import CHANNELS, SCHEMA, parameters_of
+from cablebench.run.store import write_atomic
+from diagnosis.data.recording import CHANNELS, SCHEMA, parameters_of
 
 FILE = "recording.yaml"
 TABLES = ("csv", "parquet")

@@ -7,10 +7,10 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import Entrant
-from cablebench.episode import Episode
-from cablebench.evaluate import run_episode
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import Entrant
+from cablebench.run.episode import Episode
+from cablebench.run.evaluate import run_episode
 
 RANDOM_STREAM = 0x5EED
 """Second word of the random policy's seed: its numbers are not those that the environment draws from the same seed."""

@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
-from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from cablebench.jobs.work import Context, Done, Job, JobError, Progress, Reporter, Stopped, perform
 
 BACKENDS = ("local", "ray")

@@ -20,11 +20,11 @@ from typing import Any
 import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cablebench.jobs.driver import Died, Event
 from cablebench.jobs.work import Context, Done, Job, Progress, Reporter, interrupt_once, perform, portable
-from cablebench.provenance import source_hash
-from cablebench.store import write_atomic
+from cablebench.run.provenance import source_hash
+from cablebench.run.store import write_atomic
 
 HEARTBEAT = 0.5
 """s between two messages of a running job."""
@@ -230,7 +230,7 @@ class _Heart(threading.Thread):
 def _read(folder: Path, known: dict[str, tuple[int, int]]) -> dict[str, bytes | None]:
     """Files below ``folder`` whose (time, size) differ from ``known``, which is brought up to date; None: it is gone.
 
-    Files that are being written have names that begin with a dot (`cablebench.store.write_atomic`); they are left out.
+    Files that are being written have names that begin with a dot (`store.write_atomic`); they are left out.
     """
     found: dict[str, bytes | None] = {}
     present = set()

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 REPORT_EVERY = 0.1
 """s between two progress reports that a worker sends; the last of a job is always sent."""

@@ -4,15 +4,15 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from cablebench import diagnosis_figures as figures
-from cablebench import diagnosis_words as words
+from cablebench.pages import diagnosis_figures as figures
+from cablebench.pages import diagnosis_words as words
 
 _CHANNELS = 3
 """Shown over time and along coordinates."""
 
 
 def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
-    """The page; ``traces`` (`diagnosis.verdict.Trace`) are drawn, without them the page has tables only."""
+    """The page; ``traces`` (`diagnosis.model.verdict.Trace`) are drawn, without them the page has tables only."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
@@ -25,7 +25,7 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         for text, time, along in _places(record, traces, named)
     ]
     last = [row for row in record["leftover"] if row["when"] == "after the model"] or record["leftover"]
-    source = files("cablebench").joinpath("templates/diagnosis.html.j2").read_text(encoding="utf-8")
+    source = files("cablebench").joinpath("pages/templates/diagnosis.html.j2").read_text(encoding="utf-8")
     return environment.from_string(source).render(
         record=record, named=named, title=words.VERDICT[record["verdict"]], headline=words.headline(record),
         cost=words.cost(record), advice=words.advice(record), places=shown, left=last,

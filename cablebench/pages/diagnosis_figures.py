@@ -1,7 +1,7 @@
 """Figures of a diagnosis as inline SVG: over time, along coordinates, errors against the noise, maps of what is left,
 spectra.
 
-``traces`` are `diagnosis.verdict.Trace`, read by their fields only.
+``traces`` are `diagnosis.model.verdict.Trace`, read by their fields only.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.diagnosis_words import plain
-from cablebench.figures import INK, SOFT, svg
+from cablebench.board.figures import INK, SOFT, svg
+from cablebench.pages.diagnosis_words import plain
 
 BLUE, RED, SHADE = "#1b6ca8", "#c8553d", "#f3d9b1"
 _SHOWN = {

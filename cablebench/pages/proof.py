@@ -4,18 +4,18 @@ from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
-from cablebench.figures import GRID, INK, SOFT, svg
+from cablebench.board.figures import GRID, INK, SOFT, svg
 
 _BLUE = "#1b6ca8"
 
 
 def render(record: Mapping[str, Any]) -> str:
-    """The page as text; ``record``: what `diagnosis.proof.report.record` made."""
+    """The page as text; ``record``: what `proof.report.record` made."""
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("cablebench").joinpath("templates/proof.html.j2").read_text(encoding="utf-8")
+    source = files("cablebench").joinpath("pages/templates/proof.html.j2").read_text(encoding="utf-8")
     methods = record["methods"]
     figures = [
         {

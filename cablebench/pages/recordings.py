@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 FIGURES = "figures"
 JAW = "da-vinci-jaw"
@@ -22,7 +22,7 @@ _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
 def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping[str, str]) -> None:
     """Leave a set's numbers as JSON (`numbers_of`) and its figures as ``figures/NAME-FIGURE.svg``."""
-    from cablebench.store import jsonable, write_atomic
+    from cablebench.run.store import jsonable, write_atomic
 
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
     write_atomic(numbers_of(out, name), json.dumps(jsonable(numbers), indent=1, allow_nan=False) + "\n")
@@ -40,7 +40,7 @@ def render(out: Path, names: Sequence[str]) -> str:
     from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from cablebench.recordings_jaw import figures_of
+    from cablebench.pages.recordings_jaw import figures_of
 
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(plain=plain, number=number, estimate=estimate, error=error)
@@ -56,7 +56,7 @@ def render(out: Path, names: Sequence[str]) -> str:
         path = out / FIGURES / f"{name}-{which}.svg"
         return Markup(path.read_text(encoding="utf-8")) if path.is_file() else ""
 
-    source = files("cablebench").joinpath("templates/recordings.html.j2").read_text(encoding="utf-8")
+    source = files("cablebench").joinpath("pages/templates/recordings.html.j2").read_text(encoding="utf-8")
     missing = [name for name in names if name not in sets]
     return environment.from_string(source).render(sets=sets, missing=missing, figure=figure)
 

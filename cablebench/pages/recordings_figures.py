@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.figures import GRID, INK, SOFT, svg
+from cablebench.board.figures import GRID, INK, SOFT, svg
 
 MEASURED, NAIVE, NAMED = INK, "#c8553d", "#1b6ca8"
 POINTS = 700

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from cablebench import recordings_figures as draw
-from cablebench.figures import svg
+from cablebench.board.figures import svg
+from cablebench.pages import recordings_figures as draw
 
 MODELS = ("rigid", "physics", "neighbours", "net", "published")
 """Columns of the comparison, where a split has them."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cablebench import recordings_figures as draw
+from cablebench.pages import recordings_figures as draw
+from diagnosis.model.verdict import Trace
 from diagnosis.real.finding import Finding, pick
-from diagnosis.verdict import Trace
 
 Tell = Callable[[str], None]
 Made = tuple[dict[str, Any], dict[str, str]]

@@ -4,10 +4,10 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cablebench.figures import INK, svg
-from cablebench.pays import SIMULATORS, Study
-from cablebench.pays_rigs import RIGS
-from cablebench.recordings_figures import NAIVE, NAMED, key
+from cablebench.board.figures import INK, svg
+from cablebench.pages.recordings_figures import NAIVE, NAMED, key
+from cablebench.pays.rigs import RIGS
+from cablebench.pays.scores import SIMULATORS, Study
 
 FIGURE = "pays.svg"
 _COLOURS = {"nominal": NAIVE, "augmented": NAMED, "oracle": INK}

@@ -1,6 +1,6 @@
 """Does a diagnosis pay? What `cablebench pays` asks, how it scores, and what it sums up.
 
-A hidden rig (`cablebench.pays_rigs`) is controlled by what was tuned or trained on one of three simulators: the nominal
+A hidden rig (`cablebench.pays.rigs`) is controlled by what was tuned or trained on one of three simulators: the nominal
 one, the one that a diagnosis of the hidden rig's recordings corrected, and the oracle, which is told the concealed
 effects. A model-based controller believes its simulator's rig.
 """
@@ -14,16 +14,16 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.setup import Setup
-from cablebench.actors import Actor, ControllerActor
-from cablebench.evaluate import badness, run_episode, setup_of
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.setup import Setup
+from cablebench.board.statistics import bootstrap
 from cablebench.jobs import Context
-from cablebench.metrics import measure
-from cablebench.pays_rigs import RIGS, HiddenRig
-from cablebench.protocol import configuration_hash
-from cablebench.statistics import bootstrap
-from cablebench.tuning_objective import loss_of
+from cablebench.pays.rigs import RIGS, HiddenRig
+from cablebench.run.actors import Actor, ControllerActor
+from cablebench.run.evaluate import badness, run_episode, setup_of
+from cablebench.run.metrics import measure
+from cablebench.run.protocol import configuration_hash
+from cablebench.tune.objective import loss_of
 
 SCHEMA = "cable-pays/1"
 SIMULATORS = ("nominal", "augmented", "oracle")

@@ -4,8 +4,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from cable_envs.setup import Setup
-from cable_envs.tasks import REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
 
 
 class Actor(Protocol):

@@ -15,15 +15,15 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest
-from cable_envs.setup import Setup, make_setup
-from cablebench.actors import Actor
-from cablebench.entrants import Entrant
-from cablebench.episode import Episode
-from cablebench.metrics import measure
-from cablebench.protocol import Cell, Protocol, configuration_hash
-from cablebench.provenance import machine, versions
-from cablebench.store import ResultStore, jsonable
+from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.sim.setup import Setup, make_setup
+from cablebench.entrants.entrant import Entrant
+from cablebench.run.actors import Actor
+from cablebench.run.episode import Episode
+from cablebench.run.metrics import measure
+from cablebench.run.protocol import Cell, Protocol, configuration_hash
+from cablebench.run.provenance import machine, versions
+from cablebench.run.store import ResultStore, jsonable
 
 TRAJECTORY_POINTS = 400
 """Samples kept of the median and the worst episode of a run, for drawing."""

@@ -1,4 +1,4 @@
-"""The evaluation of `cablebench.evaluate` as jobs: one for each entrant on each condition, the same numbers.
+"""The evaluation of `cablebench.run.evaluate` as jobs: one for each entrant on each condition, the same numbers.
 
 Every episode is seeded by itself, so it does not matter which process runs it. An `Entrant` holds closures and cannot
 travel; a recipe does: a picklable call without arguments that makes the entrant again in the worker. Records are made
@@ -13,9 +13,11 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cablebench.entrants import Entrant
-from cablebench.episode import Episode
-from cablebench.evaluate import (
+from cablebench.entrants.entrant import Entrant
+from cablebench.jobs import Backend, Context, Job
+from cablebench.jobs import Progress as JobProgress
+from cablebench.run.episode import Episode
+from cablebench.run.evaluate import (
     Progress,
     badness,
     facts,
@@ -27,10 +29,8 @@ from cablebench.evaluate import (
     run_key,
     typical,
 )
-from cablebench.jobs import Backend, Context, Job
-from cablebench.jobs import Progress as JobProgress
-from cablebench.protocol import Cell, Protocol
-from cablebench.store import ResultStore
+from cablebench.run.protocol import Cell, Protocol
+from cablebench.run.store import ResultStore
 
 Recipe = Callable[[], Entrant]
 """Picklable and hashable: a `functools.partial` of a module-level function, or a frozen dataclass."""
@@ -46,7 +46,7 @@ def evaluate_in_jobs(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
 ) -> list[dict[str, Any]]:
-    """As `cablebench.evaluate.evaluate`, of the entrants that ``recipes`` make, on ``backend``; records in its order.
+    """As `evaluate.evaluate`, of the entrants that ``recipes`` make, on ``backend``; records in its order.
 
     After Ctrl-C the store holds the runs that were finished; KeyboardInterrupt is raised.
     """

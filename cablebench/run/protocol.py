@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.config import config_path, read_yaml
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 
 SCHEMA = 1
 

@@ -26,17 +26,22 @@ def source_hash() -> str:
     """
     import baselines
     import cable_envs
-    from cable_envs.config import config_root
+    from cable_envs.core.config import config_root
 
     digest = hashlib.sha256()
     for package in (cable_envs, baselines):
         root = Path(package.__file__).parent
-        for path in sorted(p for p in root.rglob("*.py") if not p.name.startswith("render")):
+        for path in sorted(p for p in root.rglob("*.py") if not _drawn(p.relative_to(root))):
             digest.update(f"{root.name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
     for kind in ("rigs", "tasks"):
         for path in sorted((config_root() / kind).glob("*.yaml")):
             digest.update(f"{kind}/{path.name}".encode() + path.read_bytes())
     return digest.hexdigest()[:12]
+
+
+def _drawn(path: Path) -> bool:
+    """Whether a source only draws: no number depends on it."""
+    return path.name in ("render.py", "scene.py") or path.parts[0] == "drawing"
 
 
 @cache

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError, nearest
-from cablebench.protocol import Protocol
-from cablebench.scoring import Record, episode_key, latest, score_episodes
-from cablebench.statistics import interquartile_mean
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError, nearest
+from cablebench.board.scoring import Record, episode_key, latest, score_episodes
+from cablebench.board.statistics import interquartile_mean
+from cablebench.run.protocol import Protocol
 
 TIMED = ("inference_us",)
 """Metrics that measure the machine: no two runs have the same."""
@@ -90,7 +90,7 @@ def moved(path: str, folder: Path) -> str:
 
 def executed_by(words: str) -> list[str]:
     """The .py files that an entrant named by these flags executes."""
-    from cablebench.controller_files import SCHEMA
+    from cablebench.entrants.controller_files import SCHEMA
 
     files = []
     for word in shlex.split(words):

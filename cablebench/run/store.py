@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 SCHEMA = 1
 """Version of the record format; a store written by a newer version is refused, not misread."""

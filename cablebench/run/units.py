@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from cablebench.metrics import METRICS
+from cablebench.run.metrics import METRICS
 
 _PERCENT = ("overshoot", "slack", "overload", "success", "failed", "settling_2_censored", "settling_5_censored")
 _BY_NAME = {m.name: m for m in METRICS}

@@ -12,13 +12,13 @@ from typing import Any
 
 import gymnasium as gym
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.setup import Setup
-from cable_envs.tasks import REFERENCE
-from cablebench.entrants import Entrant, controller_entrant
-from cablebench.evaluate import badness, cell_options, facts, reset_options, run_episode, setup_of
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import REFERENCE
+from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.jobs import Context
-from cablebench.protocol import Cell, Protocol
+from cablebench.run.evaluate import badness, cell_options, facts, reset_options, run_episode, setup_of
+from cablebench.run.protocol import Cell, Protocol
 
 WORST = 10.0
 BEST = 1e-9

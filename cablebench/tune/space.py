@@ -24,8 +24,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.params import Parameter, ParameterTable, is_number
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.params import Parameter, ParameterTable, is_number
 
 KINDS = ("linear", "log", "int", "log_int", "choice")
 DIGITS = 6

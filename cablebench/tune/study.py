@@ -18,9 +18,9 @@ import optuna
 import sqlalchemy
 from optuna.trial import TrialState
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cablebench.jobs import Backend, Job, Progress
-from cablebench.tuning_space import Dimension
+from cablebench.tune.space import Dimension
 
 ABOUT = "about"
 """User attribute of a study: what decides its trials' numbers."""

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cable_envs.errors import ConfigurationError, require_known
-from cable_envs.params import is_number, to_si
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.params import is_number, to_si
 
 DOUBTS = ("stuck", "saturated", "gap", "missing", "dropped", "clock", "label", "outlier", "other")
 """Kinds of doubt. Samples of a channel within a "stuck" or "saturated" stretch are not measurements of it."""

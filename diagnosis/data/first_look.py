@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.recording import Record, Recording
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import Record, Recording
 
 NEEDS = ("drive_angle", "drive_torque", "output_angle", "output_torque")
 FILTER_HZ, SLOW, MIDDLE, NEAR, TURN = 50.0, 0.25, 0.1, 0.1, 0.003

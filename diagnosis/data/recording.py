@@ -23,8 +23,8 @@ channels:
 A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset`` plus the record's own offset;
 ``noise_std`` is in that unit too. ``offset_free`` marks a channel whose zero means nothing, such as an incremental
 encoder's: it may be another one in every record (``record``), is one for all (``recording``), or one for the records
-that share a condition (its name). ``quality`` says where a record is in doubt (`diagnosis.entries`).
-A record at rest tells the noise of all channels with its colour (`diagnosis.rest`).
+that share a condition (its name). ``quality`` says where a record is in doubt (`diagnosis.data.entries`).
+A record at rest tells the noise of all channels with its colour (`diagnosis.model.rest`).
 Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
 """
 
@@ -36,12 +36,12 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import Parameter, ParameterTable, to_si
-from cable_envs.rigs import Rig, load_rig
-from diagnosis.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
-from diagnosis.tables import read_columns
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import Parameter, ParameterTable, to_si
+from cable_envs.sim.rigs import Rig, load_rig
+from diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
+from diagnosis.data.tables import read_columns
 
 SCHEMA = "cable-recording/1"
 USES = ("fit", "heldout", "rest")

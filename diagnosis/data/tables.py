@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 _DELIMITERS = (",", ";", "\t")
 CHUNK, MOST_ROWS = 50_000, 20_000_000

@@ -3,9 +3,9 @@
     deviance = sum over channels of  count ln(std^2) + 3 numbers + surprise
 
 with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
-waves (`diagnosis.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
+waves (`model.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
 a price for them (Box, Jenkins, Time Series Analysis, ch. 7). Of a noise whose colour is known from rest only the size
-is learnt (`diagnosis.rest`). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as
+is learnt (`model.rest`). Each model is judged with the noise that it leaves, so that a mismatch cannot pass as
 colour of the noise of a rival.
 """
 
@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from diagnosis.model import Block, Model, Whitener, learn_whitener, residuals
-from diagnosis.noise import PRICE
-from diagnosis.refit import Fit, Start, refit
+from diagnosis.fit.refit import Fit, Start, refit
+from diagnosis.model.model import Block, Model, Whitener, learn_whitener, residuals
+from diagnosis.model.noise import PRICE
 
 ABOUT, SPREAD = 4, 1.5
 """Starts of the nominals' refit beside what is claimed, and how far from it, in standard deviations of the claim.

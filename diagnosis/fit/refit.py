@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.model import Model, Whitener, residuals
+from diagnosis.model.model import Model, Whitener, residuals
 
 STEP = 1e-2
 """Step of the differences over the parameter's size, or its scale where that is larger.

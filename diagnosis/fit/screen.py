@@ -11,17 +11,17 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.hypotheses import INVERSE, PROPORTIONAL, Hypothesis
-from diagnosis.hypotheses import WAVES as ALL_WAVES
-from diagnosis.likelihood import Judged
-from diagnosis.model import Block, Model, Whitener, learn_whitener
-from diagnosis.refit import Fit
+from diagnosis.fit.likelihood import Judged
+from diagnosis.fit.refit import Fit
+from diagnosis.model.hypotheses import INVERSE, PROPORTIONAL, Hypothesis
+from diagnosis.model.hypotheses import WAVES as ALL_WAVES
+from diagnosis.model.model import Block, Model, Whitener, learn_whitener
 
 DRAWS = 2000
 STEP = 1e-3
 """Step of the slopes, from one side, over the parameter's size, or its scale where that is larger."""
 WAVES = 10
-"""Waves of a ripple that are probed, of all those that `diagnosis.hypotheses` has."""
+"""Waves of a ripple that are probed, of all those that `diagnosis.model.hypotheses` has."""
 ZOOMS = 3
 """Times that a hypothesis is probed nearer to the size that its score suggests."""
 NEAR = 0.6

@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student
 
-from diagnosis.likelihood import raw_residuals
-from diagnosis.model import Block, Model, Whitener
-from diagnosis.noise import Noise
-from diagnosis.refit import Fit, Start, refit
+from diagnosis.fit.likelihood import raw_residuals
+from diagnosis.fit.refit import Fit, Start, refit
+from diagnosis.model.model import Block, Model, Whitener
+from diagnosis.model.noise import Noise
 
 DRAWS, SPREAD = 12, 0.3
 """Further starts about one, and their standard deviation over each value."""

@@ -14,8 +14,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from cable_envs.plants import plant_for
-from diagnosis.models.common import smooth_speed
-from diagnosis.recording import Record, Recording
+from diagnosis.data.recording import Record, Recording
+from diagnosis.systems.common import smooth_speed
 
 OFF = 20.0
 """Factor from which numbers that should be alike are not."""

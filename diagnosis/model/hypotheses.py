@@ -10,13 +10,13 @@ from itertools import product
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.effects import Effect, EffectParameter
-from cable_envs.errors import ConfigurationError, require_known
 from cable_envs.plants.base import Plant
-from diagnosis.model import Free
+from diagnosis.model.model import Free
 
 SIZES = (0.1, 1.0)
-"""Probed sizes over the typical one of `EffectParameter`; a screening goes on to nearer ones (`diagnosis.screen`)."""
+"""Probed sizes over the typical one of `EffectParameter`; a screening goes on to nearer ones (`fit.screen`)."""
 
 _FINE = {
     **{name: (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0) for name in ("backlash.gap", "presliding_hysteresis.displacement")},

@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from diagnosis.noise import learn_noise
-from diagnosis.rest import AnyNoise, RestNoise
+from diagnosis.model.noise import learn_noise
+from diagnosis.model.rest import AnyNoise, RestNoise
 
 
 @dataclass(frozen=True)

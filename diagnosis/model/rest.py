@@ -1,6 +1,6 @@
 """The noise of sensors from a record at rest: what moves while nothing does is noise, and no mismatch can be in it.
 
-A noise that is learnt from what a model leaves takes slow mismatches for its own colour (`diagnosis.noise`). A record
+A noise that is learnt from what a model leaves takes slow mismatches for its own colour (`model.noise`). A record
 at rest (``use: rest``) tells the colour beforehand; only its size is then taken from what is left. The spectrum is that
 of sensors (IEEE Std 952, annex C: white noise, an exponentially correlated part, flicker),
 
@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import oaconvolve
 
-from diagnosis.noise import Noise, learn_noise
+from diagnosis.model.noise import Noise, learn_noise
 
 LONGEST = 512
 """Samples of the past that predict the next."""
@@ -38,7 +38,7 @@ _GRID = 2**17
 
 @dataclass(frozen=True)
 class RestNoise:
-    """Noise with a known colour, as `diagnosis.noise.Noise` is used.
+    """Noise with a known colour, as `diagnosis.model.noise.Noise` is used.
 
     start      | [order, order] lower triangle: the first samples whitened, each with all before it
     taps       | [order + 1] filter of all later ones

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
@@ -19,7 +19,7 @@ VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
 
 @dataclass(frozen=True)
 class Found:
-    """An effect. ``confidence``: that it, or one of its alternatives, is there (`diagnosis.confidence`).
+    """An effect. ``confidence``: that it, or one of its alternatives, is there (`diagnosis.fit.confidence`).
 
     parameters: canonical name -> {value, unit, ci95}; ``hypothesis`` tells sensors apart: "sensor_bias.velocity".
     """

@@ -14,10 +14,11 @@ import importlib.util
 from pathlib import Path
 from types import ModuleType
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 
 FORMATS = {
-    "da-vinci-jaw": "davinci_jaw", "band-brake": "band_brake", "emps": "emps", "coupled-drives": "coupled_drives",
+    "da-vinci-jaw": "sets.davinci_jaw", "band-brake": "sets.band_brake", "emps": "sets.emps",
+    "coupled-drives": "sets.coupled_drives",
     "table": "table", "mat": "mat", "rosbag": "rosbag",
 }  # fmt: skip
 """Format -> module in this package."""

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.params import to_si
-from diagnosis.recording import CHANNELS
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import to_si
+from diagnosis.data.recording import CHANNELS
 
 CHUNK_ROWS = 65_536
 """Rows that are held at once: some 10 MB of text."""

@@ -24,13 +24,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import is_number, to_si
-from diagnosis.entries import read_conditions
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import is_number, to_si
+from diagnosis.data.entries import read_conditions
+from diagnosis.data.recording import CHANNELS, USES, hold, offset_free
 from diagnosis.readers.base import ChannelSpec
 from diagnosis.readers.text import DELIMITERS, Layout
-from diagnosis.recording import CHANNELS, USES, hold, offset_free
 
 SCHEMA = "cable-mapping/1"
 _KEYS = ("schema", "system", "description", "rig", "known", "nominal", "layout", "channels", "records", "group",

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, whole
 from diagnosis.readers.mapping import load_mapping
 from diagnosis.readers.table import data_set, of_entry

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
 from diagnosis.readers.mapping import Mapped, load_mapping
 from diagnosis.readers.text import read_text

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, nearest
+from cable_envs.core.errors import ConfigurationError, nearest
 from diagnosis.readers.base import CHUNK_ROWS, Chunk, Log
 
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "|": "|", "space": " "}

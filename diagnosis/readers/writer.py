@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from diagnosis.data.recording import CHANNELS, SCHEMA
 from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
 from diagnosis.readers.checks import Clock, RecordCheck, Summary
 from diagnosis.readers.compare import outliers
 from diagnosis.readers.split import select
-from diagnosis.recording import CHANNELS, SCHEMA
 
 FILE = "recording.yaml"
 TABLES = ("csv", "parquet")

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from diagnosis.data.recording import Recording
 from diagnosis.real.finding import Alone, Finding, find
-from diagnosis.recording import Recording
 
 EXPECTED = ("load_dependent_friction", "backlash", "presliding_hysteresis")
 WRONG = "viscous_friction"

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from diagnosis.data.recording import Recording
+from diagnosis.model.verdict import Trace
 from diagnosis.real.finding import Finding, find
-from diagnosis.recording import Recording
-from diagnosis.verdict import Trace
 
 GROUPS = {"uniform": "uniform_", "PRBS": "prbs_"}
 PUBLISHED = {"recurrent net, GP-NARX": (0.10, 0.09), "linear": (0.29, 0.33)}

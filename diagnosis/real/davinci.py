@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
+from diagnosis.data.recording import Record, Recording, load_recording
 from diagnosis.engine import Examined, examine
-from diagnosis.ladder import held, inside, ladder
-from diagnosis.model import Model, residuals
-from diagnosis.models.transmission import models
-from diagnosis.models.transmission_effects import LIMITS, hypotheses
-from diagnosis.recording import Record, Recording, load_recording
-from diagnosis.refit import Fit, Start
-from diagnosis.unseen import sure
-from diagnosis.verdict import Step
-from diagnosis.weights import rmse, settle
+from diagnosis.fit.refit import Fit, Start
+from diagnosis.fit.weights import rmse, settle
+from diagnosis.model.model import Model, residuals
+from diagnosis.model.verdict import Step
+from diagnosis.search.ladder import held, inside, ladder
+from diagnosis.search.unseen import sure
+from diagnosis.systems.transmission import models
+from diagnosis.systems.transmission_effects import LIMITS, hypotheses
 
 SERIES = "Tool_4_Maryland_L_4"
 CONCEALED = (

@@ -18,13 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.ladder import ladder
-from diagnosis.models.transmission import TransmissionModel, assemble, nominals_of, run_of
-from diagnosis.models.transmission_effects import hypotheses
+from diagnosis.data.recording import Record, Recording
+from diagnosis.fit.refit import Start
+from diagnosis.fit.weights import rmse, settle
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from diagnosis.recording import Record, Recording
-from diagnosis.refit import Start
-from diagnosis.weights import rmse, settle
+from diagnosis.search.ladder import ladder
+from diagnosis.systems.transmission import TransmissionModel, assemble, nominals_of, run_of
+from diagnosis.systems.transmission_effects import hypotheses
 
 CLOSING = -0.25
 """rad/s."""

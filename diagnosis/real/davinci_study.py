@@ -9,8 +9,6 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from diagnosis.ladder import inside
-from diagnosis.models.transmission_effects import hypotheses
 from diagnosis.real.davinci import (
     Tell,
     concealed,
@@ -23,6 +21,8 @@ from diagnosis.real.davinci import (
 )
 from diagnosis.real.davinci_splits import PUBLISHED, compare
 from diagnosis.real.feedforward import replayed, traces
+from diagnosis.search.ladder import inside
+from diagnosis.systems.transmission_effects import hypotheses
 
 SHOWN = "Tool_4_Maryland_L_4_24.csv"
 """The record of the figures: 50 % load at 0.3 Hz, held out."""

@@ -10,7 +10,7 @@ inverse  | least squares of the filtered force on acceleration, speed, its sign 
 What is left is ten times the encoder's noise and follows the motion: model error, not noise. Whitened, it counts where
 it changes quickly, just behind reversals, and the estimate is that of the friction there. The curvature takes it for
 noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so both
-intervals are from parts (`diagnosis.weights.resampled`).
+intervals are from parts (`diagnosis.fit.weights.resampled`).
 """
 
 from collections.abc import Callable, Mapping
@@ -19,14 +19,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, decimate, filtfilt
 
-from diagnosis.likelihood import refit_and_learn
-from diagnosis.models.linear_drive import prepare
-from diagnosis.models.question import Request
+from diagnosis.data.recording import Quantity, Record, Recording
+from diagnosis.fit.likelihood import refit_and_learn
+from diagnosis.fit.refit import Start
+from diagnosis.fit.weights import resampled
+from diagnosis.model.verdict import Estimate
 from diagnosis.real.finding import Finding, find
-from diagnosis.recording import Quantity, Record, Recording
-from diagnosis.refit import Start
-from diagnosis.verdict import Estimate
-from diagnosis.weights import resampled
+from diagnosis.systems.linear_drive import prepare
+from diagnosis.systems.question import Request
 
 PUBLISHED = {"mass": 95.1, "viscous": 203.5, "coulomb": 20.4, "force_offset": -3.16}
 """kg, N s/m, N, N."""

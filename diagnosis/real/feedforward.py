@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.first_look import since_reversal
-from diagnosis.model import Model
-from diagnosis.models.common import smooth_speed
-from diagnosis.models.transmission import Run, TransmissionModel, zero_of
+from diagnosis.data.first_look import since_reversal
+from diagnosis.model.model import Model
 from diagnosis.real.davinci import DEG, MNM
+from diagnosis.systems.common import smooth_speed
+from diagnosis.systems.transmission import Run, TransmissionModel, zero_of
 
 MOVING = 0.25
 """rad/s of the jaw from which a sample counts as moving."""

@@ -5,15 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from diagnosis.data.recording import Recording
 from diagnosis.engine import examine
-from diagnosis.ladder import held
-from diagnosis.likelihood import Judged
-from diagnosis.models.question import Question
-from diagnosis.race import refits
-from diagnosis.recording import Recording
-from diagnosis.screen import screen
-from diagnosis.verdict import Step, Trace
-from diagnosis.weights import rmse, weigh
+from diagnosis.fit.likelihood import Judged
+from diagnosis.fit.screen import screen
+from diagnosis.fit.weights import rmse, weigh
+from diagnosis.model.verdict import Step, Trace
+from diagnosis.search.ladder import held
+from diagnosis.search.race import refits
+from diagnosis.systems.question import Question
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import Recording, load_recording
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request
 from diagnosis.readers.writer import write_data_set
-from diagnosis.recording import Recording, load_recording
 
 FOLDERS = {
     "da-vinci-jaw": "davinci_tool", "band-brake": "band_brake", "emps": "emps", "coupled-drives": "coupled_drives",

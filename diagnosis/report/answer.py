@@ -8,26 +8,26 @@ import numpy as np
 
 import cable_envs
 from cable_envs.effects import EFFECTS, Effect
-from diagnosis.adequacy import Adequacy, adequacy
-from diagnosis.bands import Averaged
-from diagnosis.confidence import MOST, confidence, highest, interval
-from diagnosis.gate import Quality
-from diagnosis.hunting import RUNS
-from diagnosis.hypotheses import INVERSE, Hypothesis
-from diagnosis.likelihood import Judged, raw_residuals
-from diagnosis.model import Free, Model, residuals
-from diagnosis.models.question import Question
-from diagnosis.noise import jitter
-from diagnosis.places import located, permuted
-from diagnosis.recording import Recording
-from diagnosis.refit import Fit
-from diagnosis.screen import Score
-from diagnosis.select import LIKE_ANY
-from diagnosis.selection import Accepted, Selection
-from diagnosis.verdict import Diagnosis, Found, Trace
+from diagnosis.adequacy.bands import Averaged
+from diagnosis.adequacy.tests import Adequacy, adequacy
+from diagnosis.data.recording import Recording
+from diagnosis.fit.confidence import MOST, confidence, highest, interval
+from diagnosis.fit.likelihood import Judged, raw_residuals
+from diagnosis.fit.refit import Fit
+from diagnosis.fit.screen import Score
+from diagnosis.intake.gate import Quality
+from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.model import Free, Model, residuals
+from diagnosis.model.noise import jitter
+from diagnosis.model.verdict import Diagnosis, Found, Trace
+from diagnosis.search.hunting import RUNS
+from diagnosis.search.places import located, permuted
+from diagnosis.search.select import LIKE_ANY
+from diagnosis.search.selection import Accepted, Selection
+from diagnosis.systems.question import Question
 
 _STANDS_OUT = 3.6
-"""Standard deviations that `diagnosis.screen.Score.visible` speaks of."""
+"""Standard deviations that `diagnosis.fit.screen.Score.visible` speaks of."""
 
 
 TURNED = "; the data want it with the other sign"
@@ -115,7 +115,9 @@ def _predictable(question: Question, selection: Selection) -> Question:
 
 def _unfitted(recording: Recording, question: Question, selection: Selection) -> list[str]:
     """What to do where only records that were not fitted show that something is missing."""
-    at_rest = any(b.noise is not None for b in question.fit.blocks)  # else they were not asked (`diagnosis.select`)
+    at_rest = any(
+        b.noise is not None for b in question.fit.blocks
+    )  # else they were not asked (`diagnosis.search.select`)
     shows = selection.verdict == "unknown" and selection.after.p_value < selection.rules.alone_p
     if not at_rest or not shows or selection.accepted:
         return []

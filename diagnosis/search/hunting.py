@@ -2,7 +2,7 @@
 
 A controlled drive with a gap hunts between its edges. No simulation has the machine's phase for long, so that a gap
 that makes it hunt as the machine does makes the sum of squares of what is left larger, not smaller, and no refit finds
-it. Here hypotheses are compared by the spectrum that they expect of what is left (`diagnosis.bands`): all are looked at
+it. Here hypotheses are compared by the spectrum that they expect of what is left (`adequacy.bands`): all are looked at
 at many sizes; of those that oscillate and gain, the size, and the nominal parameters that the refit leaves unsure, are
 looked for by differential evolution (Storn, Price, J. Global Optimization 11 (1997) 341).
 """
@@ -15,14 +15,14 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution
 
-from diagnosis.adequacy import SURE, Adequacy
-from diagnosis.bands import Averaged, Bands, Spectra
-from diagnosis.hypotheses import INVERSE, Hypothesis
-from diagnosis.likelihood import Judged, raw_residuals, refit_nominals
-from diagnosis.model import Free, Whitener
-from diagnosis.refit import Fit
-from diagnosis.rules import Rules
-from diagnosis.selection import Accepted, Selection
+from diagnosis.adequacy.bands import Averaged, Bands, Spectra
+from diagnosis.adequacy.tests import SURE, Adequacy
+from diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
+from diagnosis.fit.refit import Fit
+from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.model import Free, Whitener
+from diagnosis.search.rules import Rules
+from diagnosis.search.selection import Accepted, Selection
 
 RUNS, LOOKS = 6, 2
 """Runs that are nudged apart: of a model, and of each of many that are only looked at."""

@@ -1,10 +1,10 @@
 """Which effects the held-out records ask for, one after the other: the steps of the criterion "unseen".
 
-`diagnosis.select` takes what is left after a refit for sensor noise with a colour, and whitens it. On a bench whose
+`search.select` takes what is left after a refit for sensor noise with a colour, and whitens it. On a bench whose
 sensors are far better than any model (0.2 mN m against 3) what is left is model error, slow over seconds: an
 autoregression of it would throw away the slow parts, which are what a model is to explain. Here every channel counts by
-its residual's size and by its number of independent stretches (`diagnosis.weights`), and the records that no refit has
-seen judge. Scores, starts and refits are those of `diagnosis.screen` and `diagnosis.race`.
+its residual's size and by its number of independent stretches (`fit.weights`), and the records that no refit has
+seen judge. Scores, starts and refits are those of `diagnosis.fit.screen` and `diagnosis.search.race`.
 
 forward    | score all hypotheses (`screen`), refit the best, take the one that improves the held-out records most
 accept     | if that gain is above `MARGIN`, comes from most held-out records, no size ends on a bound
@@ -18,15 +18,15 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import Judged, raw_residuals
-from diagnosis.model import Model, Whitener
-from diagnosis.objections import bounded
-from diagnosis.race import refits
-from diagnosis.refit import Fit, Start, refit
-from diagnosis.screen import Screening, screen
-from diagnosis.verdict import Step
-from diagnosis.weights import about, rmse, settle, together
+from diagnosis.fit.likelihood import Judged, raw_residuals
+from diagnosis.fit.refit import Fit, Start, refit
+from diagnosis.fit.screen import Screening, screen
+from diagnosis.fit.weights import about, rmse, settle, together
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Model, Whitener
+from diagnosis.model.verdict import Step
+from diagnosis.search.objections import bounded
+from diagnosis.search.race import refits
 
 MARGIN = 6.0
 """Held-out sum of squares, in independent stretches, that an effect must buy: about e^3 to 1."""
@@ -129,7 +129,7 @@ def ladder(
     """The steps from the refit of ``nominals`` (or from ``start``) up; the first rung is that refit, named "".
 
     ``hypotheses``: those that may still be missing. Ends where none is accepted, or with ``most`` effects.
-    ``keep``: as in `diagnosis.select.select`.
+    ``keep``: as in `diagnosis.search.select.select`.
     """
     rng = np.random.default_rng(0)
     best, whitener = keep("null", partial(settle, fit, start or Start("", nominals, {})))

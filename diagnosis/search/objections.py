@@ -1,12 +1,12 @@
-"""What speaks against a refitted hypothesis, whatever it gains: one question each, for `diagnosis.select`."""
+"""What speaks against a refitted hypothesis, whatever it gains: one question each, for `diagnosis.search.select`."""
 
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import Judged, raw_residuals
-from diagnosis.model import Model, Whitener
-from diagnosis.refit import Fit
+from diagnosis.fit.likelihood import Judged, raw_residuals
+from diagnosis.fit.refit import Fit
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Model, Whitener
 
 WHOLE = ("sensor_rectification",)
 """Effects whose largest size is all of it, no end of a search: a sensor can do no more than turn all signs round."""

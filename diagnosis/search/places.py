@@ -1,4 +1,4 @@
-"""Where the mismatch of a diagnosis is, channel by channel and record by record: `diagnosis.locate` on its traces."""
+"""Where the mismatch of a diagnosis is, channel by channel and record by record: `fit.locate` on its traces."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import locate
-from diagnosis.likelihood import Judged
-from diagnosis.model import Coordinate, Model
-from diagnosis.rest import AnyNoise
-from diagnosis.selection import Selection
-from diagnosis.verdict import Trace
+from diagnosis.fit import locate
+from diagnosis.fit.likelihood import Judged
+from diagnosis.model.model import Coordinate, Model
+from diagnosis.model.rest import AnyNoise
+from diagnosis.model.verdict import Trace
+from diagnosis.search.selection import Selection
 
 
 def located(

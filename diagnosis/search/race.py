@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.hypotheses import INVERSE, Hypothesis
-from diagnosis.likelihood import Judged, judge
-from diagnosis.model import Model, learn_whitener
-from diagnosis.refit import Fit, Start, refit
-from diagnosis.screen import Score, Screening
+from diagnosis.fit.likelihood import Judged, judge
+from diagnosis.fit.refit import Fit, Start, refit
+from diagnosis.fit.screen import Score, Screening
+from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.model import Model, learn_whitener
 
 RIVALS = 10
 """Best-scored hypotheses that are refitted."""

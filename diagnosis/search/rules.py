@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-from diagnosis.adequacy import Adequacy
-from diagnosis.hypotheses import Hypothesis
+from diagnosis.adequacy.tests import Adequacy
+from diagnosis.model.hypotheses import Hypothesis
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,16 @@
 """From scores to an answer: what is missing, one effect after the other, and whether anything is left.
 
 1. Refit the nominals; learn the noise.
-2. Score all hypotheses (`diagnosis.screen`), refit the best of them (`diagnosis.race`), rank by deviance.
+2. Score all hypotheses (`diagnosis.fit.screen`), refit the best of them (`diagnosis.search.race`), rank by deviance.
 3. Accept the best where it gains more than noise would give to any of them, the held-out records do not speak against
    it, none of its parameters ends on a bound, its interval leaves the null out, and parts of the record agree.
 4. Again on top of it. A further effect must also gain a share of what the first ones did: every formulation of physics
    is a little wrong, and what a first effect leaves for that reason is no second effect.
 5. Each accepted effect is exchanged for every other hypothesis, given the others: the best stays.
-6. `diagnosis.adequacy` asks whether what is left is noise. Where it is not, nothing is named. Under a noise that is
+6. `adequacy.tests` asks whether what is left is noise. Where it is not, nothing is named. Under a noise that is
    known from rest the held-out records are asked too: slow noise hides much, and another motion may show it. Not in
    white noise: there two formulations differ by what friction holds after a stop, in one of 20 quiet recordings.
-7. Where that names nothing, spectra are compared instead of residuals (`diagnosis.hunting`): of a loop that hunts no
+7. Where that names nothing, spectra are compared instead of residuals (`search.hunting`): of a loop that hunts no
    simulation has the phase. A simulator that hunts by itself, and has the spectrum, is left as it is from the start.
 """
 
@@ -21,18 +21,18 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import hunting
-from diagnosis.adequacy import Adequacy, adequacy
-from diagnosis.bands import Spectra
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import Judged, refit_and_learn, refit_nominals, settled
-from diagnosis.model import Model, Whitener
-from diagnosis.objections import bounded, held_cost, momentary, objection, unstable
-from diagnosis.race import Candidate, race
-from diagnosis.refit import Start
-from diagnosis.rules import Rules
-from diagnosis.screen import screen
-from diagnosis.selection import Accepted, Selection
+from diagnosis.adequacy.bands import Spectra
+from diagnosis.adequacy.tests import Adequacy, adequacy
+from diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
+from diagnosis.fit.refit import Start
+from diagnosis.fit.screen import screen
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Model, Whitener
+from diagnosis.search import hunting
+from diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
+from diagnosis.search.race import Candidate, race
+from diagnosis.search.rules import Rules
+from diagnosis.search.selection import Accepted, Selection
 
 DRIFTS = ("friction_drift",)
 """Effects that change with the elapsed time alone. Under a noise whose colour is learnt, a leaking load, a warm cable
@@ -63,10 +63,10 @@ def select(
     """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
 
     stated: channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
-    (`diagnosis.model.Block.noise`). plain: deviance of the refit without the effects that the models have already
+    (`diagnosis.model.model.Block.noise`). plain: deviance of the refit without the effects that the models have already
     (of an augmented rig); what these explain counts as that of effects accepted here: a further one is asked for its
     share, and as little may be left. keep(name, make) gives ``make()``, or what it gave before an interruption
-    (`diagnosis.steps`).
+    (`diagnosis.search.steps`).
     """
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)

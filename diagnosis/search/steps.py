@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.recording import Recording
-from diagnosis.verdict import replace_file
+from diagnosis.data.recording import Recording
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.verdict import replace_file
 
 FOLDER = ".steps"
 T = TypeVar("T")

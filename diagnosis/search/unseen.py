@@ -1,4 +1,4 @@
-"""The criterion "unseen": effects are accepted by the error of records that no refit has seen (`diagnosis.ladder`).
+"""The criterion "unseen": effects are accepted by the error of records that no refit has seen (`search.ladder`).
 
 For rigs whose sensors are better than any model of them. What is left is then never noise, so nothing is asked of it;
 where no effect helps, the same test as of the criterion "noise" says whether something is left at all.
@@ -8,16 +8,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from diagnosis.adequacy import adequacy
-from diagnosis.confidence import confidence
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.ladder import MARGIN, MOST, Rung, held, inside, ladder
-from diagnosis.likelihood import Judged, judge, settled
-from diagnosis.model import Model
-from diagnosis.refit import Fit
-from diagnosis.rules import Rules
-from diagnosis.selection import Accepted, Selection
-from diagnosis.verdict import Estimate, Step
+from diagnosis.adequacy.tests import adequacy
+from diagnosis.fit.confidence import confidence
+from diagnosis.fit.likelihood import Judged, judge, settled
+from diagnosis.fit.refit import Fit
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Model
+from diagnosis.model.verdict import Estimate, Step
+from diagnosis.search.ladder import MARGIN, MOST, Rung, held, inside, ladder
+from diagnosis.search.rules import Rules
+from diagnosis.search.selection import Accepted, Selection
 
 RULES = Rules(gain=MARGIN, each=0.0, share=0.0, margin=MARGIN, most=MOST)
 """`Rules` in held-out gain, independent stretches."""
@@ -34,7 +34,7 @@ def select_unseen(
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:
-    """The ladder as a selection; arguments as of `diagnosis.select.select`, units by parameter."""
+    """The ladder as a selection; arguments as of `diagnosis.search.select.select`, units by parameter."""
     rungs = ladder(fit, heldout, nominals, hypotheses, tell=tell, keep=keep)
     tell("looking at what is left")
     null, final = _noted(fit, rungs[0].fit, rungs[0].fit), _noted(fit, rungs[-1].fit, rungs[0].fit)

@@ -7,10 +7,10 @@ the other channels. Everything after that (refit, screening, selection, localisa
 from dataclasses import replace
 from importlib import import_module
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.models import transmission
-from diagnosis.models.question import Look, Question, Request
-from diagnosis.recording import Recording
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import Recording
+from diagnosis.systems import transmission
+from diagnosis.systems.question import Look, Question, Request
 
 _MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
@@ -31,7 +31,7 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     if seen_as_a_whole:
         question = transmission.prepare(recording, request)
     else:
-        question = import_module(f"diagnosis.models.{_module(recording)}").prepare(recording, request)
+        question = import_module(f"diagnosis.systems.{_module(recording)}").prepare(recording, request)
     _stated_is_white(recording, question)
     return question
 
@@ -52,7 +52,7 @@ def looked_at(recording: Recording) -> Look:
     if recording.system == "pulley_circuit" and transmission.fits(recording):
         return Look(transmission.PERIOD, transmission.EDGE)
     if recording.system in _MODULES and _module(recording) == "band_brake":
-        return Look(1.0 / import_module("diagnosis.models.band_brake").RATE)
+        return Look(1.0 / import_module("diagnosis.systems.band_brake").RATE)
     return Look()
 
 

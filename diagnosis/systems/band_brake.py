@@ -18,14 +18,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from cable_envs.core.kernels import jit
 from cable_envs.effects import EFFECTS
-from cable_envs.kernels import jit
-from cable_envs.plants.linear_drive import PLANT
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Block, Coordinate, Free
-from diagnosis.models.common import augmented_rig, motion_coordinates, plant_values, resample, sample_period
-from diagnosis.models.question import Question, Request
-from diagnosis.recording import Record, Recording
+from cable_envs.plants.drive.plant import PLANT
+from diagnosis.data.recording import Record, Recording
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Block, Coordinate, Free
+from diagnosis.systems.common import augmented_rig, motion_coordinates, plant_values, resample, sample_period
+from diagnosis.systems.question import Question, Request
 
 RATE = 64.0
 """Hz to which records are averaged: a force sensor's ringing is above it, the load's rise takes 10 samples."""
@@ -110,7 +110,7 @@ def _held(s, moved, width, up, down):
 
 
 class BandBrake:
-    """See `diagnosis.model.Model`. ``tracks``: (position, speed, direction, pull, period) of each record."""
+    """See `diagnosis.model.model.Model`. ``tracks``: (position, speed, direction, pull, period) of each record."""
 
     def __init__(self, parameters: Sequence[Free], tracks: Sequence[tuple], blocks: Sequence[Block]):
         self.parameters, self.tracks, self.blocks = tuple(parameters), list(tracks), list(blocks)

@@ -11,12 +11,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Coordinate, Free
-from diagnosis.models.common import (
+from cable_envs.plants.own_effects import with_own_effects
+from diagnosis.data.recording import Record, Recording
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Coordinate, Free
+from diagnosis.systems.common import (
     HELD_STEPS,
     SETTLING,
     at_first,
@@ -33,9 +34,8 @@ from diagnosis.models.common import (
     sample_period,
     smoothed,
 )
-from diagnosis.models.question import Question, Request
-from diagnosis.models.replayed import ReplayModel, Run
-from diagnosis.recording import Record, Recording
+from diagnosis.systems.question import Question, Request
+from diagnosis.systems.replayed import ReplayModel, Run
 
 SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the

@@ -8,11 +8,11 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from cable_envs.plants.base import Plant
-from cable_envs.rigs import SCHEMA as RIG_SCHEMA
-from diagnosis.hypotheses import INVERSE, Hypothesis, hypotheses_for
-from diagnosis.model import Block, Coordinate, Free
-from diagnosis.models.question import Request
-from diagnosis.recording import CHANNELS, Record, Recording
+from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
+from diagnosis.data.recording import CHANNELS, Record, Recording
+from diagnosis.model.hypotheses import INVERSE, Hypothesis, hypotheses_for
+from diagnosis.model.model import Block, Coordinate, Free
+from diagnosis.systems.question import Request
 
 REST = 0.02
 """Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
@@ -221,7 +221,7 @@ def blocks_of(
 ) -> tuple[Block, ...]:  # fmt: skip
     """Blocks of the channels ``names``, without the ``early`` samples [T].
 
-    sensors: channel -> whose noise it shows, where that is not the channel's own alone (`diagnosis.model.Block`).
+    sensors: channel -> whose noise it shows, where that is not the channel's own alone (`diagnosis.model.model.Block`).
     """
     units = CHANNELS[recording.system]
     return tuple(
@@ -265,7 +265,7 @@ def leave_out(hypothesis: Hypothesis, names: Sequence[str]) -> Hypothesis:
 def augmented_rig(
     plant: Plant, values: Mapping[str, float], accepted: Sequence[str], name: str = "augmented"
 ) -> dict[str, Any]:
-    """Content of augmented.yaml: a rig (schema of `cable_envs.rigs`) with refitted values and the accepted effects.
+    """Content of augmented.yaml: a rig (schema of `cable_envs.sim.rigs`) with refitted values and the accepted effects.
 
     values: SI, by name of the plant's table, aliases allowed; parameters of the diagnosis that are no part of the rig
     are left out. accepted: names of hypotheses, "backlash" or "sensor_bias.drive_tension".

@@ -21,15 +21,15 @@ from typing import Any
 import numpy as np
 
 from cable_envs.effects import EFFECTS
-from cable_envs.plants.linear_drive import PLANT
-from cable_envs.replay import replay
-from diagnosis.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model import Block, Coordinate, Free, Whitener, residuals
-from diagnosis.models.common import augmented_rig, plant_values, resample, sample_period
-from diagnosis.models.question import Question, Request
-from diagnosis.noise import Noise
-from diagnosis.recording import Record, Recording
-from diagnosis.refit import Fit, Start, refit
+from cable_envs.plants.drive.plant import PLANT
+from cable_envs.sim.replay import replay
+from diagnosis.data.recording import Record, Recording
+from diagnosis.fit.refit import Fit, Start, refit
+from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
+from diagnosis.model.noise import Noise
+from diagnosis.systems.common import augmented_rig, plant_values, resample, sample_period
+from diagnosis.systems.question import Question, Request
 
 SCALE = {"mass": 10.0, "speed_scale": 10.0}
 SUBSTEPS = 10
@@ -62,7 +62,7 @@ _TRIED = 2
 
 
 class CoupledDrives:
-    """See `diagnosis.model.Model`; ``series``: voltage of each whole record with how many samples come before it."""
+    """See `model.Model`; ``series``: voltage of each whole record with how many samples come before it."""
 
     def __init__(
         self, values: Mapping[str, float], parameters: Sequence[Free], period: float,

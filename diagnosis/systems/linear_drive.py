@@ -19,14 +19,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.own_effects import with_own_effects
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from cable_envs.replay import distort, replay
-from diagnosis.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model import Block, Free
-from diagnosis.models.common import (
+from cable_envs.plants.own_effects import with_own_effects
+from cable_envs.sim.replay import distort, replay
+from diagnosis.data.recording import Record, Recording
+from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from diagnosis.model.model import Block, Free
+from diagnosis.model.noise import jitter
+from diagnosis.systems.common import (
     Sampled,
     at_first,
     augmented_rig,
@@ -37,10 +39,8 @@ from diagnosis.models.common import (
     sample_period,
     smooth_speed,
 )
-from diagnosis.models.question import Question, Request
-from diagnosis.models.replayed import delayed
-from diagnosis.noise import jitter
-from diagnosis.recording import Record, Recording
+from diagnosis.systems.question import Question, Request
+from diagnosis.systems.replayed import delayed
 
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
@@ -82,7 +82,7 @@ class _Run:
 
 
 class DriveModel:
-    """See `diagnosis.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+    """See `diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
 
     def __init__(
         self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],

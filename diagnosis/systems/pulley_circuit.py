@@ -4,7 +4,7 @@ Where the command of the drive's angle was recorded, it goes through the servo o
 are refitted: a command has no noise. Without it the drive follows its recorded angle, smoothed.
 
 The plant is the chain of spans and contacts. The closed form lumps the friction of all idlers at the output, so that it
-has no slip fronts. On records with nothing wrong, made by a chain of another kind (`diagnosis.proof`), it leaves 3 to
+has no slip fronts. On records with nothing wrong, made by a chain of another kind (`proof`), it leaves 3 to
 12 times the noise in the drive's torque, the plant's chain 0.99 to 1.03 times in every channel.
 
 The plant's cables that harden have the tensile stiffness EA without tension; what is claimed and refitted here is that
@@ -18,12 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.own_effects import with_own_effects
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Coordinate, Free
-from diagnosis.models.common import (
+from cable_envs.plants.own_effects import with_own_effects
+from diagnosis.data.recording import Record, Recording
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Coordinate, Free
+from diagnosis.systems.common import (
     HELD_STEPS,
     at_first,
     augmented_rig,
@@ -38,9 +39,8 @@ from diagnosis.models.common import (
     sample_period,
     smoothed,
 )
-from diagnosis.models.question import Question, Request
-from diagnosis.models.replayed import ReplayModel, Run
-from diagnosis.recording import Record, Recording
+from diagnosis.systems.question import Question, Request
+from diagnosis.systems.replayed import ReplayModel, Run
 
 VARIANT = "chain"
 STEP = 1e-3

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_envs.effects import Effect
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Model
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Model
 
 
 @dataclass(frozen=True)

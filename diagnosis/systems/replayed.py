@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cable_envs.plants.base import Plant
-from cable_envs.replay import replay
-from diagnosis.model import Block, Free
-from diagnosis.noise import jitter
+from cable_envs.sim.replay import replay
+from diagnosis.model.model import Block, Free
+from diagnosis.model.noise import jitter
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -23,7 +23,7 @@ FINE = 4
 class Run:
     """One record's input and what to compare.
 
-    command, rate | of the drive at every sample [T] (`cable_envs.replay.replay`), rate None: from the command
+    command, rate | of the drive at every sample [T] (`cable_envs.sim.replay.replay`), rate None: from the command
     start         | position of the output before the record
     signals       | of the plant, one for each block
     blocks        | channels of this record
@@ -43,7 +43,7 @@ class Run:
 
 
 class ReplayModel:
-    """See `diagnosis.model.Model`.
+    """See `diagnosis.model.model.Model`.
 
     values     | the rig, by name of the plant's whole table
     parameters | rows that columns may change, of the plant's table

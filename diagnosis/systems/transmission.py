@@ -14,13 +14,13 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from diagnosis.first_look import FILTER_HZ, since_reversal
-from diagnosis.model import Block, Coordinate, Free
-from diagnosis.models.common import motion_coordinates, resample, sample_period, smooth_speed
-from diagnosis.models.question import Question, Request
-from diagnosis.models.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
-from diagnosis.models.transmission_kernel import ROWS, transmit
-from diagnosis.recording import Record, Recording
+from diagnosis.data.first_look import FILTER_HZ, since_reversal
+from diagnosis.data.recording import Record, Recording
+from diagnosis.model.model import Block, Coordinate, Free
+from diagnosis.systems.common import motion_coordinates, resample, sample_period, smooth_speed
+from diagnosis.systems.question import Question, Request
+from diagnosis.systems.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
+from diagnosis.systems.transmission_kernel import ROWS, transmit
 
 PERIOD = 0.02
 """s between samples: such a bench moves at a few Hz."""
@@ -54,7 +54,7 @@ class Run:
 
 
 class TransmissionModel:
-    """See `diagnosis.model.Model`. ``base``: value of every row; groups whose zero no fit has seen find it themselves.
+    """See `model.Model`. ``base``: value of every row; groups whose zero no fit has seen find it themselves.
 
     A record of such a group has its zero from the mean of its own angle: an incremental encoder's, a start.
     """

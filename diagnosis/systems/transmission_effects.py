@@ -7,16 +7,16 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-from cable_envs.contact import tension_ratio
+from cable_envs.core.errors import require_known
 from cable_envs.effects import EFFECTS
-from cable_envs.errors import require_known
+from cable_envs.physics.contact import tension_ratio
 from cable_envs.plants import plant_for
-from cable_envs.rigs import SCHEMA as RIG_SCHEMA
-from cable_envs.rigs import load_rig
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Free
-from diagnosis.models.question import Request
-from diagnosis.models.transmission_kernel import DRIFT_TIME
+from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
+from cable_envs.sim.rigs import load_rig
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Free
+from diagnosis.systems.question import Request
+from diagnosis.systems.transmission_kernel import DRIFT_TIME
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ s and k are a ripple of half a turn whose straight part is in the ratio. All arr
 
 import numpy as np
 
-from cable_envs.kernels import jit
+from cable_envs.core.kernels import jit
 
 ROWS = (
     "ratio", "torque_zero", "torque_constant", "sensor_scale.output_torque", "cable_elongation.drive_side",

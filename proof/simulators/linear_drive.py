@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from diagnosis.proof.numerics import Table, indices, jit, slipped
+from proof.simulators.numerics import Table, indices, jit, slipped
 
 STEP = 2e-4
 """s, of the integration; the controller and the log run at `CLOCK`."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_envs.extrusion import ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
+from cable_envs.physics.extrusion import ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
 from identification.problem import PAPER_RHO0, RatioProblem, ratio_at
 
 WEIGHT = 49.05

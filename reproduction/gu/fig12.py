@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.contact import tension_ratio
+from cable_envs.physics.contact import tension_ratio
 from identification.problem import ratio_at
 from reproduction import style
-from reproduction.gu_data import PEAK_SPEED, TABLE_2
+from reproduction.gu.data import PEAK_SPEED, TABLE_2
 from reproduction.registry import DIFFERS, Figure, Progress, Result, Row, claim, compare, not_reproducible
 
 SECTION = "docs/mismatches/fig12-speed.md"

@@ -14,7 +14,7 @@ import numpy as np
 from identification.problem import RatioProblem
 from identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
 from reproduction import style
-from reproduction.gu_data import PEAK_SPEED, TABLE_2, problem
+from reproduction.gu.data import PEAK_SPEED, TABLE_2, problem
 from reproduction.registry import Extra, Figure, Progress, Result, Row, claim, not_reproducible
 
 SEEDS = 20

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from reproduction import style
-from reproduction.hole_runs import DURATION, STEP_TIME, Case, Runs, Sine, Step, chatter, run
+from reproduction.gu.runs import DURATION, STEP_TIME, Case, Runs, Sine, Step, chatter, run
 from reproduction.registry import Extra, Figure, Progress, Result, claim, compare, not_reproducible
 
 AMPLITUDE, FREQUENCY = 0.01, 0.17189

@@ -9,9 +9,9 @@ import numpy as np
 
 from baselines.mrac import MracG9, MracG22
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
-from cable_envs.plants.cable_hole import cable_hole
-from cable_envs.rigs import load_rig
-from cable_envs.tasks import load_task
+from cable_envs.plants.hole.plant import cable_hole
+from cable_envs.sim.rigs import load_rig
+from cable_envs.sim.tasks import load_task
 
 DT, SUBSTEPS = load_task("CableHole-Position").control_period, load_task("CableHole-Position").substeps
 DURATION, STEP_TIME = 20.0, 10.0

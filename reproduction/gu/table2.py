@@ -12,9 +12,9 @@ import numpy as np
 
 from identification.information import profile_interval
 from identification.pso import growth
-from reproduction import gu_table2_figures as plots
-from reproduction.gu_data import CABLES, PEAK_SPEED, SENSOR_STD, TABLE_2, problem
-from reproduction.gu_table2_runs import (
+from reproduction.gu import table2_figures as plots
+from reproduction.gu.data import CABLES, PEAK_SPEED, SENSOR_STD, TABLE_2, problem
+from reproduction.gu.table2_runs import (
     METHODS,
     NAMES,
     PAPER_ITERATIONS,
@@ -25,7 +25,7 @@ from reproduction.gu_table2_runs import (
     standard_swarm,
     swarm_sizes,
 )
-from reproduction.gu_table2_tables import notes, tables
+from reproduction.gu.table2_tables import notes, tables
 from reproduction.registry import (
     DIFFERS,
     REPRODUCED,

@@ -12,7 +12,7 @@ from identification.fit import Fit
 from identification.least_squares import least_squares
 from identification.problem import RatioProblem
 from identification.pso import SwarmSettings, swarm
-from reproduction.gu_data import (
+from reproduction.gu.data import (
     PEAK_SPEED,
     TABLE_2,
     WEIGHT,

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.units import number
+from cablebench.run.units import number
 from identification.information import delta_experiments, fisher, profile_interval, speed_shares
-from reproduction.gu_data import PEAK_SPEED, TABLE_2, design
-from reproduction.gu_table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed
+from reproduction.gu.data import PEAK_SPEED, TABLE_2, design
+from reproduction.gu.table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed
 from reproduction.registry import Extra
 
 

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from reproduction import style
-from reproduction.gu_data import CABLES, PEAK_SPEED, Cable
-from reproduction.hole_runs import Case, Sine, run
+from reproduction.gu.data import CABLES, PEAK_SPEED, Cable
+from reproduction.gu.runs import Case, Sine, run
 from reproduction.registry import Extra, Figure, Progress, Result, claim, compare
 
 PRINTED = dict(zip(CABLES, (0.06, 0.06, 0.07, 0.10, 0.10, 0.09, 0.23, 0.22, 0.22), strict=True))

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_envs.supports import Pulley
+from cable_envs.physics.supports import Pulley
 
 IDLERS = ("1t", "1b", "2t", "2b", "3t", "3b", "4t", "4b")
 

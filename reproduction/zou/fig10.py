@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from reproduction import style
-from reproduction.pretension import BY_NAME, CHOSEN, Fitted, fit, simulate
 from reproduction.registry import Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou_data import PRETENSIONS
-from reproduction.zou_runs import Run
-from reproduction.zou_table4 import SECTION, conditions
+from reproduction.zou.data import PRETENSIONS
+from reproduction.zou.pretension import BY_NAME, CHOSEN, Fitted, fit, simulate
+from reproduction.zou.runs import Run
+from reproduction.zou.table4 import SECTION, conditions
 
 
 def reproduce(progress: Progress) -> Result:

@@ -5,7 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from reproduction import style
-from reproduction.grasp import (
+from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
+from reproduction.zou.data import ESTIMATED, GRASPER_LENGTH, UNCOMPENSATED
+from reproduction.zou.grasp import (
     HOLDS,
     SPREAD,
     SPREADS,
@@ -19,9 +21,7 @@ from reproduction.grasp import (
     uncompensated,
     within,
 )
-from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou_data import ESTIMATED, GRASPER_LENGTH, UNCOMPENSATED
-from reproduction.zou_runs import Run, last_cycle
+from reproduction.zou.runs import Run, last_cycle
 
 LABEL = {
     "band": "as long as the dead band of Eq. (45)",

@@ -5,7 +5,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from reproduction import style
-from reproduction.grasp import (
+from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
+from reproduction.zou.data import AMPLITUDE, COMPENSATED, GRASPER_LENGTH, PERIOD, UNCOMPENSATED
+from reproduction.zou.grasp import (
     SPREAD,
     SPREADS,
     TRUTHS,
@@ -20,9 +22,7 @@ from reproduction.grasp import (
     truths,
     within,
 )
-from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou_data import AMPLITUDE, COMPENSATED, GRASPER_LENGTH, PERIOD, UNCOMPENSATED
-from reproduction.zou_runs import Run
+from reproduction.zou.runs import Run
 
 REFERENCE = Sine(AMPLITUDE * 1.4, PERIOD)
 """the drive's sinusoid behind a rigid cable"""

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from reproduction import style
-from reproduction.grasp import SPREAD, Contact, Sine, compensated, estimate, largest, noisy, truths
 from reproduction.registry import DIFFERS, Extra, Figure, Progress, Result, Row, not_reproducible
-from reproduction.zou_data import GRASPER_LENGTH, INSTRUMENT, INSTRUMENT_MEAN, PERIOD
-from reproduction.zou_runs import Run
+from reproduction.zou.data import GRASPER_LENGTH, INSTRUMENT, INSTRUMENT_MEAN, PERIOD
+from reproduction.zou.grasp import SPREAD, Contact, Sine, compensated, estimate, largest, noisy, truths
+from reproduction.zou.runs import Run
 
 AMPLITUDES = (0.3, 0.6, 1.0)
 """rad, half of the swing of the output"""

@@ -15,14 +15,14 @@ import numpy as np
 from scipy.optimize import brentq
 
 from baselines import make_controller
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_statics import Statics, replay
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
-from cable_envs.tasks import load_task
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.circuit.statics import Statics, replay
+from cable_envs.sim.tasks import load_task
 from reproduction.registry import DIFFERS, REPRODUCED, Row
-from reproduction.zou_data import GRASP_PRETENSION, UNCOMPENSATED
-from reproduction.zou_runs import CONTACT_DAMPING, DT, SUBSTEPS, Run, follow, last_cycle, sinusoid
+from reproduction.zou.data import GRASP_PRETENSION, UNCOMPENSATED
+from reproduction.zou.runs import CONTACT_DAMPING, DT, SUBSTEPS, Run, follow, last_cycle, sinusoid
 
 UNCERTAIN = ("tensile_stiffness", "cable_friction", "shaft_friction", "pretension_top", "pretension_bottom")
 """what a truth may differ in: the cable, its friction, the shafts, and what the dynamometer read"""

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
-from reproduction.zou_data import AMPLITUDE, PERIOD
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from reproduction.zou.data import AMPLITUDE, PERIOD
 
 EXPECTED = ("contact", "drive")
 DT, SUBSTEPS = 0.01, 10

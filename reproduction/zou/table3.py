@@ -6,7 +6,7 @@ import numpy as np
 
 from reproduction import style
 from reproduction.registry import DIFFERS, REPRODUCED, Figure, Progress, Result, Row
-from reproduction.zou_data import EXACT_WRAPS, IDLERS, TABLE_3, idler
+from reproduction.zou.data import EXACT_WRAPS, IDLERS, TABLE_3, idler
 
 LAST_DIGIT = 5e-4
 """half a unit of the last printed digit"""

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from cable_envs.circuit_statics import Statics
-from cable_envs.supports import BEARING_FRICTION
-from reproduction.pretension import BY_NAME, CHOSEN, MODELS, READINGS, Fits, Fitted, Reading, fit, landscape
+from cable_envs.physics.supports import BEARING_FRICTION
+from cable_envs.plants.circuit.statics import Statics
 from reproduction.registry import DIFFERS, Extra, Progress, Result, Row, claim, compare
-from reproduction.zou_data import ERROR_UNITS, ERRORS, GRASPER_LENGTH, PRETENSIONS, TABLE_4
-from reproduction.zou_table4_figures import figures
+from reproduction.zou.data import ERROR_UNITS, ERRORS, GRASPER_LENGTH, PRETENSIONS, TABLE_4
+from reproduction.zou.pretension import BY_NAME, CHOSEN, MODELS, READINGS, Fits, Fitted, Reading, fit, landscape
+from reproduction.zou.table4_figures import figures
 
 SECTION = "docs/mismatches/pretension.md"
 TOLERANCE = 0.1

@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from reproduction import style
-from reproduction.pretension import CHOSEN, MODELS, Fits, Reading, landscape
 from reproduction.registry import Figure
-from reproduction.zou_data import ERRORS, PRETENSIONS, TABLE_4
+from reproduction.zou.data import ERRORS, PRETENSIONS, TABLE_4
+from reproduction.zou.pretension import CHOSEN, MODELS, Fits, Reading, landscape
 
 DRAWN = ("printed", "chain", "bearings", "preload")
 

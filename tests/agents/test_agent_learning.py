@@ -16,9 +16,9 @@ from agents.train import Interrupted, train, training_env
 from agents.vec_env import CableVecEnv
 from baselines import make_controller
 from cable_envs import ENV_IDS
-from cable_envs.errors import ConfigurationError
-from cablebench.actors import ControllerActor, PolicyActor
-from cablebench.evaluate import run_episode
+from cable_envs.core.errors import ConfigurationError
+from cablebench.run.actors import ControllerActor, PolicyActor
+from cablebench.run.evaluate import run_episode
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"

@@ -16,7 +16,7 @@ from agents.settings import Linear, agent_names, load_settings, make_settings
 from agents.train import Interrupted, train
 from agents.vec_env import CableVecEnv
 from cable_envs import ENV_IDS
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Torque-Step-v0"
@@ -284,8 +284,8 @@ def test_train_save_load_predict(tmp_path):
 
 def test_policy_acts_in_an_evaluation_as_in_training(tmp_path):
     """The smoothing that training did in the batch is done by the loaded policy: same rewards over an episode."""
-    from cablebench.actors import PolicyActor
-    from cablebench.evaluate import run_episode
+    from cablebench.run.actors import PolicyActor
+    from cablebench.run.evaluate import run_episode
 
     policy = train(_settings(400, env_options={}), 0, tmp_path)
     options = {"duration": 0.5}
@@ -384,9 +384,9 @@ def test_ppo_learns_to_track(env_id, share, tmp_path):
     All the steps of the file: its rigs are randomised, and what is learned shows while the learning rate falls to zero.
     With 400 000 the hole's seed 0 was left at 0.0010 m; the boards' three policies are at 0.00004 to 0.00010 m.
     """
-    from cablebench.actors import PolicyActor
-    from cablebench.entrants import controller_entrant
-    from cablebench.evaluate import run_episode
+    from cablebench.entrants.entrant import controller_entrant
+    from cablebench.run.actors import PolicyActor
+    from cablebench.run.evaluate import run_episode
 
     policy = train(load_settings("ppo", env_id), 0, tmp_path)
     env = gym.make(env_id, sensor_noise=True)

@@ -11,13 +11,13 @@ import pytest
 import torch
 
 from agents.settings import ALGORITHMS
-from cable_envs.errors import ConfigurationError
-from cablebench.actors import PolicyActor
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.commands.policies import policy_file_entrant
-from cablebench.episode import Episode
-from cablebench.evaluate import run_episode
-from tests.test_submit import TINY
+from cablebench.cli.policies import policy_file_entrant
+from cablebench.run.actors import PolicyActor
+from cablebench.run.episode import Episode
+from cablebench.run.evaluate import run_episode
+from tests.cablebench.test_submit import TINY
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 NETWORK = {"net_arch": [8]}

@@ -12,8 +12,8 @@ import pytest
 import baselines
 from baselines import CONTROLLERS, controller_class, make_controller
 from baselines.base import ACTION_MODES, INFORMATION, OBSERVE, TASKS
-from cable_envs.errors import ConfigurationError
-from tests.baselines_support import DT, HANGING, PLANTS, REFERENCES, RIGS, simulate
+from cable_envs.core.errors import ConfigurationError
+from tests.support.baselines_support import DT, HANGING, PLANTS, REFERENCES, RIGS, simulate
 
 CASES = [
     (name, plant, mode, task)
@@ -79,7 +79,7 @@ def test_gains_declare_bounds_and_are_used_within_them(name, plant, mode, task):
 @pytest.mark.parametrize(("name", "plant", "mode", "task"), CASES)
 def test_declared_observation_level_suffices(name, plant, mode, task):
     """Only signals of the declared level (configs/tasks) are read."""
-    from cable_envs.tasks import load_task
+    from cable_envs.sim.tasks import load_task
 
     family = "CableHole" if plant == "cable_hole" else "PulleyCircuit"
     controller = make(name, plant, mode, task)
@@ -136,7 +136,7 @@ def test_only_the_oracle_learns_the_true_rig():
 
 def test_series_of_holes_multiplies_the_ratios():
     from baselines.hole_model import HoleModel
-    from cable_envs.rigs import load_rig
+    from cable_envs.sim.rigs import load_rig
 
     rig = dict(load_rig("gu-three-holes").values)
     controller = make_controller("mrac-g22", "cable_hole", "tension", "position", rig, DT)
@@ -152,7 +152,7 @@ def test_baselines_import_no_gym_and_nothing_above_the_plants():
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
             for name in names:
                 assert name.split(".")[0] not in ("gymnasium", "torch", "cablebench", "agents"), path.name
-                assert name not in ("cable_envs.envs", "cable_envs.vector", "cable_envs.tasks"), path.name
+                assert name not in ("cable_envs.envs", "cable_envs.vector", "cable_envs.sim.tasks"), path.name
     # `import cable_envs` registers with gymnasium, so only the sources above can show that none is used here
     code = "import sys, baselines; assert not {'torch', 'cablebench', 'agents'} & set(sys.modules), 'heavy import'"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -5,8 +5,8 @@ import pytest
 
 from baselines import make_controller
 from baselines.circuit_model import CircuitModel
-from cable_envs.circuit_statics import Statics
-from tests.baselines_support import DT, FREE, GRASP, REFERENCES, rmse, run, simulate, step
+from cable_envs.plants.circuit.statics import Statics
+from tests.support.baselines_support import DT, FREE, GRASP, REFERENCES, rmse, run, simulate, step
 
 PLANTS = ("pulley_circuit", "pulley_chain")
 

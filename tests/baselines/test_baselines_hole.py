@@ -6,8 +6,8 @@ import pytest
 import baselines.mrac as mrac
 from baselines import CONTROLLERS, make_controller
 from baselines.hole_model import HoleModel
-from cable_envs.contact import tension_ratio
-from tests.baselines_support import ANCHORED, DT, HANGING, REFERENCES, rmse, run, simulate, sine, step
+from cable_envs.physics.contact import tension_ratio
+from tests.support.baselines_support import ANCHORED, DT, HANGING, REFERENCES, rmse, run, simulate, sine, step
 
 IDEAL = {**HANGING, "friction_coefficient": 0.0, "extrusion_gain": 0.0}
 """No friction: what is left is mass, cable and the inner loop."""

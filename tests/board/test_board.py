@@ -10,14 +10,14 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.board import build_board
-from cablebench.metrics import METRICS
-from cablebench.report import print_board, render_json, render_markdown, seed_text, write_board
-from cablebench.scoring import latest, score_episodes
-from cablebench.store import ResultStore
-from cablebench.units import count, number
-from tests.board_records import ENTRANTS, made_protocol, made_records
+from cable_envs.core.errors import ConfigurationError
+from cablebench.board.board import build_board
+from cablebench.board.report import print_board, render_json, render_markdown, seed_text, write_board
+from cablebench.board.scoring import latest, score_episodes
+from cablebench.run.metrics import METRICS
+from cablebench.run.store import ResultStore
+from cablebench.run.units import count, number
+from tests.support.board_records import ENTRANTS, made_protocol, made_records
 
 
 @pytest.fixture(scope="module")
@@ -285,7 +285,7 @@ def test_the_page_is_one_file_that_needs_no_network(made, tmp_path):
 
 def test_names_from_records_cannot_become_markup(made):
     protocol, _, records = made
-    from cablebench.page import render_html
+    from cablebench.board.page import render_html
 
     evil = "<script>alert(1)</script>"
     keep = [r for r in records if r["task"] == "CableHole-Position-Step" and r["track"] == "nominal"]
@@ -331,7 +331,7 @@ def test_robustness_is_the_mean_score_over_a_sweep(board):
 def test_entrants_beyond_the_colours_look_different():
     from types import SimpleNamespace
 
-    from cablebench.figures import styles
+    from cablebench.board.figures import styles
 
     names = tuple(f"n{i}" for i in range(20))
     found = styles(SimpleNamespace(entrants=names, protocol=made_protocol()))

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from cablebench.board import build_board
-from cablebench.protocol import load_protocol
-from cablebench.replay import TIMED
-from cablebench.store import ResultStore
+from cablebench.board.board import build_board
+from cablebench.run.protocol import load_protocol
+from cablebench.run.replay import TIMED
+from cablebench.run.store import ResultStore
 
-BOARDS = Path(__file__).parents[1] / "boards"
+BOARDS = Path(__file__).parents[2] / "boards"
 NAMES = ("quick", "full")
 
 
@@ -49,10 +49,10 @@ def test_every_policy_of_a_board_is_there_and_was_charged(name):
 
 @pytest.mark.parametrize("entrant", ["ppo", "sac", "residual-ppo", "mrac-g22-tuned"])
 def test_a_row_scores_as_recorded(entrant):
-    from cablebench.commands.common import policy_entrant
-    from cablebench.entrants import named_entrant
-    from cablebench.evaluate import cell_options, run_episode
-    from cablebench.metrics import measure
+    from cablebench.cli.common import policy_entrant
+    from cablebench.entrants.entrant import named_entrant
+    from cablebench.run.evaluate import cell_options, run_episode
+    from cablebench.run.metrics import measure
 
     protocol = load_protocol("quick")
     cell = next(c for c in protocol.cells(("CableHole-Position-Sine",), ("randomised",)))

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.episode import Episode
-from cablebench.metrics import METRICS, measure, metric, reversal_times
+from cable_envs.core.errors import ConfigurationError
+from cablebench.run.episode import Episode
+from cablebench.run.metrics import METRICS, measure, metric, reversal_times
 
 DT = 0.01
 EXACT = 1e-12  # sums of a few thousand doubles of order one

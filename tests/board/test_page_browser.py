@@ -7,9 +7,9 @@ from html.parser import HTMLParser
 
 import pytest
 
-from cablebench.board import build_board
-from cablebench.page import render_html
-from tests.board_records import made_protocol, made_records
+from cablebench.board.board import build_board
+from cablebench.board.page import render_html
+from tests.support.board_records import made_protocol, made_records
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 TASKS = ("CableHole-Position-Sine", "PulleyCircuit-Position-Sine")

@@ -6,9 +6,9 @@ import pytest
 import yaml
 
 import cable_envs
-from cable_envs.config import config_path, config_root
-from cable_envs.errors import ConfigurationError
-from cablebench.protocol import Protocol, SeedRange, load_protocol, parse_protocol
+from cable_envs.core.config import config_path, config_root
+from cable_envs.core.errors import ConfigurationError
+from cablebench.run.protocol import Protocol, SeedRange, load_protocol, parse_protocol
 
 FILES = sorted(p.stem for p in (config_root() / "protocols").glob("*.yaml"))
 
@@ -139,7 +139,7 @@ def test_a_protocol_is_frozen():
 
 
 def test_a_sweep_adds_to_rig_parameters():
-    from cablebench.evaluate import reset_options, setup_of
+    from cablebench.run.evaluate import reset_options, setup_of
 
     mass = {"from": 0, "to": 2, "points": 3, "add": {"CableHole": {"load_mass": 0.5}}}
     data = {

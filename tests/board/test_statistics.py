@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cablebench.statistics import (
+from cablebench.board.statistics import (
     bootstrap,
     interquartile_mean,
     median,

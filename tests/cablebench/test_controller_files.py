@@ -2,9 +2,9 @@
 
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import controller_entrant, controller_file_entrant, named_entrant
-from cablebench.evaluate import setup_of
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import controller_entrant, controller_file_entrant, named_entrant
+from cablebench.run.evaluate import setup_of
 
 STEP, SINE = "cable_envs/CableHole-Position-Step-v0", "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"
@@ -44,7 +44,7 @@ def test_it_enters_only_where_it_has_gains_and_uses_those_of_the_task(written):
 def test_the_command_line_finds_it_by_path_or_by_name(written, monkeypatch):
     path = written()
     assert named_entrant(str(path)).name == "pid-tuned"
-    import cablebench.controller_files as files
+    import cablebench.entrants.controller_files as files
 
     folder = path.parent / "configs" / "controllers"
     folder.mkdir(parents=True)

@@ -4,15 +4,15 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import cablebench.evaluate as evaluation
-from cable_envs.errors import ConfigurationError
-from cablebench.actors import ControllerActor, PolicyActor
-from cablebench.board import build_board
-from cablebench.entrants import Entrant, agent_entrant, controller_entrant, reference_entrants
-from cablebench.evaluate import evaluate, run_episode, setup_of
-from cablebench.protocol import Protocol, SeedRange, Sweep, Task, Track
-from cablebench.scoring import latest
-from cablebench.store import ResultStore
+import cablebench.run.evaluate as evaluation
+from cable_envs.core.errors import ConfigurationError
+from cablebench.board.board import build_board
+from cablebench.board.scoring import latest
+from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entrant, reference_entrants
+from cablebench.run.actors import ControllerActor, PolicyActor
+from cablebench.run.evaluate import evaluate, run_episode, setup_of
+from cablebench.run.protocol import Protocol, SeedRange, Sweep, Task, Track
+from cablebench.run.store import ResultStore
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"

@@ -7,12 +7,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.entrants import controller_entrant
+from cablebench.entrants.entrant import controller_entrant
 from cablebench.export.recording import COMMANDS, KNOWN, NOMINAL, REFERENCES, check_split, write_recording
 from cablebench.export.trace import measured, random_entrant, record
-from diagnosis.recording import CHANNELS, load_recording, parameters_of
+from diagnosis.data.recording import CHANNELS, load_recording, parameters_of
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 SHORT = {"duration": 0.3, "sensor_noise": True}
@@ -262,7 +262,7 @@ def test_split(episodes, asked, held):
 
 
 def test_export_command_writes_a_recording_that_identify_reads(capsys, tmp_path):
-    from cablebench.commands.identify import record_samples
+    from cablebench.cli.physics.identify import record_samples
     from identification.model import FORMS, ratios
 
     out = tmp_path / "rig"

@@ -8,14 +8,14 @@ from functools import partial
 
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.entrants import controller_entrant
-from cablebench.evaluate import evaluate
-from cablebench.evaluate_jobs import evaluate_in_jobs
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.entrant import controller_entrant
 from cablebench.jobs import Job, JobError, open_backend
-from cablebench.protocol import Protocol, SeedRange, Task, Track
-from cablebench.store import ResultStore
-from tests import jobs_support as support
+from cablebench.run.evaluate import evaluate
+from cablebench.run.jobs import evaluate_in_jobs
+from cablebench.run.protocol import Protocol, SeedRange, Task, Track
+from cablebench.run.store import ResultStore
+from tests.support import jobs_support as support
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"
@@ -131,7 +131,7 @@ def test_an_evaluation_in_jobs_has_the_serial_records(tmp_path):
 def test_a_training_whose_worker_is_killed_ends_as_one_that_was_not(tmp_path):
     from agents.policy import load_policy
     from agents.settings import load_settings
-    from cablebench.commands.training import training_job
+    from cablebench.cli.training import training_job
 
     settings = load_settings("ppo", HOLE, 4 * 8192, {"duration": 0.5})
     jobs = [

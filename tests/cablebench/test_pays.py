@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.errors import ConfigurationError
-from cablebench import pays, pays_page
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.evaluate import setup_of
-from cablebench.pays import SIMULATORS, Study, summary
-from cablebench.pays_rigs import RIGS
+from cablebench.pays import page as pays_page
+from cablebench.pays import scores as pays
+from cablebench.pays.rigs import RIGS
+from cablebench.pays.scores import SIMULATORS, Study, summary
+from cablebench.run.evaluate import setup_of
 
 CONTROLLER, AGENT, ENV = "feedforward-pid", "residual-ppo", RIGS["circuit"].env
 GAINS = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
@@ -119,7 +120,7 @@ def test_page_command_and_figure_hold_the_numbers():
 
 
 def test_the_committed_page_is_that_of_its_numbers():
-    docs = Path(__file__).parent.parent / "docs"
+    docs = Path(__file__).parents[2] / "docs"
     result = json.loads((docs / "pays.json").read_text(encoding="utf-8"))
     assert (docs / "pays.md").read_text(encoding="utf-8") == pays_page.page(result)
     for name, found in result["rigs"].items():
@@ -132,8 +133,8 @@ def test_the_committed_page_is_that_of_its_numbers():
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", sorted(RIGS))
 def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
-    from cablebench.commands.pays_steps import recorded
-    from diagnosis.recording import load_recording
+    from cablebench.cli.physics.pays_steps import recorded
+    from diagnosis.data.recording import load_recording
 
     effect, name, _, _ = EFFECTS[rig]
     study = Study(rig=rig, hidden={effect: {name: 0.123}}, record_seconds=3.0)
@@ -153,8 +154,8 @@ def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
 def test_the_recorded_hole_is_the_controlled_one(tmp_path):
     """Nothing hidden: the generator's tensions beside the paper's ratio with the preset's numbers, while it slides."""
     from baselines.hole_model import HoleModel
-    from cablebench.commands.pays_steps import recorded
-    from diagnosis.recording import load_recording
+    from cablebench.cli.physics.pays_steps import recorded
+    from diagnosis.data.recording import load_recording
 
     study = Study(rig="hole", hidden={}, record_seconds=12.0)
     hole = HoleModel(setup_of(study.bench.env, study.hidden_options()).rig.values, "exact")
@@ -195,7 +196,7 @@ def test_a_small_study_runs_keeps_its_parts_and_refuses_another(rig, tmp_path, m
     assert all(np.isfinite(scores[learner][s]).all() for learner in scores for s in SIMULATORS)
     assert (out / "pays.md").read_text().startswith("# Does it pay?")
     assert (out / pays_page.FIGURE).read_text().startswith("<svg")
-    from cablebench.commands import pays_steps
+    from cablebench.cli.physics import pays_steps
 
     again = json.loads((out / rig / "scores" / f"{controller}-oracle-0.json").read_text())
     monkeypatch.setattr(pays_steps, "tuned_gains", None)  # nothing is made twice
@@ -209,7 +210,7 @@ def test_a_small_study_runs_keeps_its_parts_and_refuses_another(rig, tmp_path, m
 @pytest.mark.slow
 def test_a_trained_agent_keeps_the_rig_that_its_controller_believed(tmp_path):
     """A loaded policy would take the task's own: another controller than the one it learnt to correct."""
-    from cablebench.commands import pays_steps
+    from cablebench.cli.physics import pays_steps
 
     study = Study(rig="hole", hidden={"coulomb_friction": {"level": 1.0}}, seeds=(0,), steps=8192, duration=2.0)
     rig = {"schema": "cable-rig/1", "name": "augmented", "plant": "cable_hole",

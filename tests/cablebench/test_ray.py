@@ -7,15 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.training import RUN, training_job
-from cablebench.evaluate import evaluate
-from cablebench.evaluate_jobs import evaluate_in_jobs
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.training import RUN, training_job
 from cablebench.jobs import Job, JobError
 from cablebench.jobs.driver import CrewBackend
-from cablebench.store import ResultStore
-from tests import jobs_support as support
-from tests.test_jobs import HOLE, RECIPES, numbers, protocol
+from cablebench.run.evaluate import evaluate
+from cablebench.run.jobs import evaluate_in_jobs
+from cablebench.run.store import ResultStore
+from tests.cablebench.test_jobs import HOLE, RECIPES, numbers, protocol
+from tests.support import jobs_support as support
 
 ray = pytest.importorskip("ray", reason="the cluster's tests need Ray: pip install 'cable-envs[ray]'")
 pytestmark = [pytest.mark.ray, pytest.mark.slow, pytest.mark.xdist_group("ray")]
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.ray, pytest.mark.slow, pytest.mark.xdist_group("ray")]
 SETTINGS = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_AUTH_MODE": "disabled",
-    "PYTHONPATH": str(Path(__file__).parent.parent),
+    "PYTHONPATH": str(Path(__file__).parents[2]),
 }
 
 

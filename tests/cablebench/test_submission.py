@@ -4,13 +4,13 @@ import textwrap
 
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench.admission import check_name, read_submission
-from cablebench.dry_run import dry_run, within
-from cablebench.entrants import controller_file_entrant, named_entrant
-from cablebench.evaluate import evaluate, setup_of
-from cablebench.protocol import Protocol, SeedRange, Task, Track
-from cablebench.submission import submission_entrant
+from cable_envs.core.errors import ConfigurationError
+from cablebench.entrants.admission import check_name, read_submission
+from cablebench.entrants.dry_run import dry_run, within
+from cablebench.entrants.entrant import controller_file_entrant, named_entrant
+from cablebench.entrants.submission import submission_entrant
+from cablebench.run.evaluate import evaluate, setup_of
+from cablebench.run.protocol import Protocol, SeedRange, Task, Track
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 GOOD = """
@@ -186,7 +186,7 @@ def act(t, y, ref):
 
 
 def test_a_file_with_a_references_law_gets_the_references_numbers(written):
-    from cablebench.entrants import controller_entrant
+    from cablebench.entrants.entrant import controller_entrant
 
     records = evaluate(short(), [submission_entrant(written(WRAPPED)), controller_entrant("mrac-g22")], [HOLE])
     found = {"wrapped": [], "mrac-g22": []}

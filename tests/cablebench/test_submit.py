@@ -8,7 +8,7 @@ import shutil
 import pytest
 
 from cablebench.cli import main
-from cablebench.store import ResultStore
+from cablebench.run.store import ResultStore
 
 HOLE = "CableHole-Position-Sine"
 TINY = """
@@ -177,7 +177,7 @@ def test_boards_by_name_lie_in_their_folder(cli, tmp_path, monkeypatch):
     assert code == 2 and "did you mean 'quick.yaml'" in err
     code, _, err = cli("leaderboard")
     assert code == 2 and "--board quick" in err
-    from cablebench.commands.leaderboard import results_folder
+    from cablebench.cli.bench.leaderboard import results_folder
 
     (tmp_path / "boards" / "full").mkdir(parents=True)
     folder, flags = results_folder("full", None)

@@ -7,16 +7,16 @@ import pytest
 import yaml
 
 from baselines import CONTROLLERS
-from cable_envs.errors import ConfigurationError
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import Parameter, ParameterTable
 from cablebench.cli import main
-from cablebench.entrants import controller_file_entrant
+from cablebench.entrants.entrant import controller_file_entrant
 from cablebench.jobs import Job, open_backend
-from cablebench.protocol import load_protocol
-from cablebench.tuning import Search, best, read_trials, tune
-from cablebench.tuning_objective import training_seed, tuning_cells, tuning_seeds
-from cablebench.tuning_space import gain_space, nested, parse_space
-from tests import jobs_support as support
+from cablebench.run.protocol import load_protocol
+from cablebench.tune.objective import training_seed, tuning_cells, tuning_seeds
+from cablebench.tune.space import gain_space, nested, parse_space
+from cablebench.tune.study import Search, best, read_trials, tune
+from tests.support import jobs_support as support
 
 HOLE = "CableHole-Position-Sine"
 SPACE = parse_space({"x": {"linear": [0.0, 1.0]}, "y": {"log": [1.0, 1000.0]}}, "test")

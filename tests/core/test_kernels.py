@@ -10,7 +10,8 @@ import numba
 import numpy as np
 import pytest
 
-from cable_envs import contact, kernels, supports
+from cable_envs.core import kernels
+from cable_envs.physics import contact, supports
 
 
 def _ulps(function, exact, arguments):
@@ -84,7 +85,9 @@ def test_a_loop_over_columns_gives_the_bits_of_single_calls():
 
 _CALLS = """
 import json
-from cable_envs import contact, kernels, supports
+from cable_envs.physics import contact
+from cable_envs.core import kernels
+from cable_envs.physics import supports
 points = [(0.7, 0.05, 0.2), (1.5, 0.43, 1.05), (8.0, 1.1, 3.1), (60.0, 0.2, 6.2)]
 rows = []
 for rho, mu, phi in points:

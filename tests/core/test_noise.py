@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cable_envs.kernels import jit
-from cable_envs.noise import normal, uniform
+from cable_envs.core.kernels import jit
+from cable_envs.core.noise import normal, uniform
 
 
 @jit
@@ -52,7 +52,7 @@ def test_a_loop_gives_the_bits_of_single_calls():
 @pytest.mark.nojit
 def test_without_numba_the_numbers_are_the_same():
     code = (
-        "from cable_envs.noise import normal, uniform\n"
+        "from cable_envs.core.noise import normal, uniform\n"
         "print(*[f(2.0**51 + 5, float(k), 3) for k in range(50) for f in (uniform, normal)])"
     )
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError, nearest, require_known
-from cable_envs.params import Parameter, ParameterTable, to_si
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.params import Parameter, ParameterTable, to_si
 
 TABLE = ParameterTable(
     Parameter("mass", "kg", 5.0, 0.0, 1e3, "load"),

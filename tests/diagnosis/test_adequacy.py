@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, savgol_filter
 
-from diagnosis import select as selection
-from diagnosis.adequacy import adequacy
-from diagnosis.answer import _unfitted
-from diagnosis.confidence import interval
-from diagnosis.functions import Regression
-from diagnosis.leftover import ALL
-from diagnosis.likelihood import refit_and_learn
-from diagnosis.model import Block, Coordinate, learn_whitener
-from diagnosis.objections import BEYOND_DOUBT, objection
-from diagnosis.refit import Fit, Start
-from diagnosis.rest import noise_at_rest
-from diagnosis.rules import Rules
-from diagnosis.select import select
-from diagnosis.spectra import coherences
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
+from diagnosis.adequacy.functions import Regression
+from diagnosis.adequacy.spectra import coherences
+from diagnosis.adequacy.tests import adequacy
+from diagnosis.fit.confidence import interval
+from diagnosis.fit.likelihood import refit_and_learn
+from diagnosis.fit.refit import Fit, Start
+from diagnosis.model.leftover import ALL
+from diagnosis.model.model import Block, Coordinate, learn_whitener
+from diagnosis.model.rest import noise_at_rest
+from diagnosis.report.answer import _unfitted
+from diagnosis.search import select as selection
+from diagnosis.search.objections import BEYOND_DOUBT, objection
+from diagnosis.search.rules import Rules
+from diagnosis.search.select import select
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 
 def _coloured(rng, count, std, memory=0.9):

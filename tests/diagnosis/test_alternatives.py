@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.answer import answered_interval
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.model import Free
-from diagnosis.select import select
-from tests.diagnosis_toy import PARAMETERS, Toy
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Free
+from diagnosis.report.answer import answered_interval
+from diagnosis.search.select import select
+from tests.support.diagnosis_toy import PARAMETERS, Toy
 
 COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)
 EXCESS, VELOCITY = Free("excess", 0.0, 0.0, 100.0, 1.0), Free("velocity", 0.02, 1e-3, 1e3, 0.02)

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from diagnosis.likelihood import raw_residuals, refit_and_learn
-from diagnosis.model import learn_whitener
-from diagnosis.noise import Noise, learn_noise
-from diagnosis.refit import Start, refit
-from diagnosis.screen import screen
-from diagnosis.select import select
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
+from diagnosis.fit.likelihood import raw_residuals, refit_and_learn
+from diagnosis.fit.refit import Start, refit
+from diagnosis.fit.screen import screen
+from diagnosis.model.model import learn_whitener
+from diagnosis.model.noise import Noise, learn_noise
+from diagnosis.search.select import select
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 
 def test_noise_is_learnt_with_its_colour():

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis import answer
-from diagnosis.adequacy import adequacy
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import refit_and_learn, refit_nominals
-from diagnosis.model import Block, Coordinate, Free
-from diagnosis.models.common import LEFT, SETTLING, at_first
-from diagnosis.refit import Start
-from diagnosis.rules import Rules
-from diagnosis.screen import screen
-from diagnosis.select import select
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
+from diagnosis.adequacy.tests import adequacy
+from diagnosis.fit.likelihood import refit_and_learn, refit_nominals
+from diagnosis.fit.refit import Start
+from diagnosis.fit.screen import screen
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Block, Coordinate, Free
+from diagnosis.report import answer
+from diagnosis.search.rules import Rules
+from diagnosis.search.select import select
+from diagnosis.systems.common import LEFT, SETTLING, at_first
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 
 class Root(Toy):

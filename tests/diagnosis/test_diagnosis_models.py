@@ -7,11 +7,12 @@ import pytest
 import yaml
 from scipy.optimize import brentq
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
-from cable_envs.rigs import load_rig
-from diagnosis.models import prepare
-from diagnosis.models.common import (
+from cable_envs.sim.rigs import load_rig
+from diagnosis.data.recording import Record, load_recording
+from diagnosis.systems import prepare
+from diagnosis.systems.common import (
     augmented_rig,
     free_parameters,
     motion_coordinates,
@@ -20,10 +21,9 @@ from diagnosis.models.common import (
     sample_period,
     time_since_reversal,
 )
-from diagnosis.models.question import Request
-from diagnosis.models.replayed import delayed
-from diagnosis.proof.cases import Case, make
-from diagnosis.recording import Record, load_recording
+from diagnosis.systems.question import Request
+from diagnosis.systems.replayed import delayed
+from proof.cases import Case, make
 
 QUANTISED = float(np.sqrt(1.0 + 0.5**2 / 12.0))
 """RMS of the generators' white noise once it is on a grid of half its standard deviation."""

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cablebench import diagnosis_words as words
-from cablebench.diagnosis_page import render
-from diagnosis import hunting
-from diagnosis.bands import Averaged, Bands, Spectra
+from cablebench.pages import diagnosis_words as words
+from cablebench.pages.diagnosis import render
+from diagnosis.adequacy.bands import Averaged, Bands, Spectra
+from diagnosis.data.recording import load_recording
 from diagnosis.engine import examine
-from diagnosis.hypotheses import Hypothesis
-from diagnosis.likelihood import refit_nominals
-from diagnosis.model import Block, Free
-from diagnosis.models.common import sample_period
-from diagnosis.models.linear_drive import controller
-from diagnosis.proof.cases import Case, make
-from diagnosis.recording import load_recording
-from diagnosis.select import select
+from diagnosis.fit.likelihood import refit_nominals
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.model import Block, Free
+from diagnosis.search import hunting
+from diagnosis.search.select import select
+from diagnosis.systems.common import sample_period
+from diagnosis.systems.linear_drive import controller
+from proof.cases import Case, make
 
 STD, PERIOD, COUNT = 0.1, 0.01, 3000
 SEED = 492877576

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from diagnosis import gate as gate_module
-from diagnosis.gate import gate
-from diagnosis.models.question import Look
-from diagnosis.recording import load_recording
-from tests import drive_recording as drive
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import load_recording
+from diagnosis.intake import gate as gate_module
+from diagnosis.intake.gate import gate
+from diagnosis.systems.question import Look
+from tests.support import drive_recording as drive
 
 
 @pytest.fixture

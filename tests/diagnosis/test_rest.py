@@ -8,20 +8,20 @@ import yaml
 from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import load_recording
 from diagnosis.engine import LEARNT, ask, request_of, told_at_rest
-from diagnosis.gate import gate
-from diagnosis.likelihood import refit_and_learn
-from diagnosis.model import learn_whitener
-from diagnosis.noise import Noise, resolution
-from diagnosis.proof.sensors import Colour
-from diagnosis.recording import load_recording
-from diagnosis.refit import Start
-from diagnosis.rest import LONGEST, bridged, noise_at_rest
-from diagnosis.rules import Rules
-from diagnosis.select import select
-from tests import drive_recording as drive
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
+from diagnosis.fit.likelihood import refit_and_learn
+from diagnosis.fit.refit import Start
+from diagnosis.intake.gate import gate
+from diagnosis.model.model import learn_whitener
+from diagnosis.model.noise import Noise, resolution
+from diagnosis.model.rest import LONGEST, bridged, noise_at_rest
+from diagnosis.search.rules import Rules
+from diagnosis.search.select import select
+from proof.sensors import Colour
+from tests.support import drive_recording as drive
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 WAVES = ((1, 3), (3, 6), (6, 12), (12, 48), (48, 384), (384, 1300))
 

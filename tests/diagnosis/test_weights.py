@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from diagnosis.refit import Start
-from diagnosis.weights import settle, together
-from tests.diagnosis_toy import NOMINALS, Toy
+from diagnosis.fit.refit import Start
+from diagnosis.fit.weights import settle, together
+from tests.support.diagnosis_toy import NOMINALS, Toy
 
 TRUTH = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
-from cable_envs.replay import replay
+from cable_envs.sim.replay import replay
 from tests.reference.drive_reference import Drive
 
 PLANT = plant_for("linear_drive")

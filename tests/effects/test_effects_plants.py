@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_envs.plants import plant_for
-from cable_envs.replay import replay
+from cable_envs.sim.replay import replay
 from tests.reference.hole_reference import ratio
 
 HOLE, CIRCUIT, CHAIN = plant_for("cable_hole"), plant_for("pulley_circuit"), plant_for("pulley_circuit", "chain")

@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.own_effects import load_effect, with_own_effects
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
-from cable_envs.replay import replay
-from cable_envs.rigs import load_rig
+from cable_envs.plants.own_effects import load_effect, with_own_effects
+from cable_envs.sim.replay import replay
+from cable_envs.sim.rigs import load_rig
 
 SPRING = """
 from cable_envs.effects import Effect, EffectParameter

@@ -8,9 +8,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env as gymnasium_check
 
 import cable_envs
-from cable_envs.errors import ConfigurationError
-from cable_envs.steppers import ACTION
-from cable_envs.tasks import OBSERVATION_LIMIT
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.steppers import ACTION
+from cable_envs.sim.tasks import OBSERVATION_LIMIT
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 

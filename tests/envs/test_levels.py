@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from diagnosis.data.recording import load_recording
 from diagnosis.engine import ask, request_of
-from diagnosis.likelihood import Judged, refit_and_learn
-from diagnosis.model import Whitener
-from diagnosis.models.linear_drive import EXPLAINED, controller
-from diagnosis.noise import LONG, Noise, learn_noise
-from diagnosis.objections import OUTLYING, held_cost, momentary
-from diagnosis.recording import load_recording
-from diagnosis.refit import Start
-from diagnosis.select import select
-from tests import drive_recording as drive
-from tests.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
+from diagnosis.fit.likelihood import Judged, refit_and_learn
+from diagnosis.fit.refit import Start
+from diagnosis.model.model import Whitener
+from diagnosis.model.noise import LONG, Noise, learn_noise
+from diagnosis.search.objections import OUTLYING, held_cost, momentary
+from diagnosis.search.select import select
+from diagnosis.systems.linear_drive import EXPLAINED, controller
+from tests.support import drive_recording as drive
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 
 def _sensor(rng, count=2500):

@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.references import FIELDS, KEY, KINDS, evaluate, pack_signal
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.references import FIELDS, KEY, KINDS, evaluate, pack_signal
 
 SPECS = {
     "constant": {"kind": "constant", "offset": 0.3},

@@ -7,7 +7,7 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.render import Renderer
 
 HANGING = {"load_mass": 5.0, "gravity": 9.81, "wrap_angle": math.pi / 3, "tension_limit": 100.0}
@@ -125,7 +125,7 @@ def test_reference_is_visible():
 
 @pytest.mark.parametrize("tension", [10.0, 40.0, 70.0])
 def test_cable_colour_is_the_colour_bar_at_its_tension(tension):
-    from cable_envs.render_draw import TENSION_MAP
+    from cable_envs.drawing.draw import TENSION_MAP
 
     renderer = hole()
     frame = picture(renderer, HOLE, drive_tension=tension, load_tension=tension, sliding=0.0)
@@ -136,7 +136,7 @@ def test_cable_colour_is_the_colour_bar_at_its_tension(tension):
 
 
 def test_cable_changes_colour_at_the_hole():
-    from cable_envs.render_draw import TENSION_MAP
+    from cable_envs.drawing.draw import TENSION_MAP
 
     frame = picture(hole(), HOLE, drive_tension=70.0, load_tension=20.0)
     for tension in (70.0, 20.0):
@@ -162,7 +162,7 @@ def test_one_slack_cable_of_the_circuit_leaves_the_other_coloured():
 
 
 def test_rulers_grow_with_the_motion_and_keep_the_load_in_the_picture():
-    from cable_envs.render_hole import HoleScene
+    from cable_envs.plants.hole.scene import HoleScene
 
     renderer = hole()
     for metres in (0.001, 0.02, 0.3, -0.5):
@@ -176,7 +176,7 @@ def test_rulers_grow_with_the_motion_and_keep_the_load_in_the_picture():
 
 @pytest.mark.parametrize("degrees", [20.0, 60.0, 90.0, 150.0, 200.0])
 def test_wrap_angle_is_drawn_true(degrees):
-    from cable_envs.render_hole import HoleScene
+    from cable_envs.plants.hole.scene import HoleScene
 
     scene = HoleScene({**HANGING, "wrap_angle": math.radians(degrees)}, "m")
     arc = scene.pieces[1]
@@ -187,9 +187,9 @@ def test_wrap_angle_is_drawn_true(degrees):
 
 
 def test_circuit_paths_are_closed_with_true_wraps_and_tangent_spans():
-    from cable_envs.circuit_parameters import CIRCUIT as TABLE
-    from cable_envs.circuit_parameters import SIDES
-    from cable_envs.render_circuit import _DRIVE, _MM, _OUTPUT, CircuitScene
+    from cable_envs.plants.circuit.parameters import CIRCUIT as TABLE
+    from cable_envs.plants.circuit.parameters import SIDES
+    from cable_envs.plants.circuit.scene import _DRIVE, _MM, _OUTPUT, CircuitScene
 
     scene = CircuitScene({}, "rad")
     for side in SIDES:

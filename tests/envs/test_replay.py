@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS, MODE
-from cable_envs.replay import replay
+from cable_envs.sim.replay import replay
 
 CIRCUIT, CHAIN = plant_for("pulley_circuit"), plant_for("pulley_circuit", "chain")
 HOLE, DRIVE = plant_for("cable_hole"), plant_for("linear_drive")

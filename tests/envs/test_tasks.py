@@ -5,9 +5,9 @@ import math
 import pytest
 
 import cable_envs
-from cable_envs.errors import ConfigurationError
-from cable_envs.setup import make_setup
-from cable_envs.tasks import LEVELS, REFERENCES, TASKS, load_task
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.setup import make_setup
+from cable_envs.sim.tasks import LEVELS, REFERENCES, TASKS, load_task
 
 
 @pytest.mark.parametrize("name", TASKS)

@@ -11,9 +11,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import cable_envs
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.vector import CableVectorEnv
-from tests.test_envs import CIRCUIT, HOLE, OPTIONS
+from tests.envs.test_envs import CIRCUIT, HOLE, OPTIONS
 
 LANES = 5  # not a multiple of any vector width
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from identification.cma_es import cma_es
 from identification.information import Information, delta_experiments, fisher, profile_interval, speed_shares
 from identification.least_squares import least_squares

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.commands.identify import identify_recording
-from diagnosis.recording import load_recording
+from cablebench.cli.physics.identify import identify_recording
+from diagnosis.data.recording import load_recording
 from identification.samples import derivative, ratio_samples, together
-from tests.recording_rig import write_recording
+from tests.support.recording_rig import write_recording
 
 TRUTH = {"delta": 0.02, "mu": 0.43, "K": 6574.0, "omega": 2.03}
 """configs/rigs/gu-inferred.yaml"""

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.contact import (
+from cable_envs.physics.contact import (
     extrusion_coefficient,
     tension_integral,
     tension_ratio,

@@ -6,9 +6,9 @@ import math
 import numpy as np
 import pytest
 
-from cable_envs.contact import extrusion_coefficient, tension_ratio
-from cable_envs.errors import ConfigurationError
-from cable_envs.extrusion import LAWS, ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.physics.contact import extrusion_coefficient, tension_ratio
+from cable_envs.physics.extrusion import LAWS, ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
 from tests.reference import contact_reference as reference
 
 CONTACT = ExtrudedContact(1.5e-3, 1e-3, 63e6, 0.3)

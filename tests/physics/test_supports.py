@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from cable_envs.contact import tension_ratio
-from cable_envs.errors import ConfigurationError
-from cable_envs.supports import (
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.physics.contact import tension_ratio
+from cable_envs.physics.supports import (
     BEARING_FRICTION,
     JOINTS,
     Pulley,

@@ -8,9 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, MODE
-from cable_envs.plants.cable_hole import PLANT, cable_hole
+from cable_envs.plants.hole.plant import PLANT, cable_hole
 from tests.reference.hole_reference import HoleReference, ratio
 
 ROW = {s.name: k for k, s in enumerate(PLANT.signals)}
@@ -305,7 +305,7 @@ def test_gu_eq35_inner_loop_has_the_time_constant_of_its_gains():
 
 _WITHOUT_JIT = """
 import numpy as np
-from cable_envs.plants.cable_hole import PLANT
+from cable_envs.plants.hole.plant import PLANT
 p = PLANT.prepare(PLANT.parameters.pack({})[:, None]); x = PLANT.rest(p, np.zeros(1)); u = np.zeros((4, 1))
 for command in (49.0, 75.0, 30.0):
     u[0] = command

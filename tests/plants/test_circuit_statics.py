@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_statics import Statics, hold_flag, replay
-from cable_envs.errors import ConfigurationError
-from cable_envs.rigs import load_rig
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.circuit.statics import Statics, hold_flag, replay
+from cable_envs.sim.rigs import load_rig
 from tests.reference import circuit_reference as reference
 
 TORQUES = np.linspace(-0.6, 0.6, 13)

@@ -13,9 +13,9 @@ import gymnasium as gym
 import pytest
 
 import cable_envs
-from cablebench.entrants import reference_entrants
-from cablebench.evaluate import run_episode, setup_of
-from cablebench.metrics import measure
+from cablebench.entrants.entrant import reference_entrants
+from cablebench.run.evaluate import run_episode, setup_of
+from cablebench.run.metrics import measure
 
 ENTRANTS = {e.name: e for e in reference_entrants()}
 CASES = [

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-from cable_envs import contact_chain as side
-from cable_envs.circuit_statics import Statics
-from cable_envs.plants import pulley_circuit
-from cable_envs.plants.pulley_chain import PLANT
-from tests.circuit_rigs import Run, phase_order, pretension, ramp, sine, symmetric
+from cable_envs.physics import chain as side
+from cable_envs.plants.circuit import closed_form as pulley_circuit
+from cable_envs.plants.circuit.chain import PLANT
+from cable_envs.plants.circuit.statics import Statics
+from tests.plants.test_pulley_circuit import GEAR, elongation, random_columns
 from tests.reference import circuit_reference as reference
-from tests.test_pulley_circuit import GEAR, elongation, random_columns
+from tests.support.circuit_rigs import Run, phase_order, pretension, ramp, sine, symmetric
 
 TENSIONS = [f"tension_{end}_{cable}" for end in ("drive", "output") for cable in ("top", "bottom")]
 
@@ -218,8 +218,8 @@ def test_scalar_column_equals_batch_column_bit_by_bit():
 def test_plain_python_agrees_with_the_compiled_kernel():
     code = (
         "import numpy as np\n"
-        "from cable_envs.plants.pulley_chain import PLANT\n"
-        "from tests.test_pulley_circuit import random_columns\n"
+        "from cable_envs.plants.circuit.chain import PLANT\n"
+        "from tests.plants.test_pulley_circuit import random_columns\n"
         "v, c = random_columns(np.random.default_rng(4), 3)\n"
         "p = PLANT.prepare(v); x = PLANT.rest(p, np.zeros(3))\n"
         "for k in range(3): PLANT.advance(x, p, np.ascontiguousarray(c[:, k]), 0, 3, 10, 1e-3)\n"

@@ -7,13 +7,13 @@ import sys
 import numpy as np
 import pytest
 
-from cable_envs.circuit_ends import cosine, resolve
-from cable_envs.circuit_statics import Statics
-from cable_envs.errors import ConfigurationError
-from cable_envs.plants import pulley_chain
-from cable_envs.plants.pulley_circuit import PLANT
-from cable_envs.rigs import load_rig
-from tests.circuit_rigs import Run, phase_order, pretension, ramp, sine, symmetric
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.circuit import chain as pulley_chain
+from cable_envs.plants.circuit.closed_form import PLANT
+from cable_envs.plants.circuit.ends import cosine, resolve
+from cable_envs.plants.circuit.statics import Statics
+from cable_envs.sim.rigs import load_rig
+from tests.support.circuit_rigs import Run, phase_order, pretension, ramp, sine, symmetric
 
 GEAR = 7 / 5
 GRASP = {"contact_stiffness": 0.2, "contact_angle": -3.0, "cable_damping": 0.0}
@@ -230,8 +230,8 @@ def test_the_rigs_of_the_paper_keep_their_own_inertias_and_dampings():
 def test_plain_python_agrees_with_the_compiled_kernel():
     code = (
         "import numpy as np\n"
-        "from cable_envs.plants.pulley_circuit import PLANT\n"
-        "from tests.test_pulley_circuit import random_columns\n"
+        "from cable_envs.plants.circuit.closed_form import PLANT\n"
+        "from tests.plants.test_pulley_circuit import random_columns\n"
         "v, c = random_columns(np.random.default_rng(4), 3)\n"
         "p = PLANT.prepare(v); x = PLANT.rest(p, np.zeros(3))\n"
         "for k in range(5): PLANT.advance(x, p, np.ascontiguousarray(c[:, k]), 0, 3, 10, 1e-3)\n"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.config import config_root
-from cable_envs.errors import ConfigurationError
-from cable_envs.rigs import load_rig, rig_from_mapping
+from cable_envs.core.config import config_root
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.rigs import load_rig, rig_from_mapping
 
 PRESETS = sorted(path.stem for path in (config_root() / "rigs").glob("*.yaml"))
 

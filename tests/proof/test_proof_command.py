@@ -5,8 +5,8 @@ import json
 import pytest
 
 from cablebench.cli import main
-from cablebench.commands import proof as command
-from diagnosis.proof.run import state
+from cablebench.cli.physics import proof as command
+from proof.run import state
 
 
 def _run(capsys, *arguments):
@@ -31,7 +31,7 @@ def test_bad_input_is_named(capsys, tmp_path, arguments, message):
 
 
 def test_without_the_tool_it_says_so(capsys, tmp_path, monkeypatch):
-    from cablebench.commands.app import app
+    from cablebench.cli.app import app
 
     left = [c for c in app.registered_commands if c.name != "diagnose"]
     monkeypatch.setattr(app, "registered_commands", left)
@@ -42,8 +42,8 @@ def test_without_the_tool_it_says_so(capsys, tmp_path, monkeypatch):
 def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatch):
     """Two cases, scored; the second call does nothing anew; data changed since the sealing are refused."""
     pytest.importorskip("pysindy")
-    from diagnosis.proof import cases, run
-    from diagnosis.proof.cases import Case
+    from proof import cases, run
+    from proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "cable_hole", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -65,8 +65,8 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
 
 def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from diagnosis.proof import cases, run
-    from diagnosis.proof.cases import Case
+    from proof import cases, run
+    from proof.cases import Case
 
     monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
     arguments = ("--no-tool", "--out", str(tmp_path / "p"))
@@ -78,8 +78,8 @@ def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
 
 def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from diagnosis.proof import cases
-    from diagnosis.proof.cases import Case
+    from proof import cases
+    from proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -93,8 +93,8 @@ def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
 
 def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from diagnosis.proof import cases
-    from diagnosis.proof.cases import Case
+    from proof import cases
+    from proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -131,8 +131,8 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
 
 def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
     """A tool that cries wolf: the command runs it on a copy that holds the recording and nothing else."""
-    from diagnosis.proof import cases
-    from diagnosis.proof.cases import Case
+    from proof import cases
+    from proof.cases import Case
 
     tool = tmp_path / "tool.py"
     tool.write_text(

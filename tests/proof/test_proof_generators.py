@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from diagnosis.proof import cable_hole, linear_drive, pulley_circuit
-from diagnosis.proof.effects import find
-from diagnosis.proof.numerics import slipped, tension_ratio
-from diagnosis.proof.rigs import random_rig
-from diagnosis.proof.sensors import USUAL, distort, quantise, random_colour, stamps
+from proof.effects import find
+from proof.rigs import random_rig
+from proof.sensors import USUAL, distort, quantise, random_colour, stamps
+from proof.simulators import cable_hole, linear_drive, pulley_circuit
+from proof.simulators.numerics import slipped, tension_ratio
 
 CLOCK = linear_drive.CLOCK
 
@@ -26,7 +26,7 @@ def _ramp(seconds: float, speed: float, still: float = 0.5) -> np.ndarray:
 def test_nothing_of_the_simulator_under_test_is_used():
     """No module of the proof imports plants, kernels, effects or the simulation."""
     forbidden = ("plants", "kernels", "simulation", "effects", "contact", "friction", "hole_statics", "circuit_statics")
-    for file in (Path(__file__).parent.parent / "diagnosis" / "proof").glob("*.py"):
+    for file in (Path(__file__).parents[2] / "proof").rglob("*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom):
@@ -132,7 +132,7 @@ def test_hole_at_rest_keeps_what_friction_allows():
 
 def test_circuit_in_the_working_phase_follows_zou():
     """Tension ratios of a side, the closure Delta L_t + Delta L_b = 0, and the elongation, Eqs. (34)-(46), Zou 2022."""
-    from cable_envs.circuit_statics import Statics
+    from cable_envs.plants.circuit.statics import Statics
 
     made = pulley_circuit.simulate({"contact_stiffness": 0.3}, _ramp(2.5, 0.5, 0.3))
     logs, _ = pulley_circuit.contact_logs(0.54, 0.157)

@@ -4,12 +4,12 @@ import json
 
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.proof import report
-from diagnosis.proof.effects import CLASSES, LIBRARY, share_class
-from diagnosis.proof.run import checked, write_manifest
-from diagnosis.proof.scoring import calibration, confusion, failures, judge, limits, table
-from diagnosis.proof.sealing import opened, seal
+from cable_envs.core.errors import ConfigurationError
+from proof import report
+from proof.effects import CLASSES, LIBRARY, share_class
+from proof.run import checked, write_manifest
+from proof.scoring import calibration, confusion, failures, judge, limits, table
+from proof.sealing import opened, seal
 
 
 def key(name="c", kind="single", effects=("backlash",), band=">10", noise="white", **changes):
@@ -171,8 +171,8 @@ def test_verdicts_are_checked():
 
 
 def test_report_and_page():
-    from cablebench.proof_page import render
-    from cablebench.store import jsonable
+    from cablebench.pages.proof import render
+    from cablebench.run.store import jsonable
 
     results = {"diagnose": _results(7, 2, 1, 18, 2), "black box": _results(0, 0, 3, 2, 0)}
     about = {"command": "cablebench proof", "cases_total": 30}

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import load_recording
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request
 from diagnosis.readers.writer import write_data_set
-from diagnosis.recording import load_recording
 
 MAPPING = {
     "schema": "cable-mapping/1",

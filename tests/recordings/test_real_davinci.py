@@ -7,28 +7,28 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.contact import tension_ratio
-from cable_envs.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.physics.contact import tension_ratio
+from diagnosis.data.recording import load_recording
 from diagnosis.engine import diagnose
-from diagnosis.ladder import inside, ladder
-from diagnosis.model import Block
-from diagnosis.models import prepare, transmission
-from diagnosis.models.question import Request
-from diagnosis.models.transmission import Run, assemble, nominals_of
-from diagnosis.models.transmission_effects import NULLS, hypotheses, rig_of
-from diagnosis.models.transmission_kernel import ROWS, transmit
+from diagnosis.fit.refit import Start
+from diagnosis.fit.weights import rmse, settle
+from diagnosis.model.model import Block
+from diagnosis.model.verdict import from_json
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request as Asked
 from diagnosis.readers.writer import write_data_set
 from diagnosis.real.davinci import concealed, diagnosed, in_units, load, located
 from diagnosis.real.davinci_splits import SPLITS, compare
 from diagnosis.real.feedforward import command
-from diagnosis.recording import load_recording
-from diagnosis.refit import Start
-from diagnosis.verdict import from_json
-from diagnosis.weights import rmse, settle
+from diagnosis.search.ladder import inside, ladder
+from diagnosis.systems import prepare, transmission
+from diagnosis.systems.question import Request
+from diagnosis.systems.transmission import Run, assemble, nominals_of
+from diagnosis.systems.transmission_effects import NULLS, hypotheses, rig_of
+from diagnosis.systems.transmission_kernel import ROWS, transmit
 
-JAW = Path(__file__).parent.parent.parent / "shared" / "recordings" / "davinci_tool"
+JAW = Path(__file__).parents[3] / "shared" / "recordings" / "davinci_tool"
 needs_jaw = pytest.mark.skipif(not JAW.is_dir(), reason=f"the published set davinci_tool is not at {JAW}")
 PERIOD = 0.02
 TIME = np.arange(0.0, 12.0, PERIOD)

@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.plants.linear_drive import PLANT
-from cable_envs.replay import replay
-from diagnosis.likelihood import refit_and_learn
-from diagnosis.models import prepare
-from diagnosis.models.band_brake import PARAMETERS, RIGID, _pulls
-from diagnosis.models.coupled_drives import RECTIFIED
-from diagnosis.models.question import Request
+from cable_envs.plants.drive.plant import PLANT
+from cable_envs.sim.replay import replay
+from diagnosis.data.recording import Quantity
+from diagnosis.fit.likelihood import refit_and_learn
+from diagnosis.fit.refit import Start
+from diagnosis.fit.weights import resampled, rmse, settle
 from diagnosis.real import band_brake, emps
 from diagnosis.real.sets import FOLDERS, imported
-from diagnosis.recording import Quantity
-from diagnosis.refit import Start
-from diagnosis.weights import resampled, rmse, settle
+from diagnosis.systems import prepare
+from diagnosis.systems.band_brake import PARAMETERS, RIGID, _pulls
+from diagnosis.systems.coupled_drives import RECTIFIED
+from diagnosis.systems.question import Request
 
-SHARED = Path(__file__).parent.parent.parent / "shared" / "recordings"
+SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 needs = {
     form: pytest.mark.skipif(not (SHARED / folder).is_dir(), reason=f"the set {folder} is not at {SHARED / folder}")
     for form, folder in FOLDERS.items()

@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.first_look import first_look
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.first_look import first_look
+from diagnosis.data.recording import load_recording
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request
 from diagnosis.readers.writer import write_data_set
-from diagnosis.recording import load_recording
 
-SETS = Path(__file__).parent.parent.parent / "shared" / "recordings"
+SETS = Path(__file__).parents[3] / "shared" / "recordings"
 JAW = SETS / "davinci_tool"
 needs = {
     name: pytest.mark.skipif(not (SETS / name).is_dir(), reason=f"the published set {name} is not at {SETS / name}")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.errors import ConfigurationError
-from diagnosis.recording import CHANNELS, load_recording, parameters_of
+from cable_envs.core.errors import ConfigurationError
+from diagnosis.data.recording import CHANNELS, load_recording, parameters_of
 
 BASE = {
     "schema": "cable-recording/1",

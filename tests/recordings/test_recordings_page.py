@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cablebench import recordings_figures as draw
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.recordings_page import error, estimate, number, plain, render, write_set
-from cablebench.recordings_sets import SETS, numbers
+from cablebench.pages import recordings_figures as draw
+from cablebench.pages.recordings import error, estimate, number, plain, render, write_set
+from cablebench.pages.recordings_sets import SETS, numbers
+from diagnosis.model.verdict import Estimate, Step
 from diagnosis.real.finding import Alone, Finding
-from diagnosis.verdict import Estimate, Step
 
-COMMITTED = Path(__file__).parent.parent / "docs" / "recordings"
+COMMITTED = Path(__file__).parents[2] / "docs" / "recordings"
 
 
 def step(name, force):

@@ -7,11 +7,17 @@ import re
 import numpy as np
 import pytest
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.rigs import load_rig
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.rigs import load_rig
 from cablebench.cli import main
 from identification.least_squares import least_squares
-from reproduction import gu_data, gu_fig12, gu_fig13, gu_fig15_17, gu_table2, gu_table2_runs, registry, report, style
+from reproduction import registry, report, style
+from reproduction.gu import data as gu_data
+from reproduction.gu import fig12 as gu_fig12
+from reproduction.gu import fig13 as gu_fig13
+from reproduction.gu import fig15_17 as gu_fig15_17
+from reproduction.gu import table2 as gu_table2
+from reproduction.gu import table2_runs as gu_table2_runs
 from reproduction.registry import Extra, Figure, Item, Result, Row, claim, compare, find, not_reproducible, run
 
 KEYS = ["item", "quantity", "published", "computed", "unit", "rel_error", "status", "why"]

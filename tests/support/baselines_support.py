@@ -6,8 +6,10 @@ from types import ModuleType
 import numpy as np
 
 from baselines import make_controller
-from cable_envs.plants import cable_hole, pulley_chain, pulley_circuit
-from cable_envs.rigs import load_rig
+from cable_envs.plants.circuit import chain as pulley_chain
+from cable_envs.plants.circuit import closed_form as pulley_circuit
+from cable_envs.plants.hole import plant as cable_hole
+from cable_envs.sim.rigs import load_rig
 
 DT, SUBSTEPS = 0.01, 10
 PLANTS: dict[str, ModuleType] = {

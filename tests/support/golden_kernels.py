@@ -1,7 +1,7 @@
 """Fingerprints of the plants' kernels: what effects that are switched off must leave as it is, to the bit.
 
 The coefficients and the state at rest are rounded to ten digits, so that the fingerprints do not depend on the
-platform's mathematical library; the kernels themselves use none. ``python -m tests.golden_kernels`` writes
+platform's mathematical library; the kernels themselves use none. ``python -m tests.support.golden_kernels`` writes
 tests/golden/kernels.json (made from the commit before the first effect).
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from cable_envs.effects.rows import ON
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE
-from cable_envs.rigs import load_rig
+from cable_envs.sim.rigs import load_rig
 
 FILE = Path(__file__).parent / "golden" / "kernels.json"
 PERIOD, SUBSTEPS, STEPS = 0.01, 10, 150

@@ -5,10 +5,10 @@ import signal
 import time
 from dataclasses import replace
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.training import RUN, train_here
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.training import RUN, train_here
 from cablebench.jobs import Stopped
-from cablebench.store import write_atomic
+from cablebench.run.store import write_atomic
 
 
 def double(context, number):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from cable_envs.rigs import load_rig
+from cable_envs.sim.rigs import load_rig
 
 
 def staircase(rig, speeds, seconds=0.6, step=0.01):

@@ -1,6 +1,6 @@
 """Closed cable-pulley circuit as a chain: the mechanism behind Fig. 6 of Zou et al. 2022.
 
-Each side is five elastic spans joined by four friction contacts (`cable_envs.contact_chain`); the slip front after a
+Each side is five elastic spans joined by four friction contacts (`cable_envs.physics.chain`); the slip front after a
 reversal travels from idler to idler, so that delay, transition and working phases emerge and are reported.
 
     spans      EA de_0 = R0 dtheta_in - slip_1, ..., EA de_4 = slip_4 - R5 dtheta_out   (cable t; cable b mirrored)
@@ -19,15 +19,15 @@ reached the output on neither side; 2 transition: on one; 3 working: on both (a 
 
 import numpy as np  # noqa: I001 (the block below: one name a line would fill the screen)
 
-from cable_envs.circuit_effects import moves_otherwise, output_step, pulley, spring
-from cable_envs.circuit_ends import (
+from cable_envs.plants.circuit.effects import moves_otherwise, output_step, pulley, spring
+from cable_envs.plants.circuit.ends import (
     ACTION_MODES, BRAKE, C5, COEFFICIENTS, CONTACT_K, EA5, GEAR, J_OUT, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE,
     PRE_B, PRE_T, R0, R5, SHARED, SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT,
     cosine, drive_step, effect_rows, load_torque, resolve, rest_elongation, rest_signals, shared_coefficients,
 )  # fmt: skip
-from cable_envs.circuit_parameters import CIRCUIT, SIDES
-from cable_envs.circuit_statics import Statics
-from cable_envs.contact_chain import (
+from cable_envs.plants.circuit.parameters import CIRCUIT, SIDES
+from cable_envs.plants.circuit.statics import Statics
+from cable_envs.physics.chain import (
     CONTACTS, LENGTH, PASSES, PENDING, RELEASE, ROWS_P as SIDE_P, ROWS_S as SIDE_S, ROWS_X as SIDE_X, SPANS, STATE,
     STRETCH, T, TANGENT_0, TANGENT_4, relax, settle, stretch_ends, sweep,
 )  # fmt: skip
@@ -41,8 +41,8 @@ from cable_envs.effects.seams import (
     FOLLOWS, ROWS_G as SHARED_G, TARGET, actuate, begin, dry_friction, end,
 )  # fmt: skip
 from cable_envs.effects.viscoelastic_creep import crept, kept
-from cable_envs.friction import stick_slip_step
-from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
+from cable_envs.physics.friction import stick_slip_step
+from cable_envs.core.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
 from cable_envs.plants.base import COMMAND, INPUTS, Plant, Signal
 
 _CHAIN = tuple(

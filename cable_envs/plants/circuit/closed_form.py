@@ -22,14 +22,14 @@ Limits: tensions follow D without waves; friction inside the hold is stored as i
 
 import numpy as np  # noqa: I001 (the blocks below: one name a line would fill the screen)
 
-from cable_envs.circuit_effects import pulley, rise, spring
-from cable_envs.circuit_ends import (
+from cable_envs.plants.circuit.effects import pulley, rise, spring
+from cable_envs.plants.circuit.ends import (
     ACTION_MODES, BRAKE, C5, COEFFICIENTS, EA5, GEAR, M_IN, M_OUT, OUT_OF_RANGE, PEAK, PHASE, PRE_B, PRE_T, R0, R5,
     SIGNALS, SLACK, STILL, T01_B, T01_T, T45_B, T45_T, THETA_IN, THETA_OUT, V_IN, V_OUT, any_payload, cosine,
     drive_step, effect_rows, load_torque, rest_elongation, rest_signals,
 )  # fmt: skip
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_pieces import (
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.circuit.stages import (
     BRANCHES, C_TURN, D, DB1, DB2, DT1, DT2, K_IN, LENGTH_B, LENGTH_T, LEVEL, LOAD_C, LOAD_K, OB1, OB2, OFFSET, OT1,
     OT2, OWN, RATE, ROWS_P, ROWS_W, TILE_P, TURNS, WANTED, begin_step, coefficients, cw_share, drive_torque, guess,
     held_by_flag, mix, output_torques, output_velocity, share_with, steepest,
@@ -40,7 +40,7 @@ from cable_envs.effects.rows import CREEP, CREEP_B, CREEP_T, DRIFT, HARDENING, P
 from cable_envs.effects.seams import CREEP_LEFT, FOLLOWS, ROWS_G, TARGET, actuate, begin, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
+from cable_envs.core.kernels import LANES, inline, jit, load, maximum, minimum, select, store, tile
 from cable_envs.plants.base import COMMAND, INPUTS, Plant
 
 ROWS_X, ROWS_U = len(SIGNALS), len(INPUTS)
@@ -50,7 +50,7 @@ STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, rad and rad/s."""
 
 # In what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
-# A user's own effects (`cable_envs.own_effects`) replace own_cable, own_load and own_actuate in a copy of this file:
+# A user's own effects (`plants.own_effects`) replace own_cable, own_load and own_actuate in a copy of this file:
 # what calls one of them must stay here.
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import begin, damping, follow
 from cable_envs.effects.rows import (
@@ -20,8 +21,7 @@ from cable_envs.effects.rows import (
     STARTED,
 )  # fmt: skip
 from cable_envs.effects.seams import DOWN, STEEP, UP, elastic
-from cable_envs.friction import stick_slip_step
-from cable_envs.kernels import clip, inline, maximum, select, sqrt
+from cable_envs.physics.friction import stick_slip_step
 
 _TAU = 2.0 * np.pi
 

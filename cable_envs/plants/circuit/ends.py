@@ -13,9 +13,8 @@ the stiffness in the denominator need not be exact: it keeps the step stable, th
 
 import numpy as np
 
-from cable_envs.circuit_effects import drive_at
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_statics import Statics
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.kernels import clip, inline, maximum, select, sine_cosine
 from cable_envs.effects.rows import (
     CREEP,
     CREEP_B,
@@ -30,9 +29,10 @@ from cable_envs.effects.rows import (
     SPRING,
 )  # fmt: skip
 from cable_envs.effects.seams import FOLLOWS, TARGET_V
-from cable_envs.errors import ConfigurationError
-from cable_envs.kernels import clip, inline, maximum, select, sine_cosine
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE, ActionMode, Signal
+from cable_envs.plants.circuit.effects import drive_at
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.circuit.statics import Statics
 
 SIGNALS = (
     Signal("drive_angle", "rad", "angle of the driving pulley"),

@@ -7,7 +7,7 @@ driving pulley and span 4 arrives at the driven pulley. The cable is fixed to P0
 
 import math
 
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.params import Parameter, ParameterTable
 
 SIDES = ("top", "bottom")
 """Cable t and cable b; counter-clockwise drive pulls cable t."""

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.patches import Circle
 
-from cable_envs import render_draw as d
-from cable_envs import render_widgets as w
-from cable_envs.circuit_parameters import CIRCUIT, IDLERS, SIDES
+from cable_envs.drawing import draw as d
+from cable_envs.drawing import widgets as w
+from cable_envs.plants.circuit.parameters import CIRCUIT, IDLERS, SIDES
 
 _MM = 4.1  # pixels per millimetre of pulley radius
 _DRIVE, _OUTPUT = np.array([232.0, 447.0]), np.array([752.0, 447.0])

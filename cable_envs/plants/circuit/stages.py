@@ -1,24 +1,24 @@
 """Scalar pieces of the analytic circuit's kernel: its two branches, their mixture at rest, the output's step.
 
-`cable_envs.plants.pulley_circuit` has the equations and the symbols, and the pieces into which a user's effects are
+`circuit.closed_form` has the equations and the symbols, and the pieces into which a user's effects are
 put. In what follows e, s and g are None without effects: what asks for them is then left out before anything is
 compiled.
 """
 
 import numpy as np  # noqa: I001 (the blocks below: one name a line would fill the screen)
 
-from cable_envs.circuit_effects import output_step, rise
-from cable_envs.circuit_ends import (
+from cable_envs.plants.circuit.effects import output_step, rise
+from cable_envs.plants.circuit.ends import (
     BRAKE, B_OUT, C5, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, PEAK, R0, R5, SHARED, SLACK, T01_B, T01_T, resolve,
     shared_coefficients,
 )  # fmt: skip
-from cable_envs.circuit_parameters import CIRCUIT
-from cable_envs.circuit_statics import Statics
+from cable_envs.plants.circuit.parameters import CIRCUIT
+from cable_envs.plants.circuit.statics import Statics
 from cable_envs.effects.presliding_hysteresis import share as share_of
 from cable_envs.effects.rows import DRIFT, PARTIAL, PARTIAL_0, ROWS_E, STARTED, WORN
 from cable_envs.effects.seams import DOWN, UP
-from cable_envs.friction import stick_slip_step
-from cable_envs.kernels import clip, inline, maximum, minimum, select
+from cable_envs.physics.friction import stick_slip_step
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select
 
 OWN = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",

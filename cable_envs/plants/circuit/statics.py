@@ -22,11 +22,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from cable_envs.circuit_parameters import CIRCUIT, IDLERS, SIDES
-from cable_envs.contact import tension_integral, tension_ratio
-from cable_envs.errors import ConfigurationError
-from cable_envs.kernels import jit, maximum
-from cable_envs.supports import shaft_ratio, slip_angle, support_share
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.kernels import jit, maximum
+from cable_envs.physics.contact import tension_integral, tension_ratio
+from cable_envs.physics.supports import shaft_ratio, slip_angle, support_share
+from cable_envs.plants.circuit.parameters import CIRCUIT, IDLERS, SIDES
 
 
 @jit

@@ -18,6 +18,9 @@ order 2. Where the belt is rigid the motor is the carriage. One kernel: it has t
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.kernels import LANES, clip, inline, jit, load, maximum, select, sign, store, tile
+from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.backlash import dead_zone
@@ -62,10 +65,7 @@ from cable_envs.effects.seams import (
 )  # fmt: skip
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.errors import ConfigurationError
-from cable_envs.friction import crossing_step
-from cable_envs.kernels import LANES, clip, inline, jit, load, maximum, select, sign, store, tile
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.physics.friction import crossing_step
 from cable_envs.plants.base import (
     COMMAND,
     COMMAND_RATE,

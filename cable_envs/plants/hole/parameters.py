@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError
-from cable_envs.params import Parameter, ParameterTable
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.plants.base import Signal
 
 MAX_HOLES = 4

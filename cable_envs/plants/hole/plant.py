@@ -32,20 +32,20 @@ from cable_envs.effects.seams import CREEP_LEFT, FACTOR, IMPOSES, ROWS_G, actuat
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.errors import ConfigurationError
-from cable_envs.hole_effects import spool_at
-from cable_envs.hole_parameters import (
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.hole.spool import spool_at
+from cable_envs.plants.hole.parameters import (
     BASE_P, BASE_X, COEFFICIENTS, GAIN, HOLE_P, HOLE_X, K_CABLE, LOAD_C, LOAD_K, MASS, MAX_HOLES, OF_EACH_HOLE,
     OMEGA, PARAMETERS, PEAK, ROWS_P, ROWS_X, SLACK, SLIDING, SPAN_K, T1, T2, VX, VY, WEIGHT, X, Y, coefficients,
     series_parameters, series_signals,
 )  # fmt: skip
-from cable_envs.hole_pieces import (
+from cable_envs.plants.hole.stages import (
     ABOVE_NEW, ABOVE_OLD, ABOVE_V, ABOVE_V_NEW, BEHIND, BEHIND_C, BEHIND_K, C, ELASTIC, ENDS, FRICTION, GROWTH,
     HARD, INERTIA, K, LOST, MIDDLE, MU, OUT, PER_MASS, RATIO, RISE, ROWS_W, S, SLOPE, V, any_stiff, closed_loop,
     drawn_in, drive, guide_moved, keep_hole, mobilised, ratio, record, slip_speed, span, span_behind, take_hole,
     transmitted, wrapped,
 )  # fmt: skip
-from cable_envs.kernels import LANES, inline, jit, load, maximum, power, select, sign, store, tile
+from cable_envs.core.kernels import LANES, inline, jit, load, maximum, power, select, sign, store, tile
 from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, ActionMode, Plant
 
 ROWS_U = len(INPUTS)
@@ -53,7 +53,7 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
 
 # In what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
-# A user's own effects (`cable_envs.own_effects`) replace own_cable, own_contact, own_load and own_actuate in a copy of
+# A user's own effects (`plants.own_effects`) replace own_cable, own_contact, own_load and own_actuate in a copy of
 # this file: what calls one of them must stay here.
 
 

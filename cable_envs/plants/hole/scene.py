@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.patches import Polygon
 
-from cable_envs import render_draw as d
-from cable_envs import render_widgets as w
+from cable_envs.drawing import draw as d
+from cable_envs.drawing import widgets as w
 
 _BOX = (24.0, 130.0, 572.0, 584.0)  # left, bottom, right, top of the mechanism in the frame
 _MOTOR = 58.0

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from cable_envs.core.kernels import inline, select
 from cable_envs.effects.backlash import play
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.rows import GAP, PERIOD, PHASE_ANGLE, PLAY, RIPPLE
-from cable_envs.kernels import inline, select
 
 _TAU = 2.0 * np.pi
 

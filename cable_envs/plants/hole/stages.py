@@ -1,20 +1,20 @@
 """Scalar pieces of the cable-hole kernel: the drive, one hole, the span behind it. They hold no effect of a user's own.
 
-`cable_envs.plants.cable_hole` has the equations and the symbols, and the pieces into which a user's effects are put. In
+`cable_envs.plants.hole.plant` has the equations and the symbols, and the pieces into which a user's effects are put. In
 what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
 """
 
-from cable_envs.contact import tension_ratio_and_slope, wrap_in_contact  # noqa: I001
+from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact  # noqa: I001
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.rows import COULOMB, CREEP_T, HARDENING, PRESLIDING, PRE_0, SLACK_LENGTH
 from cable_envs.effects.seams import DOWN, FOLLOWS, IMPOSES, STEEP, TARGET, TARGET_V, UP, dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
-from cable_envs.friction import stick_slip_step
-from cable_envs.hole_effects import cable_end, engaged, moves_otherwise
-from cable_envs.hole_parameters import (
+from cable_envs.physics.friction import stick_slip_step
+from cable_envs.plants.hole.spool import cable_end, engaged, moves_otherwise
+from cable_envs.plants.hole.parameters import (
     A_MAX, C_CABLE, GUIDE, KD, KP, K_CABLE, MASS, PEAK, RIGIDITY, SLACK, SPAN_K, T1, T2, VX, V_MAX, X,
 )  # fmt: skip
-from cable_envs.kernels import clip, exp, inline, log, maximum, select
+from cable_envs.core.kernels import clip, exp, inline, log, maximum, select
 from cable_envs.plants.base import COMMAND, COMMAND_RATE, MODE
 
 (S, V, OUT, WRAP, RHO, MU, EDGE, ABOVE_OLD, ABOVE_NEW, ABOVE_V, ABOVE_V_NEW, ABOVE_T, K, C, BEHIND, BEHIND_K, BEHIND_C,

@@ -4,8 +4,8 @@ The pieces are those of `contact`; the plant inlines the same ones. Three forms 
 them: the exact solution of G17, its first-order expansion G22, and G9 without extrusion.
 """
 
-from cable_envs.contact import extrusion_coefficient, tension_ratio, tension_ratio_perturbed, wrap_in_contact
-from cable_envs.kernels import jit
+from cable_envs.core.kernels import jit
+from cable_envs.physics.contact import extrusion_coefficient, tension_ratio, tension_ratio_perturbed, wrap_in_contact
 
 EXACT, G22, G9 = 0, 1, 2
 

@@ -11,16 +11,16 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import (
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.bench.evaluate import RECORDS
+from cablebench.cli.bench.leaderboard import make_board
+from cablebench.cli.common import (
     console,
     policy_entrant,
     progress_bar,
     require_ours,
     short_name,
 )
-from cablebench.commands.evaluate import RECORDS
-from cablebench.commands.leaderboard import make_board
 
 TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
 """One task of each plant to train an agent for."""
@@ -39,10 +39,10 @@ def demo(
     started = time.monotonic()
     require_ours("baselines", "agents")
     from agents.settings import load_settings
-    from cablebench.entrants import reference_entrants
-    from cablebench.evaluate import evaluate
-    from cablebench.protocol import load_protocol
-    from cablebench.store import ResultStore
+    from cablebench.entrants.entrant import reference_entrants
+    from cablebench.run.evaluate import evaluate
+    from cablebench.run.protocol import load_protocol
+    from cablebench.run.store import ResultStore
 
     chosen = load_protocol(protocol)
     listed = {task.env: task.options for task in chosen.tasks}

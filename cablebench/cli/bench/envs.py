@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.commands.common import console, print_json, resolve_env, short_name
+from cablebench.cli.common import console, print_json, resolve_env, short_name
 
 
 def envs(
@@ -32,8 +32,8 @@ def describe(env_id: str) -> dict[str, Any]:
     """One environment as JSON types: units, action modes with their ranges, observation channels by level."""
     import gymnasium as gym
 
-    from cable_envs.setup import make_setup
-    from cable_envs.tasks import LEVELS
+    from cable_envs.sim.setup import make_setup
+    from cable_envs.sim.tasks import LEVELS
 
     arguments = gym.spec(env_id).kwargs
     setup = make_setup(**arguments)
@@ -69,8 +69,8 @@ def describe(env_id: str) -> dict[str, Any]:
 
 def describe_rigs(plants: set[str]) -> list[dict[str, Any]]:
     """The presets in configs/rigs that belong to ``plants``."""
-    from cable_envs.config import config_root
-    from cable_envs.rigs import load_rig
+    from cable_envs.core.config import config_root
+    from cable_envs.sim.rigs import load_rig
 
     rigs = [load_rig(path.stem) for path in sorted((config_root() / "rigs").glob("*.yaml"))]
     return [

@@ -6,15 +6,15 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import (
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import (
     console,
     print_json,
     progress_bar,
     resolve_env,
 )
-from cablebench.commands.recipes import entrant_recipes
-from cablebench.commands.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
+from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
+from cablebench.cli.recipes import entrant_recipes
 from cablebench.jobs import open_backend
 
 RECORDS = "records.jsonl"
@@ -38,8 +38,8 @@ def evaluate(
     as_json: Annotated[bool, typer.Option("--json", help="All records as JSON on standard output.")] = False,
 ) -> None:
     """Evaluate controllers (default: all references) and trained policies over the protocol's test episodes."""
-    from cablebench.protocol import load_protocol
-    from cablebench.store import ResultStore
+    from cablebench.run.protocol import load_protocol
+    from cablebench.run.store import ResultStore
 
     if resume and results is None:
         raise ConfigurationError("--resume needs --results: it skips what those already hold")
@@ -64,7 +64,7 @@ def evaluate(
 
 def _entering(recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]) -> list[Any]:
     """The recipes whose entrants apply to at least one of the tasks."""
-    from cablebench.evaluate import setup_of
+    from cablebench.run.evaluate import setup_of
 
     env_ids = dict.fromkeys(c.task.env for c in protocol.cells(tasks, tracks))
     setups = {env_id: setup_of(env_id, {}) for env_id in env_ids}
@@ -76,7 +76,7 @@ def evaluate_on(
 ) -> list[dict[str, Any]]:
     """Evaluate what the recipes make, in this process or as jobs of a backend, under a progress bar; the new records.
 
-    conditions: tasks, tracks, store, as `cablebench.evaluate.evaluate` takes them.
+    conditions: tasks, tracks, store, as `cablebench.run.evaluate.evaluate` takes them.
     """
     with progress_bar() as update:
 
@@ -84,10 +84,10 @@ def evaluate_on(
             update("episodes", p.done, p.total, p.text)
 
         if backend == "local" and jobs in (None, 1) and ray_address is None:
-            from cablebench.evaluate import evaluate as run
+            from cablebench.run.evaluate import evaluate as run
 
             return run(protocol, [recipe() for recipe in recipes], *conditions, report, resume)
-        from cablebench.evaluate_jobs import evaluate_in_jobs
+        from cablebench.run.jobs import evaluate_in_jobs
 
         with open_backend(backend, jobs, ray_address) as workers:
             return evaluate_in_jobs(protocol, recipes, workers, *conditions, report, resume)
@@ -104,7 +104,7 @@ def print_summary(records: list[Mapping[str, Any]], out: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from cablebench.units import number
+    from cablebench.run.units import number
 
     table = Table(box=None, pad_edge=False)
     for name in ("task", "track", "entrant", "episodes", "failed", "median RMSE", "unit"):

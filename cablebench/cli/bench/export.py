@@ -7,8 +7,9 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError, nearest
-from cablebench.commands.common import (
+from cable_envs.core.errors import ConfigurationError, nearest
+from cablebench.cli.bench.run import choose_entrant
+from cablebench.cli.common import (
     console,
     options_for,
     parse_options,
@@ -17,7 +18,6 @@ from cablebench.commands.common import (
     resolve_env,
     short_name,
 )
-from cablebench.commands.run import choose_entrant
 
 FORMATS = ("minari", "recording")
 
@@ -65,7 +65,7 @@ def export(
         how = f"read it with: MINARI_DATASETS_PATH={out} python -c \"import minari; minari.load_dataset('{name}')\""
     else:
         written, traces = _recording(env_id, options, entrant, seeds, out, table, heldout)
-        how = f"read it with: diagnosis.recording.load_recording('{written}')"
+        how = f"read it with: diagnosis.data.recording.load_recording('{written}')"
     _report(entrant, env_id, form, written, traces, how, as_json)
 
 

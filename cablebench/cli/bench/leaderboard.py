@@ -6,9 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console
-from cablebench.commands.evaluate import RECORDS
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.bench.evaluate import RECORDS
+from cablebench.cli.common import console
 
 BOARDS = "boards"
 """Folder of the boards that are kept under version control: one folder for each, named like its protocol."""
@@ -30,7 +30,7 @@ def leaderboard(
 
     --pack compresses the records to records.jsonl.gz and drops trajectories that the page does not draw.
     """
-    from cablebench.store import ResultStore
+    from cablebench.run.store import ResultStore
 
     folder, flags = results_folder(board, results, protocol)
     store = ResultStore(folder / RECORDS)
@@ -46,7 +46,7 @@ def leaderboard(
 
 def _pack(store: Any, board: Any, count: int) -> None:
     """Make the results folder small: records compressed, trajectories of the rows that the page draws only."""
-    from cablebench.page import shown_runs
+    from cablebench.board.page import shown_runs
 
     path = store.pack()
     store.forget_trajectories(shown_runs(board))
@@ -55,7 +55,7 @@ def _pack(store: Any, board: Any, count: int) -> None:
 
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
     """(results folder, the flags that name it and the protocol). ConfigurationError when nothing names a folder."""
-    from cablebench.protocol import load_protocol
+    from cablebench.run.protocol import load_protocol
 
     if board is None and results is None:
         raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
@@ -66,7 +66,7 @@ def results_folder(board: str | None, results: Path | None, protocol: str | None
 
 def board_folder(name: str) -> Path:
     """boards/<name> here, or that of the checkout the program runs from, where it has one."""
-    from cable_envs.config import config_root
+    from cable_envs.core.config import config_root
 
     here, checkout = Path(BOARDS) / name, config_root().parent / BOARDS / name
     return checkout if checkout.is_dir() and not here.is_dir() else here
@@ -74,7 +74,7 @@ def board_folder(name: str) -> Path:
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
     """The protocol of that name, or that of the newest record."""
-    from cablebench.protocol import load_protocol
+    from cablebench.run.protocol import load_protocol
 
     return load_protocol(name or records[-1]["protocol"])
 
@@ -87,10 +87,10 @@ def make_board(
     ``place``: the flags that name the results folder, for replay commands; without them a row shows the command that
     evaluated it.
     """
-    from cablebench.board import build_board
-    from cablebench.learning import learning_curves
-    from cablebench.notes import REMARKS
-    from cablebench.report import print_board, render_json, write_board
+    from cablebench.board.board import build_board
+    from cablebench.board.notes import REMARKS
+    from cablebench.board.report import print_board, render_json, write_board
+    from cablebench.run.learning import learning_curves
 
     remarks = store.path.parent / REMARKS
     text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""

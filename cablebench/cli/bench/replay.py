@@ -8,11 +8,11 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, print_json, progress_bar, resolve_env
-from cablebench.commands.evaluate import RECORDS, choose_entrants
-from cablebench.commands.leaderboard import protocol_of, results_folder
-from cablebench.commands.trust import ask
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.bench.evaluate import RECORDS, choose_entrants
+from cablebench.cli.bench.leaderboard import protocol_of, results_folder
+from cablebench.cli.common import console, print_json, progress_bar, resolve_env
+from cablebench.cli.trust import ask
 
 DIFFERENT = 1
 """Exit code where a number is not as recorded."""
@@ -36,9 +36,9 @@ def replay(
 
     Replaying a submitted .py file executes it: you are asked before, or say --trust.
     """
-    from cablebench.provenance import versions
-    from cablebench.replay import arguments_of, compare, executed_by, rows_of
-    from cablebench.store import ResultStore
+    from cablebench.run.provenance import versions
+    from cablebench.run.replay import arguments_of, compare, executed_by, rows_of
+    from cablebench.run.store import ResultStore
 
     folder, _ = results_folder(board, results)
     everything = ResultStore(folder / RECORDS).records()
@@ -61,7 +61,7 @@ def replay(
 
 def _again(protocol: Any, words: str, records: list[Any], update: Any) -> list[Any]:
     """The records' episodes run anew by the entrant that the flags name."""
-    from cablebench.evaluate import evaluate
+    from cablebench.run.evaluate import evaluate
 
     flags = dict.fromkeys(("--controller", "--gain", "--policy"))
     given: dict[str, list[str]] = {flag: [] for flag in flags}

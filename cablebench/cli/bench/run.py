@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError, nearest
-from cablebench.commands.common import (
+from cable_envs.core.errors import ConfigurationError, nearest
+from cablebench.cli.common import (
     console,
     options_for,
     parse_gains,
@@ -65,7 +65,7 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
             raise ConfigurationError("--gain belongs to --controller: a trained policy has no gains")
         return policy_entrant(policy)
     require_ours("baselines")
-    from cablebench.entrants import named_entrant
+    from cablebench.entrants.entrant import named_entrant
 
     return named_entrant(controller, parse_gains(gains))
 
@@ -74,7 +74,7 @@ def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render:
     """(episode, frames): frames is empty unless a picture is wanted."""
     import gymnasium as gym
 
-    from cablebench.evaluate import run_episode
+    from cablebench.run.evaluate import run_episode
 
     options = options_for(entrant, env_id, options)
     made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)
@@ -127,7 +127,7 @@ def _files(episode: Any, save: Path | None, render: Path | None, film: list[Any]
 
 
 def _write(path: Path, content: bytes) -> Path:
-    from cablebench.store import write_atomic
+    from cablebench.run.store import write_atomic
 
     try:
         return write_atomic(path, content)
@@ -147,7 +147,7 @@ def _columns(episode: Any) -> dict[str, Any]:
 
 
 def _signal_units(task: str) -> dict[str, str]:
-    from cable_envs.setup import make_setup
+    from cable_envs.sim.setup import make_setup
 
     return {s.name: s.unit for s in make_setup(task, "step").plant.signals}
 
@@ -164,7 +164,7 @@ def _npz(episode: Any) -> bytes:
     """Arrays by name, and under "about" what produced them as JSON, units included."""
     import numpy as np
 
-    from cablebench.store import jsonable
+    from cablebench.run.store import jsonable
 
     named = {key.split(" [")[0]: (key.split(" [")[1][:-1], values) for key, values in _columns(episode).items()}
     about = {**episode.settings, "units": {name: unit for name, (unit, _) in named.items()}}
@@ -191,7 +191,7 @@ def _picture(film: list[Any], suffix: str) -> bytes:
 
 
 def _report(env_id: str, entrant: Any, seed: int, episode: Any, written: list[str], as_json: bool) -> None:
-    from cablebench.metrics import METRICS, measure
+    from cablebench.run.metrics import METRICS, measure
 
     values = measure(episode)
     units = {m.name: m.unit_of(episode.output_unit, episode.command_unit) for m in METRICS}
@@ -213,8 +213,8 @@ def _print_metrics(values: Mapping[str, float], units: Mapping[str, str], out: A
     from rich.table import Table
     from rich.text import Text
 
-    from cablebench.metrics import METRICS
-    from cablebench.units import number
+    from cablebench.run.metrics import METRICS
+    from cablebench.run.units import number
 
     table = Table(box=None, pad_edge=False, show_header=False)
     for m in METRICS:

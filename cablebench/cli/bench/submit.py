@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, require_ours, resolve_env
-from cablebench.commands.evaluate import RECORDS, evaluate_on
-from cablebench.commands.leaderboard import make_board, results_folder
-from cablebench.commands.recipes import NamedEntrant, named
-from cablebench.commands.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.commands.trust import ask
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.bench.evaluate import RECORDS, evaluate_on
+from cablebench.cli.bench.leaderboard import make_board, results_folder
+from cablebench.cli.common import console, require_ours, resolve_env
+from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
+from cablebench.cli.recipes import NamedEntrant, named
+from cablebench.cli.trust import ask
 
 
 def submit(
@@ -36,10 +36,10 @@ def submit(
 ) -> None:
     """Check a controller or policy, run the protocol, and add its row to the board."""
     require_ours("baselines")
-    from cablebench.admission import check_name, read_submission
-    from cablebench.dry_run import dry_run
-    from cablebench.protocol import load_protocol
-    from cablebench.store import ResultStore
+    from cablebench.entrants.admission import check_name, read_submission
+    from cablebench.entrants.dry_run import dry_run
+    from cablebench.run.protocol import load_protocol
+    from cablebench.run.store import ResultStore
 
     folder, flags = results_folder(board or (None if results else "quick"), results, protocol)
     chosen = load_protocol(protocol or board or "quick")
@@ -111,7 +111,7 @@ def _missing(
 
 def _place(board: Any, entrant: Any, say: Any) -> None:
     """Say in one line for each table where the newcomer stands."""
-    from cablebench.report import heading, interval
+    from cablebench.board.report import heading, interval
 
     for table in board.tables:
         for row in table.rows:

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, require_ours, short_name
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console, require_ours, short_name
 
 
 def publish(

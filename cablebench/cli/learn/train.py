@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.commands.common import (
+from cablebench.cli.common import (
     console,
     parse_options,
     print_json,
@@ -17,7 +17,7 @@ from cablebench.commands.common import (
     resolve_env,
     short_name,
 )
-from cablebench.commands.training import chosen_seeds, training_job
+from cablebench.cli.training import chosen_seeds, training_job
 from cablebench.jobs import Backend, Done, Job, open_backend
 
 INTERRUPTED = 130

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 import typer
 import yaml
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, print_json, progress_bar, require_ours, resolve_env, short_name
-from cablebench.commands.train import ADDRESS_HELP, BACKEND_HELP, INTERRUPTED, JOBS_HELP
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console, print_json, progress_bar, require_ours, resolve_env, short_name
+from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, INTERRUPTED, JOBS_HELP
 from cablebench.jobs import Backend, open_backend
 
 SHOWN = 5
@@ -47,7 +47,7 @@ def tune(
         raise ConfigurationError("--steps belongs to --algo: a controller is not trained")
     if algo is not None and (steps is None or name is not None):
         raise ConfigurationError("--name belongs to --controller" if name else "--algo needs --steps for its trials")
-    from cablebench.protocol import load_protocol
+    from cablebench.run.protocol import load_protocol
 
     plan = {
         "protocol": load_protocol(protocol), "track": track, "episodes": episodes, "seed": seed, "batch": batch
@@ -56,12 +56,12 @@ def tune(
     what = controller or Path(str(algo)).stem
     file = study or Path("runs") / f"tune-{what}.db"
     if controller is not None:
-        from cablebench.commands.tune_controllers import controller_search
+        from cablebench.cli.learn.tune_controllers import controller_search
 
         searches = {e: controller_search(controller, e, **plan) for e in envs}
     else:
         require_ours("agents")
-        from cablebench.commands.tune_agents import agent_search
+        from cablebench.cli.learn.tune_agents import agent_search
 
         searches = {e: agent_search(str(algo), e, steps or 0, file.with_suffix(""), **plan) for e in envs}
     with open_backend(backend, jobs, ray_address) as workers:
@@ -79,7 +79,7 @@ def tune(
 
 def _run(file: Path, searches: Mapping[str, Any], trials: int, workers: Backend) -> tuple[dict[str, list[Any]], bool]:
     """(trials of every environment, whether Ctrl-C ended it)."""
-    from cablebench.tuning import read_trials, tune
+    from cablebench.tune.study import read_trials, tune
 
     found: dict[str, list[Any]] = {}
     say = console(stderr=True)
@@ -126,9 +126,9 @@ def _command(
 def _controller_file(
     controller: str, name: str | None, found: Mapping[str, Sequence[Any]], command: str
 ) -> dict[str, Any]:
-    """The controller file (`cablebench.controller_files`) with the best gains of every environment."""
+    """The controller file (`cablebench.entrants.controller_files`) with the best gains of every environment."""
     from baselines import controller_class
-    from cablebench.tuning import best
+    from cablebench.tune.study import best
 
     # the first trial is the default, which was itself found by trials
     before = controller_class(controller).charged.get("tuning_trials", 0)
@@ -146,9 +146,9 @@ def _settings_file(
     algo: str, searches: Mapping[str, Any], found: Mapping[str, Sequence[Any]], command: str
 ) -> dict[str, Any]:
     """The agent's settings file with the best settings of every environment, and what finding them cost."""
-    from cablebench.commands.tune_agents import tuned_file
-    from cablebench.tuning import best
-    from cablebench.tuning_space import nested
+    from cablebench.cli.learn.tune_agents import tuned_file
+    from cablebench.tune.space import nested
+    from cablebench.tune.study import best
 
     blocks = {
         env_id: {**nested(best(made).values), "tuning_trials": searches[env_id].about["charged_before"] + len(made)}
@@ -160,8 +160,8 @@ def _settings_file(
 def _report(
     found: Mapping[str, Sequence[Any]], content: dict[str, Any], out: Path | None, file: Path, as_json: bool
 ) -> None:
-    from cablebench.store import write_atomic
-    from cablebench.tuning import best
+    from cablebench.run.store import write_atomic
+    from cablebench.tune.study import best
 
     command = content["made_by"] if "schema" in content else content.pop("made_by")
     inline = False if "schema" in content else None  # an agent's lists and innermost mappings on one line

@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from agents.settings import load_settings
-from cable_envs.config import config_path, read_yaml
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import policy_entrant, short_name
+from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import policy_entrant, short_name
 from cablebench.jobs import Context, Job, Stopped
-from cablebench.protocol import Protocol
-from cablebench.provenance import source_hash
-from cablebench.tuning import Search
-from cablebench.tuning_objective import loss_of, mean_loss, training_seed, tuning_cells, tuning_seeds
-from cablebench.tuning_space import Dimension, nested, parse_space
+from cablebench.run.protocol import Protocol
+from cablebench.run.provenance import source_hash
+from cablebench.tune.objective import loss_of, mean_loss, training_seed, tuning_cells, tuning_seeds
+from cablebench.tune.space import Dimension, nested, parse_space
+from cablebench.tune.study import Search
 
 RUN = "run"
 
@@ -102,7 +102,7 @@ def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any]
     A training whose numbers stop being finite is a trial with the worst loss there is.
     """
     from agents.train import Interrupted, train
-    from cablebench.evaluate import cell_options, setup_of
+    from cablebench.run.evaluate import cell_options, setup_of
 
     folder = context.folders[RUN]
     try:

@@ -4,15 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from baselines import controller_class
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import short_name
-from cablebench.evaluate import cell_options, setup_of
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import short_name
 from cablebench.jobs import Job
-from cablebench.protocol import Protocol
-from cablebench.provenance import source_hash
-from cablebench.tuning import Search
-from cablebench.tuning_objective import controller_trial, tuning_cells, tuning_seeds
-from cablebench.tuning_space import gain_space
+from cablebench.run.evaluate import cell_options, setup_of
+from cablebench.run.protocol import Protocol
+from cablebench.run.provenance import source_hash
+from cablebench.tune.objective import controller_trial, tuning_cells, tuning_seeds
+from cablebench.tune.space import gain_space
+from cablebench.tune.study import Search
 
 
 def controller_search(

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.commands.common import console, print_json
+from cablebench.cli.common import console, print_json
 
 
 def first_look(
@@ -15,8 +15,8 @@ def first_look(
     as_json: Annotated[bool, typer.Option("--json", help="The findings as JSON on standard output.")] = False,
 ) -> None:
     """Distance from a rigid transmission, friction by direction and load, reversals, stiffness, repeatability."""
-    from diagnosis.first_look import first_look as look
-    from diagnosis.recording import load_recording
+    from diagnosis.data.first_look import first_look as look
+    from diagnosis.data.recording import load_recording
 
     found = look(load_recording(recording), group, load)
     if as_json:

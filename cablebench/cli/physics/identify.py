@@ -8,8 +8,8 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, parse_pairs, print_json
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console, parse_pairs, print_json
 
 
 class Method(StrEnum):
@@ -49,7 +49,7 @@ def identify(
     wrap_angle (or a known one). Parameters under "known" stay fixed, and radius_ratio always does: the ratio contains
     rho0 (1 + delta) only.
     """
-    from diagnosis.recording import load_recording
+    from diagnosis.data.recording import load_recording
 
     loaded = load_recording(recording)
     result = identify_recording(loaded, method.value, model.value, seed, parse_bounds(bound or ()))
@@ -255,7 +255,7 @@ def notes(result: dict[str, Any]) -> list[str]:
 def _print(result: dict[str, Any]) -> None:
     from rich.table import Table
 
-    from cablebench.units import number
+    from cablebench.run.units import number
 
     out = console()
     low, high = (1e3 * v for v in result["speed_m_per_s"])

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, parse_pairs, print_json
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console, parse_pairs, print_json
 
 SHOWN = 30
 """Doubts and remarks on the terminal; all of them are in the YAML file and in --json."""
@@ -55,7 +55,7 @@ def import_(
     if fit_all and (heldout or after is not None):
         raise ConfigurationError("--fit-all excludes --heldout and --after")
     if form.endswith(".py"):
-        from cablebench.commands.trust import ask
+        from cablebench.cli.trust import ask
 
         ask(form, trust)
     _check_out(path, out)
@@ -90,7 +90,7 @@ def _command(form: str, path: Path, mapping: Path | None, select, heldout, after
 
 
 def _print(done) -> None:
-    from diagnosis.recording import USES
+    from diagnosis.data.recording import USES
 
     out = console()
     for kind in USES:

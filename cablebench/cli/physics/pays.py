@@ -5,8 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError
-from cablebench.commands.common import console, parse_pairs, print_json, progress_bar, require_ours
+from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.common import console, parse_pairs, print_json, progress_bar, require_ours
 
 INTERRUPTED = 130
 QUICK = {
@@ -37,9 +37,9 @@ def pays(
 ) -> None:
     """Record hidden rigs, diagnose them, tune and train on nominal, corrected and true simulators, score on them."""
     require_ours("agents")
-    from cablebench.commands.pays_steps import run
-    from cablebench.pays import Study
-    from cablebench.pays_rigs import RIGS
+    from cablebench.cli.physics.pays_steps import run
+    from cablebench.pays.rigs import RIGS
+    from cablebench.pays.scores import Study
 
     asked: dict[str, Any] = {
         "seeds": tuple(seed) if seed else None, "steps": steps, "trials": trials, "tuning_episodes": tuning_episodes,
@@ -64,7 +64,7 @@ def pays(
 
 
 def hidden(pairs: Any) -> dict[str, dict[str, float]] | None:
-    """``["backlash.gap=0.1"]`` as effects; None where none is given. Names are checked by `cablebench.pays.Study`."""
+    """``["backlash.gap=0.1"]`` as effects; None where none is given. Names are checked by `scores.Study`."""
     found: dict[str, dict[str, float]] = {}
     for name, value in parse_pairs(pairs, "--hide").items():
         effect, dot, parameter = name.partition(".")

@@ -8,8 +8,8 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.errors import ConfigurationError, require_known
-from cablebench.commands.common import console, print_json, progress_bar
+from cable_envs.core.errors import ConfigurationError, require_known
+from cablebench.cli.common import console, print_json, progress_bar
 from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job
 
@@ -19,7 +19,9 @@ INTERRUPTED = 130
 
 
 def proof(
-    out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path("proof"),
+    out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path(
+        "results/proof"
+    ),
     quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
     cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
     first: Annotated[
@@ -53,9 +55,9 @@ def proof(
             raise typer.Exit(1)
         return
     command = _tool_command() if tool else []
-    from diagnosis.proof.cases import KINDS
-    from diagnosis.proof.effects import SYSTEMS
-    from diagnosis.proof.run import scored, state
+    from proof.cases import KINDS
+    from proof.effects import SYSTEMS
+    from proof.run import scored, state
 
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
@@ -83,7 +85,7 @@ def proof(
 
 def _tool_command() -> list[str]:
     """How the tool is started. Raises ConfigurationError where this version has none."""
-    from cablebench.commands.app import app
+    from cablebench.cli.app import app
 
     known = {c.name or (c.callback.__name__ if c.callback else "") for c in app.registered_commands}
     if "diagnose" not in known:
@@ -95,8 +97,8 @@ def _tool_command() -> list[str]:
 
 
 def _methods(tool: bool, baselines: bool) -> list[str]:
-    from diagnosis.proof.baselines import BASELINES
-    from diagnosis.proof.run import TOOL
+    from proof.baselines import BASELINES
+    from proof.run import TOOL
 
     return ([TOOL] if tool else []) + (list(BASELINES) if baselines else [])
 
@@ -117,7 +119,7 @@ def _asked(
 
 
 def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> list[Any]:
-    from diagnosis.proof.cases import plan
+    from proof.cases import plan
 
     if quick:
         return plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
@@ -126,7 +128,7 @@ def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> 
 
 def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any]) -> dict[str, Any]:
     """Recordings, sealed keys, manifest, which says ``about``."""
-    from diagnosis.proof.run import make_one, write_manifest
+    from proof.run import make_one, write_manifest
 
     lines = {}
     with progress_bar() as update, open_backend("local", jobs) as backend:
@@ -137,7 +139,7 @@ def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any])
 
 
 def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: list[str], jobs: int) -> None:
-    from diagnosis.proof.run import diagnose_one
+    from proof.run import diagnose_one
 
     for method in methods:
         arguments = {"out": str(out), "method": method, "command": command}
@@ -153,8 +155,8 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
     Raises ConfigurationError for what is no proof.json, parts of several plans, and cases that are in two parts.
     """
-    from diagnosis.proof.report import parts_of, together
-    from diagnosis.proof.run import TOOL
+    from proof.report import parts_of, together
+    from proof.run import TOOL
 
     records = parts_of(parts)
     about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
@@ -166,9 +168,9 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
     """Write ``results`` by method; the fail rules that the first of them breaks."""
-    from cablebench.proof_page import render
-    from cablebench.store import jsonable, write_atomic
-    from diagnosis.proof import report
+    from cablebench.pages.proof import render
+    from cablebench.run.store import jsonable, write_atomic
+    from proof import report
 
     about = {**about, "cases_total": len(next(iter(results.values()))), "sample": quick}
     whole = jsonable(report.record(results, about))

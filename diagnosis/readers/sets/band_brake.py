@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from diagnosis.readers.base import (
     ChannelSpec,
     DataSet,

@@ -7,7 +7,7 @@ the sensor's scale, so its reading stays in volts. 500 samples a record, 50 Hz; 
 from functools import partial
 from pathlib import Path
 
-from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
 from diagnosis.readers.mat import variables
 from diagnosis.readers.text import Layout, read_text

@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from diagnosis.readers.base import ChannelSpec, DataSet, Fault, Log, RecordSpec, Request, files_at, measured_frequency
 from diagnosis.readers.text import Layout, read_text
 

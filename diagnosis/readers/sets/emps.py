@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.errors import ConfigurationError, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
 from diagnosis.readers.mat import variables
 from diagnosis.readers.text import Layout, read_text

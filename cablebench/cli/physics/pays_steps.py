@@ -7,14 +7,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from cable_envs.config import read_yaml
-from cable_envs.errors import ConfigurationError
-from cablebench import pays
-from cablebench.evaluate import setup_of
+from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError
 from cablebench.jobs import Job, open_backend
-from cablebench.pays import SIMULATORS, Study
-from cablebench.protocol import load_protocol
-from cablebench.store import jsonable, write_atomic
+from cablebench.pays import scores as pays
+from cablebench.pays.scores import SIMULATORS, Study
+from cablebench.run.evaluate import setup_of
+from cablebench.run.protocol import load_protocol
+from cablebench.run.store import jsonable, write_atomic
 
 Progress = Callable[[str, int, int, str], None]
 RECORDING_SEED = 0
@@ -60,8 +60,8 @@ def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dic
 def tuned_gains(study: Study, out: Path, simulator: str, rig: Mapping[str, Any], seed: int, progress: Progress) -> Any:
     """The controller's gains after the study's trials on a simulator."""
     from baselines import controller_class
-    from cablebench.tuning import Search, best, tune
-    from cablebench.tuning_space import gain_space
+    from cablebench.tune.space import gain_space
+    from cablebench.tune.study import Search, best, tune
 
     options, controller = study.simulator_options(simulator, rig), study.bench.controller
     setup = setup_of(study.bench.env, options)
@@ -108,7 +108,7 @@ def scored(
     study: Study, out: Path, learner: str, simulator: str, rig: Any, seed: int, progress: Progress
 ) -> list[float]:
     """Errors on the hidden rig of a learner from a simulator, SI; makes what is missing first."""
-    from cablebench.actors import PolicyActor
+    from cablebench.run.actors import PolicyActor
 
     file = out / "scores" / f"{learner}-{simulator}-{seed}.json"
     if file.exists():
@@ -139,7 +139,7 @@ def run(
 
     Writes pays.json, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
     """
-    from cablebench.pays_page import FIGURE, command, figure, page
+    from cablebench.pays.page import FIGURE, command, figure, page
 
     answers, scores = {}, {}
     for study in studies:

@@ -1,0 +1,1 @@
+"""What everything else stands on: how kernels compile, declared parameters, random numbers, errors, files."""

@@ -1,0 +1,1 @@
+"""The papers' equations as scalar functions: wrapped contact, extrusion, supports, dry friction, chain."""

@@ -1,0 +1,1 @@
+"""A one-axis drive with friction, rigid or behind a belt."""

@@ -1,0 +1,1 @@
+"""From records to a ranked board: scores, statistics, tables, figures, pages."""

@@ -1,0 +1,5 @@
+"""``python -m cablebench.cli`` is ``cablebench``."""
+
+from cablebench.cli import main
+
+main()

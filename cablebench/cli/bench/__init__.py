@@ -1,0 +1,1 @@
+"""Commands that run, score and rank controllers and policies."""

@@ -1,0 +1,1 @@
+"""Commands about recordings, identification, diagnosis and the two papers."""

@@ -1,0 +1,1 @@
+"""Who takes part: controllers, policies, submitted files; what is checked before they do."""

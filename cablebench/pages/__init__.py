@@ -1,0 +1,1 @@
+"""HTML pages about diagnoses, recordings and the proof; their shared template."""

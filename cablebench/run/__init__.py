@@ -1,0 +1,1 @@
+"""Episodes of a protocol and their records: metrics, results store, provenance, replay."""

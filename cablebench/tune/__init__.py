@@ -1,0 +1,1 @@
+"""Tuning by trials: the space, the objective, the study."""

@@ -1,0 +1,1 @@
+"""Is what is left after a refit noise? Tests of residuals over position, speed, time and frequency."""

@@ -1,0 +1,1 @@
+"""Refits, likelihood, screening of hypotheses, localisation."""

@@ -1,0 +1,1 @@
+"""What is common to all systems: residual model, noise, hypotheses, the verdict."""

@@ -1,0 +1,1 @@
+"""From a search to an answer: the corrected rig, confidences, places, words."""

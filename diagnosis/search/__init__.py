@@ -1,0 +1,1 @@
+"""Which effects explain a recording: candidates, objections, selection, ladders."""

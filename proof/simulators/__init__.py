@@ -1,0 +1,1 @@
+"""Independent simulators of each system, in plain steps; nothing of the simulator under test is used."""

@@ -1,0 +1,1 @@
+"""Tables and figures of Zou et al. 2022."""
