@@ -15,8 +15,8 @@ Reference = tuple[float, float, float]
 HOLE = "cable_hole"
 CIRCUITS = ("pulley_circuit", "pulley_chain")
 
-ACTION_MODES = {HOLE: ("tension", "speed"), **{c: ("position", "torque") for c in CIRCUITS}}
-TASKS = {HOLE: ("position", "tension"), **{c: ("position", "torque") for c in CIRCUITS}}
+ACTION_MODES = {HOLE: ("tension", "speed"), **dict.fromkeys(CIRCUITS, ("position", "torque"))}
+TASKS = {HOLE: ("position", "tension"), **dict.fromkeys(CIRCUITS, ("position", "torque"))}
 
 INFORMATION = ("model-free", "nominal", "identified", "oracle")
 OBSERVE = ("drive", "output", "full")
@@ -46,7 +46,7 @@ class Controller:
     """"model-free" | "nominal" | "identified" | "oracle" (docs: protocol); ranked within"""
     plants: ClassVar[tuple[str, ...]] = (HOLE, *CIRCUITS)
     tasks: ClassVar[tuple[str, ...]] = ("position", "tension", "torque")
-    levels: ClassVar[Mapping[str, str]] = {HOLE: "output", **{c: "drive" for c in CIRCUITS}}
+    levels: ClassVar[Mapping[str, str]] = {HOLE: "output", **dict.fromkeys(CIRCUITS, "drive")}
     """observation level needed on each plant: "drive" | "output" | "full" """
     charged: ClassVar[Mapping[str, int]] = {}
     """what finding the default gains cost, shown on boards: {"tuning_trials": most gain sets tried for one case}"""

@@ -143,6 +143,28 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, float]]:
+        """Begin an episode.
+
+        Parameters
+        ----------
+        seed : int, optional
+            Seed of the environment's own generator; without one it goes on drawing.
+        options : dict, optional
+            What this episode has otherwise than the environment: "rig" (parameters to change), "reference",
+            "disturbance" (mappings), "initial_position" (of the output, SI).
+
+        Returns
+        -------
+        observation : ndarray, shape (channels,), float32
+            Measurements over their scales.
+        info : dict
+            SI numbers of this instant, with the same keys at every step.
+
+        Raises
+        ------
+        ConfigurationError
+            For options that do not exist or do not fit the environment.
+        """
         super().reset(seed=seed)
         self.simulation.reset(self._lane, [self.np_random], options)
         self._advance = self.simulation.advance
@@ -155,6 +177,31 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         return self._obs.copy(), info
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, float]]:
+        """Go on by one control period.
+
+        Parameters
+        ----------
+        action : ndarray, shape (1,)
+            Command over its range, in [-1, 1]; what is beyond is clipped.
+
+        Returns
+        -------
+        observation : ndarray, shape (channels,), float32
+        reward : float
+        terminated : bool
+            The cable broke or left its limits.
+        truncated : bool
+            The episode's time is over.
+        info : dict
+            SI numbers of this instant.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before `reset`, and after the end of an episode.
+        ValueError
+            For an action of another shape or that is no finite number.
+        """
         if not self._running:
             raise gym.error.ResetNeeded("call reset() before the first step() of an episode")
         if type(action) is not np.ndarray:
@@ -181,6 +228,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             self._renderer.show()
 
     def render(self) -> np.ndarray | None:
+        """The scene now as RGB [height, width, 3] where ``render_mode`` is "rgb_array", else nothing."""
         if self.render_mode is None:
             gym.logger.warn("render() does nothing without render_mode; use gym.make(id, render_mode='rgb_array')")
             return None
@@ -189,6 +237,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
+        """Close the window, where there is one."""
         if self._renderer is not None:
             self._renderer.close()
             self._renderer = None

@@ -138,6 +138,7 @@ class CableVectorEnv(VectorEnv):
         self._advance = self._team or self.simulation.advance
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Go on by one control period in every environment: arrays [environments, ...], as Gymnasium has them."""
         if not self._running:
             raise gym.error.ResetNeeded("call reset() before the first step()")
         self._ask(actions)
@@ -226,6 +227,7 @@ class CableVectorEnv(VectorEnv):
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **kwargs: Any) -> None:
+        """End the threads and close the window, where there are some."""
         if self._team is not None:
             self._team.close()
         if self._renderer is not None:

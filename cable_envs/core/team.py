@@ -31,6 +31,7 @@ class Team:
         self._process = 0
 
     def __call__(self) -> None:
+        """Run the kernel over all columns; every thread has ended when it returns."""
         if self._process != os.getpid():  # the first call, or the first in a forked process: threads are not forked
             self._pool = ThreadPoolExecutor(max(len(self._others), 1), "cable_envs")
             self._process = os.getpid()

@@ -142,11 +142,13 @@ class Turtle:
         self.pieces: list[Piece] = []
 
     def line(self, length: float) -> None:
+        """Go ``length`` straight on."""
         end = self.position + length * unit_vector(self.heading)
         self.pieces.append(Piece(np.stack([self.position, end])))
         self.position = end
 
     def arc(self, radius: float, turn: float) -> None:
+        """Go round an edge of ``radius`` by the angle ``turn``, rad."""
         side = math.copysign(1.0, turn)
         centre = self.position + side * radius * left_of(unit_vector(self.heading))
         count = max(5, math.ceil(abs(turn) / 0.18))
@@ -205,6 +207,7 @@ class Cable:
         self.dots = sheet.line(ls="", marker="o", ms=2.4, mfc="white", mec="none", zorder=7)
 
     def set(self, points: np.ndarray, tension: np.ndarray, limit: float, shift: np.ndarray) -> None:
+        """Lay the cable along ``points`` [n, 2], coloured by its tension [n] over ``limit``."""
         middle = 0.5 * (tension[:-1] + tension[1:])
         taut = middle > 1e-6
         pairs = np.stack([points[:-1], points[1:]], axis=1)

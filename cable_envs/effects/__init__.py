@@ -105,9 +105,11 @@ class Layout:
         for effect in self.effects.values():
             if effect.seam == "sense":
                 continue
-            for p in effect.parameters_on(self.plant):
-                if not p.shape and self.plant not in p.aliases:
-                    found.append((self.table.index(f"{effect.name}.{p.name}") - self.base, p.null))
+            found.extend(
+                (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null)
+                for p in effect.parameters_on(self.plant)
+                if not p.shape and self.plant not in p.aliases
+            )
         return found
 
     def _row(self, name: str) -> int:

@@ -41,7 +41,22 @@ _HARMONICS = (1.0, 2.3, 3.7, 5.9)
 
 
 @inline
-def signal(q, i, t):
+def _multisine(q, i, s):
+    """`signal` of the sum of four sines of one amplitude and random phases, s [s] after its start."""
+    r, rate, acceleration = q[OFFSET, i], 0.0, 0.0
+    part = 0.25 * q[AMPLITUDE, i]
+    for h in range(4):
+        w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
+        angle = w * s + _TAU * uniform(q[KEY, i], float(h), 7)
+        sine, cosine = sine_cosine(angle)
+        r += part * sine
+        rate += part * w * cosine
+        acceleration -= part * w * w * sine
+    return r, rate, acceleration
+
+
+@inline
+def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
     """(r, dr/dt, d2r/dt2) of column i at time t [s]; jumps have no derivative and report zero."""
     kind, offset, amplitude = int(q[KIND, i]), q[OFFSET, i], q[AMPLITUDE, i]
     s = t - q[START, i]
@@ -67,16 +82,7 @@ def signal(q, i, t):
             return offset + amplitude * (4.0 * cycle - 1.0), slope, 0.0
         return offset + amplitude * (3.0 - 4.0 * cycle), -slope, 0.0
     if kind == MULTISINE:
-        r, rate, acceleration = offset, 0.0, 0.0
-        part = 0.25 * amplitude
-        for h in range(4):
-            w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
-            angle = w * s + _TAU * uniform(q[KEY, i], float(h), 7)
-            sine, cosine = sine_cosine(angle)
-            r += part * sine
-            rate += part * w * cosine
-            acceleration -= part * w * w * sine
-        return r, rate, acceleration
+        return _multisine(q, i, s)
     level = 2.0 * uniform(q[KEY, i], math.floor(s / q[HOLD, i]), 9) - 1.0
     return offset + amplitude * level, 0.0, 0.0
 

@@ -11,7 +11,7 @@ parameters:
 effects:                     # physics that the plant leaves out unless it is said here (`cable_envs.effects`)
   backlash: {gap: {value: 0.2, unit: mm, source: "..."}}
 ```
-"""
+"""  # noqa: D405, D406, D407, D411 - "parameters:" is a key of the file
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace

@@ -61,10 +61,12 @@ class Setup:
 
     @property
     def output_unit(self) -> str:
+        """Unit of the controlled quantity."""
         return self.plant.signals[self.plant.row(self.task.output)].unit
 
     @property
     def output_observed(self) -> bool:
+        """Whether the controlled quantity is among the measurements."""
         return self.task.output in {c.name for c in self.channels}
 
     @property
@@ -188,8 +190,7 @@ def _channels(task: Task, plant: Plant, mode: ActionMode, level: str) -> tuple[C
         Channel("error", out, task.scales["error"], ERROR),
         Channel("command", mode.unit, task.scales["command"], LAST_COMMAND),
     ]
-    for name in task.observed(level):
-        channels.append(Channel(name, units[name], task.scales[name], plant.row(name)))
+    channels.extend(Channel(name, units[name], task.scales[name], plant.row(name)) for name in task.observed(level))
     return tuple(channels)
 
 

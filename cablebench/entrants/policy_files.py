@@ -70,21 +70,10 @@ def load_policy_file(path: str | Path) -> PolicyFile:
     require_known(f"key in {path}", data, _KEYS)
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"{path}: schema {data.get('schema')!r}; expected '{SCHEMA}'")
-    for key in ("name", "policy"):
-        if not isinstance(data.get(key), str) or not data[key].strip():
-            raise ConfigurationError(f"{path}: '{key}' must be a text, found {data.get(key)!r}")
-    policy = path.parent / data["policy"]
-    if not policy.is_file():
-        raise ConfigurationError(f"{path}: no file at {policy}")
-    if policy.suffix != ".zip":
-        raise ConfigurationError(f"{path}: {policy.name} is no .zip of `cablebench train` or of stable-baselines3")
+    policy = _weights(path, data)
     information = str(data.get("information") or "model-free")
     require_known(f"information class in {path}", [information], INFORMATION)
-    charged = _mapping(path, data, "charged")
-    require_known(f"budget in {path}", charged, BUDGETS)
-    for key, value in charged.items():
-        if not is_number(value) or value < 0:
-            raise ConfigurationError(f"{path}: charged.{key} = {value!r}; expected a number of at least 0")
+    charged = _charged(path, data)
     foreign = [key for key in ("env", "algo") if data.get(key)]
     if len(foreign) == 1:
         raise ConfigurationError(f"{path}: 'env' and 'algo' belong together; only '{foreign[0]}' is there")
@@ -99,6 +88,27 @@ def load_policy_file(path: str | Path) -> PolicyFile:
         data["name"].strip(), policy, information, charged, env_id, str(data.get("algo") or ""), seed,
         _mapping(path, data, "policy_kwargs"), _mapping(path, data, "options"),
     )  # fmt: skip
+
+
+def _weights(path: Path, data: Mapping[str, Any]) -> Path:
+    for key in ("name", "policy"):
+        if not isinstance(data.get(key), str) or not data[key].strip():
+            raise ConfigurationError(f"{path}: '{key}' must be a text, found {data.get(key)!r}")
+    policy = path.parent / data["policy"]
+    if not policy.is_file():
+        raise ConfigurationError(f"{path}: no file at {policy}")
+    if policy.suffix != ".zip":
+        raise ConfigurationError(f"{path}: {policy.name} is no .zip of `cablebench train` or of stable-baselines3")
+    return policy
+
+
+def _charged(path: Path, data: Mapping[str, Any]) -> dict[str, Any]:
+    charged = _mapping(path, data, "charged")
+    require_known(f"budget in {path}", charged, BUDGETS)
+    for key, value in charged.items():
+        if not is_number(value) or value < 0:
+            raise ConfigurationError(f"{path}: charged.{key} = {value!r}; expected a number of at least 0")
+    return charged
 
 
 def _mapping(path: Path, data: Mapping[str, Any], key: str) -> dict[str, Any]:

@@ -131,7 +131,7 @@ def figure(result: Mapping[str, Any]) -> str:
             ax.set(title=name, xlabel=f"RMSE, {RIGS[name].unit}", ylim=(len(found["summary"]) - 0.4, -0.6))
             ax.set_yticks(range(len(found["summary"])), list(found["summary"]))
             ax.set_xlim(left=0.0)
-        key(figure, [(simulator, colour) for simulator, colour in _COLOURS.items()])
+        key(figure, list(_COLOURS.items()))
         width, height = figure.get_size_inches()
         figure.subplots_adjust(
             left=1.1 / width, right=1 - 0.15 / width, top=1 - 0.6 / height, bottom=0.5 / height, wspace=0.45

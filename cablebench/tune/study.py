@@ -19,7 +19,7 @@ import sqlalchemy
 from optuna.trial import TrialState
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.jobs import Backend, Job, Progress
+from cablebench.jobs import Backend, Done, Job, Progress
 from cablebench.tune.space import Dimension
 
 ABOUT = "about"
@@ -88,20 +88,23 @@ def tune(
 
             with closing(backend.run([job for _, job in jobs.values()], report)) as runs:
                 for done in runs:
-                    number = jobs[done.job.key][0]
                     if done.stopped:
                         continue
-                    if isinstance(done.error, ConfigurationError):
-                        raise done.error
-                    if done.error is not None:
-                        study.tell(number, state=TrialState.FAIL)
-                        if remark is not None:
-                            remark(f"trial {number} failed: {done.error}")
-                    else:
-                        study.tell(number, float(done.result))
+                    _tell(study, jobs[done.job.key][0], done, remark)
                     if progress is not None:
                         progress(_ended(study), trials, f"best {best_loss(study):.4f}")
         return _trials(study, search)
+
+
+def _tell(study: Any, number: int, done: Done, remark: Callable[[str], None] | None) -> None:
+    if isinstance(done.error, ConfigurationError):
+        raise done.error
+    if done.error is not None:
+        study.tell(number, state=TrialState.FAIL)
+        if remark is not None:
+            remark(f"trial {number} failed: {done.error}")
+    else:
+        study.tell(number, float(done.result))
 
 
 def read_trials(file: Path, search: Search) -> list[Trial]:

@@ -111,7 +111,7 @@ _WAYS = {
 }
 
 
-def words(found: Regime | None, system: str, coordinates: Mapping[str, Coordinate]) -> str:
+def words(found: Regime | None, system: str, coordinates: Mapping[str, Coordinate]) -> str:  # noqa: PLR0911 - one for each sentence
     """A regime in words for a person: "within 0.3 s after each reversal", "moving forward, above 20 mm/s"."""
     if found is None:
         return "all over the motion"

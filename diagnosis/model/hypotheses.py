@@ -19,7 +19,7 @@ SIZES = (0.1, 1.0)
 """Probed sizes over the typical one of `EffectParameter`; a screening goes on to nearer ones (`fit.screen`)."""
 
 _FINE = {
-    **{name: (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0) for name in ("backlash.gap", "presliding_hysteresis.displacement")},
+    **dict.fromkeys(("backlash.gap", "presliding_hysteresis.displacement"), (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0)),
     "stiffness_hardening.coefficient": (0.1, 0.5, 2.0, 6.0),
 }
 """Sizes of what does not grow in proportion: refits from far away end elsewhere."""

@@ -152,9 +152,9 @@ class RecordCheck:
         self._runs = {c: _Runs() for c in factors if c in POSITIONS or c in FORCES}
         self._long: dict[str, list] = {c: [] for c in self._runs}
         self._extremes = {c: {+1: (-np.inf, []), -1: (-np.inf, [])} for c in self._runs if c in FORCES}
-        self._resolution = {c: np.inf for c in self._extremes}
-        self._low = {c: np.inf for c in factors}
-        self._high = {c: -np.inf for c in factors}
+        self._resolution = dict.fromkeys(self._extremes, np.inf)
+        self._low = dict.fromkeys(factors, np.inf)
+        self._high = dict.fromkeys(factors, -np.inf)
         self._missing: dict[str, int] = {}
         self._stride, self._thin = 1, {c: [] for c in ("time", *factors)}
         self._sums = np.zeros(5)

@@ -88,9 +88,7 @@ def _read(
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
         raise ConfigurationError("ROS bags need rosbags: pip install 'cable-envs[ros]'") from error
-    wanted: dict[str, dict[str, str]] = {}
-    for name, (topic, field) in columns.items():
-        wanted.setdefault(topic, {}).update({field: name} if field else {})
+    wanted = _wanted(columns)
     series: dict[str, tuple[array, dict[str, array]]] = {}
     try:
         with AnyReader([bag], default_typestore=get_typestore(Stores.ROS2_HUMBLE)) as reader:
@@ -101,8 +99,7 @@ def _read(
             for connection, received, raw in reader.messages(connections=chosen):
                 message = reader.deserialize(raw, connection.msgtype)
                 topic = connection.topic
-                if topic not in series:
-                    series[topic] = array("d"), {field: array("d") for field in wanted[topic]}
+                series.setdefault(topic, (array("d"), {field: array("d") for field in wanted[topic]}))
                 series[topic][0].append(_stamp(message, received, topic, log))
                 for field, name in wanted[topic].items():
                     series[topic][1][field].append(_field(message, field, f"{bag.name}, channel {name}: {topic}"))
@@ -118,6 +115,14 @@ def _read(
     if empty:
         raise ConfigurationError(f"{bag.name}: topic {empty} holds no message")
     return {t: (np.array(at), {f: np.array(v) for f, v in fields.items()}) for t, (at, fields) in series.items()}
+
+
+def _wanted(columns: Mapping[str, tuple[str, str]]) -> dict[str, dict[str, str]]:
+    """Topic -> field -> the channel that it is."""
+    wanted: dict[str, dict[str, str]] = {}
+    for name, (topic, field) in columns.items():
+        wanted.setdefault(topic, {}).update({field: name} if field else {})
+    return wanted
 
 
 def _stamp(message: Any, received: int, topic: str, log: Log) -> float:

@@ -47,7 +47,7 @@ NOTHING = 1.0
 LIKE_ANY = "something drifts with the elapsed time"
 
 
-def select(
+def select(  # noqa: C901, PLR0915
     fit: Model,
     heldout: Model,
     nominals: tuple[str, ...],

@@ -132,9 +132,11 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     given = {}
     if "wrap_angle" in seen:
         given["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))
-    for name, value in record.conditions.items():
-        if name in ("load_mass", "wrap_angle") and not isinstance(value, str):
-            given[name] = value
+    given |= {
+        name: value
+        for name, value in record.conditions.items()
+        if name in ("load_mass", "wrap_angle") and not isinstance(value, str)
+    }
     weight = given.get("load_mass", values["load_mass"]) * values["gravity"] * values["load_gravity"]
     quiet = time - time[0] <= SETTLING
     if "load_position" in seen:

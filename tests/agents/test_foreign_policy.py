@@ -119,7 +119,7 @@ def test_nothing_in_the_file_is_executed(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    "old, new, expected",
+    ("old", "new", "expected"),
     [
         ("net_arch: [8]", "net_arch: [9]", "the weights do not fit ppo with policy_kwargs as given"),
         ("net_arch: [8]", "net_arc: [8]", "do not fit ppo with policy_kwargs as given.*net_arc"),

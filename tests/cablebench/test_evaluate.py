@@ -206,7 +206,7 @@ def test_every_reference_enters_where_it_applies_and_the_board_scores_it(tmp_pat
 def test_a_sweep_changes_the_rig_and_not_the_controllers_model(spies):
     records = evaluate(protocol(), [controller_entrant(Spy)], tasks=[HOLE], tracks=["stress"])
     nominal = setup_of(HOLE, {}).rig.values["friction_coefficient"]
-    friction = [spy for spy in spies[:3]]
+    friction = list(spies[:3])
     assert [s.true[0]["friction_coefficient"] for s in friction] == pytest.approx(
         [0.5 * nominal, nominal, 1.5 * nominal]
     )

@@ -93,7 +93,7 @@ def test_a_model_based_controller_believes_the_rig_of_its_simulator():
     commands = []
     for options in (study.simulator_options("nominal", {}), soft):
         actor = pays.controller_actor(CONTROLLER, GAINS, setup_of(ENV, options), acting)
-        y = {name: 0.1 for name in ("drive_angle", "drive_velocity", "drive_torque")}
+        y = dict.fromkeys(("drive_angle", "drive_velocity", "drive_torque"), 0.1)
         actor.controller.reset()
         commands.append([actor.controller.act(0.01 * k, y, (0.01 * k, 1.0, 0.0)) for k in range(50)][-1])
     assert commands[1] > commands[0] + 0.01

@@ -102,7 +102,7 @@ def test_a_good_one_passes_the_dry_run_wherever_it_enters(written):
 
 
 def test_an_answer_that_never_comes_is_interrupted():
-    with pytest.raises(ConfigurationError, match="too long"), within(0.05, "too long"):
+    with pytest.raises(ConfigurationError, match="too long"), within(0.05, "too long"):  # noqa: PT012
         while True:
             try:
                 sum(range(1000))

@@ -53,7 +53,9 @@ def test_a_law_whose_shape_shows_is_named_itself():
     assert only.hypothesis.name == "stribeck_friction" and only.alternatives == ()
 
 
-@pytest.mark.parametrize("name, verdict", [("sensor_rectification.force", "named"), ("bias", "no_detectable_mismatch")])
+@pytest.mark.parametrize(
+    ("name", "verdict"), [("sensor_rectification.force", "named"), ("bias", "no_detectable_mismatch")]
+)
 def test_all_of_an_effect_is_no_end_of_a_search(name, verdict):
     """The truth is at the upper bound: of a sensor that turns signs round, or of a search that ended too early."""
     most = Free("bias", 0.0, 0.0, 0.5, 0.5)

@@ -44,9 +44,11 @@ def columns(case: str) -> tuple:
     made = []
     for name in rigs:
         rig = load_rig(name)
-        for change in CHANGES:
-            if set(change) <= set(plant.parameters.names):
-                made.append(plant.parameters.pack({**rig.values, **change, "breaking_tension": 1e5}))
+        made.extend(
+            plant.parameters.pack({**rig.values, **change, "breaking_tension": 1e5})
+            for change in CHANGES
+            if set(change) <= set(plant.parameters.names)
+        )
     return plant, np.array(made).T
 
 

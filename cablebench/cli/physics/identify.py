@@ -1,6 +1,7 @@
 """``cablebench identify``: the contact parameters of a cable in a hole from a recording, and how far to trust them."""
 
 import math
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -226,16 +227,8 @@ def notes(result: dict[str, Any]) -> list[str]:
             "contains rho0 (1 + delta). "
             "Measure the compressed diameter, or repeat under another load, to separate them."
         )  # fmt: skip
-    for name, p in parameters.items():
-        if p["status"] == "identified" and (None in p["ci95"]):
-            found.append(f"{name} is not limited by the data within its search range.")
-        elif p["status"] == "identified" and p["ci95"][1] - p["ci95"][0] > abs(p["value"]):
-            found.append(f"{name} is hardly determined: its 95 % interval is wider than its value.")
-    names, matrix = result["correlation"]["names"], result["correlation"]["matrix"]
-    for i, a in enumerate(names):
-        for j in range(i):
-            if matrix[i][j] is not None and abs(matrix[i][j]) > 0.95:
-                found.append(f"{names[j]} and {a} are determined together only (correlation {matrix[i][j]:+.3f}).")
+    found += _wide_intervals(parameters)
+    found += _correlated(result["correlation"]["names"], result["correlation"]["matrix"])
     if result["chi2_per_degree_of_freedom"] > 2.0:
         found.append(
             f"The model misses the data by {math.sqrt(result['chi2_per_degree_of_freedom']):.1f} times their noise; "
@@ -250,6 +243,25 @@ def notes(result: dict[str, Any]) -> list[str]:
     if result["at_bounds"]:
         found.append(f"On the edge of the search range: {', '.join(result['at_bounds'])} (--bound).")
     return found
+
+
+def _wide_intervals(parameters: Mapping[str, Any]) -> list[str]:
+    found = []
+    for name, p in parameters.items():
+        if p["status"] == "identified" and (None in p["ci95"]):
+            found.append(f"{name} is not limited by the data within its search range.")
+        elif p["status"] == "identified" and p["ci95"][1] - p["ci95"][0] > abs(p["value"]):
+            found.append(f"{name} is hardly determined: its 95 % interval is wider than its value.")
+    return found
+
+
+def _correlated(names: Sequence[str], matrix: Sequence[Sequence[float | None]]) -> list[str]:
+    pairs = ((a, names[j], matrix[i][j]) for i, a in enumerate(names) for j in range(i))
+    return [
+        f"{b} and {a} are determined together only (correlation {value:+.3f})."
+        for a, b, value in pairs
+        if value is not None and abs(value) > 0.95
+    ]
 
 
 def _print(result: dict[str, Any]) -> None:
