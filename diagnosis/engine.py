@@ -125,7 +125,7 @@ def examine(
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
         "rig": None if rig is None else str(getattr(rig, "name", rig)), "variant": variant or None,
     }  # fmt: skip
-    found = answer(recording, question, selection, quality, rng, about, request.own)
+    found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
     hint = limited_by_the_model(question.fit, selection, recording.noise) if judge == "noise" else ""
     notes = (*found.notes, hint) if hint else found.notes

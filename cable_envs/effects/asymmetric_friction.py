@@ -11,11 +11,12 @@ EFFECT = Effect(
     source="Armstrong-Helouvry, Control of Machines with Friction, Kluwer 1991, ch. 4",
     parameters=(
         EffectParameter(
-            "difference", "N", 0.0, -1e4, 1e4, "dry friction moving up less that moving down, load or output", 2.0, 0.01
+            "difference", "N", 0.0, -1e4, 1e4, "dry friction moving up less that moving down, load or output", 2.0,
+            0.01, signed=True,
         ),
         EffectParameter(
             "contact", "1", 0.0, -0.9, 0.9, "share by which the hole rubs more hauling in than paying out", 0.2,
-            plants=("cable_hole",),
+            plants=("cable_hole",), signed=True,
         ),
     ),
     plants=PLANTS,

@@ -9,12 +9,17 @@ EFFECT = Effect(
     equation="circuit: pulley q in [theta_in - gap/2, theta_in + gap/2], torque at an edge only; "
     "hole: play operator (the nut is held by its friction); linear_drive: belt force k dz(x_m - x, gap/2)",
     source="Nordin and Gutman, Automatica 38 (2002) 1633: dead zone with a shaft's compliance, and the play operator",
-    parameters=(EffectParameter("gap", "m", 0.0, 0.0, 1.0, "whole width of the gap", 5e-4, 0.03),),
+    parameters=(
+        EffectParameter(
+            "gap", "m", 0.0, 0.0, 1.0, "whole width of the gap", 5e-4, 0.03,
+            probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion: a refit from far away ends elsewhere
+        ),
+    ),
     plants=PLANTS,
     validity="the part between gear and cable has no inertia; linear_drive needs a belt (belt_stiffness above 0)",
     experiment="reversals of growing amplitude with the output locked: a gap's lost motion does not grow",
     confusable=("presliding_hysteresis", "cable_elongation", "slack"),
-)
+)  # fmt: skip
 
 
 @inline

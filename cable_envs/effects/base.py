@@ -31,6 +31,12 @@ _TURNING = {
 }  # fmt: skip
 
 
+PROBES = (0.1, 1.0)
+"""Sizes at which a search first tries an effect, over the typical one, where its parameter names no others."""
+CONSTANT, DRIFT = "constant", "drift"
+"""What `Effect.over_time` may say."""
+
+
 @dataclass(frozen=True)
 class EffectParameter:
     """One number of an effect. Units are those of straight motion; where the plant turns they become rad and N m.
@@ -40,6 +46,15 @@ class EffectParameter:
     shape      | it only shapes the effect: `null` is its default, and does not say whether the effect is there
     aliases    | plant -> name of the plant's own parameter that this number is
     plants     | plants that have this parameter; empty: all of the effect's
+
+    What a search for the effect has to know (`diagnosis.model.hypotheses`):
+
+    probes     | values at which it is tried first, over the typical one; None: `PROBES` of a size, and of a shape that
+               | it is not searched: one number more than a recording usually shows
+    signed     | it is tried on both sides of its null
+    search_low | least value that is searched; None: `low`
+    inverse    | the smaller the number, the larger the effect: a stiffness
+    complete   | `high` is all of it and no end of a search: a sensor cannot turn more than all signs round
     """
 
     name: str
@@ -53,6 +68,11 @@ class EffectParameter:
     shape: bool = False
     aliases: Mapping[str, str] = field(default_factory=dict)
     plants: tuple[str, ...] = ()
+    probes: tuple[float, ...] | None = None
+    signed: bool = False
+    search_low: float | None = None
+    inverse: bool = False
+    complete: bool = False
 
     def unit_on(self, plant: str) -> str:
         """The unit on a plant."""
@@ -70,7 +90,13 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """A canonical effect; see CONTRIBUTING.md, "Add an effect"."""
+    """A canonical effect; see CONTRIBUTING.md, "Add an effect".
+
+    proportional | twice the size is twice the change of every signal: one probe tells all
+    over_time    | `CONSTANT`: what changes with the elapsed time is not this effect; `DRIFT`: it changes with nothing
+                 | else; "": neither
+    wave         | names of its period and its phase, where it is a sine along the position; else None
+    """
 
     name: str
     seam: str
@@ -85,6 +111,9 @@ class Effect:
     """names that the same data may also fit"""
     each_sensor: bool = False
     """its parameters are the names of the plant's measured signals"""
+    proportional: bool = False
+    over_time: str = ""
+    wave: tuple[str, str] | None = None
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     """of a user's own effect: seam -> plain scalar function, compiled into the kernel on first use"""
 
@@ -94,6 +123,9 @@ class Effect:
     def __post_init__(self) -> None:
         if self.seam not in SEAMS:
             raise ConfigurationError(f"effect '{self.name}': seam '{self.seam}' is none of {', '.join(SEAMS)}")
+        if self.over_time not in ("", CONSTANT, DRIFT):
+            known = f"{CONSTANT}, {DRIFT}"
+            raise ConfigurationError(f"effect '{self.name}': over_time '{self.over_time}' is none of {known}")
 
     def parameters_on(self, plant: str) -> tuple[EffectParameter, ...]:
         """The parameters it has on a plant; none where it does not act."""

@@ -2,6 +2,8 @@
 
 from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
 
+_PROBES = (1.0, 5.0, 25.0)
+
 EFFECT = Effect(
     name="cable_elongation",
     seam="cable",
@@ -10,15 +12,17 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "stiffness", "N/m", 1e7, 1.0, 1e9, "EA / L of the span at the drive", 6e4,
-            aliases={"cable_hole": "cable_stiffness"}, plants=("cable_hole",),
+            aliases={"cable_hole": "cable_stiffness"}, plants=("cable_hole",), probes=_PROBES, inverse=True,
         ),
         EffectParameter(
             "tensile_stiffness", "N", 1e6, 1.0, 1e8, "EA of the cable", 1.684e4, 1.684e4,
             aliases=dict.fromkeys(CIRCUITS, "tensile_stiffness"), plants=CIRCUITS,
+            probes=_PROBES, inverse=True,
         ),
         EffectParameter(
             "belt_stiffness", "N/m", 0.0, 0.0, 1e9, "spring between motor and carriage; 0: rigid", 1e5,
             aliases={"linear_drive": "belt_stiffness"}, plants=("linear_drive",),
+            probes=_PROBES, inverse=True,
         ),
     ),
     plants=PLANTS,

@@ -1,7 +1,7 @@
 """Friction that changes as the rig runs: with time, with travel (wear, lubricant, temperature)."""
 
 from cable_envs.core.kernels import exp, inline, select
-from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import CIRCUITS, DRIFT, PLANTS, Effect, EffectParameter
 
 EFFECT = Effect(
     name="friction_drift",
@@ -9,8 +9,13 @@ EFFECT = Effect(
     equation="friction = friction_0 (1 + change d), d' = (1 - d) (1 / time + |v| / travel), d(0) = 0",
     source="running-in and warming-up: Archard and Hirst, Proc. R. Soc. A 236 (1956) 397; one exponential",
     parameters=(
-        EffectParameter("change", "1", 0.0, -0.9, 5.0, "relative change of all dry friction in the end", 0.3),
-        EffectParameter("time", "s", 60.0, 1e-2, 1e9, "time constant; 1e9: not with time", 60.0, shape=True),
+        EffectParameter(
+            "change", "1", 0.0, -0.9, 5.0, "relative change of all dry friction in the end", 0.3, signed=True
+        ),
+        EffectParameter(
+            "time", "s", 60.0, 1e-2, 1e9, "time constant; 1e9: not with time", 60.0, shape=True,
+            probes=(0.1, 0.5, 2.0), search_low=1.0,
+        ),
         EffectParameter("travel", "m", 1e9, 1e-6, 1e9, "travel constant; 1e9: not with travel", 1.0, 50.0, shape=True),
     ),
     plants=PLANTS,
@@ -18,7 +23,8 @@ EFFECT = Effect(
     "present to the final friction coefficients",
     experiment="the same motion at the beginning, in the middle and at the end of a long run; rest; once more",
     confusable=("viscoelastic_creep", "sensor_scale"),
-)
+    over_time=DRIFT,
+)  # fmt: skip
 
 
 @inline

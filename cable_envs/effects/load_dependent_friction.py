@@ -14,7 +14,7 @@ EFFECT = Effect(
         EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension at the load or output", 0.03, 0.02),
         EffectParameter(
             "exponent", "1", 0.0, -2.0, 2.0, "growth of the hole's friction coefficient with the tension", 0.3,
-            plants=("cable_hole",),
+            plants=("cable_hole",), signed=True,
         ),
         EffectParameter(
             "shaft", "1", 0.0, 0.0, 2.0, "friction coefficient of the idlers on their shafts, mu_s", 0.15,

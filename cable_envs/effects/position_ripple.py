@@ -15,7 +15,9 @@ EFFECT = Effect(
             "amplitude", "m", 0.0, -1.0, 1.0, "amplitude of the transmission error", 2e-4, 0.01,
             plants=("cable_hole", *CIRCUITS),
         ),
-        EffectParameter("force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",)),
+        EffectParameter(
+            "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",), signed=True
+        ),
         EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
         EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),
     ),
@@ -23,6 +25,7 @@ EFFECT = Effect(
     validity="amplitude below period / 2 pi, else the drive would move the cable backwards",
     experiment="slow motion over several periods, both ways and at two speeds: the same over position, not over time",
     confusable=("position_dependent_load",),
+    wave=("period", "phase"),
 )  # fmt: skip
 
 

@@ -21,6 +21,7 @@ EFFECT = Effect(
             "motion from full friction one way to full friction the other",
             5e-4,
             0.02,
+            probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion
         ),
     ),
     plants=PLANTS,

@@ -1,6 +1,6 @@
 """A measurement with a wrong zero."""
 
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import CONSTANT, PLANTS, Effect, EffectParameter
 
 EFFECT = Effect(
     name="sensor_bias",
@@ -13,4 +13,6 @@ EFFECT = Effect(
     experiment="unload and read; turn the sensor round",
     confusable=("asymmetric_friction", "sensor_scale", "position_dependent_load", "slack"),
     each_sensor=True,
+    proportional=True,
+    over_time=CONSTANT,
 )

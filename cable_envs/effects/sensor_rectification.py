@@ -7,10 +7,13 @@ EFFECT = Effect(
     seam="sense",
     equation="y = x - share min(x, 0): 1 cuts them off, 2 turns them round",
     source="half- and full-wave rectification; unsigned converters",
-    parameters=(EffectParameter("signal", "1", 0.0, 0.0, 2.0, "share of negative values that is lost", 1.0),),
+    parameters=(
+        EffectParameter("signal", "1", 0.0, 0.0, 2.0, "share of negative values that is lost", 1.0, complete=True),
+    ),
     plants=PLANTS,
     validity="acts after scale and bias",
     experiment="the same motion mirrored",
     confusable=("asymmetric_friction", "slack"),
     each_sensor=True,
+    proportional=True,
 )

@@ -1,6 +1,6 @@
 """A measurement with a wrong scale."""
 
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import CONSTANT, PLANTS, Effect, EffectParameter
 
 EFFECT = Effect(
     name="sensor_scale",
@@ -13,4 +13,6 @@ EFFECT = Effect(
     experiment="two known weights or lengths",
     confusable=("asymmetric_friction", "sensor_bias", "friction_drift", "load_dependent_friction", "cable_elongation"),
     each_sensor=True,
+    proportional=True,
+    over_time=CONSTANT,
 )

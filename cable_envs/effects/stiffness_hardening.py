@@ -9,13 +9,16 @@ EFFECT = Effect(
     equation="T = T_lin (1 + coefficient T_lin / 2), dT/ds = k (1 + coefficient T_lin), T_lin = k stretch",
     source="ropes grow stiffer with stress: Feyrer, Wire Ropes, Springer 2015; here to first order",
     parameters=(
-        EffectParameter("coefficient", "1/N", 0.0, 0.0, 1.0, "relative growth of stiffness per tension", 0.01, 0.01),
+        EffectParameter(
+            "coefficient", "1/N", 0.0, 0.0, 1.0, "relative growth of stiffness per tension", 0.01, 0.01,
+            probes=(0.1, 0.5, 2.0, 6.0),
+        ),
     ),
     plants=PLANTS,
     validity="first order in tension; the chain takes each span's secant stiffness from the step before",
     experiment="output locked, force ramped over the whole range: drive motion over tension bends",
     confusable=("cable_elongation", "slack"),
-)
+)  # fmt: skip
 
 
 @inline

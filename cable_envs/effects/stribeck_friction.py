@@ -15,7 +15,8 @@ EFFECT = Effect(
             plants=("cable_hole",),
         ),
         EffectParameter(
-            "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True
+            "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True,
+            probes=(0.3, 1.0, 4.0, 16.0),
         ),
     ),
     plants=PLANTS,

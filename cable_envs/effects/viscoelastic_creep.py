@@ -10,13 +10,16 @@ EFFECT = Effect(
     source="standard linear solid: Zener, Elasticity and Anelasticity of Metals, Chicago 1948",
     parameters=(
         EffectParameter("share", "1", 0.0, 0.0, 20.0, "creep's part of the compliance over the elastic one", 0.5),
-        EffectParameter("time", "s", 5.0, 1e-3, 1e5, "time constant of the creep", 5.0, shape=True),
+        EffectParameter(
+            "time", "s", 5.0, 1e-3, 1e5, "time constant of the creep", 5.0, shape=True, probes=(0.1, 1.0),
+            search_low=0.2,  # creep that is over in 0.1 s is a cable's damping
+        ),
     ),
     plants=PLANTS,
     validity="linear; one time constant (a rope has several: the one within the record counts)",
     experiment="hold a load, unload, hold, repeat: creep comes back, drift does not",
     confusable=("friction_drift", "cable_elongation", "actuator_lag"),
-)
+)  # fmt: skip
 
 
 @inline

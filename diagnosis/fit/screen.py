@@ -13,15 +13,15 @@ import numpy as np
 
 from diagnosis.fit.likelihood import Judged
 from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import INVERSE, PROPORTIONAL, Hypothesis
 from diagnosis.model.hypotheses import WAVES as ALL_WAVES
+from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Model, Whitener, learn_whitener
 
 DRAWS = 2000
 STEP = 1e-3
 """Step of the slopes, from one side, over the parameter's size, or its scale where that is larger."""
 WAVES = 10
-"""Waves of a ripple that are probed, of all those that `diagnosis.model.hypotheses` has."""
+"""Periods of a wave along the position that are probed, of all those that `diagnosis.model.hypotheses` has."""
 ZOOMS = 3
 """Times that a hypothesis is probed nearer to the size that its score suggests."""
 NEAR = 0.6
@@ -154,8 +154,11 @@ def _promising(model: Model, base: Judged, hypothesis: Hypothesis) -> Sequence[t
 
     A wave is seen, more or less turned and damped, in the residual along the position itself, which costs no replay.
     """
-    probes, period = hypothesis.probes, "position_ripple.period"
-    if len(probes) <= WAVES or not all(len(p) == 2 and period in p[0] for p in probes):
+    probes = hypothesis.probes
+    if hypothesis.wave is None or len(probes) <= WAVES:
+        return probes
+    period, _ = hypothesis.wave
+    if not all(len(p) == 2 and period in p[0] for p in probes):
         return probes
     longest, powers = max(p[0][period] for p in probes), np.zeros(len(probes))
     for block, left in zip(model.blocks, base.raw, strict=True):
@@ -202,12 +205,12 @@ def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[st
     The parameters that hide most of it go along: what is left is then seen at its size and not at the first step. Where
     the suggestion is negative and cannot be, or next to nothing, the smallest size was too large by far.
     """
-    if scores[0].hypothesis.name.split(".")[0] in PROPORTIONAL:
+    if scores[0].hypothesis.proportional:
         return None
     single = [s for s in scores if len(s.directions) == 1 and np.isfinite(s.visible)]
     best = max(single, key=lambda s: s.gain, default=None)
     sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls] if best else []
-    if len(sizes) != 1 or sizes[0] in INVERSE:
+    if len(sizes) != 1 or sizes[0] in best.hypothesis.inverse:
         return None
     size, null, amount = sizes[0], best.hypothesis.nulls[sizes[0]], best.amount[0]
     row = next(p for p in model.parameters if p.name == size)

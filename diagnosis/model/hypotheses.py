@@ -4,59 +4,44 @@ Many effects have no slope at their null (a gap, a lag, an excess that falls wit
 probed at finite sizes and shapes; a probe is a direction in the space of recordings, or several that act together.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.effects import Effect, EffectParameter
+from cable_envs.effects import EFFECTS, Effect, EffectParameter
+from cable_envs.effects.base import CONSTANT, DRIFT, PROBES
 from cable_envs.plants.base import Plant
 from diagnosis.model.model import Free
 
-SIZES = (0.1, 1.0)
-"""Probed sizes over the typical one of `EffectParameter`; a screening goes on to nearer ones (`fit.screen`)."""
-
-_FINE = {
-    **dict.fromkeys(("backlash.gap", "presliding_hysteresis.displacement"), (0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0)),
-    "stiffness_hardening.coefficient": (0.1, 0.5, 2.0, 6.0),
-}
-"""Sizes of what does not grow in proportion: refits from far away end elsewhere."""
-
-PROPORTIONAL = ("sensor_bias", "sensor_scale", "sensor_rectification")
-"""Effects of which twice the size is twice the change: one probe says all."""
-
-LEAST: Mapping[str, float] = {"viscoelastic_creep.time": 0.2, "friction_drift.time": 1.0}
-"""Least shapes that are looked for: creep that is over in 0.1 s is a cable's damping."""
-
-STIFFNESSES = (1.0, 5.0, 25.0)
-"""Probed stiffnesses over the typical one."""
-
 WAVES = (1.75, 20.0, 0.5)
-"""Waves of a ripple over the travel: from, to, step."""
-
-_SHAPES: Mapping[str, tuple[float, ...]] = {
-    "stribeck_friction.velocity": (0.3, 1.0, 4.0, 16.0),
-    "viscoelastic_creep.time": (0.1, 1.0),
-    "friction_drift.time": (0.1, 0.5, 2.0),
-}
-"""Probed shapes over their default; what is not here is probed at its default."""
-
-INVERSE = ("belt_stiffness", "cable_stiffness", "tensile_stiffness")
-"""Parameters of which there is the more effect the smaller they are."""
-
-_SIGNED = (
-    "asymmetric_friction.difference", "asymmetric_friction.contact", "load_dependent_friction.exponent",
-    "position_ripple.force", "friction_drift.change",
-)  # fmt: skip
+"""Waves along the travel at which an effect that is a sine along it is probed: from, to, step."""
 
 
 @dataclass(frozen=True)
 class Hypothesis:
     """An effect that may be there: the parameters that a refit with it frees, and where it is probed.
 
-    probes: each a tuple of directions, each direction the parameters that differ from the null, by name, in SI.
+    What a search has to know of the effect is what the effect declares (`cable_envs.effects.Effect`); a hypothesis that
+    no registered effect stands behind is as one that declares nothing.
+
+    Parameters
+    ----------
+    name : str
+        Name of the effect; of a sensor's with the signal, "sensor_bias.force".
+    free : tuple of Free
+        Parameters that a refit with it moves.
+    probes : tuple of tuple of Mapping
+        Each a tuple of directions, each direction the parameters that differ from the null, by name, SI.
+    equation, experiment, confusable
+        As of the effect.
+    nulls : Mapping
+        Value of each parameter that leaves the effect out; those that only shape it are not here.
+    effect : Effect, optional
+        What it declares; by default the registered effect of that name, if there is one.
     """
 
     name: str
@@ -66,12 +51,63 @@ class Hypothesis:
     experiment: str = ""
     confusable: tuple[str, ...] = ()
     nulls: Mapping[str, float] = field(default_factory=dict)
-    """value of each parameter that leaves the effect out; those that only shape it are not here"""
+    effect: Effect | None = None
+
+    def __post_init__(self) -> None:
+        if self.effect is None:
+            object.__setattr__(self, "effect", EFFECTS.get(self.canonical))
+
+    @property
+    def canonical(self) -> str:
+        """Name of the effect, `effect_name`."""
+        return effect_name(self.name)
 
     @property
     def names(self) -> tuple[str, ...]:
         """The freed parameters."""
         return tuple(p.name for p in self.free)
+
+    @property
+    def proportional(self) -> bool:
+        """Whether twice the size is twice the change of every signal."""
+        return self.effect is not None and self.effect.proportional
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it changes with the elapsed time alone."""
+        return self.effect is not None and self.effect.over_time == DRIFT
+
+    @property
+    def constant(self) -> bool:
+        """Whether what changes with the elapsed time is not this effect."""
+        return self.effect is not None and self.effect.over_time == CONSTANT
+
+    @property
+    def complete(self) -> bool:
+        """Whether the bound of its sizes is all of it, and no end of a search."""
+        return self.effect is not None and any(p.complete for p in self.effect.parameters)
+
+    @cached_property
+    def inverse(self) -> frozenset[str]:
+        """Parameters of which there is the more effect the smaller they are."""
+        if self.effect is None:
+            return frozenset()
+        e = self.effect
+        rows = ((f"{e.name}.{p.name}", *p.aliases.values()) for p in e.parameters if p.inverse)
+        return frozenset(row for names in rows for row in names)
+
+    @property
+    def wave(self) -> tuple[str, str] | None:
+        """(period, phase) of an effect that is a sine along the position; else None."""
+        if self.effect is None or self.effect.wave is None:
+            return None
+        period, phase = self.effect.wave
+        return f"{self.effect.name}.{period}", f"{self.effect.name}.{phase}"
+
+
+def effect_name(hypothesis: str) -> str:
+    """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"."""
+    return hypothesis.partition(".")[0]
 
 
 def hypotheses_for(
@@ -126,45 +162,66 @@ def _hypothesis(
     sizes = {row: p for row, p in absent.items() if not p.shape}
     if not sizes:
         return None  # the model has it already
-    free, probes = [], []
-    for row, p in absent.items():
-        if p.shape and row not in _SHAPES and row not in ("position_ripple.period", "position_ripple.phase"):
-            continue  # one number more than a recording of this length usually shows
-        typical = p.typical_on(plant.name)
-        scale = abs(typical - p.null) or abs(p.null) or 1.0
-        free.append(Free(row, p.null, LEAST.get(row, p.low), p.high, scale))
-    for row, p in sizes.items():
-        step = p.typical_on(plant.name) - p.null
-        shapes = {r: [f * absent[r].typical_on(plant.name) for f in _SHAPES[r]] for r in absent if r in _SHAPES}
-        signs = (1.0, -1.0) if row in _SIGNED and p.low < p.null else (1.0,)
-        sizes_of = [f * p.typical_on(plant.name) for f in STIFFNESSES] if row in INVERSE else ()
-        scales = SIZES[-1:] if effect.name in PROPORTIONAL else _FINE.get(row, SIZES)
-        values_of = sizes_of or [p.null + sign * size * step for size in scales for sign in signs]
-        for value, *shape in product(values_of, *shapes.values()):
-            one = {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
-            probes.append((one,))
-    if effect.name == "position_ripple" and travel:
-        free = [_within(f, travel) for f in free]
-        probes = _waves(next(iter(sizes)), sizes, plant.name, travel)
+    free = [_free(row, p, plant.name) for row, p in absent.items() if _searched(effect, p)]
+    probes = [(one,) for one in _probes(effect, sizes, absent, plant.name)]
+    if effect.wave and travel:
+        period, phase = (f"{effect.name}.{name}" for name in effect.wave)
+        free = [_within(f, travel) if f.name == period else f for f in free]
+        probes = _waves(next(iter(sizes)), sizes, plant.name, period, phase, travel)
     nulls = {row: p.null for row, p in sizes.items()}
     return Hypothesis(
-        name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls
+        name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls, effect
     )  # fmt: skip
 
 
+def _searched(effect: Effect, p: EffectParameter) -> bool:
+    """Whether a refit moves a parameter: sizes, and shapes that are probed."""
+    return not p.shape or bool(p.probes) or p.name in (effect.wave or ())
+
+
+def _free(row: str, p: EffectParameter, plant: str) -> Free:
+    typical = p.typical_on(plant)
+    scale = abs(typical - p.null) or abs(p.null) or 1.0
+    return Free(row, p.null, p.low if p.search_low is None else p.search_low, p.high, scale)
+
+
+def _probes(
+    effect: Effect, sizes: Mapping[str, EffectParameter], absent: Mapping[str, EffectParameter], plant: str
+) -> Iterator[dict[str, float]]:  # fmt: skip
+    """Every size with every shape, one direction each."""
+    shapes = {
+        row: [factor * p.typical_on(plant) for factor in p.probes]
+        for row, p in absent.items()
+        if p.shape and p.probes
+    }  # fmt: skip
+    for row, p in sizes.items():
+        for value, *shape in product(_sizes(effect, p, plant), *shapes.values()):
+            yield {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
+
+
+def _sizes(effect: Effect, p: EffectParameter, plant: str) -> list[float]:
+    typical = p.typical_on(plant)
+    factors = PROBES if p.probes is None else p.probes
+    if p.inverse:
+        return [factor * typical for factor in factors]
+    factors = PROBES[-1:] if effect.proportional else factors
+    signs = (1.0, -1.0) if p.signed and p.low < p.null else (1.0,)
+    return [p.null + sign * factor * (typical - p.null) for factor in factors for sign in signs]
+
+
 def _within(free: Free, travel: float) -> Free:
-    """A ripple has at least one and a half waves over the travel, else it is a spring or a constant."""
-    if free.name != "position_ripple.period":
-        return free
+    """The period of a wave, of which there is one and a half over the travel, or it were a spring or a constant."""
     return replace(free, start=travel / 4.0, low=travel / 25.0, high=travel / 1.5, scale=travel / 4.0)
 
 
-def _waves(size: str, sizes: Mapping[str, EffectParameter], plant: str, travel: float) -> list:
+def _waves(
+    size: str, sizes: Mapping[str, EffectParameter], plant: str, period: str, phase: str, travel: float
+) -> list[tuple[dict[str, float], ...]]:  # fmt: skip
     """Sine and cosine together for every number of waves over the travel; steps of half a wave miss none."""
     height = 0.1 * sizes[size].typical_on(plant)
     found = []
     for waves in np.arange(*WAVES):
-        period = travel / waves
-        one = {size: min(height, 0.1 * period), "position_ripple.period": period}
-        found.append(tuple({**one, "position_ripple.phase": phase} for phase in (0.0, 0.5 * np.pi)))
+        length = travel / waves
+        one = {size: min(height, 0.1 * length), period: length}
+        found.append(tuple({**one, phase: turn} for turn in (0.0, 0.5 * np.pi)))
     return found

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 import cable_envs
-from cable_envs.effects import EFFECTS, Effect
 from diagnosis.adequacy.bands import Averaged
 from diagnosis.adequacy.tests import Adequacy, adequacy
 from diagnosis.data.recording import Recording
@@ -16,7 +15,7 @@ from diagnosis.fit.likelihood import Judged, raw_residuals
 from diagnosis.fit.refit import Fit
 from diagnosis.fit.screen import Score
 from diagnosis.intake.gate import Quality
-from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.hypotheses import Hypothesis, effect_name
 from diagnosis.model.model import Free, Model, residuals
 from diagnosis.model.noise import jitter
 from diagnosis.model.verdict import Diagnosis, Found, Trace
@@ -40,12 +39,10 @@ def answer(
     quality: Quality,
     rng: np.random.Generator,
     about: Mapping[str, Any],
-    own: Sequence[Effect] = (),
 ) -> Diagnosis:
     """The verdict. Where what is left is no noise, nothing is named, and the refit stands for the augmented model."""
-    known = {**EFFECTS, **{e.name: e for e in own}}
     stated = any(b.channel in recording.noise for b in question.fit.blocks)
-    found = tuple(_found(a, question, selection, known, stated) for a in selection.accepted)
+    found = tuple(_found(a, question, selection, stated) for a in selection.accepted)
     verdict = selection.verdict
     named = verdict in ("named", "equivalence_class")
     final = selection.final if named else selection.null
@@ -60,9 +57,9 @@ def answer(
         tuple(location),
         _absorbed(question, selection.null, final),
         _errors(_predictable(question, selection), selection.null, final, floors, helped),
-        _test(question, selection, known),
+        _test(question, selection),
         () if named else found,
-        _tried(question, selection, known),
+        _tried(question, selection),
         tuple(_leftovers(selection)),
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
@@ -91,7 +88,7 @@ def _drifting(selection: Selection) -> list[str]:
         "smaller ones"
     )
     found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
-    return [f"{canonical(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
+    return [f"{effect_name(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
 
 
 def _swinging(selection: Selection) -> list[str]:
@@ -137,39 +134,31 @@ def _beside_its_effects(selection: Selection) -> list[str]:
     return [f"what is left is {share:.1%} of what the rig's effects explain: two formulations differ by as much"]
 
 
-def canonical(hypothesis: str) -> str:
-    """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"."""
-    return hypothesis.partition(".")[0]
-
-
-def parameter_name(row: str, hypothesis: str, known: Mapping[str, Effect]) -> str:
+def parameter_name(row: str, hypothesis: Hypothesis) -> str:
     """What the effect calls a parameter that the plant may have under a name of its own."""
-    effect = known.get(canonical(hypothesis))
-    for p in effect.parameters if effect else ():
+    for p in hypothesis.effect.parameters if hypothesis.effect else ():
         if row in p.aliases.values():
             return p.name
     return row.partition(".")[2] or row
 
 
-def _found(
-    accepted: Accepted, question: Question, selection: Selection, known: Mapping[str, Effect], stated: bool
-) -> Found:
+def _found(accepted: Accepted, question: Question, selection: Selection, stated: bool) -> Found:
     h, fit, rules = accepted.hypothesis, selection.final.fit, selection.rules
     parameters = {
-        parameter_name(row, h.name, known): {
+        parameter_name(row, h): {
             "value": fit.values[row], "unit": question.units[row], "row": row,
             "ci95": list(answered_interval(fit, p, h.nulls.get(row, 0.0), accepted.gain if row in h.nulls else 0.0)),
         }
         for row, p in zip(h.names, h.free, strict=True)
     }  # fmt: skip
-    others = tuple(dict.fromkeys(canonical(n) for n in accepted.alternatives))
+    others = tuple(dict.fromkeys(effect_name(n) for n in accepted.alternatives))
     # where unseen records judge, what is left is known to be no noise, and counts against no answer
     noise = bool(selection.steps) or selection.after.p_value >= rules.left_p
     left = 0.0 if noise else selection.after.excess / selection.explained
     limit = MOST if selection.steps else highest(stated, len(selection.accepted), accepted.gain)
     sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left, limit)
     return Found(
-        canonical(h.name), sure, parameters, h.equation, tuple(n for n in others if n != canonical(h.name)),
+        h.canonical, sure, parameters, h.equation, tuple(n for n in others if n != h.canonical),
         h.experiment, h.name, accepted.gain, accepted.margin, accepted.heldout_gain,
     )  # fmt: skip
 
@@ -244,17 +233,17 @@ def _rms(model: Model, series: Sequence[np.ndarray], channel: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(own) ** 2)))
 
 
-def _test(question: Question, selection: Selection, known: Mapping[str, Effect]) -> dict[str, Any]:
+def _test(question: Question, selection: Selection) -> dict[str, Any]:
     first = selection.screenings[0] if selection.screenings else None
     return {
         "p_value": selection.before.p_value if first is None else min(first.p_value, 1.0),
         "p_left": selection.after.p_value,
         "rms_over_stated_noise": selection.after.over_noise,
-        "minimum_detectable": {h.name: _detectable(h, question, selection, known) for h in question.hypotheses},
+        "minimum_detectable": {h.name: _detectable(h, question, selection) for h in question.hypotheses},
     }
 
 
-def _detectable(h: Hypothesis, question: Question, selection: Selection, known: Mapping[str, Effect]) -> str:
+def _detectable(h: Hypothesis, question: Question, selection: Selection) -> str:
     """Size at which the effect would gain what the rules ask for, by the probe that shows it best, with its unit."""
     rules = selection.rules
     asked = np.sqrt(rules.gain + rules.each * (len(h.free) - 1)) / _STANDS_OUT
@@ -268,8 +257,8 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection, known: 
     unit = question.units.get(lead, "")
     unit = "" if unit in ("", "1") else f" {unit}"
     bounds = next(p for p in h.free if p.name == lead)
-    name = parameter_name(lead, h.name, known)
-    if lead in INVERSE:
+    name = parameter_name(lead, h)
+    if lead in h.inverse:
         value = max(_probed(s, lead) / (s.visible * asked) for s in scores)
         return f"{name} below {value:.3g}{unit}" if value > bounds.low else "none within its bounds"
     size = min(abs(_probed(s, lead) - h.nulls[lead]) * s.visible * asked for s in scores)
@@ -282,7 +271,7 @@ def _probed(score: Score, row: str) -> float:
     return score.directions[0].get(row, score.hypothesis.nulls[row])
 
 
-def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]) -> tuple[dict[str, Any], ...]:
+def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ...]:
     """Every hypothesis: what it gained when it was refitted first, and what came of it."""
     taken = {a.hypothesis.name: a for a in selection.accepted}
     first = selection.screenings[0] if selection.screenings else None
@@ -298,7 +287,7 @@ def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]
         like = first.class_of(h.name) if score is not None and score.gain > 0.0 else ()
         turned = wrong_way(score, question.fit, selection.rules.gain)
         rows.append({
-            "name": h.name, "effect": canonical(h.name), "score": score.gain if score else 0.0,
+            "name": h.name, "effect": h.canonical, "score": score.gain if score else 0.0,
             "gain": refitted.get(h.name), "absorbability_deg": score.absorbability if score else 0.0,
             "looks_like": list(like), "declared_confusable": list(h.confusable),
             "state": _state(h.name, taken, selection, refitted) + (TURNED if turned else ""),
@@ -310,7 +299,7 @@ def _tried(question: Question, selection: Selection, known: Mapping[str, Effect]
 def wrong_way(score: Score | None, model: Model, least: float) -> bool:
     """Whether the data want an effect on the side of its null where it has no values; least: gain that says so."""
     sizes = [] if score is None else [n for n in score.directions[0] if n in score.hypothesis.nulls]
-    if len(sizes) != 1 or sizes[0] in INVERSE or score.gain < least:
+    if len(sizes) != 1 or sizes[0] in score.hypothesis.inverse or score.gain < least:
         return False
     row, null = next(p for p in model.parameters if p.name == sizes[0]), score.hypothesis.nulls[sizes[0]]
     return len(score.directions) == 1 and score.amount[0] < 0.0 and null in (row.low, row.high)

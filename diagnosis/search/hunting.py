@@ -19,7 +19,7 @@ from diagnosis.adequacy.bands import Averaged, Bands, Spectra
 from diagnosis.adequacy.tests import SURE, Adequacy
 from diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Free, Whitener
 from diagnosis.search.rules import Rules
 from diagnosis.search.selection import Accepted, Selection
@@ -133,7 +133,7 @@ def _looks(hypothesis: Hypothesis) -> list[dict[str, float]]:
         shapes = sorted({tuple(sorted((n, v) for n, v in p.items() if n != row)) for p in probes})
         largest, least = max(abs(p[row] - null) for p in probes), min(p[row] for p in probes)
         for scale, shape in product(SCALES, shapes):
-            value = least / scale if row in INVERSE else null + side * scale * largest
+            value = least / scale if row in hypothesis.inverse else null + side * scale * largest
             found.append({row: bounds.clip(value), **dict(shape)})
     return found
 

@@ -8,8 +8,6 @@ from diagnosis.fit.refit import Fit
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, Whitener
 
-WHOLE = ("sensor_rectification",)
-"""Effects whose largest size is all of it, no end of a search: a sensor can do no more than turn all signs round."""
 BEYOND_DOUBT = 60.0
 """Fall of the deviance from which an effect's size is not its null, whatever the interval of its slope says."""
 OUTLYING = 5.0
@@ -31,10 +29,9 @@ def held_cost(model: Model, whitener: Whitener, fit: Fit) -> float:
 
 
 def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
-    """Parameters of the hypothesis that ended on a bound; a size at its null is on none, nor one that is `WHOLE`."""
+    """Parameters of the hypothesis that ended on a bound; a size at its null is on none, nor one that is complete."""
     shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
-    whole = hypothesis.name.split(".")[0] in WHOLE
-    sizes = [] if whole else [n for n in fit.at_bounds if n in hypothesis.nulls]
+    sizes = [] if hypothesis.complete else [n for n in fit.at_bounds if n in hypothesis.nulls]
     return shape + [n for n in sizes if fit.values[n] != hypothesis.nulls[n]]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from diagnosis.fit.likelihood import Judged, judge
 from diagnosis.fit.refit import Fit, Start, refit
 from diagnosis.fit.screen import Score, Screening
-from diagnosis.model.hypotheses import INVERSE, Hypothesis
+from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, learn_whitener
 
 RIVALS = 10
@@ -25,7 +25,6 @@ Scores are of first order: a refit may double them."""
 BENT = 1.5
 """Standard deviations from its prior at which a nominal parameter counts as bent."""
 _FIRST, _LAST = 4, 6
-PHASE = "position_ripple.phase"
 
 
 @dataclass(frozen=True)
@@ -126,10 +125,11 @@ def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:
     bounds = {p.name: p for p in model.parameters}
     suggested = {}
     directions = score.directions
-    if len(directions) == 2 and PHASE in directions[0]:  # a wave: sine and cosine parts are a size and a phase
+    wave = score.hypothesis.wave
+    if wave and len(directions) == 2 and wave[1] in directions[0]:  # sine and cosine parts are a size and a phase
         (sine, cosine), (size,) = score.amount, [n for n in directions[0] if n in score.hypothesis.nulls]
         height = bounds[size].clip(directions[0][size] * float(np.hypot(sine, cosine)))
-        return {**directions[0], size: height, PHASE: float(np.arctan2(cosine, sine))}
+        return {**directions[0], size: height, wave[1]: float(np.arctan2(cosine, sine))}
     for amount, direction in zip(score.amount, directions, strict=True):
         for name, value in direction.items():
             null = score.hypothesis.nulls.get(name)
@@ -141,7 +141,7 @@ def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:
             if amount < 0.0:  # the wrong way: the other side of the null, or close to it where there is none
                 one_way = null is not None and null in (bounds[name].low, bounds[name].high)
                 size = 0.05 if one_way else -size
-            if name in INVERSE:  # the stiffer, the less of it; what adds up is the compliance
+            if name in score.hypothesis.inverse:  # the stiffer, the less of it; what adds up is the compliance
                 rigid = 1.0 / null if null else 0.0
                 suggested[name] = bounds[name].clip(1.0 / max(rigid + abs(size) * (1.0 / value - rigid), 1e-300))
                 continue

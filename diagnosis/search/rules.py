@@ -13,7 +13,9 @@ class Rules:
     gain      | least fall of the deviance for an effect to be accepted, and for each further parameter that it has
     coloured  | as ``gain``, where the noise has a colour: it takes what lasts, learnt of a bias all but some 40
     rest      | as ``gain``, where a record at rest tells the colour: nothing of the mismatch is in it
-    drifts    | least gain from which what changes with the elapsed time alone (`DRIFTS`) is named; below that: unknown
+    drifts    | least gain from which what changes with the elapsed time alone is named; below that: unknown. Under a
+              | noise whose colour is learnt, a leaking load, a warm cable and a sagging supply gained 41 to 74 as a
+              | friction that drifts (recordings that no proof uses)
     further   | as ``gain``, for a further effect
     share     | least gain of a further effect over that of all before it
     races     | times that what was behind a refused hypothesis may race again

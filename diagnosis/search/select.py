@@ -34,11 +34,6 @@ from diagnosis.search.race import Candidate, race
 from diagnosis.search.rules import Rules
 from diagnosis.search.selection import Accepted, Selection
 
-DRIFTS = ("friction_drift",)
-"""Effects that change with the elapsed time alone. Under a noise whose colour is learnt, a leaking load, a warm cable
-and a sagging supply gained 41 to 74 as such (recordings that no proof uses)."""
-CONSTANT = ("sensor_scale", "sensor_bias")
-"""Effects that are none where they change with the elapsed time: a warming sensor is no scale."""
 ENDING = 20
 """Iterations, at most, with which a candidate's refit ends: a load that sticks and slips is long on its way (a Stribeck
 curve that was there gained 2868 after a race, 11500 after two more iterations, and 15400 in the end)."""
@@ -157,17 +152,13 @@ def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
 
 def _like_any(candidate: Candidate, rules: Rules) -> bool:
     """Whether what was found is a drift too small to be told from others; nothing that gains less is it either."""
-    return _drifts(candidate.hypothesis) and candidate.gain < rules.drifts
+    return candidate.hypothesis.drifts and candidate.gain < rules.drifts
 
 
 def _tells_of_drift(chosen: Sequence[Hypothesis], after: Adequacy) -> bool:
     """Whether what is left is measured by how much of a drift it is: one was named, or a constant is, that drifts."""
-    still = any(h.name.split(".")[0] in CONSTANT for h in chosen)
-    return any(_drifts(h) for h in chosen) or (still and "elapsed time" in after.leftovers[0].coordinate)
-
-
-def _drifts(hypothesis: Hypothesis) -> bool:
-    return hypothesis.name.split(".")[0] in DRIFTS
+    still = any(h.constant for h in chosen)
+    return any(h.drifts for h in chosen) or (still and "elapsed time" in after.leftovers[0].coordinate)
 
 
 def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) -> Candidate | None:
@@ -257,5 +248,4 @@ def _ends_as(candidate: Candidate, one: Hypothesis, gain: float) -> bool:
 
 
 def _declared_alike(one: Hypothesis, other: Hypothesis) -> bool:
-    name, rival = one.name.split(".")[0], other.name.split(".")[0]
-    return rival in one.confusable or name in other.confusable
+    return other.canonical in one.confusable or one.canonical in other.confusable

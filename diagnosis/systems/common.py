@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
 from diagnosis.data.recording import CHANNELS, Record, Recording
-from diagnosis.model.hypotheses import INVERSE, Hypothesis, hypotheses_for
+from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model.model import Block, Coordinate, Free
 from diagnosis.systems.question import Request
 
@@ -242,7 +242,7 @@ def claimed(hypotheses: Sequence[Hypothesis], values: Mapping[str, float]) -> li
     for h in hypotheses:
         probes = h.probes
         for name in h.nulls:
-            if name in INVERSE and values[name] > 0.0:
+            if name in h.inverse and values[name] > 0.0:
                 probes = tuple(({name: values[name] / (1.0 + more)},) for more in SOFTER)
         free = tuple(replace(p, start=p.clip(values[p.name])) if p.name in h.nulls else p for p in h.free)
         found.append(replace(h, free=free, probes=probes, nulls={name: values[name] for name in h.nulls}))

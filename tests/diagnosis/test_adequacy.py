@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, savgol_filter
 
+from cable_envs.effects import EFFECTS
 from diagnosis.adequacy.functions import Regression
 from diagnosis.adequacy.spectra import coherences
 from diagnosis.adequacy.tests import adequacy
@@ -18,7 +19,6 @@ from diagnosis.model.leftover import ALL
 from diagnosis.model.model import Block, Coordinate, learn_whitener
 from diagnosis.model.rest import noise_at_rest
 from diagnosis.report.answer import _unfitted
-from diagnosis.search import select as selection
 from diagnosis.search.objections import BEYOND_DOUBT, objection
 from diagnosis.search.rules import Rules
 from diagnosis.search.select import select
@@ -173,12 +173,13 @@ def test_a_weak_channel_is_not_held_against_its_own_noise():
 
 
 @pytest.mark.parametrize(("drift", "verdict"), [(0.25, "unknown"), (0.9, "named")])
-def test_a_small_drift_is_unknown_and_a_large_one_named(monkeypatch, drift, verdict):
+def test_a_small_drift_is_unknown_and_a_large_one_named(drift, verdict):
     """What changes with the elapsed time alone looks like all else that does, unless it is sure."""
-    monkeypatch.setattr(selection, "DRIFTS", ("drift_effect",))
+    declared = replace(EFFECTS["friction_drift"], name="drift_effect")
+    hypotheses = [replace(h, effect=declared) if h.name == "drift_effect" else h for h in HYPOTHESES]
     truth = {"drift": drift}
     fit, heldout = (Toy(truth, seed, records, std=2.5) for seed, records in ((5, 2), (55, 1)))
-    found = select(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0))
+    found = select(fit, heldout, NOMINALS, hypotheses, np.random.default_rng(0))
     gained = max(c.gain for race in found.tried for c in race if c.hypothesis.name == "drift_effect")
     assert found.verdict == verdict
     assert (Rules().coloured < gained < Rules().drifts) is (verdict == "unknown")
