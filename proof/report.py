@@ -1,12 +1,12 @@
 """The proof as one JSON record and as a table in Markdown."""
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import read_json
 from proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
@@ -32,11 +32,11 @@ def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     for file in files:
         try:
-            content = json.loads(file.read_text(encoding="utf-8"))
+            content = read_json(file)
         except (OSError, ValueError) as problem:
-            raise ConfigurationError(f"{file} cannot be read as a proof.json: {problem}") from None
+            raise ConfigurationError(f"{file} cannot be read as a proof's record: {problem}") from None
         if not isinstance(content, dict) or content.get("schema") != SCHEMA or "plan" not in content:
-            raise ConfigurationError(f"{file} is no proof.json of schema {SCHEMA} that says its plan")
+            raise ConfigurationError(f"{file} is no record of schema {SCHEMA} that says its plan")
         if found and (content["plan"], [*content["methods"]]) != (found[0]["plan"], [*found[0]["methods"]]):
             raise ConfigurationError(
                 f"{file} and {files[0]} are of different plans or methods: parts of one proof join"

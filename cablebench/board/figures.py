@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from cablebench.board.board import Board, Row, Table
+from cablebench.board.compact_svg import compact_svg
 from cablebench.board.statistics import performance_profile
 from cablebench.run.metrics import PHASES
 from cablebench.run.units import axis_label, display
@@ -30,7 +31,7 @@ _RC = {
     "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 0,
     "ytick.minor.size": 0, "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.4,
     "savefig.facecolor": "none", "figure.facecolor": "none", "axes.facecolor": "none",
-    "axes.formatter.useoffset": False,
+    "axes.formatter.useoffset": False, "path.simplify_threshold": 0.25,  # points: what no screen shows of a curve
 }  # fmt: skip
 
 
@@ -167,6 +168,15 @@ def trajectories(
     return svg(draw, 2.55 * len(rows) + 0.7, 6.4, style)
 
 
+def is_drawn(signal: str) -> bool:
+    """Whether `trajectories` draws this signal of an episode, so that a packed board keeps it."""
+    return signal in ("time", "reference", "output", "failed") or _is_drawn_tension(signal)
+
+
+def _is_drawn_tension(signal: str) -> bool:
+    return "tension" in signal and signal != "peak_tension" and not signal.startswith("tension_output")
+
+
 def _one(
     above: Any, below: Any, arrays: Mapping[str, np.ndarray], entrant: str, kind: str, table: Table, style: Style
 ) -> None:
@@ -177,7 +187,7 @@ def _one(
         above.plot(arrays["time"][-1], arrays["output"][-1] * scale, "x", color="#a8321f", ms=8, mew=2)
     if kind == "median":
         above.set_title(entrant)
-    names = [n for n in arrays if "tension" in n and n != "peak_tension" and not n.startswith("tension_output")]
+    names = [n for n in arrays if _is_drawn_tension(n)]
     for k, name in enumerate(names):
         below.plot(
             arrays["time"],
@@ -305,7 +315,6 @@ def scoped(svg: str) -> str:
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', svg)
     svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", svg)
-    # a tenth of a point is finer than any screen or printer resolves here, and halves the size of the page
-    svg = re.sub(r'\bd="[^"]*"', lambda path: re.sub(r"(\d+\.\d)\d+", r"\1", path[0]), svg)
+    svg = compact_svg(svg)
     # the page scales figures to its width: drop the fixed size, keep the viewBox
     return re.sub(r'(<svg[^>]*?) width="([\d.]+)pt" height="[\d.]+pt"', r'\1 style="max-width:\2pt"', svg, count=1)

@@ -1,12 +1,12 @@
 """The HTML page of the real recordings, from the JSON and SVG files that each set has left in a folder."""
 
-import json
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import packed_json, read_json
 
 FIGURES = "figures"
 JAW = "da-vinci-jaw"
@@ -21,18 +21,18 @@ _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
 
 def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping[str, str]) -> None:
-    """Leave a set's numbers as JSON (`numbers_of`) and its figures as ``figures/NAME-FIGURE.svg``."""
+    """Leave a set's numbers as compressed JSON (`numbers_of`) and its figures as ``figures/NAME-FIGURE.svg``."""
     from cablebench.run.store import jsonable, write_atomic
 
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
-    write_atomic(numbers_of(out, name), json.dumps(jsonable(numbers), indent=1, allow_nan=False) + "\n")
+    write_atomic(numbers_of(out, name), packed_json(jsonable(numbers)))
     for figure, text in figures.items():
         write_atomic(out / FIGURES / f"{name}-{figure}.svg", text.rstrip() + "\n")
 
 
 def numbers_of(out: Path, name: str) -> Path:
     """The file of a set's numbers."""
-    return out / f"{FILES.get(name, name)}.json"
+    return out / f"{FILES.get(name, name)}.json.gz"
 
 
 def render(out: Path, names: Sequence[str]) -> str:
@@ -63,8 +63,8 @@ def render(out: Path, names: Sequence[str]) -> str:
 
 def _read(path: Path) -> Any:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError) as problem:
+        return read_json(path)
+    except (OSError, ValueError) as problem:
         raise ConfigurationError(f"cannot read {path}: {problem}") from None
 
 

@@ -8,7 +8,7 @@ import os
 import tempfile
 import warnings
 import zlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -168,6 +168,15 @@ class ResultStore:
         for path in lost:
             path.unlink()
         return len(lost)
+
+    def thin_trajectories(self, runs: Collection[str], keep: Callable[[str], bool]) -> None:
+        """Of the trajectories of ``runs`` keep only the signals whose name ``keep`` says yes to."""
+        for run in runs:
+            found = self.trajectories(run)
+            if any(not keep(name) for arrays in found.values() for name in arrays):
+                self.keep_trajectories(
+                    run, {kind: {n: a for n, a in arrays.items() if keep(n)} for kind, arrays in found.items()}
+                )
 
     def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
         """What `keep_trajectories` saved for that run; empty where there is nothing."""

@@ -1,14 +1,14 @@
 """Everything that is shown of the da Vinci jaw, as one dictionary of numbers: what `docs/recordings` keeps.
 
 cablebench import da-vinci-jaw ../shared/recordings/davinci_tool --out jaw
-python -m diagnosis.real.davinci_study jaw docs/recordings/davinci.json
+python -m diagnosis.real.davinci_study jaw docs/recordings/davinci.json.gz
 """
 
-import json
 import sys
 from pathlib import Path
 from typing import Any
 
+from cable_envs.core.json_files import packed_json
 from diagnosis.real.davinci import (
     Tell,
     concealed,
@@ -66,4 +66,4 @@ def rounded(value: Any) -> Any:
 
 if __name__ == "__main__":
     found = study(sys.argv[1], tell=lambda text: print(text, flush=True))
-    Path(sys.argv[2]).write_text(json.dumps(rounded(found), indent=1) + "\n", encoding="utf-8")
+    Path(sys.argv[2]).write_bytes(packed_json(rounded(found)))

@@ -1,10 +1,10 @@
 """The boards in the repository: they come from their records, and their policies score as recorded."""
 
-import json
 from pathlib import Path
 
 import pytest
 
+from cable_envs.core.json_files import read_json
 from cablebench.board.board import build_board
 from cablebench.run.protocol import load_protocol
 from cablebench.run.replay import TIMED
@@ -23,7 +23,7 @@ def test_a_board_is_what_its_records_say(name):
     protocol = load_protocol(name)
     records = _records(name)
     assert {r["protocol_hash"] for r in records} == {protocol.hash()}
-    board, written = build_board(protocol, records), json.loads((BOARDS / name / "board.json").read_text())
+    board, written = build_board(protocol, records), read_json(BOARDS / name / "board.json.gz")
     shown = {(t["task"], t["track"], r["entrant"]): r["score"] for t in written["tables"] for r in t["rows"]}
     rows = [(t, r) for t in board.tables for r in t.rows]
     assert len(shown) == len(rows)

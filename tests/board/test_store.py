@@ -107,6 +107,22 @@ def test_trajectories_round_trip_and_lie_beside_the_records(tmp_path):
     assert store.trajectories("unknown") == {} and store.trajectories("") == {}
 
 
+def test_thinned_trajectories_keep_the_signals_that_are_asked_for(tmp_path):
+    store = ResultStore(tmp_path / "quick.jsonl")
+    arrays = {"time": np.arange(5.0), "effort": np.ones(5)}
+    kept, other = (store.keep_trajectories(run, {"median": arrays, "worst": arrays}) for run in ("abc", "other"))
+    before = other.read_bytes()
+    store.thin_trajectories(["abc", "never run"], lambda name: name == "time")
+    assert {kind: list(found) for kind, found in store.trajectories("abc").items()} == {
+        "median": ["time"],
+        "worst": ["time"],
+    }
+    assert other.read_bytes() == before
+    thinned = kept.read_bytes()
+    store.thin_trajectories(["abc"], lambda name: name == "time")
+    assert kept.read_bytes() == thinned  # nothing for version control to see
+
+
 def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
     store.append([{"a": 1}, {"a": 2}])

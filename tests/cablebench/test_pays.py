@@ -9,6 +9,7 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import read_json
 from cablebench.cli import main
 from cablebench.pays import page as pays_page
 from cablebench.pays import scores as pays
@@ -121,7 +122,7 @@ def test_page_command_and_figure_hold_the_numbers():
 
 def test_the_committed_page_is_that_of_its_numbers():
     docs = Path(__file__).parents[2] / "docs"
-    result = json.loads((docs / "pays.json").read_text(encoding="utf-8"))
+    result = read_json(docs / "pays.json.gz")
     assert (docs / "pays.md").read_text(encoding="utf-8") == pays_page.page(result)
     for name, found in result["rigs"].items():
         assert found["hidden"] == RIGS[name].effects

@@ -102,7 +102,7 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     for name, part in {"whole": (), "one": ("--first", "1"), "two": ("--after", "1")}.items():
         _, out, _ = _run(capsys, "--no-tool", "--out", str(tmp_path / name), *part, "--json")
         found[name] = json.loads(out)
-    files = [str(tmp_path / name / "proof.json") for name in ("one", "two")]
+    files = [str(tmp_path / name / "proof.json.gz") for name in ("one", "two")]
     join = ["--join", files[0], "--join"]
     code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
     joined = json.loads(out)
@@ -118,7 +118,7 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
         (files[0], "in more than one part: case-0001"),
         (str(tmp_path / "other.json"), "of different plans"),
         (str(tmp_path / "later.json"), "by different states of the tool"),
-        (str(tmp_path / "none.json"), "no proof.json of schema"),
+        (str(tmp_path / "none.json"), "no record of schema"),
         (str(tmp_path / "gone.json"), "cannot be read"),
     ):
         code, _, err = _run(capsys, *join, file, "--out", str(tmp_path / "bad"))

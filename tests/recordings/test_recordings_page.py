@@ -1,6 +1,5 @@
 """The page of real recordings: what it says of numbers, what it does where a set is missing, and the committed one."""
 
-import json
 import re
 from pathlib import Path
 
@@ -8,12 +7,14 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import read_json
 from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
 from cablebench.pages.recordings import error, estimate, number, plain, render, write_set
 from cablebench.pages.recordings_sets import SETS, numbers
 from diagnosis.model.verdict import Estimate, Step
 from diagnosis.real.finding import Alone, Finding
+from tests.support.svg_paths import points_of
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "recordings"
 
@@ -60,9 +61,9 @@ def test_a_page_of_one_set_shows_its_ladder_and_says_what_is_missing(tmp_path):
     assert "Not run yet: da-vinci-jaw, emps, coupled-drives." in page
     assert "4 [3.5, 4.5] mm" in page and "7\u202f780" in page
     assert page.count("<svg") == 1 and "cable elongation" in page and 'id="emps"' not in page
-    assert json.loads((tmp_path / "band-brake.json").read_text())["finding"]["named"] == ["backlash"]
-    (tmp_path / "emps.json").write_text("{")
-    with pytest.raises(ConfigurationError, match=r"cannot read .*emps.json"):
+    assert read_json(tmp_path / "band-brake.json.gz")["finding"]["named"] == ["backlash"]
+    (tmp_path / "emps.json.gz").write_text("{")
+    with pytest.raises(ConfigurationError, match=r"cannot read .*emps.json.gz"):
         render(tmp_path, list(SETS))
 
 
@@ -70,7 +71,7 @@ def test_figures_hold_a_figure_of_the_data_and_no_copy():
     x = np.linspace(0.0, 1.0, 50_000)
     run = {"title": "t", "ylabel": "y", "time": x, "measured": x, "nominal": x, "final": np.sin(900.0 * x)}
     text = draw.runs([run])
-    longest = max(len(re.findall(r"[LM]", path)) for path in re.findall(r' d="([^"]*)"', text))
+    longest = max(len(points_of(path)) for path in re.findall(r' d="([^"]*)"', text))
     assert 100 < longest <= draw.POINTS
     bars = draw.bars([("a_b", 1.0, 2.0), ("worse", 4.0, 2.0)], "error", 3.0, {"nets": 0.5})
     assert "a b" in bars and draw.NAIVE in bars and draw.NAMED in bars
@@ -98,9 +99,9 @@ def test_the_committed_page_is_made_of_its_numbers_and_needs_nothing_else():
     page = (COMMITTED / "index.html").read_text(encoding="utf-8")
     assert render(COMMITTED, list(SETS)) == page
     assert not re.search(r"<(?:script|link|img)\b|url\(\s*http", page)
-    coupled = json.loads((COMMITTED / "coupled-drives.json").read_text())
+    coupled = read_json(COMMITTED / "coupled-drives.json.gz")
     for finding in coupled["findings"].values():
         assert finding["named"][0] == "sensor_rectification.speed_reading"
     assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
-    named = json.loads((COMMITTED / "band-brake.json").read_text())["finding"]["named"]
+    named = read_json(COMMITTED / "band-brake.json.gz")["finding"]["named"]
     assert {"load_dependent_friction", "backlash"} < set(named) and "viscous_friction" not in named

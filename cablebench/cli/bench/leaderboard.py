@@ -7,8 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import packed_json, read_json
 from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.common import console
+from cablebench.run.store import write_atomic
 
 BOARDS = "boards"
 """Folder of the boards that are kept under version control: one folder for each, named like its protocol."""
@@ -28,7 +30,8 @@ def leaderboard(
 ) -> None:
     """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it.
 
-    --pack compresses the records to records.jsonl.gz and drops trajectories that the page does not draw.
+    --pack compresses records and board.json (to records.jsonl.gz, board.json.gz) and drops what the page does not draw
+    of the trajectories. board.html is no part of a packed folder: this command makes it again from what is there.
     """
     from cablebench.run.store import ResultStore
 
@@ -41,15 +44,20 @@ def leaderboard(
     chosen = protocol_of(records, protocol or board)
     made = make_board(chosen, store, records, out or folder, as_json, place=flags)
     if pack:
-        _pack(store, made, len(records))
+        _pack(store, made, len(records), out or folder)
 
 
-def _pack(store: Any, board: Any, count: int) -> None:
-    """Make the results folder small: records compressed, trajectories of the rows that the page draws only."""
+def _pack(store: Any, board: Any, count: int, out: Path) -> None:
+    """Make the results folder small: records and board compressed, of the trajectories only what the page draws."""
+    from cablebench.board.figures import is_drawn
     from cablebench.board.page import shown_runs
 
-    path = store.pack()
-    store.forget_trajectories(shown_runs(board))
+    path, shown = store.pack(), shown_runs(board)
+    store.forget_trajectories(shown)
+    store.thin_trajectories(shown, is_drawn)
+    written = out / "board.json"
+    write_atomic(out / "board.json.gz", packed_json(read_json(written)))
+    written.unlink()
     console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.json_files import packed_json
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import scores as pays
 from cablebench.pays.scores import SIMULATORS, Study
@@ -137,7 +138,7 @@ def run(
 ) -> dict[str, Any]:
     """All of it, seed after seed, for studies that differ in their rigs only; the same call goes on.
 
-    Writes pays.json, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
+    Writes pays.json.gz, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
     """
     from cablebench.pays.page import FIGURE, command, figure, page
 
@@ -170,7 +171,7 @@ def run(
         "rigs": rigs,
     }  # fmt: skip
     result = json.loads(json.dumps(jsonable(result)))
-    write_atomic(out / "pays.json", json.dumps(result, indent=1, allow_nan=False) + "\n")
+    write_atomic(out / "pays.json.gz", packed_json(result))
     write_atomic(out / FIGURE, figure(result))
     write_atomic(out / "pays.md", page(result))
     return result

@@ -9,6 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.json_files import packed_json
 from cablebench.cli.common import console, print_json, progress_bar
 from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job
@@ -31,7 +32,7 @@ def proof(
         int, typer.Option(help="Not the first so many: parts of a proof run on several machines or days.", min=0)
     ] = 0,
     join: Annotated[
-        list[Path] | None, typer.Option(help="proof.json of a part; repeated, the parts become one and nothing runs.")
+        list[Path] | None, typer.Option(help="proof.json.gz of a part; repeated: parts become one, nothing runs.")
     ] = None,
     kind: Annotated[
         list[str] | None, typer.Option(help="Only single, pair, nothing, decoy or strange; may be repeated.")
@@ -153,7 +154,7 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
 def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
     """The report of several parts of one proof; the fail rules that the tool breaks.
 
-    Raises ConfigurationError for what is no proof.json, parts of several plans, and cases that are in two parts.
+    Raises ConfigurationError for what is no record of a proof, parts of several plans, and cases that are in two parts.
     """
     from proof.report import parts_of, together
     from proof.run import TOOL
@@ -175,15 +176,13 @@ def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick:
     about = {**about, "cases_total": len(next(iter(results.values()))), "sample": quick}
     whole = jsonable(report.record(results, about))
     text = report.markdown(results, about)
-    import json
-
     out.mkdir(parents=True, exist_ok=True)
-    write_atomic(out / "proof.json", json.dumps(whole, indent=1, allow_nan=False) + "\n")
+    write_atomic(out / "proof.json.gz", packed_json(whole))
     write_atomic(out / "proof.md", text)
     write_atomic(out / "proof.html", render(whole))
     if as_json:
         print_json(whole)
     else:
         typer.echo(text)
-        console(stderr=True).print(f"wrote proof.json, proof.md and proof.html to {out}", markup=False)
+        console(stderr=True).print(f"wrote proof.json.gz, proof.md and proof.html to {out}", markup=False)
     return list(whole["broken_rules"])

@@ -1,0 +1,83 @@
+"""Figures made small: the same points, the same words, and nothing that is referred to is lost."""
+
+import io
+import re
+
+import numpy as np
+import pytest
+
+from cablebench.board.compact_svg import STEPS_PER_POINT, compact_path, compact_svg
+from tests.support.svg_paths import points_of
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """A figure with a noisy curve, markers, a filled band, a legend and formulas, as matplotlib writes it."""
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
+
+    x = np.linspace(0, 1, 300)
+    with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": "test"}):
+        figure = Figure(figsize=(4, 3))
+        FigureCanvasSVG(figure)
+        ax = figure.subplots()
+        ax.plot(x, np.random.default_rng(0).normal(size=300), label="a  b <c>")
+        ax.plot(x[::30], x[::30], "o", gid="entrant-3")
+        ax.fill_between(x, -x, x, alpha=0.3)
+        ax.set_xlabel("a $x^2$")
+        ax.legend()
+        buffer = io.StringIO()
+        figure.savefig(buffer, format="svg", metadata={"Date": None})
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def test_every_path_passes_the_same_points(drawn):
+    before, after = (re.findall(r'\bd="([^"]*)"', text) for text in (drawn, compact_svg(drawn)))
+    assert len(before) == len(after) > 10
+    for old, new in zip(before, after, strict=True):
+        wanted, found = points_of(old), points_of(new)
+        assert len(found) <= len(wanted)
+        # points that fall together on the grid are one; the others are rounded, and errors do not add up
+        kept = iter(found)
+        at = next(kept)
+        for point in wanted:
+            while np.abs(point - at).max() > 0.5001 / STEPS_PER_POINT + 1e-6:
+                at = next(kept)
+
+
+def words_of(svg: str) -> list[str]:
+    """The text of each ``text`` element, formulas without their tags."""
+    return [re.sub(r"<[^>]+>", "", text) for text in re.findall(r"<text\b.*?</text>", svg, re.DOTALL)]
+
+
+def test_words_references_and_marks_stay(drawn):
+    small = compact_svg(drawn)
+    assert len(small) < 0.6 * len(drawn)
+    assert words_of(small) == words_of(drawn) and "a  b &lt;c&gt;" in words_of(small)
+    ids = set(re.findall(r' id="([^"]+)"', small))
+    asked = set(re.findall(r'href="#([^"]+)"', small)) | set(re.findall(r"url\(#([^)]+)\)", small))
+    assert asked == ids and len(asked) > 3
+    assert small.count("<g") == small.count("</g>") and small.count("<use") == drawn.count("<use")
+    classes = set(re.findall(r'class="([^"]+)"', small))
+    assert classes and all(f".{name}{{" in small for name in classes)
+
+
+def test_what_is_compact_comes_back_as_it_is(drawn):
+    small = compact_svg(drawn)
+    assert compact_svg(small) == small
+
+
+@pytest.mark.parametrize(
+    ("data", "wanted"),
+    [
+        ("M 1.04 2 \nL 1.04 2.01 \nL 3 2 \nz\n", "M1 2l0 0 2 0z"),
+        ("M 0 0 C 1 1 2 -1 3 0 C 4 1 5 1 6 0.26", "M0 0c1 1 2-1 3 0 1 1 2 1 3 .3"),
+        ("M 5 5 L 5.5 4.5 L 6 4 M 0 0 L 1 1", "M5 5l.5-.5.5-.5M0 0l1 1"),
+        ("M 0 0 A 1 1 0 0 1 2 2", "M 0 0 A 1 1 0 0 1 2 2"),
+        ("", ""),
+    ],
+)
+def test_paths_in_few_characters(data, wanted):
+    assert compact_path(data) == wanted
