@@ -20,8 +20,8 @@ def test_damaged_files_are_refused(tmp_path):
     (tmp_path / "cut.json.gz").write_bytes(packed_json(VALUE)[:-9])
     (tmp_path / "plain.json.gz").write_text("{}")
     (tmp_path / "half.json").write_text("{")
-    for name in ("cut.json.gz", "plain.json.gz", "half.json"):
-        with pytest.raises(ValueError):
+    for name, said in (("cut.json.gz", "damaged"), ("plain.json.gz", "damaged"), ("half.json", "Expecting")):
+        with pytest.raises(ValueError, match=said):
             read_json(tmp_path / name)
     with pytest.raises(ValueError, match="not JSON compliant"):
         packed_json({"x": float("nan")})
