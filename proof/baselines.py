@@ -1,5 +1,8 @@
 """What simpler methods make of the same recordings. Each is recording -> verdict JSON ("cable-diagnosis/1").
 
+A recording is whatever has ``system``, ``value(name)`` of a parameter (SI, or None) and ``used_for(use)``, records with
+``data``: channel -> samples [T], SI.
+
 All start from the balance of forces of the nominal model with derivatives of the measured motion, and from the same
 list of templates, one for each effect that a template can show:
 

@@ -5,7 +5,8 @@
     keys/<case>.json              salt and key; read by `scored` only
     verdicts/<method>/<case>.json verdict, seconds, or why there is none
 
-Every step keeps what is finished: the same call goes on from there. Jobs have the signature of `cablebench.jobs`.
+Every step keeps what is finished: the same call goes on from there. Jobs have the signature of `cablebench.jobs`. The
+tool that is judged, and what reads a recording for the baselines, are handed in: nothing of either is imported here.
 """
 
 import json
@@ -22,19 +23,11 @@ from cable_envs.core.errors import ConfigurationError
 from proof.baselines import BASELINES
 from proof.cases import Case, digest, make
 from proof.scoring import Result, judge
-from proof.sealing import MANIFEST_SCHEMA, opened, seal, state_of
+from proof.sealing import MANIFEST_SCHEMA, opened, seal
 
 TOOL = "diagnose"
 LIMIT = 900.0
 """s that the tool may take for one recording."""
-
-
-def state() -> str:
-    """Of the simulator, the diagnosis and the generators; parts of one proof are by one of them."""
-    import cable_envs
-    import diagnosis
-
-    return state_of(cable_envs, diagnosis)
 
 
 def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
@@ -71,11 +64,34 @@ def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Map
     return manifest
 
 
-def diagnose_one(context: Any, name: str, out: str, method: str, command: Sequence[str] = ()) -> bool:
-    """Job: the verdict of a method on one recording; whether there is one. A finished one is kept.
+def diagnose_one(
+    context: Any, name: str, out: str, method: str, command: Sequence[str] = (),
+    read: Callable[[Path], Any] | None = None,
+) -> bool:  # fmt: skip
+    """Job: the verdict of a method on one recording. A finished one is kept.
 
-    The tool (``command``, to which FOLDER --json are added) works on a copy of the recording in an empty
-    folder: nothing beside it tells what it is. Baselines run here.
+    The tool works on a copy of the recording in an empty folder: nothing beside it tells what it is. Baselines run
+    here.
+
+    Parameters
+    ----------
+    context : object
+        Of the job; not used.
+    name : str
+        The case.
+    out : str
+        The proof's folder.
+    method : str
+        `TOOL`, or a key of `proof.baselines.BASELINES`.
+    command : sequence of str
+        The tool, to which FOLDER --json are added.
+    read : callable, optional
+        (folder) -> recording, as the baselines take it (`proof.baselines`).
+
+    Returns
+    -------
+    bool
+        Whether there is a verdict; what went wrong is in the file.
     """
     file = Path(out, "verdicts", method, f"{name}.json")
     if file.is_file():
@@ -85,7 +101,7 @@ def diagnose_one(context: Any, name: str, out: str, method: str, command: Sequen
         folder = Path(place, "recording")
         shutil.copytree(Path(out, "recordings", name), folder)
         try:
-            verdict = _tool(command, folder, Path(place)) if method == TOOL else _baseline(method, folder)
+            verdict = _tool(command, folder, Path(place)) if method == TOOL else _baseline(method, folder, read)
         except Exception as problem:  # a tool that fails has given no verdict: that is a result
             error = f"{type(problem).__name__}: {problem}"[:2000]
     content = {"verdict": verdict, "error": error, "seconds": round(time.monotonic() - started, 3)}
@@ -109,10 +125,10 @@ def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
     return checked(json.loads(done.stdout))
 
 
-def _baseline(method: str, folder: Path) -> dict[str, Any]:
-    from diagnosis.data.recording import load_recording
-
-    return checked(BASELINES[method](load_recording(folder)))
+def _baseline(method: str, folder: Path, read: Callable[[Path], Any] | None) -> dict[str, Any]:
+    if read is None:
+        raise ConfigurationError(f"'{method}' runs in this process: it takes a function that reads a recording")
+    return checked(BASELINES[method](read(folder)))
 
 
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")

@@ -6,7 +6,6 @@ import pytest
 
 from cablebench.cli import main
 from cablebench.cli.physics import proof as command
-from proof.run import state
 
 
 def _run(capsys, *arguments):
@@ -65,13 +64,13 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
 
 def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from proof import cases, run
+    from proof import cases
     from proof.cases import Case
 
     monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
     arguments = ("--no-tool", "--out", str(tmp_path / "p"))
     assert _run(capsys, *arguments)[0] == 0 and _run(capsys, *arguments)[0] == 0
-    monkeypatch.setattr(run, "state", lambda: "another")
+    monkeypatch.setattr(command, "_state", lambda: "another")
     code, _, err = _run(capsys, *arguments)
     assert code == 2 and "the tool changed since the keys were sealed" in err
 
@@ -107,9 +106,9 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
     joined = json.loads(out)
     assert code == 0 and joined["methods"] == found["whole"]["methods"] and joined["cases_total"] == 2
-    assert joined["state"] == found["one"]["state"] == state()
+    assert joined["state"] == found["one"]["state"] == command._state()
     assert joined["command"] == f"{found['one']['command']}; {found['two']['command']}"
-    assert f"`{state()}`" in (tmp_path / "all" / "proof.md").read_text(encoding="utf-8")
+    assert f"`{command._state()}`" in (tmp_path / "all" / "proof.md").read_text(encoding="utf-8")
 
     (tmp_path / "other.json").write_text(json.dumps({**found["two"], "plan": {**found["two"]["plan"], "seed": 9}}))
     (tmp_path / "later.json").write_text(json.dumps({**found["two"], "state": "another"}))

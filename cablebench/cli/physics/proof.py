@@ -58,7 +58,7 @@ def proof(
     command = _tool_command() if tool else []
     from proof.cases import KINDS
     from proof.effects import SYSTEMS
-    from proof.run import scored, state
+    from proof.run import scored
 
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
@@ -72,7 +72,7 @@ def proof(
         if after >= len(wanted):
             raise ConfigurationError(f"--after {after} leaves none of {len(wanted)} cases")
         wanted = wanted[after:][:first]
-        manifest = _make(out, wanted, jobs, {"plan": asked, "state": state()})
+        manifest = _make(out, wanted, jobs, {"plan": asked, "state": _state()})
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
@@ -95,6 +95,16 @@ def _tool_command() -> list[str]:
             "--no-tool makes the cases and scores the baselines alone"
         )
     return [sys.executable, "-m", "cablebench.cli", "diagnose"]
+
+
+def _state() -> str:
+    """Of the simulator, the diagnosis and the generators: parts of one proof are by one of them."""
+    import cable_envs
+    import diagnosis
+    import proof
+    from proof.sealing import state_of
+
+    return state_of(cable_envs, diagnosis, proof)
 
 
 def _methods(tool: bool, baselines: bool) -> list[str]:
@@ -140,10 +150,11 @@ def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any])
 
 
 def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: list[str], jobs: int) -> None:
+    from diagnosis import load_recording
     from proof.run import diagnose_one
 
     for method in methods:
-        arguments = {"out": str(out), "method": method, "command": command}
+        arguments = {"out": str(out), "method": method, "command": command, "read": load_recording}
         wanted = [Job(f"{method} {n}", diagnose_one, {"name": n, **arguments}) for n in manifest["cases"]]
         with progress_bar() as update, open_backend("local", jobs) as backend:
             for k, done in enumerate(backend.run(wanted), 1):
