@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow bench proof proof-quick recordings lint clean
+.PHONY: demo test test-slow coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -15,6 +15,14 @@ test: .venv/installed
 
 test-slow: .venv/installed
 	$(PYTEST)
+
+# in the terminal and, line by line, in results/coverage; compiled kernels are not traced (pyproject.toml says more)
+coverage: .venv/installed
+	$(PYTEST) -m "not slow" --cov --cov-report=term --cov-report=html
+
+# the equations run as Python, without numba: slow, so only the tests that need few steps
+coverage-kernels: .venv/installed
+	NUMBA_DISABLE_JIT=1 $(PYTEST) -m "not slow" --cov=cable_envs --cov-report=term tests/physics tests/effects/test_effects_drive.py tests/core
 
 bench: .venv/installed
 	$(BIN)/python -m benchmarks
@@ -31,7 +39,10 @@ recordings: .venv/installed
 	$(BIN)/cablebench recordings --out docs/recordings
 
 lint: .venv/installed
-	$(BIN)/ruff check . && $(BIN)/ruff format --check .
+	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
+
+wheel: .venv/installed
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 clean:
 	rm -rf .venv build dist

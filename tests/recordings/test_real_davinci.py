@@ -9,8 +9,8 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.physics.contact import tension_ratio
-from diagnosis.data.recording import load_recording
 from diagnosis import diagnose
+from diagnosis.data.recording import load_recording
 from diagnosis.fit.refit import Start
 from diagnosis.fit.weights import rmse, settle
 from diagnosis.model.model import Block
