@@ -16,17 +16,16 @@ calls, so this module offers
 With ``NUMBA_DISABLE_JIT=1`` everything runs as plain Python (slow; for tests and debugging).
 """
 
-import hashlib
 import math
-import os
-import shutil
 import struct
-import time
-from pathlib import Path
+from types import FunctionType
 
 import numba
 import numpy as np
 from numba import njit
+from numba.core.dispatcher import Dispatcher
+
+from cable_envs.core.kernel_cache import KernelCache, is_ours, kept, names_read
 
 JIT_DISABLED = bool(numba.config.DISABLE_JIT)
 
@@ -34,55 +33,87 @@ LANES = 32
 """Columns of a tile: small enough for the first-level cache, a multiple of every vector width."""
 
 
-def _cache_folder() -> str:
-    """Folder of the compiled kernels of exactly these sources; empty (numba's own choice) where it cannot be written.
-
-    numba's on-disk cache looks only at the file a function is defined in, not at the files it calls into. So the folder
-    is named after all sources, and a process that still runs older ones keeps to its own. Folders that were not used
-    for a day are deleted.
-    """
-    root = Path(__file__).parents[1]
-    digest = hashlib.sha256(numba.__version__.encode())
-    for source in sorted(root.rglob("*.py")):
-        digest.update(source.name.encode())
-        digest.update(source.read_bytes())
-    parent = Path(numba.config.CACHE_DIR or root / "__pycache__")
-    folder = parent / f"kernels-{digest.hexdigest()[:16]}"
-    try:
-        if not folder.is_dir():
-            folder.mkdir(parents=True, exist_ok=True)
-            for old in parent.glob("kernels-*"):
-                if time.time() - old.stat().st_mtime > 86_400:
-                    shutil.rmtree(old, ignore_errors=True)
-        os.utime(folder)
-    except OSError:
-        return ""
-    return str(folder)
-
-
-_FOLDER = "" if JIT_DISABLED else _cache_folder()
-
-
 def jit(function):
-    """Decorator of kernels called from Python; they hold no lock of the interpreter.
+    """Decorator of kernels called from Python; they hold no lock of the interpreter and are kept on disk.
 
-    numba picks the folder of its cache when the decorator runs.
+    Where, and for how long, is said in `cable_envs.core.kernel_cache`.
     """
-    before = numba.config.CACHE_DIR
-    numba.config.CACHE_DIR = _FOLDER or before
-    try:
-        return njit(cache=True, error_model="numpy", nogil=True)(function)
-    finally:
-        numba.config.CACHE_DIR = before
-
-
-def jit_uncached(function):
-    """A kernel as `jit` makes it, from its plain function, but not kept on disk."""
-    return njit(error_model="numpy", nogil=True)(getattr(function, "py_func", function))
+    made = njit(error_model="numpy", nogil=True)(function)
+    return made if JIT_DISABLED else kept(made)
 
 
 inline = njit(forceinline=True, error_model="numpy")
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
+
+
+def instantiate(template, name="", /, **names):
+    """A kernel made from another one's text, with other values for some of the names that it reads.
+
+    Parameters
+    ----------
+    template : function
+        A plain function, a kernel or a piece of one. It is left as it is.
+    name : str, optional
+        Name of the new kernel, by default that of the template.
+    **names
+        Values of global names, in the template and in every piece that it calls by name, at any depth. What reads none
+        of them is shared with the template.
+
+    Returns
+    -------
+    function
+        As `jit` makes it.
+
+    Examples
+    --------
+    >>> def total(a, n):
+    ...     return law(a) * n
+    >>> double = instantiate(total, "double", law=inline(lambda a: 2.0 * a))
+    >>> double(1.5, 4.0)
+    12.0
+    """
+    function = getattr(template, "py_func", template)
+    return jit(_copied(function, name, _others(function, names, {})))
+
+
+def _others(function, names, done):
+    """The globals of a function that must be others: those of ``names``, and the pieces that use one of them."""
+    others = {}
+    for used in names_read(function.__code__):
+        if used in names:
+            others[used] = names[used]
+        elif _is_piece(piece := function.__globals__.get(used)):
+            if piece not in done:
+                inner = getattr(piece, "py_func", piece)
+                changed = _others(inner, names, done)
+                done[piece] = _like(piece, _copied(inner, "", changed)) if changed else piece
+            if done[piece] is not piece:
+                others[used] = done[piece]
+    return others
+
+
+def _copied(function, name, others):
+    made = FunctionType(
+        function.__code__, {**function.__globals__, **others}, name or function.__name__, function.__defaults__,
+        function.__closure__,
+    )  # fmt: skip
+    made.__kwdefaults__ = function.__kwdefaults__
+    made.__qualname__ = made.__name__
+    return made
+
+
+def _is_piece(value):
+    if JIT_DISABLED:
+        return isinstance(value, FunctionType) and is_ours(value)
+    return isinstance(value, Dispatcher)
+
+
+def _like(piece, function):
+    """``function``, compiled as ``piece`` is."""
+    if JIT_DISABLED:
+        return function
+    made = numba.jit(**piece.targetoptions)(function)
+    return kept(made) if isinstance(piece._cache, KernelCache) else made
 
 
 if JIT_DISABLED:

@@ -1,4 +1,4 @@
-"""A user's own effect, from a file: compiled into a copy of the plant's kernel on first use.
+"""A user's own effect, from a file: compiled into a copy of the plant's kernel on first use, and then found on disk.
 
 The file defines ``EFFECT``, an `Effect` like the canonical ones, with plain functions of numbers as hooks; the values
 of its parameters follow in their order:
@@ -37,7 +37,7 @@ from types import ModuleType
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.kernels import inline, jit_uncached
+from cable_envs.core.kernels import inline
 from cable_envs.effects import EFFECTS, Effect, Layout
 from cable_envs.effects.rows import OWN_0
 from cable_envs.plants.base import Plant
@@ -97,7 +97,7 @@ def check_effect(effect: Effect, where: str) -> None:
 
 @cache
 def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
-    """The plant with further effects; its kernel is compiled on first use, in this process."""
+    """The plant with further effects; its kernel is compiled on first use."""
     if not own:
         return plant
     numbers: dict[str, list[int]] = {}
@@ -140,12 +140,10 @@ def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[int]]]) ->
 
 
 def copied(module: ModuleType, kernels: Sequence[str], **instead: Any) -> ModuleType:
-    """A copy of a module whose functions see other globals, and whose ``kernels`` are not those cached on disk."""
+    """A copy of a module whose functions, ``kernels`` among them, see other globals."""
     spec = importlib.util.spec_from_file_location(f"{module.__name__}_copy", module.__file__)
     copy = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(copy)
     for name, value in instead.items():
         setattr(copy, name, value)
-    for name in kernels:
-        setattr(copy, name, jit_uncached(getattr(copy, name)))
     return copy

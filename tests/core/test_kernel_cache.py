@@ -1,0 +1,228 @@
+"""Kernels on disk are found by what they call: other processes compile nothing, an edit recompiles its callers only."""
+
+import importlib
+import inspect
+import os
+import subprocess
+import sys
+import textwrap
+from collections import namedtuple
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cable_envs.core.kernel_cache import Digests, NotStorable, names_read
+from cable_envs.core.kernels import JIT_DISABLED, inline, instantiate, jit
+
+ROOT = Path(__file__).parents[2]
+COUNTED = """
+import sys
+import numba.core.event as event
+
+class Count(event.Listener):
+    compiled = 0
+    def on_start(self, event): Count.compiled += 1
+    def on_end(self, event): pass
+
+event.register("numba:compile", Count())
+"""
+
+SCALE, OTHER = 2.0, 3.0
+
+
+def _law(x):
+    return SCALE * x
+
+
+def _neighbour(x):
+    return OTHER * x
+
+
+law, neighbour = inline(_law), inline(_neighbour)
+
+
+def total(a):
+    """Sum of a law over an array."""
+    out = 0.0
+    for k in range(a.shape[0]):
+        out += law(a[k])
+    return out
+
+
+def both(a):
+    return total_kernel(a) + neighbour(a[0])
+
+
+total_kernel = jit(total)
+both_kernel = jit(both)
+
+
+def _run(code: str, folder: Path, *arguments: str) -> str:
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", COUNTED + textwrap.dedent(code), *arguments],
+        capture_output=True, text=True, env=environment, timeout=300,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_instantiate_takes_other_values_at_any_depth():
+    a = np.array([1.0, 2.0])
+    assert both_kernel(a) == 9.0
+    other = instantiate(both, "other", law=neighbour)
+    assert (other(a), other.__name__) == (12.0, "other")
+    assert instantiate(both_kernel, SCALE=10.0)(a) == 33.0  # read two calls below
+    assert both_kernel(a) == 9.0  # the template is as it was
+
+
+def test_instantiate_shares_what_is_the_same():
+    made = instantiate(both, OTHER=1.0)
+    function = getattr(made, "py_func", made)
+    assert function.__globals__["total_kernel"] is total_kernel
+    assert function.__globals__["neighbour"] is not neighbour
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="there is nothing to find on disk")
+class TestDigests:
+    def of(self, function, **changes):
+        made = instantiate(function, **changes) if changes else function
+        return Digests().of(getattr(made, "py_func", made))
+
+    def test_an_edit_reaches_callers_only(self):
+        edited = inline(eval("lambda x: SCALE * x + 0.0", globals()))
+        assert self.of(total, law=edited) != self.of(total)
+        assert self.of(both, law=edited) != self.of(both)
+        assert self.of(both, neighbour=edited) != self.of(both)
+        assert self.of(total, neighbour=edited) == self.of(total)
+
+    def test_numbers_and_fields_count(self):
+        assert self.of(both, SCALE=2.5) != self.of(both)
+        assert self.of(total, OTHER=2.5) == self.of(total)
+        one, two = namedtuple("Pair", "a b"), namedtuple("Pair", "b a")
+        made = [instantiate(eval("lambda: kind", {"kind": None}), kind=kind).py_func for kind in (one, two)]
+        assert Digests().of(made[0]) != Digests().of(made[1])
+
+    def test_words_and_places_do_not_count(self):
+        space: dict = {"law": law}
+        exec("\n\n\ndef total(a):\n    'Said otherwise.'" + _text(total).split('"""')[2], space)
+        assert Digests().of(space["total"]) == self.of(total)
+
+    def test_what_nobody_could_recognise_is_not_stored(self, tmp_path):
+        made = instantiate(eval("lambda: thing", {"thing": None}), thing=object())
+        with pytest.raises(NotStorable):
+            Digests().of(made.py_func)
+        assert made._cache.cache_path is None  # and it is compiled all the same
+
+    def test_an_edited_effect_changes_the_kernels_that_call_it_and_no_others(self, monkeypatch):
+        from cable_envs.effects import EFFECTS
+        from cable_envs.plants import plant_for
+
+        plants = [plant_for("cable_hole"), plant_for("pulley_circuit"), plant_for("linear_drive")]
+        kernels = [plant.kernels[1] for plant in plants]
+        before = [self.of(kernel.py_func) for kernel in kernels]
+        seen = set()
+        for name in EFFECTS:
+            module = importlib.import_module(f"cable_envs.effects.{name}")
+            for piece in (v for v in vars(module).values() if getattr(v, "__module__", "") == module.__name__):
+                if not hasattr(piece, "py_func"):
+                    continue
+                calls = [piece in _pieces(kernel) for kernel in kernels]
+                code = piece.py_func.__code__
+                with monkeypatch.context() as edit:
+                    edit.setattr(piece.py_func, "__code__", code.replace(co_consts=(*code.co_consts, 12.5)))
+                    after = [self.of(kernel.py_func) for kernel in kernels]
+                assert [a != b for a, b in zip(after, before, strict=True)] == calls, (name, piece)
+                seen.update(calls)
+        assert seen == {True, False}
+
+
+def _text(function) -> str:
+    return inspect.getsource(function)
+
+
+def _pieces(kernel, found=None):
+    found = set() if found is None else found
+    for value in map(kernel.py_func.__globals__.get, names_read(kernel.py_func.__code__)):
+        if hasattr(value, "py_func") and value not in found:
+            found.add(value)
+            _pieces(value, found)
+    return found
+
+
+ENVIRONMENT = """
+import gymnasium, cable_envs
+env = gymnasium.make("cable_envs/PulleyCircuit-Position-Sine-v0", **eval(sys.argv[1]))
+env.reset(seed=1)
+for _ in range(3): obs = env.step(env.action_space.sample() * 0)[0]
+print(Count.compiled, obs.tobytes().hex())
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+@pytest.mark.parametrize("own", [False, True], ids=["", "with an own effect"])
+def test_a_second_process_compiles_nothing(own, tmp_path):
+    options: dict = {}
+    if own:
+        from tests.effects.test_own_effects import SPRING
+
+        (tmp_path / "spring.py").write_text(SPRING)
+        options = {"effect_file": str(tmp_path / "spring.py"), "effects": {"cubic_spring": {"cubic": 50.0}}}
+    first = _run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
+    again = _run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
+    assert int(first[0]) > 0
+    assert again == ["0", first[1]]
+
+
+SMALL = """
+from cable_envs.core import kernel_cache
+from cable_envs.sim.references import evaluate
+import numpy as np
+print(evaluate(np.zeros((8, 1)), 0, 0.5)[0], Count.compiled, evaluate._cache.cache_path)
+"""
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_old_versions_are_deleted(tmp_path):
+    day = 86_400.0
+    root = tmp_path / "kernels"
+    for name, days in (("evaluate-0a", 2.0), ("evaluate-0b", 0.5), ("other-0c", 2.0), ("other-0d", 40.0)):
+        (root / name).mkdir(parents=True)
+        then = (root / name).stat().st_mtime - days * day
+        os.utime(root / name, (then, then))
+    *_, path = _run(SMALL, tmp_path).split()
+    assert sorted(p.name for p in root.iterdir()) == sorted(["evaluate-0b", "other-0c", Path(path).name])
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_where_nothing_can_be_written_kernels_are_compiled(tmp_path):
+    (tmp_path / "file").write_text("no folder")
+    value, compiled, path = _run(SMALL, tmp_path / "file").split()
+    assert (value, path) == ("0.0", "None")
+    assert int(compiled) > 0
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_a_broken_file_is_compiled_again(tmp_path):
+    *_, path = _run(SMALL, tmp_path).split()
+    (stored,) = Path(path).iterdir()
+    stored.write_bytes(stored.read_bytes()[:100])
+    value, compiled, _ = _run(SMALL, tmp_path).split()
+    assert value == "0.0" and int(compiled) > 0
+    assert _run(SMALL, tmp_path).split()[1] == "0"
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_processes_at_the_same_time(tmp_path):
+    """Three processes compile and store the same kernel; each result is right, and one file is left."""
+    code = COUNTED + textwrap.dedent(SMALL)
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    running = [
+        subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment)
+        for _ in range(3)
+    ]
+    said = [process.communicate(timeout=300)[0].split() for process in running]
+    assert [words[0] for words in said] == ["0.0"] * 3
+    assert len(list(Path(said[0][2]).iterdir())) == 1
