@@ -1,0 +1,95 @@
+"""What a proof says in a dozen lines: the table of README, from the proof's record.
+
+``python -m proof.summary docs/proof/proof.json.gz`` prints it.
+"""
+
+import sys
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from cable_envs.core.json_files import read_json
+from proof.report import cell
+from proof.scoring import Row
+
+LINES = (
+    ("effect adds more than 10 % to the RMS: its exact name", "right name exactly, effect adds >10 %"),
+    ("... its name, or a class that holds it", "right name or class, effect adds >10 %"),
+    ("effect adds 3 to 10 %: its exact name", "right name exactly, effect adds 3-10 %"),
+    ("... its name, or a class that holds it", "right name or class, effect adds 3-10 %"),
+    ("effect adds 1 to 3 %: its exact name", "right name exactly, effect adds 1-3 %"),
+    ("... its name, or a class that holds it", "right name or class, effect adds 1-3 %"),
+    ("... a wrong name", "wrong name, effect adds 1-3 %"),
+    ("two effects at once: both right (name or class)", "two effects at once, both right"),
+    ('physics outside the library: "unknown"', 'effects in no library answered "unknown"'),
+    ("nothing missing, white noise: something is reported", "false alarms, nothing wrong, white noise"),
+    ("nothing missing, coloured noise: something is reported", "false alarms, nothing wrong, coloured noise"),
+    ("only parameters wrong: an effect is named", "decoys answered with an effect"),
+    ("95 % intervals of parameters that hold the truth", "95 % intervals cover the truth"),
+)
+"""What a line says to a reader, and the row of the proof it shows."""
+METHODS = {"diagnose": "`diagnose`", "no refit": "without refit", "sparse regression": "SINDy"}
+
+
+def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> str:
+    """The headline figures of a proof as a Markdown table.
+
+    Exact names, and names or classes, are lines of their own: an answer that gives several effects which the recording
+    cannot tell apart, the right one among them, counts in the second only.
+
+    Parameters
+    ----------
+    record : Mapping
+        Record of a proof, as `proof.report.record` makes it.
+    methods : Mapping
+        Methods that get a column, by their names in the record, with the columns' headings.
+
+    Returns
+    -------
+    str
+        The table; shares of the first method with 95 % Clopper-Pearson limits, counts for all.
+
+    Raises
+    ------
+    KeyError
+        Where the record lacks a method or a row.
+    """
+    rows = {method: {row["name"]: row for row in record["methods"][method]["rows"]} for method in methods}
+    first, *others = methods
+    lines = [
+        "| in the recording | wanted | " + " | ".join(methods.values()) + " |",
+        "|---|--:|" + "--:|" * len(methods),
+    ]
+    for words, name in LINES:
+        row = rows[first][name]
+        cells = [_wanted(row), cell(_row(row)), *(_count(rows[method][name]) for method in others)]
+        lines.append(f"| {words} | " + " | ".join(cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _row(row: Mapping[str, Any]) -> Row:
+    return Row(row["name"], row["count"], row["total"], row["direction"], row["reach"])
+
+
+def _wanted(row: Mapping[str, Any]) -> str:
+    """What was asked of the row before the proof, and whether it was missed: a rounded share may hide one case."""
+    if not row["direction"]:
+        return ""
+    words = f"{'at most' if row['direction'] == '<=' else 'at least'} {100 * row['reach']:g} %"
+    return f"{words}, missed" if row["reached"] is False else words
+
+
+def _count(row: Mapping[str, Any]) -> str:
+    return f"{row['count']} of {row['total']}" if row["total"] else "–"
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Print the table of the record that is named."""
+    if len(arguments) != 1:
+        print(__doc__, file=sys.stderr)
+        return 2
+    print(summary(read_json(arguments[0])), end="")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,163 @@
+"""What the docs name exists: paths, modules, functions, classes, tests, and the tree that README draws."""
+
+import ast
+import importlib
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from cable_envs.effects import EFFECTS
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("cable_envs", "baselines", "agents", "identification", "diagnosis", "proof", "reproduction", "cablebench")
+FOLDERS = (*PACKAGES, "benchmarks", "boards", "configs", "docs", "tests")
+PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
+MADE_UP = {"weight_pid.py", "my_format.py", "my_controller.py", "mine.py", "spring.py"}
+"""Files that a reader makes himself."""
+MADE_BY_COMMANDS = {"boards/quick/board.html"}
+EXAMPLES = {"data.motor.q", "minari.load_dataset"}
+STRICT = {"physics.md"}
+"""Pages on which a dotted name of whatever kind is one of this project."""
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```", re.MULTILINE | re.DOTALL)
+
+
+@cache
+def files() -> frozenset[str]:
+    found = (p for folder in FOLDERS for p in (ROOT / folder).rglob("*") if "__pycache__" not in p.parts)
+    return frozenset(str(p.relative_to(ROOT)) for p in [*found, *ROOT.glob("*.*")])
+
+
+@cache
+def modules() -> dict[str, list[str]]:
+    """Modules of the packages by the last part of their names."""
+    found: dict[str, list[str]] = {}
+    for path in files():
+        if path.endswith(".py") and path.split("/")[0] in PACKAGES:
+            name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+            found.setdefault(name.rpartition(".")[2], []).append(name)
+    return found
+
+
+@cache
+def classes() -> dict[str, set[str]]:
+    """Names in the bodies of all classes of the packages, inherited ones left out."""
+    found: dict[str, set[str]] = {}
+    for path in files():
+        if path.endswith(".py") and path.split("/")[0] in PACKAGES:
+            for node in ast.walk(ast.parse((ROOT / path).read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ClassDef):
+                    own = found.setdefault(node.name, set())
+                    own |= {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
+                    own |= {n.target.id for n in node.body if isinstance(n, ast.AnnAssign)}
+    return found
+
+
+@cache
+def sources_of_tests() -> str:
+    return "\n".join((ROOT / path).read_text(encoding="utf-8") for path in files() if re.match(r"tests/.*\.py$", path))
+
+
+def resolves(name: str) -> bool:
+    """Whether a dotted name is a module, or an attribute of one."""
+    words = name.split(".")
+    for k in range(len(words), 0, -1):
+        try:
+            found = importlib.import_module(".".join(words[:k]))
+        except ModuleNotFoundError:
+            continue
+        for word in words[k:]:
+            if not hasattr(found, word) and word not in getattr(found, "__annotations__", ()):
+                return False
+            found = getattr(found, word, None)
+        return True
+    return False
+
+
+def exists(path: str, page: Path) -> bool:
+    """Whether a path is there from the root or the page's folder, or ends that of a file; ``*`` stands for names."""
+    path = path.rstrip("/")
+    if (
+        path in MADE_UP | MADE_BY_COMMANDS
+        or re.search("NAME|FILE", path)
+        or any(list(base.glob(path)) for base in (ROOT, page.parent))
+    ):
+        return True
+    return any(found.endswith(f"/{path}") for found in files()) and path.split("/")[0] not in FOLDERS
+
+
+def lacking(text: str, page: Path) -> list[str]:
+    """Names in ``text`` that look like ones of this project and are none."""
+    tokens = " ".join(re.findall(r"`([^`\n]+)`", FENCE.sub("", text)))
+    wrong = [word for word in re.findall(r"[\w.*:/-]+", tokens) if not _known(word.rstrip(".:"), page)]
+    for kind, block in FENCE.findall(text):
+        imports = re.findall(r"^\s*from ([\w.]+) import (.+)$", block, re.MULTILINE) if kind == "python" else ()
+        names = [f"{m}.{n.split(' as ')[0].strip()}" for m, all_ in imports for n in all_.split(",")]
+        wrong += [n for n in names if n.split(".")[0] in PACKAGES and not resolves(n)]
+    started = [m for m in re.findall(r"python -m ([\w.]+)", text) if m.split(".")[0] in (*PACKAGES, "benchmarks")]
+    return wrong + [module for module in started if not resolves(module)]
+
+
+def _known(word: str, page: Path) -> bool:
+    if re.fullmatch(r"(?:[\w*.-]+/)*[\w*-]+\.py", word) or (word.split("/")[0] in FOLDERS and "/" in word):
+        return exists(word, page)
+    if match := re.fullmatch(r"(?:([\w/]+\.py)::)?(test_\w+)", word):
+        return (match[1] is None or exists(match[1], page)) and f"def {match[2]}" in sources_of_tests()
+    return not re.fullmatch(r"[A-Za-z_]\w*(?:\.[A-Za-z_]\w*)+", word) or _known_dotted(word, page)
+
+
+def _known_dotted(word: str, page: Path) -> bool:
+    first, _, rest = word.partition(".")
+    if word in EXAMPLES or _suffix(rest):
+        return True
+    if first in PACKAGES:
+        return resolves(word)
+    if first in classes():
+        return rest in classes()[first]
+    declared = {p.name for p in EFFECTS[first].parameters} if first in EFFECTS else ()
+    unknown = first not in modules() and page.name not in STRICT
+    return unknown or rest in declared or _in_module(first, rest)
+
+
+def _suffix(rest: str) -> bool:
+    """A file of data, as ``rig.yaml`` or ``board.json.gz``, not a name."""
+    return re.fullmatch(r"(?:yaml|json|jsonl|md|html|csv|npz|svg|zip|pt|webp|gz|\.)+", rest) is not None
+
+
+def _in_module(stem: str, rest: str) -> bool:
+    return any(resolves(f"{module}.{rest}") for module in modules().get(stem, ()))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_paths_and_names_in_the_docs_exist(page):
+    assert lacking(page.read_text(encoding="utf-8"), page) == []
+
+
+def test_the_check_notices_what_is_not_there():
+    page = ROOT / "README.md"
+    text = (
+        "`cable_envs/contact.py` `cable_envs/physics/contact.py` `cable_envs.physics.contact.tension_ratio` "
+        "`cable_envs.contact` `contact.tension_ration` `backlash.gap` `backlash.gab` `tests/nowhere/` `nowhere.py` "
+        "`test_that_nobody_wrote` `Statics.working` `Statics.walking` `R/r` `N/rad` `my-rig/` `board.json` `e.g.`"
+    )
+    assert lacking(text, page) == [
+        "cable_envs/contact.py", "cable_envs.contact", "contact.tension_ration", "backlash.gab", "tests/nowhere/",
+        "nowhere.py", "test_that_nobody_wrote", "Statics.walking",
+    ]  # fmt: skip
+    code = "```python\nfrom diagnosis.engine import diagnose, nothing\nimport numpy\n```\n"
+    assert lacking(code, page) == ["diagnosis.engine.nothing"]
+
+
+def test_readme_draws_the_tree_as_it_is():
+    block = next(text for _, text in FENCE.findall((ROOT / "README.md").read_text()) if text.startswith("cable_envs/"))
+    drawn = []
+    for line in block.splitlines():
+        names = re.match(r"( *)((?:[\w.]+/?)(?: [\w.]+\.py)*)  ", line)
+        if names and len(names[1]) <= 2:
+            inside = "cable_envs/" if names[1] else ""
+            drawn += [inside + name for name in names[2].split()]
+    assert [name for name in drawn if not (ROOT / name).exists()] == []
+    assert {f"{folder}/" for folder in FOLDERS} <= set(drawn)
+    parts = {f"cable_envs/{p.name}/" for p in (ROOT / "cable_envs").iterdir() if (p / "__init__.py").exists()}
+    assert parts <= {*drawn, "cable_envs/drawing/"}
