@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from cable_envs.effects import EFFECTS
+from tests.test_house import LAYERS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("cable_envs", "baselines", "agents", "identification", "diagnosis", "proof", "reproduction", "cablebench")
@@ -161,3 +162,10 @@ def test_readme_draws_the_tree_as_it_is():
     assert {f"{folder}/" for folder in FOLDERS} <= set(drawn)
     parts = {f"cable_envs/{p.name}/" for p in (ROOT / "cable_envs").iterdir() if (p / "__init__.py").exists()}
     assert parts <= {*drawn, "cable_envs/drawing/"}
+
+
+def test_the_architecture_page_shows_the_layers_that_are_tested():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    block = next(text for _, text in FENCE.findall(page) if text.startswith("cablebench.cli"))
+    shown = tuple(tuple(re.match(r"(?:[\w.]+ {1,2})+", line)[0].split()) for line in block.splitlines())
+    assert shown == LAYERS
