@@ -32,7 +32,9 @@ def written(path: Path) -> list[tuple[str, bool]]:
     """Every ``cablebench ...`` of a page, and whether it is a whole command (in a block) or a mention in a sentence."""
     text = path.read_text(encoding="utf-8")
     found = []
-    for _, block in FENCE.findall(text):
+    for kind, block in FENCE.findall(text):
+        if kind == "text":  # a drawing or a log
+            continue
         lines = block.replace("\\\n", " ").splitlines()
         found += [(line.strip().removeprefix("$ "), True) for line in lines if re.match(r"\s*(\$ )?cablebench ", line)]
     for line in FENCE.sub("", text).splitlines():
