@@ -18,7 +18,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStac
 from agents.settings import Settings
 from agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.store import write_atomic
+from cable_envs.core.files import write_atomic
 
 SCHEMA = "cable-checkpoint/1"
 FILE = "checkpoint.pt"

@@ -20,7 +20,7 @@ from stable_baselines3.common.policies import BasePolicy
 from agents.settings import ALGORITHMS, make_settings
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.envs import make_spaces
-from cablebench.run.evaluate import setup_of
+from cable_envs.sim.registered import setup_of
 
 WEIGHTS = "policy.pth"
 

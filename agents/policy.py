@@ -29,10 +29,10 @@ from agents.settings import ALGORITHMS, Settings
 from agents.shaping import Shaping
 from agents.vec_env import observation_space
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.envs import make_spaces
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
-from cablebench.run.evaluate import setup_of
-from cablebench.run.store import jsonable, write_atomic
 
 SCHEMA = "cable-policy/1"
 ENTRY = "cable-policy.json"

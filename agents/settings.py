@@ -41,11 +41,10 @@ from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckA
 from agents.shaping import Residual, Shaping
 from baselines import controller_class
 from cable_envs import ENV_IDS
-from cable_envs.core.config import config_path, config_root, read_yaml
+from cable_envs.core.config import config_path, config_root, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
-from cablebench.run.evaluate import setup_of
-from cablebench.run.protocol import configuration_hash
 
 ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {
     "ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC, "recurrent-ppo": RecurrentPPO, "crossq": CrossQ,

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from benchmarks.cases import CASES
 from benchmarks.pairs import Result
+from cable_envs.core.files import write_atomic
 
 SUBSTEPS = 10
 
@@ -90,10 +91,7 @@ def _save(path: Path, results: list[Result], load: tuple[float, ...]) -> None:
             {k: (None if isinstance(v, float) and v != v else v) for k, v in asdict(r).items()} for r in results
         ],
     }
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(content, indent=2) + "\n")
-    part.replace(path)
+    write_atomic(path, json.dumps(content, indent=2) + "\n")
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import write_atomic
 from proof.baselines import BASELINES
 from proof.cases import Case, digest, make
 from proof.scoring import Result, judge
@@ -41,10 +42,7 @@ def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
     shutil.rmtree(folder, ignore_errors=True)
     key = json.loads(json.dumps(make(case, folder)))  # JSON's types: the hash is that of the file
     sealed, text = seal(key)
-    key_file.parent.mkdir(parents=True, exist_ok=True)
-    part = key_file.with_suffix(".part")
-    part.write_text(text, encoding="utf-8")
-    part.replace(key_file)  # last: its presence says that the case is finished
+    write_atomic(key_file, text)  # last: its presence says that the case is finished
     return {"sealed": sealed, "recording": digest(folder)}
 
 
@@ -60,7 +58,7 @@ def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Map
             what = f"cases {', '.join(changed[:3])}" if changed else "the tool" if same_plan else "its plan"
             raise ConfigurationError(f"{file}: {what} changed since the keys were sealed; choose another --out")
         return before
-    file.write_text(json.dumps(manifest, indent=1) + "\n", encoding="utf-8")
+    write_atomic(file, json.dumps(manifest, indent=1) + "\n")
     return manifest
 
 
@@ -105,10 +103,7 @@ def diagnose_one(
         except Exception as problem:  # a tool that fails has given no verdict: that is a result
             error = f"{type(problem).__name__}: {problem}"[:2000]
     content = {"verdict": verdict, "error": error, "seconds": round(time.monotonic() - started, 3)}
-    file.parent.mkdir(parents=True, exist_ok=True)
-    part = file.with_suffix(".part")
-    part.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
-    part.replace(file)
+    write_atomic(file, json.dumps(content, indent=1) + "\n")
     return verdict is not None
 
 

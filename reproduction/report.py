@@ -4,13 +4,13 @@ import json
 import re
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.store import jsonable
-from cablebench.run.units import number
+from cable_envs.core.files import jsonable, write_atomic
+from cable_envs.core.text import number
+from cable_envs.drawing import pages
 from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
 
 
@@ -31,7 +31,7 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
     for result in results:
         for figure in result.figures:
             path = folder / "figures" / f"{result.item}-{figure.name}.svg"
-            path.write_text(standalone(figure.svg), encoding="utf-8")
+            write_atomic(path, standalone(figure.svg))
     paths = {
         "json": folder / "rows.json",
         "tables": folder / "tables.json",
@@ -49,9 +49,9 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
         for r in in_order(results)
         for t in r.tables
     ]
-    paths["tables"].write_text(json.dumps(jsonable(tables), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    paths["json"].write_text(json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    paths["html"].write_text(render_html(results), encoding="utf-8")
+    write_atomic(paths["tables"], json.dumps(jsonable(tables), indent=1, ensure_ascii=False) + "\n")
+    write_atomic(paths["json"], json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n")
+    write_atomic(paths["html"], render_html(results))
     return paths
 
 
@@ -72,23 +72,22 @@ def standalone(svg: str) -> str:
 
 def render_html(results: Sequence[Result]) -> str:
     """The page as text: every item with its verdict, figures and tables inline."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    from cablebench.run.provenance import machine, versions
+    from cable_envs.core.provenance import machine, versions
 
     results = in_order(results)
     titles = {result.item: result.item for result in results} | {item.name: item.title for item in ITEMS}
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters["number"] = shown
-    environment.filters["percent"] = percent
-    environment.filters["words"] = lambda cell: Markup(' class="words"') if _wordy(cell) else ""
-    environment.filters["inline"] = Markup
-    environment.filters["plain"] = lambda text: re.sub(r"\s+", " ", text)
-    source = files("reproduction").joinpath("templates/reproduction.html.j2").read_text(encoding="utf-8")
+    filters = {
+        "number": shown,
+        "percent": percent,
+        "words": lambda cell: Markup(' class="words"') if _wordy(cell) else "",
+        "inline": Markup,
+        "plain": lambda text: re.sub(r"\s+", " ", text),
+    }
     papers = [(PAPERS[key], [r for r in results if r.item.startswith(key + "-")]) for key in PAPERS]
     rows = [row for result in results for row in result.rows]
-    return environment.from_string(source).render(
+    content = dict(
         papers=[(name, found) for name, found in papers if found],
         titles=titles,
         counts={status: sum(row.status == status for row in rows) for status in STATUSES},
@@ -97,6 +96,7 @@ def render_html(results: Sequence[Result]) -> str:
         versions=versions(),
         machine=machine(),
     )
+    return pages.render("reproduction", "templates/reproduction.html.j2", content, filters)
 
 
 def shown(value: Any) -> str:

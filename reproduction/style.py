@@ -1,18 +1,16 @@
 """One style for all figures of the report: a journal's. Widths in inches as printed; matplotlib is imported lazily."""
 
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from cablebench.board.figures import scoped
+from cable_envs.drawing import charts
+from cable_envs.drawing.charts import INK
 
 COLUMN, PAGE = 3.4, 7.0
 """widths of a figure in one column and over the page, in"""
 
-INK, SOFT, GRID = "#1f2933", "#5b6770", "#e3e7ea"
-COLOURS = ("#1b6ca8", "#c8553d", "#3a8f5c", "#b8860b", "#7b5ea7", "#0f8b8d", "#a04668", "#6b7f2a", "#8a5a3b")
-DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
-"""so that curves can be told apart on a black-and-white print"""
+GRID = "#e3e7ea"
+COLOURS, DASHES = charts.COLOURS[:9], charts.DASHES
 PUBLISHED: Mapping[str, Any] = {
     "linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": INK,
     "markeredgewidth": 1.1, "color": INK, "zorder": 5,
@@ -41,19 +39,9 @@ def svg(draw: Callable[[Any], None], width: float, height: float) -> str:
 
     Same input, same text: no date, ids from a hash, so that a committed figure changes only when its numbers do.
     """
-    import matplotlib
     from cycler import cycler
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
 
-    with matplotlib.rc_context({**_RC, "axes.prop_cycle": cycler(color=COLOURS)}):
-        figure = Figure(figsize=(width, height), layout="constrained")
-        FigureCanvasSVG(figure)
-        draw(figure)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    return scoped(text[text.index("<svg") :])
+    return charts.svg(draw, width, height, {**_RC, "axes.prop_cycle": cycler(color=COLOURS)}, layout="constrained")
 
 
 def letters(axes: Any) -> None:

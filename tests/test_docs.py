@@ -11,9 +11,9 @@ import typer
 import yaml
 
 from cablebench.cli.app import app
-from cablebench.entrants.entrant import named_entrant
+from cablebench.entrants.named import named_entrant
+from cablebench.protocol.metrics import measure
 from cablebench.run.evaluate import run_episode
-from cablebench.run.metrics import measure
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
@@ -138,7 +138,7 @@ def test_the_example_controller_tracks(example):
 
 
 def test_the_example_enters_the_tasks_it_names(example):
-    from cablebench.run.evaluate import setup_of
+    from cable_envs.sim.registered import setup_of
 
     entrant = named_entrant(str(example / "weight_pid.yaml"))
     assert (entrant.name, entrant.information, entrant.charged) == (

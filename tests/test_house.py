@@ -27,6 +27,20 @@ LAYERS = (
 """From top to bottom: a module imports its own row or what is below it. In one row nobody imports the other."""
 
 INSIDE = {
+    "cablebench": (
+        "cli",
+        "pays",
+        "export",
+        "pages",
+        "tune",
+        "board",
+        "run",
+        "entrants",
+        "jobs",
+        "protocol",
+        "",
+    ),
+    "cablebench.cli": ("", "bench", "learn", "physics", "shared"),
     "diagnosis": (
         "",
         "report",

@@ -218,7 +218,7 @@ def test_wheel_holds_packages_and_configuration_only(tmp_path):
         archive.extractall(tmp_path / "site")
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(PACKAGES)
     assert "cable_envs/configs/tasks/CableHole-Position.yaml" in names
-    assert "cablebench/templates/board.html.j2" in names
+    assert {"cablebench/board/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
     assert {f"{package}/py.typed" for package in PACKAGES} <= set(names)
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     done = _python("-P", "-c", WITHOUT_EXTRAS, ",".join(EXTRAS), cwd=tmp_path, env=environment)

@@ -1,5 +1,7 @@
 """Where the YAML files live: ``configs/`` beside the packages in a checkout, inside ``cable_envs`` when installed."""
 
+import hashlib
+import json
 from pathlib import Path
 from typing import Any
 
@@ -41,3 +43,25 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ConfigurationError(f"{path}: expected a mapping at the top level, found {type(data).__name__}")
     return data
+
+
+def configuration_hash(data: Any) -> str:
+    """Hash of a configuration: the same for the same content, whatever the order of its keys.
+
+    Parameters
+    ----------
+    data : Any
+        Mappings, sequences, numbers and texts; what JSON does not know counts as its text.
+
+    Returns
+    -------
+    str
+        Twelve hex digits of the SHA-256 of the canonical JSON text.
+
+    Examples
+    --------
+    >>> configuration_hash({"a": 1, "b": 2}) == configuration_hash({"b": 2, "a": 1})
+    True
+    """
+    text = json.dumps(data, sort_keys=True, separators=(",", ":"), default=str)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -1,38 +1,19 @@
-"""Figures of a board as inline SVG text, in one style; matplotlib is imported only here, without pyplot's state."""
+"""Figures of a board as inline SVG text: performance profiles, accuracy against effort, trajectories, sweeps."""
 
-import io
 import math
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from cablebench.board.board import Board, Row, Table
-from cablebench.board.compact_svg import compact_svg
+from cable_envs.drawing import charts
+from cable_envs.drawing.charts import COLOURS, DASHES, GRID, INK, MARKERS, legend_below, ticks
 from cablebench.board.statistics import performance_profile
-from cablebench.run.metrics import PHASES
-from cablebench.run.units import axis_label, display
-
-INK, SOFT, GRID = "#1f2933", "#5b6770", "#dfe3e6"
-_COLOURS = (
-    "#1b6ca8", "#c8553d", "#3a8f5c", "#b8860b", "#7b5ea7", "#0f8b8d", "#a04668", "#6b7f2a", "#8a5a3b", "#4a6fa5",
-)  # fmt: skip
-_MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
-_DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), (0, (6, 1.5, 1.5, 1.5)))
+from cablebench.board.tables import Board, Row, Table
+from cablebench.protocol.metrics import PHASES
+from cablebench.protocol.units import axis_label, display
 
 Style = Mapping[str, Mapping[str, Any]]
-
-_RC = {
-    "font.family": "sans-serif", "font.size": 8.5, "svg.fonttype": "none", "svg.hashsalt": "cablebench",
-    "axes.edgecolor": SOFT, "axes.labelcolor": INK, "axes.titlesize": 9, "axes.titleweight": "bold",
-    "axes.titlecolor": INK, "axes.titlelocation": "left", "axes.linewidth": 0.7, "axes.spines.top": False,
-    "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True, "grid.color": GRID, "grid.linewidth": 0.6,
-    "xtick.color": SOFT, "ytick.color": SOFT, "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 0,
-    "ytick.minor.size": 0, "legend.frameon": False, "legend.fontsize": 8, "lines.linewidth": 1.4,
-    "savefig.facecolor": "none", "figure.facecolor": "none", "axes.facecolor": "none",
-    "axes.formatter.useoffset": False, "path.simplify_threshold": 0.25,  # points: what no screen shows of a curve
-}  # fmt: skip
 
 
 def styles(board: Board) -> Style:
@@ -47,11 +28,11 @@ def styles(board: Board) -> Style:
                 "dash": (0, (1.2, 1.2)) if oracle else (0, (4, 2)),
             }
         else:
-            again = k // len(_COLOURS)  # the second time round, a colour comes with another marker and dash
+            again = k // len(COLOURS)  # the second time round, a colour comes with another marker and dash
             result[name] = {
-                "color": _COLOURS[k % len(_COLOURS)],
-                "marker": _MARKERS[(k + 3 * again) % len(_MARKERS)],
-                "dash": _DASHES[(k // 3 + 2 * again) % len(_DASHES)],
+                "color": COLOURS[k % len(COLOURS)],
+                "marker": MARKERS[(k + 3 * again) % len(MARKERS)],
+                "dash": DASHES[(k // 3 + 2 * again) % len(DASHES)],
             }
             k += 1
     return {name: {**style, "index": i} for i, (name, style) in enumerate(result.items())}
@@ -194,7 +175,7 @@ def _one(
             arrays[name],
             color=style[entrant]["color"],
             linewidth=0.9,
-            linestyle=_DASHES[k % 4],
+            linestyle=DASHES[k % 4],
             alpha=1.0 if k == 0 else 0.75,
         )
 
@@ -216,82 +197,31 @@ def sweeps(board: Board, task: str, style: Style) -> str:
                 ax.plot(line["values"], y, color=s["color"], linestyle=s["dash"], label=line["entrant"])
             unit = next(s["unit"] for s in lines if s["sweep"] == name)
             ax.set(title=name, xlabel="factor on nominal" if unit == "1" else f"[{unit}]")
-            _ticks(ax, "y", log=True)
+            ticks(ax, "y", log=True)
         axes[0].set_ylabel(axis_label("rmse", table))
         legend_below(figure, axes, gap=0.25)
 
     return svg(draw, min(2.8 * len(names) + 0.8, 12.0), 3.0, style)
 
 
-def _plain(value: float, _: int = 0) -> str:
-    """Tick labels without powers of ten: 0.05, 2, 45k."""
-    return f"{value / 1000:g}k" if abs(value) >= 1e4 else f"{value:g}"
-
-
-def _ticks(ax: Any, axis: str, log: bool) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-
-    if log:
-        getattr(ax, f"set_{axis}scale")("log")
-    target = getattr(ax, f"{axis}axis")
-    target.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=12) if log else MaxNLocator(5))
-    target.set_minor_locator(NullLocator())
-    target.set_major_formatter(FuncFormatter(_plain))
-
-
 def _log_if_wide(ax: Any) -> None:
     """A logarithmic axis where the points span more than a factor of five."""
     for axis in ("x", "y"):
         data = np.array([float(np.ravel(getattr(line, f"get_{axis}data")())[0]) for line in ax.lines])
-        _ticks(ax, axis, len(data) > 0 and data.min() > 0 and data.max() > 5 * data.min())
-
-
-def legend_below(figure: Any, axes: Sequence[Any], gap: float, head: float = 0.28, foot: float = 0.55) -> None:
-    """A legend below the axes; everything is placed in inches, which is much faster than a constrained layout.
-
-    ``gap`` is the space between two panels: for tick labels, and an axis label where every panel has its own; ``head``
-    and ``foot`` are the space above the panels and between them and the legend.
-    """
-    handles: dict[str, Any] = {}
-    for ax in axes:
-        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    width, height = figure.get_size_inches()
-    entry = 0.55 + 0.068 * max(map(len, handles), default=0)  # handle and gap; a letter at 8 points
-    columns = max(1, min(len(handles), int((width - 0.3) / entry)))
-    rows = -(-len(handles) // columns)
-    below = foot + 0.2 * rows
-    figure.set_size_inches(width, height + max(below - 0.95, 0.0))  # a long legend does not eat the panels
-    height = figure.get_size_inches()[1]
-    panel = (width - 0.9 - gap * (len(axes) - 1)) / len(axes)
-    figure.subplots_adjust(
-        left=0.8 / width, right=1 - 0.1 / width, top=1 - head / height, bottom=below / height, wspace=gap / panel
-    )
-    figure.legend(
-        handles.values(), handles.keys(), loc="lower left", bbox_to_anchor=(0.3 / width, 0), ncols=columns,
-        handlelength=2.2, columnspacing=1.4, borderaxespad=0,
-    )  # fmt: skip
+        ticks(ax, axis, len(data) > 0 and data.min() > 0 and data.max() > 5 * data.min())
 
 
 def svg(draw: Callable[[Any], None], width: float, height: float, style: Style) -> str:
-    """The SVG element that ``draw(figure)`` makes, without XML prologue, with ids that no other figure shares.
+    """As `cable_envs.drawing.charts.svg`; what is labelled with an entrant's name can be hidden by the page.
 
-    What is labelled with an entrant's name carries ``data-entrant``, its ``index`` in ``style``: the page hides by it.
+    It carries ``data-entrant``, the entrant's ``index`` in ``style``.
     """
-    import matplotlib
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-    from matplotlib.figure import Figure
 
-    with matplotlib.rc_context(_RC):
-        figure = Figure(figsize=(width, height))
-        FigureCanvasSVG(figure)
+    def marked(figure: Any) -> None:
         draw(figure)
         _mark(figure, style)
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    # the metadata block names only matplotlib and licence vocabularies
-    return scoped(re.sub(r"<metadata>.*?</metadata>", "", text[text.index("<svg") :], flags=re.DOTALL))
+
+    return charts.svg(marked, width, height)
 
 
 def _mark(figure: Any, style: Style) -> None:
@@ -304,17 +234,3 @@ def _mark(figure: Any, style: Style) -> None:
             if text.get_text() in style:
                 for artist in (handle, text):
                     artist.set_gid(f"entrant-{style[text.get_text()]['index']}")
-
-
-def scoped(svg: str) -> str:
-    """Prefix every id by a hash of the figure: several figures share one HTML page."""
-    import hashlib
-
-    prefix = "f" + hashlib.sha256(svg.encode()).hexdigest()[:8]
-    svg = re.sub(r'\bid="entrant-(\d+)"', r'data-entrant="\1"', svg)
-    svg = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', svg)
-    svg = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', svg)
-    svg = re.sub(r"url\(#([^)]+)\)", rf"url(#{prefix}-\1)", svg)
-    svg = compact_svg(svg)
-    # the page scales figures to its width: drop the fixed size, keep the viewBox
-    return re.sub(r'(<svg[^>]*?) width="([\d.]+)pt" height="[\d.]+pt"', r'\1 style="max-width:\2pt"', svg, count=1)

@@ -1,13 +1,10 @@
 """What a reader must know about a board before believing it: what is missing, left out, or thinner than asked for."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from cablebench.board.scoring import Record
-from cablebench.run.protocol import Protocol
-
-if TYPE_CHECKING:
-    from cablebench.board.board import Table
+from cablebench.board.tables import Table
+from cablebench.protocol.protocol import Protocol
 
 REMARKS = "NOTES.md"
 """Remarks by people, in a board's folder: shown on the page and in board.md."""
@@ -17,7 +14,7 @@ def notes(
     everything: Sequence[Record],
     own: Sequence[Record],
     incomplete: Sequence[str],
-    tables: Sequence["Table"],
+    tables: Sequence[Table],
     protocol: Protocol,
 ) -> tuple[str, ...]:
     """Sentences about a board made from ``own`` of ``everything`` in the store; ``incomplete`` runs were left out."""
@@ -36,7 +33,7 @@ def notes(
     return tuple(filter(None, [*found, *_others(everything, protocol), _mixture(own)]))
 
 
-def _coverage(tables: Sequence["Table"], protocol: Protocol) -> list[str]:
+def _coverage(tables: Sequence[Table], protocol: Protocol) -> list[str]:
     """Tasks and tracks of the protocol that nobody ran, or ran on fewer episodes than it asks for."""
     asked: dict[tuple[str, str], int] = {}
     for cell in protocol.cells():
@@ -57,7 +54,7 @@ def _coverage(tables: Sequence["Table"], protocol: Protocol) -> list[str]:
     return lines
 
 
-def _seeds(tables: Sequence["Table"], protocol: Protocol) -> list[str]:
+def _seeds(tables: Sequence[Table], protocol: Protocol) -> list[str]:
     """Learning agents with fewer training seeds than the protocol asks for, with the numbers."""
     few: dict[str, dict[str, int]] = {}
     for table in tables:

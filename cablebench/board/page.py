@@ -5,14 +5,16 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.resources import files
 from typing import Any
 
+from cable_envs.core.text import count, number
+from cable_envs.drawing import pages
 from cablebench.board import figures, stress_figures
-from cablebench.board.board import Board, Row, Table
-from cablebench.board.report import MAIN_METRICS, censored, seed_text
+from cablebench.board.cells import MAIN_METRICS, censored, seed_text
+from cablebench.board.learning import Curve
 from cablebench.board.scoring import GAP_FLOOR
+from cablebench.board.tables import Board, Row, Table
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
-from cablebench.run.learning import Curve
-from cablebench.run.metrics import METRICS
-from cablebench.run.units import count, number, shown, unit_of
+from cablebench.protocol.metrics import METRICS
+from cablebench.protocol.units import shown, unit_of
 
 TITLES = {"CableHole": "Cable through a hole", "PulleyCircuit": "Closed pulley circuit"}
 _SHOWN_TRAJECTORIES = 4
@@ -23,13 +25,10 @@ def render_html(
     board: Board, trajectories: Callable[[str], Mapping[str, Any]] | None = None, curves: Sequence[Curve] = ()
 ) -> str:
     """The page as text. ``trajectories``: run key -> {"median": arrays, "worst": arrays}."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("cablebench").joinpath("pages/templates/board.html.j2").read_text(encoding="utf-8")
     style = figures.styles(board)
-    return environment.from_string(source).render(
+    content = dict(
         board=board,
         names=board.entrants,
         style=style,
@@ -38,7 +37,7 @@ def render_html(
         tasks=list(dict.fromkeys(t.task for t in board.tables)),
         tracks=list(dict.fromkeys(t.track for t in board.tables)),
         classes=[c for c in INFORMATION if any(r.information == c for t in board.tables for r in t.rows)],
-        script=Markup(files("cablebench").joinpath("pages/templates/board.js").read_text(encoding="utf-8")),
+        script=Markup(files("cablebench.board").joinpath("templates/board.js").read_text(encoding="utf-8")),
         level=f"{100 * board.protocol.level:g}",
         worst=number(board.protocol.worst_score),
         floor=number(100 * GAP_FLOOR),
@@ -53,6 +52,7 @@ def render_html(
             for f in dict.fromkeys(t.family for t in board.tables)
         ],
     )
+    return pages.render("cablebench.board", "templates/board.html.j2", content)
 
 
 def _anchor(task: str) -> str:

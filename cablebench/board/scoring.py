@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.run.protocol import Protocol
+from cablebench.protocol.protocol import Protocol
 
 GAP_FLOOR = 0.5
 """Least denominator, as a share of the median distance between open loop and oracle in the condition: an open loop that

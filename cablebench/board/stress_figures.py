@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board.board import Board
-from cablebench.board.figures import GRID, INK, Style, legend_below, svg
-from cablebench.run.learning import Curve
+from cable_envs.drawing.charts import GRID, INK, legend_below
+from cablebench.board.figures import Style, svg
+from cablebench.board.learning import Curve
+from cablebench.board.tables import Board
 
 SHOWN = 7
 """Entrants drawn in a radar; more cannot be told apart. The table beside it has all."""

@@ -11,12 +11,11 @@ from typing import Any
 
 import yaml
 
-from cable_envs.core.config import read_yaml
+from cable_envs.core.config import configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import write_atomic
 from cablebench.entrants import controller_files, policy_files
 from cablebench.entrants.submission import source_hash
-from cablebench.run.protocol import configuration_hash
-from cablebench.run.store import write_atomic
 
 FOLDER = "submissions"
 
@@ -113,6 +112,6 @@ def check_name(entrant: Any, records: list[Mapping[str, Any]], reserved: tuple[s
 
 
 def _enters(entrant: Any, env_id: str) -> bool:
-    from cablebench.run.evaluate import setup_of
+    from cable_envs.sim.registered import setup_of
 
     return entrant.needs(env_id, setup_of(env_id, {})) is not None

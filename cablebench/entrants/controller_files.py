@@ -26,8 +26,8 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import is_number
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant
-from cablebench.run.actors import Actor, ControllerActor
-from cablebench.run.protocol import Task
+from cablebench.protocol.actors import Actor, ControllerActor
+from cablebench.protocol.protocol import Task
 
 SCHEMA = "cable-controller/1"
 FOLDER = "controllers"
@@ -110,7 +110,7 @@ def _gains(path: Path, env: str, values: Any) -> dict[str, float]:
     return {str(k): float(v) for k, v in values.items()}
 
 
-def file_entrant(path_or_name: str | Path) -> Entrant:
+def controller_file_entrant(path_or_name: str | Path) -> Entrant:
     """The entrant of a controller file: a path, or a name in configs/controllers/.
 
     Raises ConfigurationError for whatever is wrong in the file: keys, gains by name and bounds (the nearest named), a
@@ -168,7 +168,7 @@ def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
 
 def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, bool], Mapping[str, float]]) -> None:
     """Make the controller once for ``env``: it says itself what does not fit."""
-    from cablebench.run.evaluate import setup_of
+    from cable_envs.sim.registered import setup_of
 
     setup = setup_of(env, {})
     case = (setup.plant.name, setup.action_mode.name, setup.task.kind)

@@ -13,9 +13,9 @@ import gymnasium as gym
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.registered import setup_of
 from cablebench.entrants.entrant import Entrant
-from cablebench.run.evaluate import cell_options, setup_of
-from cablebench.run.protocol import Protocol
+from cablebench.protocol.protocol import Protocol
 
 STEPS = 50
 """Control steps tried on each task: half a second at 100 Hz, with a reset before and one in between."""
@@ -42,7 +42,7 @@ def dry_run(entrant: Entrant, protocol: Protocol, tasks: Sequence[str] = ()) -> 
     track = (protocol.run or tuple(t.name for t in protocol.tracks))[0]
     found = []
     for cell in protocol.cells(tuple(tasks), (track,)):
-        options = cell_options(cell)
+        options = cell.environment_options()
         needs = entrant.needs(cell.task.env, setup_of(cell.task.env, options))
         if needs is not None and cell.task.env not in {t.env_id for t in found}:
             found.append(_try(entrant, cell.task.env, {**options, **needs}, protocol.tune.first))

@@ -3,12 +3,11 @@
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
-from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import require_known
 from cable_envs.sim.setup import Setup
-from cablebench.run.actors import Actor, ControllerActor, PolicyActor
+from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
 
 INFORMATION = ("model-free", "nominal", "identified", "oracle")
 """What an entrant was told about the rig; entrants are ranked within their class."""
@@ -82,44 +81,6 @@ def controller_entrant(
         charged={**getattr(kind, "charged", {}), **(charged or {})},
         settings={"gains": chosen},
     )  # fmt: skip
-
-
-def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
-    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``."""
-    from baselines import CONTROLLERS
-
-    return tuple(map(named_entrant, names or CONTROLLERS))
-
-
-def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entrant:
-    """What ``--controller NAME`` means: a reference controller, a controller file, or a .py file.
-
-    A controller file is named by its path or, in configs/controllers/, without folder and suffix; naming a .py file
-    executes it. ``gains`` are for reference controllers only. Raises ConfigurationError with the nearest name.
-    """
-    from baselines import CONTROLLERS
-    from cablebench.entrants.controller_files import FOLDER, shipped_files
-
-    if name in CONTROLLERS:
-        return controller_entrant(name, gains)
-    suffix = Path(name).suffix
-    if suffix not in (".py", ".yaml", ".yml") and name not in shipped_files():
-        known = [*CONTROLLERS, *shipped_files()]
-        raise ConfigurationError(f"unknown controller '{name}'; {nearest(name, known)}; or a file (.yaml, .py)")
-    if gains:
-        raise ConfigurationError(f"gains of '{name}' belong into its file (configs/{FOLDER} has examples)")
-    if suffix == ".py":
-        from cablebench.entrants.submission import submission_entrant
-
-        return submission_entrant(name)
-    return controller_file_entrant(name)
-
-
-def controller_file_entrant(path_or_name: str | Path) -> Entrant:
-    """The entrant of a controller file: its path, or a name in configs/controllers/ (`entrants.controller_files`)."""
-    from cablebench.entrants.controller_files import file_entrant
-
-    return file_entrant(path_or_name)
 
 
 def agent_entrant(

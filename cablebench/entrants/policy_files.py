@@ -27,7 +27,7 @@ from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
-from cablebench.run.protocol import Task
+from cablebench.protocol.protocol import Task
 
 SCHEMA = "cable-policy-file/1"
 _KEYS = (

@@ -39,8 +39,8 @@ from cable_envs.core.params import is_number
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import LEVELS
 from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
-from cablebench.run.actors import ControllerActor
-from cablebench.run.protocol import Task
+from cablebench.protocol.actors import ControllerActor
+from cablebench.protocol.protocol import Task
 
 _DECLARED = ("name", "information", "observe", "tasks", "charged")
 

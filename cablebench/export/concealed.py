@@ -13,10 +13,10 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import require_known
+from cable_envs.core.files import write_atomic
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.setup import Setup
 from cablebench.export.recording import FILE, SIGNALS, channel_entry, check_folder
-from cablebench.run.store import write_atomic
 from diagnosis.data.recording import SCHEMA
 from proof.excitation import reference
 from proof.sensors import stamps

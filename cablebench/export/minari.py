@@ -18,9 +18,9 @@ import gymnasium as gym
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.provenance import versions
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace
-from cablebench.run.provenance import versions
 
 ROOT_VARIABLE = "MINARI_DATASETS_PATH"
 """Where Minari looks for datasets; its functions know no argument for it."""

@@ -17,12 +17,12 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.core.files import write_atomic
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
-from cablebench.run.store import write_atomic
 from diagnosis.data.recording import CHANNELS, SCHEMA, parameters_of
 
 FILE = "recording.yaml"

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.entrants.entrant import Entrant
-from cablebench.run.episode import Episode
+from cablebench.protocol.episode import Episode
 from cablebench.run.evaluate import run_episode
 
 RANDOM_STREAM = 0x5EED

@@ -9,11 +9,10 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cablebench.jobs.work import Context, Done, Job, JobError, Progress, Reporter, Stopped, perform
+from cablebench.jobs.work import Context, Died, Done, Event, Job, JobError, Progress, Reporter, Stopped, perform
 
 BACKENDS = ("local", "ray")
 
@@ -24,18 +23,6 @@ POLL = 0.2
 """s that the caller waits for news at most, before it looks whether Ctrl-C was pressed."""
 
 ProgressReport = Callable[[Progress], None]
-
-
-@dataclass(frozen=True)
-class Died:
-    """A worker ended without the result of its job."""
-
-    job: Job
-    attempt: int
-    how: str
-
-
-Event = Progress | Done | Died
 
 
 class Crew(Protocol):

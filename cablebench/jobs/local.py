@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
 
-from cablebench.jobs.driver import Died, Event
 from cablebench.jobs.work import (
     Context,
+    Died,
     Done,
+    Event,
     Job,
     Progress,
     Reporter,

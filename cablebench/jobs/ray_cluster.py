@@ -21,10 +21,9 @@ import ray
 from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.jobs.driver import Died, Event
-from cablebench.jobs.work import Context, Done, Job, Progress, Reporter, interrupt_once, perform, portable
-from cablebench.run.provenance import source_hash
-from cablebench.run.store import write_atomic
+from cable_envs.core.files import write_atomic
+from cable_envs.core.provenance import source_hash
+from cablebench.jobs.work import Context, Died, Done, Event, Job, Progress, Reporter, interrupt_once, perform, portable
 
 HEARTBEAT = 0.5
 """s between two messages of a running job."""

@@ -89,6 +89,18 @@ class Done:
         return self.result
 
 
+@dataclass(frozen=True)
+class Died:
+    """A worker ended without the result of its job."""
+
+    job: Job
+    attempt: int
+    how: str
+
+
+Event = Progress | Done | Died
+
+
 Outcome = tuple[Any, Exception | None]
 
 

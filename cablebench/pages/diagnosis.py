@@ -1,9 +1,9 @@
 """The HTML report of a diagnosis, from its JSON record and its traces: one file, no network."""
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
+from cable_envs.drawing import pages
 from cablebench.pages import diagnosis_figures as figures
 from cablebench.pages import diagnosis_words as words
 
@@ -13,26 +13,28 @@ _CHANNELS = 3
 
 def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
     """The page; ``traces`` (`diagnosis.model.verdict.Trace`) are drawn, without them the page has tables only."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(plain=words.plain, number=words.number, interval=words.interval)
-    environment.globals.update(shown=words.shown)
     named = record["verdict"] in ("named", "equivalence_class")
     shown = [
         {"text": text, "time": Markup(time), "along": Markup(along)}
         for text, time, along in _places(record, traces, named)
     ]
     last = [row for row in record["leftover"] if row["when"] == "after the model"] or record["leftover"]
-    source = files("cablebench").joinpath("pages/templates/diagnosis.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(source).render(
+    content = dict(
         record=record, named=named, title=words.VERDICT[record["verdict"]], headline=words.headline(record),
         cost=words.cost(record), advice=words.advice(record), places=shown, left=last,
         errors=Markup(figures.errors(record["fit"], named)), maps=Markup(figures.maps(last, record["fit"])),
         spectra=Markup(figures.spectra(record["spectra"])),
         top=max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), visited=_visited(record),
     )  # fmt: skip
+    return pages.render(
+        "cablebench.pages",
+        "templates/diagnosis.html.j2",
+        content,
+        filters={"plain": words.plain, "number": words.number, "interval": words.interval},
+        helpers={"shown": words.shown},
+    )
 
 
 def _places(record: Mapping[str, Any], traces: Sequence[Any], named: bool) -> list[tuple[str, str, str]]:

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board.figures import INK, SOFT, svg
+from cable_envs.drawing.charts import BLUE, INK, RED, SOFT, svg
 from cablebench.pages.diagnosis_words import plain
 
-BLUE, RED, SHADE = "#1b6ca8", "#c8553d", "#f3d9b1"
+SHADE = "#f3d9b1"
 _SHOWN = {
     "m": ("mm", 1e3),
     "m/s": ("mm/s", 1e3),
@@ -53,7 +53,7 @@ def over_time(trace: Any, named: bool) -> str:
             ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         figure.subplots_adjust(left=0.085, right=0.99, top=0.92, bottom=0.12, hspace=0.3)
 
-    return svg(draw, 9.6, 4.2, {})
+    return svg(draw, 9.6, 4.2)
 
 
 def _thinned(trace: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +91,7 @@ def along(traces: Sequence[Any], place: Mapping[str, Any] | None, named: bool) -
             left=0.1, right=0.99, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45, wspace=0.08
         )
 
-    return svg(draw, 9.6, 0.6 + 1.75 * -(-len(names) // 3), {})
+    return svg(draw, 9.6, 0.6 + 1.75 * -(-len(names) // 3))
 
 
 def _panel(
@@ -155,7 +155,7 @@ def errors(fit: Mapping[str, Any], named: bool) -> str:
         height = figure.get_size_inches()[1]
         figure.subplots_adjust(left=0.16, right=0.98, top=1 - 0.32 / height, bottom=0.5 / height)
 
-    return svg(draw, 7.2, 1.0 + 0.34 * len(channels), {})
+    return svg(draw, 7.2, 1.0 + 0.34 * len(channels))
 
 
 def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:
@@ -178,7 +178,7 @@ def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:
             ax.set(title=plain(row["channel"]), xlabel=f"{row['coordinate']} [{shown}]", ylabel=f"left [{unit}]")
         figure.subplots_adjust(left=0.085, right=0.99, top=0.88, bottom=0.2, wspace=0.35)
 
-    return svg(draw, 9.6, 2.5, {})
+    return svg(draw, 9.6, 2.5)
 
 
 def spectra(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -201,4 +201,4 @@ def spectra(rows: Sequence[Mapping[str, Any]]) -> str:
         axes[0].legend(loc="upper left")
         figure.subplots_adjust(left=0.085, right=0.99, top=0.9, bottom=0.18, wspace=0.25)
 
-    return svg(draw, 9.6, 2.7, {})
+    return svg(draw, 9.6, 2.7)

@@ -1,21 +1,16 @@
 """The HTML page of a blind proof, from its JSON record: table, confusion matrix, calibration. One file, no network."""
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from typing import Any
 
-from cablebench.board.figures import GRID, INK, SOFT, svg
-
-_BLUE = "#1b6ca8"
+from cable_envs.drawing import pages
+from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
 
 
 def render(record: Mapping[str, Any]) -> str:
     """The page as text; ``record``: what `proof.report.record` made."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    source = files("cablebench").joinpath("pages/templates/proof.html.j2").read_text(encoding="utf-8")
     methods = record["methods"]
     figures = [
         {
@@ -25,9 +20,8 @@ def render(record: Mapping[str, Any]) -> str:
         }
         for name, method in methods.items()
     ]
-    return environment.from_string(source).render(
-        record=record, methods=methods, rows=_rows(methods), figures=figures, broken=record["broken_rules"]
-    )
+    content = {"record": record, "methods": methods, "rows": _rows(methods), "figures": figures}
+    return pages.render("cablebench.pages", "templates/proof.html.j2", {**content, "broken": record["broken_rules"]})
 
 
 def _rows(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -75,13 +69,13 @@ def matrix(confusion: Mapping[str, Mapping[str, int]]) -> str:
         width, height = figure.get_size_inches()
         figure.subplots_adjust(left=1.75 / width, right=1 - 0.1 / width, top=1 - 0.1 / height, bottom=1.85 / height)
 
-    return svg(draw, 2.2 + 0.27 * len(columns), 2.2 + 0.24 * len(rows), {})
+    return svg(draw, 2.2 + 0.27 * len(columns), 2.2 + 0.24 * len(rows))
 
 
 def _square(x: float, y: float, share: float) -> Any:
     from matplotlib.patches import Rectangle
 
-    return Rectangle((x - 0.46, y - 0.46), 0.92, 0.92, facecolor=_BLUE, alpha=0.12 + 0.88 * share, linewidth=0)
+    return Rectangle((x - 0.46, y - 0.46), 0.92, 0.92, facecolor=BLUE, alpha=0.12 + 0.88 * share, linewidth=0)
 
 
 def calibration(bins: Sequence[Mapping[str, Any]]) -> str:
@@ -91,8 +85,8 @@ def calibration(bins: Sequence[Mapping[str, Any]]) -> str:
         ax = figure.subplots()
         ax.plot([0, 1], [0, 1], color=SOFT, linestyle=(0, (4, 2)), linewidth=0.9)
         for b in bins:
-            ax.plot([b["stated"]] * 2, b["limits"], color=_BLUE, linewidth=1.1)
-            ax.plot(b["stated"], b["share"], "o", color=_BLUE, markersize=5)
+            ax.plot([b["stated"]] * 2, b["limits"], color=BLUE, linewidth=1.1)
+            ax.plot(b["stated"], b["share"], "o", color=BLUE, markersize=5)
             ax.annotate(
                 str(b["answers"]),
                 (b["stated"], b["share"]),
@@ -105,4 +99,4 @@ def calibration(bins: Sequence[Mapping[str, Any]]) -> str:
         ax.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="stated confidence", ylabel="share right")
         figure.subplots_adjust(left=0.15, right=0.97, top=0.97, bottom=0.15)
 
-    return svg(draw, 3.4, 3.2, {})
+    return svg(draw, 3.4, 3.2)

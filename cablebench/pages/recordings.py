@@ -1,12 +1,12 @@
 """The HTML page of the real recordings, from the JSON and SVG files that each set has left in a folder."""
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.json_files import packed_json, read_json
+from cable_envs.drawing import pages
 
 FIGURES = "figures"
 JAW = "da-vinci-jaw"
@@ -22,7 +22,7 @@ _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
 def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping[str, str]) -> None:
     """Leave a set's numbers as compressed JSON (`numbers_of`) and its figures as ``figures/NAME-FIGURE.svg``."""
-    from cablebench.run.store import jsonable, write_atomic
+    from cable_envs.core.files import jsonable, write_atomic
 
     (out / FIGURES).mkdir(parents=True, exist_ok=True)
     write_atomic(numbers_of(out, name), packed_json(jsonable(numbers)))
@@ -37,28 +37,30 @@ def numbers_of(out: Path, name: str) -> Path:
 
 def render(out: Path, names: Sequence[str]) -> str:
     """The page from what `write_set` left in ``out``; sets that are not there are said to be missing."""
-    from jinja2 import Environment, StrictUndefined
     from markupsafe import Markup
 
     from cablebench.pages.recordings_jaw import figures_of
 
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(plain=plain, number=number, estimate=estimate, error=error)
     sets = {name: _read(path) for name in names if (path := numbers_of(out, name)).is_file()}
     if not sets:
         raise ConfigurationError(f"{out} holds no set's numbers; leave out --page-only, or name another folder")
 
-    drawn = figures_of(sets[JAW]) if JAW in sets else {}  # the jaw's numbers hold the curves
+    jaw = figures_of(sets[JAW]) if JAW in sets else {}  # the jaw's numbers hold the curves
 
-    def figure(name: str, which: str) -> Any:
+    def drawn(name: str, which: str) -> Any:
         if name == JAW:
-            return Markup(drawn.get(which, ""))
+            return Markup(jaw.get(which, ""))
         path = out / FIGURES / f"{name}-{which}.svg"
         return Markup(path.read_text(encoding="utf-8")) if path.is_file() else ""
 
-    source = files("cablebench").joinpath("pages/templates/recordings.html.j2").read_text(encoding="utf-8")
     missing = [name for name in names if name not in sets]
-    return environment.from_string(source).render(sets=sets, missing=missing, figure=figure)
+    return pages.render(
+        "cablebench.pages",
+        "templates/recordings.html.j2",
+        {"sets": sets, "missing": missing},
+        filters={"plain": plain, "number": number, "estimate": estimate, "error": error},
+        helpers={"drawn": drawn},
+    )
 
 
 def _read(path: Path) -> Any:

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board.figures import GRID, INK, SOFT, svg
+from cable_envs.drawing.charts import BLUE, GRID, INK, RED, SOFT, key, svg
 
-MEASURED, NAIVE, NAMED = INK, "#c8553d", "#1b6ca8"
+MEASURED, NAIVE, NAMED = INK, RED, BLUE
 POINTS = 700
 """Samples of a curve at most: a figure, no copy of the data."""
 
@@ -16,15 +16,6 @@ def _thin(*series: np.ndarray) -> list[np.ndarray]:
     """Series, all thinned alike to `POINTS`."""
     step = max(-(-len(series[0]) // POINTS), 1)
     return [np.round(np.asarray(s)[::step], 6) for s in series]
-
-
-def key(figure: Any, names: Sequence[tuple[str, str]]) -> None:
-    """Coloured words above the panels instead of a legend box."""
-    width, height = figure.get_size_inches()
-    at = 0.62
-    for text, colour in names:
-        figure.text(at / width, 1 - 0.16 / height, text, color=colour, fontsize=8.5, fontweight="bold", va="center")
-        at += 0.075 * len(text) + 0.3
 
 
 def loops(panels: Sequence[Mapping[str, Any]]) -> str:
@@ -44,7 +35,7 @@ def loops(panels: Sequence[Mapping[str, Any]]) -> str:
             left=0.62 / width, right=1 - 0.1 / width, top=1 - 0.55 / height, bottom=0.48 / height, wspace=0.28
         )
 
-    return svg(draw, 4.9 * len(panels), 3.9, {})
+    return svg(draw, 4.9 * len(panels), 3.9)
 
 
 def runs(panels: Sequence[Mapping[str, Any]], shared: bool = False) -> str:
@@ -69,7 +60,7 @@ def runs(panels: Sequence[Mapping[str, Any]], shared: bool = False) -> str:
             left=0.62 / width, right=1 - 0.1 / width, top=1 - 0.55 / height, bottom=0.48 / height, hspace=0.42
         )
 
-    return svg(draw, 9.8, 0.75 + 1.85 * len(panels), {})
+    return svg(draw, 9.8, 0.75 + 1.85 * len(panels))
 
 
 def bars(rows: Sequence[tuple[str, float, float]], label: str, base: float, marks: Mapping[str, float]) -> str:
@@ -93,7 +84,7 @@ def bars(rows: Sequence[tuple[str, float, float]], label: str, base: float, mark
         width, height = figure.get_size_inches()
         figure.subplots_adjust(left=2.15 / width, right=1 - 0.15 / width, top=1 - 0.05 / height, bottom=0.45 / height)
 
-    return svg(draw, 8.2, 0.75 + 0.24 * len(rows), {})
+    return svg(draw, 8.2, 0.75 + 0.24 * len(rows))
 
 
 def ladder(steps: Sequence[tuple[str, Mapping[str, float], Mapping[str, float]]], panels: Mapping[str, Any]) -> str:
@@ -117,7 +108,7 @@ def ladder(steps: Sequence[tuple[str, Mapping[str, float], Mapping[str, float]]]
             left=0.62 / width, right=1 - 0.12 / width, top=1 - 0.55 / height, bottom=0.95 / height, wspace=0.25
         )
 
-    return svg(draw, 4.9 * len(panels), 3.3, {})
+    return svg(draw, 4.9 * len(panels), 3.3)
 
 
 def intervals(panels: Sequence[Mapping[str, Any]]) -> str:
@@ -140,7 +131,7 @@ def intervals(panels: Sequence[Mapping[str, Any]]) -> str:
             left=1.75 / width, right=1 - 0.15 / width, top=1 - 0.55 / height, bottom=0.35 / height, wspace=0.12
         )
 
-    return svg(draw, 10.2, 1.9, {})
+    return svg(draw, 10.2, 1.9)
 
 
 def _few() -> Any:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.board.figures import svg
+from cable_envs.drawing.charts import key, svg
 from cablebench.pages import recordings_figures as draw
 
 MODELS = ("rigid", "physics", "neighbours", "net", "published")
@@ -75,23 +75,23 @@ def _compared(rows: Sequence[Mapping[str, Any]]) -> str:
 
     def plot(figure: Any) -> None:
         axes = figure.subplots(1, 2, sharey=True)
-        for ax, key, label in ((axes[0], "deg", "angle error  [deg]"), (axes[1], "mnm", "torque error  [mN m]")):
+        for ax, name, label in ((axes[0], "deg", "angle error  [deg]"), (axes[1], "mnm", "torque error  [mN m]")):
             for i, split in enumerate(splits):
                 own = [r for r in rows if r["split"] == split]
                 for r in own:
-                    if r.get(key) is not None:
-                        ax.plot(r[key], i, "o", color=colours[r["model"]], markersize=6, alpha=0.9)
-                aim = next((r[f"aim_{key}"] for r in own if r.get(f"aim_{key}") is not None), None)
+                    if r.get(name) is not None:
+                        ax.plot(r[name], i, "o", color=colours[r["model"]], markersize=6, alpha=0.9)
+                aim = next((r[f"aim_{name}"] for r in own if r.get(f"aim_{name}") is not None), None)
                 if aim is not None:
                     ax.plot(aim, i, "|", color=draw.MEASURED, markersize=15, markeredgewidth=1.6)
             ax.set(xscale="log", xlabel=label, ylim=(len(splits) - 0.5, -0.5))
             ax.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
             ax.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if f"{v:e}"[0] in "25" else "")
         axes[0].set_yticks(range(len(splits)), splits)
-        draw.key(figure, [*((m, colours[m]) for m in present), ("| aim", draw.MEASURED)])
+        key(figure, [*((m, colours[m]) for m in present), ("| aim", draw.MEASURED)])
         width, height = figure.get_size_inches()
         figure.subplots_adjust(
             left=2.75 / width, right=1 - 0.15 / width, top=1 - 0.35 / height, bottom=0.48 / height, wspace=0.08
         )
 
-    return svg(plot, 10.2, 0.95 + 0.36 * len(splits), {})
+    return svg(plot, 10.2, 0.95 + 0.36 * len(splits))

@@ -4,13 +4,12 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cablebench.board.figures import INK, svg
-from cablebench.pages.recordings_figures import NAIVE, NAMED, key
+from cable_envs.drawing.charts import BLUE, INK, RED, key, svg
 from cablebench.pays.rigs import RIGS
 from cablebench.pays.scores import SIMULATORS, Study
 
 FIGURE = "pays.svg"
-_COLOURS = {"nominal": NAIVE, "augmented": NAMED, "oracle": INK}
+_COLOURS = {"nominal": RED, "augmented": BLUE, "oracle": INK}
 
 
 def command(studies: Sequence[Study], quick: bool) -> str:
@@ -137,4 +136,4 @@ def figure(result: Mapping[str, Any]) -> str:
             left=1.1 / width, right=1 - 0.15 / width, top=1 - 0.6 / height, bottom=0.5 / height, wspace=0.45
         )
 
-    return svg(draw, 4.9 * len(rigs) + 0.5, 2.4, {})
+    return svg(draw, 4.9 * len(rigs) + 0.5, 2.4)

@@ -14,15 +14,16 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from cable_envs.core.config import configuration_hash
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cablebench.board.statistics import bootstrap
 from cablebench.jobs import Context
 from cablebench.pays.rigs import RIGS, HiddenRig
-from cablebench.run.actors import Actor, ControllerActor
-from cablebench.run.evaluate import badness, run_episode, setup_of
-from cablebench.run.metrics import measure
-from cablebench.run.protocol import configuration_hash
+from cablebench.protocol.actors import Actor, ControllerActor
+from cablebench.protocol.metrics import measure
+from cablebench.run.evaluate import badness, run_episode
 from cablebench.tune.objective import loss_of
 
 SCHEMA = "cable-pays/1"

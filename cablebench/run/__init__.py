@@ -1,1 +1,1 @@
-"""Episodes of a protocol and their records: metrics, results store, provenance, replay."""
+"""Running the episodes of a protocol and keeping their records."""

@@ -15,15 +15,18 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.sim.setup import Setup, make_setup
+from cable_envs.core.config import configuration_hash
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import jsonable
+from cable_envs.core.provenance import machine, versions
+from cable_envs.sim.registered import setup_of
+from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
-from cablebench.run.actors import Actor
-from cablebench.run.episode import Episode
-from cablebench.run.metrics import measure
-from cablebench.run.protocol import Cell, Protocol, configuration_hash
-from cablebench.run.provenance import machine, versions
-from cablebench.run.store import ResultStore, jsonable
+from cablebench.protocol.actors import Actor
+from cablebench.protocol.episode import Episode
+from cablebench.protocol.metrics import measure
+from cablebench.protocol.protocol import Cell, Protocol
+from cablebench.run.store import ResultStore
 
 TRAJECTORY_POINTS = 400
 """Samples kept of the median and the worst episode of a run, for drawing."""
@@ -122,7 +125,7 @@ def evaluate(
                 if progress is not None:
                     progress(Progress(done, total, f"{entrant.title} on {cell.key}"))
                 done += 1
-                episode = run_episode(env, actor, seed, reset_options(cell, env.unwrapped.setup))
+                episode = run_episode(env, actor, seed, cell.reset_options(env.unwrapped.setup))
                 record = make_record(protocol, cell, entrant, options, run, seed, facts(episode))
                 records.append(record)
                 kept.append((badness(record), episode))
@@ -150,7 +153,7 @@ def make_plan(
     cells = protocol.cells(tuple(tasks), tuple(tracks))
     plan = []
     for cell in cells:
-        options = cell_options(cell)
+        options = cell.environment_options()
         setup = setup_of(cell.task.env, options)
         for entrant in entrants:
             needs = entrant.needs(cell.task.env, setup)
@@ -161,40 +164,6 @@ def make_plan(
             ids = ", ".join(dict.fromkeys(c.task.env for c in cells))
             raise ConfigurationError(f"'{entrant.title}' enters none of the chosen tasks: {ids}")
     return plan
-
-
-def cell_options(cell: Cell) -> dict[str, Any]:
-    """The environment's options in a cell: the task's, the track's, and the swept one."""
-    options = {**cell.task.options, **cell.track.options}
-    if cell.sweep is not None and cell.sweep.option:
-        options[cell.sweep.option] = int(cell.value) if cell.sweep.integer else cell.value
-    return options
-
-
-def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
-    """The `Setup` that ``gymnasium.make(env_id, **options)`` would have, without making it."""
-    spec = gym.registry.get(env_id)
-    if spec is None or "task" not in spec.kwargs:
-        import cable_envs
-
-        spec = gym.registry.get(env_id)  # importing the package registered its environments
-        if spec is None:
-            raise ConfigurationError(f"unknown environment '{env_id}'; {nearest(env_id, cable_envs.ENV_IDS)}")
-    return make_setup(**{**spec.kwargs, **options})
-
-
-def reset_options(cell: Cell, setup: Setup) -> dict[str, Any] | None:
-    """Rig parameters as a sweep changes them, scaled ones held within bounds; the entrant keeps the nominal ones."""
-    if cell.sweep is None or cell.sweep.option:
-        return None
-    table = setup.plant.parameters
-    changed = {}
-    for name in cell.sweep.scale.get(cell.task.family, ()):
-        declared = table[name]
-        changed[name] = min(max(setup.rig.values[name] * cell.value, declared.low), declared.high)
-    for name, size in cell.sweep.add.get(cell.task.family, {}).items():
-        changed[name] = setup.rig.values.get(name, 0.0) + size * cell.value  # an effect's parameter is absent where 0
-    return {"rig": changed}
 
 
 def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[str, Any]) -> str:

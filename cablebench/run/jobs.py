@@ -16,7 +16,8 @@ import numpy as np
 from cablebench.entrants.entrant import Entrant
 from cablebench.jobs import Backend, Context, Job
 from cablebench.jobs import Progress as JobProgress
-from cablebench.run.episode import Episode
+from cablebench.protocol.episode import Episode
+from cablebench.protocol.protocol import Cell, Protocol
 from cablebench.run.evaluate import (
     Progress,
     badness,
@@ -24,12 +25,10 @@ from cablebench.run.evaluate import (
     known_seeds,
     make_plan,
     make_record,
-    reset_options,
     run_episode,
     run_key,
     typical,
 )
-from cablebench.run.protocol import Cell, Protocol
 from cablebench.run.store import ResultStore
 
 Recipe = Callable[[], Entrant]
@@ -101,7 +100,7 @@ def run_cell(
         kept: list[tuple[float, Episode]] = []
         for seed in seeds:
             context.report(len(found), len(seeds), f"{entrant.title} on {cell.key}")
-            episode = run_episode(env, actor, seed, reset_options(cell, setup))
+            episode = run_episode(env, actor, seed, cell.reset_options(setup))
             found.append((seed, facts(episode)))
             kept.append((badness(found[-1][1]), episode))
     finally:

@@ -3,9 +3,7 @@
 import gzip
 import io
 import json
-import math
 import os
-import tempfile
 import warnings
 import zlib
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import jsonable, write_atomic
 
 SCHEMA = 1
 """Version of the record format; a store written by a newer version is refused, not misread."""
@@ -22,46 +21,6 @@ SCHEMA = 1
 
 class StoreWarning(UserWarning):
     """A line of a results store that could not be read and was skipped."""
-
-
-def write_atomic(path: str | Path, content: str | bytes) -> Path:
-    """Write ``content`` so that ``path`` holds either the old or the whole new content, whatever happens in between.
-
-    The content goes to a temporary file in the same folder, is flushed to disk, and takes the name by os.replace.
-    """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-            file.flush()
-            os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes it private; results are ordinary files
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
-    return path
-
-
-def jsonable(value: Any) -> Any:
-    """``value`` with JSON types only: arrays become lists, NaN and infinities null."""
-    if isinstance(value, Mapping):
-        return {str(k): jsonable(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [jsonable(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    if isinstance(value, Path):
-        return str(value)
-    return value
 
 
 def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:

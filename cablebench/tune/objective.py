@@ -13,12 +13,13 @@ from typing import Any
 import gymnasium as gym
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import REFERENCE
 from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.jobs import Context
-from cablebench.run.evaluate import badness, cell_options, facts, reset_options, run_episode, setup_of
-from cablebench.run.protocol import Cell, Protocol
+from cablebench.protocol.protocol import Cell, Protocol
+from cablebench.run.evaluate import badness, facts, run_episode
 
 WORST = 10.0
 BEST = 1e-9
@@ -44,7 +45,7 @@ def mean_loss(entrant: Entrant, cells: Sequence[Cell], seeds: Sequence[int], con
     """The mean loss of an entrant over the seeds of every cell. Raises ConfigurationError where it does not enter."""
     losses: list[float] = []
     for cell in cells:
-        options = cell_options(cell)
+        options = cell.environment_options()
         needs = entrant.needs(cell.task.env, setup_of(cell.task.env, options))
         if needs is None:
             raise ConfigurationError(f"'{entrant.title}' does not apply to {cell.task.env}")
@@ -52,7 +53,7 @@ def mean_loss(entrant: Entrant, cells: Sequence[Cell], seeds: Sequence[int], con
             setup: Any = env.unwrapped.setup
             actor = entrant.make(setup)
             for seed in seeds:
-                episode = run_episode(env, actor, seed, reset_options(cell, setup))
+                episode = run_episode(env, actor, seed, cell.reset_options(setup))
                 losses.append(loss_of(badness(facts(episode)), setup))
                 context.report(len(losses), len(cells) * len(seeds), entrant.title)
     return math.fsum(losses) / len(losses)

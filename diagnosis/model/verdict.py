@@ -1,10 +1,8 @@
 """The answer as data: what `cable-diagnosis/1` holds, to JSON and back."""
 
 import json
-import math
-import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import jsonable, write_atomic
 
 SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
@@ -132,14 +131,13 @@ class Diagnosis:
         data: dict[str, Any] = {"schema": SCHEMA}
         for f in fields(self):
             if f.name not in ("rig", "traces"):
-                data[f.name] = _plain(getattr(self, f.name))
+                data[f.name] = jsonable(getattr(self, f.name))
         return data
 
     def write(self, out: Path) -> None:
         """diagnosis.json and augmented.yaml into a folder, which is made; each file is replaced whole."""
-        out.mkdir(parents=True, exist_ok=True)
-        replace_file(out / "diagnosis.json", json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n")
-        replace_file(out / self.augmented_rig, yaml.safe_dump(_plain(self.rig), sort_keys=False))
+        write_atomic(out / "diagnosis.json", json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n")
+        write_atomic(out / self.augmented_rig, yaml.safe_dump(jsonable(self.rig), sort_keys=False))
 
 
 def from_json(data: Mapping[str, Any]) -> Diagnosis:
@@ -160,26 +158,3 @@ def from_json(data: Mapping[str, Any]) -> Diagnosis:
 def _step(entry: Mapping[str, Any]) -> Step:
     parameters = {name: Estimate(**estimate) for name, estimate in entry["parameters"].items()}
     return Step(**{**entry, "parameters": parameters, **{k: tuple(entry[k]) for k in ("alike", "dropped")}})
-
-
-def replace_file(path: Path, content: str | bytes) -> None:
-    """Write a file so that the name always holds the whole old or the whole new content."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_bytes(content.encode() if isinstance(content, str) else content)
-    os.replace(part, path)
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, (Found, Step, Estimate)):
-        return _plain(asdict(value))
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        value = value.item()
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

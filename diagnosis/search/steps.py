@@ -10,9 +10,9 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from cable_envs.core.files import write_atomic
 from diagnosis.data.recording import Recording
 from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.verdict import replace_file
 
 FOLDER = ".steps"
 T = TypeVar("T")
@@ -49,8 +49,7 @@ class Steps:
                 self.found += 1
                 return result
         result = make()
-        self._folder.mkdir(parents=True, exist_ok=True)
-        replace_file(file, _dumped((result, self._rng.bit_generator.state)))
+        write_atomic(file, _dumped((result, self._rng.bit_generator.state)))
         return result
 
     def forget(self) -> None:

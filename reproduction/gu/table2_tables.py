@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cablebench.run.units import number
+from cable_envs.core.text import number
 from identification.information import delta_experiments, fisher, profile_interval, speed_shares
 from reproduction.gu.data import PEAK_SPEED, TABLE_2, design
 from reproduction.gu.table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed

@@ -17,7 +17,7 @@ from agents.vec_env import CableVecEnv
 from baselines import make_controller
 from cable_envs import ENV_IDS
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.actors import ControllerActor, PolicyActor
+from cablebench.protocol.actors import ControllerActor, PolicyActor
 from cablebench.run.evaluate import run_episode
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"

@@ -284,7 +284,7 @@ def test_train_save_load_predict(tmp_path):
 
 def test_policy_acts_in_an_evaluation_as_in_training(tmp_path):
     """The smoothing that training did in the batch is done by the loaded policy: same rewards over an episode."""
-    from cablebench.run.actors import PolicyActor
+    from cablebench.protocol.actors import PolicyActor
     from cablebench.run.evaluate import run_episode
 
     policy = train(_settings(400, env_options={}), 0, tmp_path)
@@ -385,7 +385,7 @@ def test_ppo_learns_to_track(env_id, share, tmp_path):
     With 400 000 the hole's seed 0 was left at 0.0010 m; the boards' three policies are at 0.00004 to 0.00010 m.
     """
     from cablebench.entrants.entrant import controller_entrant
-    from cablebench.run.actors import PolicyActor
+    from cablebench.protocol.actors import PolicyActor
     from cablebench.run.evaluate import run_episode
 
     policy = train(load_settings("ppo", env_id), 0, tmp_path)

@@ -13,9 +13,9 @@ import torch
 from agents.settings import ALGORITHMS
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
-from cablebench.cli.policies import policy_file_entrant
-from cablebench.run.actors import PolicyActor
-from cablebench.run.episode import Episode
+from cablebench.cli.shared.policies import policy_file_entrant
+from cablebench.protocol.actors import PolicyActor
+from cablebench.protocol.episode import Episode
 from cablebench.run.evaluate import run_episode
 from tests.cablebench.test_submit import TINY
 

@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.text import count, number
 from cablebench.board.board import build_board
-from cablebench.board.report import print_board, render_json, render_markdown, seed_text, write_board
+from cablebench.board.cells import seed_text
+from cablebench.board.report import print_board, render_json, render_markdown, write_board
 from cablebench.board.scoring import latest, score_episodes
-from cablebench.run.metrics import METRICS
+from cablebench.protocol.metrics import METRICS
 from cablebench.run.store import ResultStore
-from cablebench.run.units import count, number
 from tests.support.board_records import ENTRANTS, made_protocol, made_records
 
 

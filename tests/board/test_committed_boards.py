@@ -6,8 +6,8 @@ import pytest
 
 from cable_envs.core.json_files import read_json
 from cablebench.board.board import build_board
-from cablebench.run.protocol import load_protocol
-from cablebench.run.replay import TIMED
+from cablebench.board.replay import TIMED
+from cablebench.protocol.protocol import load_protocol
 from cablebench.run.store import ResultStore
 
 BOARDS = Path(__file__).parents[2] / "boards"
@@ -49,10 +49,10 @@ def test_every_policy_of_a_board_is_there_and_was_charged(name):
 
 @pytest.mark.parametrize("entrant", ["ppo", "sac", "residual-ppo", "mrac-g22-tuned"])
 def test_a_row_scores_as_recorded(entrant):
-    from cablebench.cli.common import policy_entrant
-    from cablebench.entrants.entrant import named_entrant
-    from cablebench.run.evaluate import cell_options, run_episode
-    from cablebench.run.metrics import measure
+    from cablebench.cli.shared.policies import policy_entrant
+    from cablebench.entrants.named import named_entrant
+    from cablebench.protocol.metrics import measure
+    from cablebench.run.evaluate import run_episode
 
     protocol = load_protocol("quick")
     cell = next(c for c in protocol.cells(("CableHole-Position-Sine",), ("randomised",)))
@@ -69,9 +69,9 @@ def test_a_row_scores_as_recorded(entrant):
     import gymnasium as gym
 
     options = (
-        {**cell_options(cell), **made.needs(cell.task.env, None)}
+        {**cell.environment_options(), **made.needs(cell.task.env, None)}
         if recorded["training_seed"] is not None
-        else {**cell_options(cell), "observe": recorded["options"]["observe"]}
+        else {**cell.environment_options(), "observe": recorded["options"]["observe"]}
     )
     env = gym.make(cell.task.env, disable_env_checker=True, **options)
     metrics = measure(run_episode(env, made.make(env.unwrapped.setup), seed))

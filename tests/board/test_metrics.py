@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.episode import Episode
-from cablebench.run.metrics import METRICS, measure, metric, reversal_times
+from cablebench.protocol.episode import Episode
+from cablebench.protocol.metrics import METRICS, measure, metric, reversal_times
 
 DT = 0.01
 EXACT = 1e-12  # sums of a few thousand doubles of order one

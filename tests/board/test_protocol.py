@@ -8,7 +8,7 @@ import yaml
 import cable_envs
 from cable_envs.core.config import config_path, config_root
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.protocol import Protocol, SeedRange, load_protocol, parse_protocol
+from cablebench.protocol.protocol import Protocol, SeedRange, load_protocol, parse_protocol
 
 FILES = sorted(p.stem for p in (config_root() / "protocols").glob("*.yaml"))
 
@@ -139,7 +139,7 @@ def test_a_protocol_is_frozen():
 
 
 def test_a_sweep_adds_to_rig_parameters():
-    from cablebench.run.evaluate import reset_options, setup_of
+    from cable_envs.sim.registered import setup_of
 
     mass = {"from": 0, "to": 2, "points": 3, "add": {"CableHole": {"load_mass": 0.5}}}
     data = {
@@ -150,7 +150,7 @@ def test_a_sweep_adds_to_rig_parameters():
     cells = parse_protocol(data).cells()
     assert [c.task.family for c in cells] == ["CableHole"] * 3
     setup = setup_of(cells[0].task.env, {})
-    assert [reset_options(c, setup)["rig"]["load_mass"] for c in cells] == [5.0, 5.5, 6.0]
+    assert [c.reset_options(setup)["rig"]["load_mass"] for c in cells] == [5.0, 5.5, 6.0]
     mass["scale"] = {"CableHole": ["load_mass"]}
     with pytest.raises(ConfigurationError, match="needs one of 'scale', 'add'"):
         parse_protocol(data)

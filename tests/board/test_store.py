@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.run.store import ResultStore, StoreWarning, jsonable, write_atomic
+from cable_envs.core.files import jsonable, write_atomic
+from cablebench.run.store import ResultStore, StoreWarning
 
 
 def test_records_come_back_in_order_with_their_schema(tmp_path):

@@ -12,7 +12,7 @@ import pytest
 import cable_envs
 from baselines import CONTROLLERS
 from cablebench.cli import main
-from cablebench.run.metrics import METRICS
+from cablebench.protocol.metrics import METRICS
 
 HOLE, CIRCUIT = "CableHole-Position-Sine", "PulleyCircuit-Position-Sine"
 QUICK = ("--option", "duration=0.5")

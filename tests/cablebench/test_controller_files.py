@@ -3,8 +3,10 @@
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.entrants.entrant import controller_entrant, controller_file_entrant, named_entrant
-from cablebench.run.evaluate import setup_of
+from cable_envs.sim.registered import setup_of
+from cablebench.entrants.controller_files import controller_file_entrant
+from cablebench.entrants.entrant import controller_entrant
+from cablebench.entrants.named import named_entrant
 
 STEP, SINE = "cable_envs/CableHole-Position-Step-v0", "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"

@@ -6,12 +6,14 @@ import pytest
 
 import cablebench.run.evaluate as evaluation
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.registered import setup_of
 from cablebench.board.board import build_board
 from cablebench.board.scoring import latest
-from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entrant, reference_entrants
-from cablebench.run.actors import ControllerActor, PolicyActor
-from cablebench.run.evaluate import evaluate, run_episode, setup_of
-from cablebench.run.protocol import Protocol, SeedRange, Sweep, Task, Track
+from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entrant
+from cablebench.entrants.named import reference_entrants
+from cablebench.protocol.actors import ControllerActor, PolicyActor
+from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
+from cablebench.run.evaluate import evaluate, run_episode
 from cablebench.run.store import ResultStore
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"

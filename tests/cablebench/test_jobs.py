@@ -11,9 +11,9 @@ import pytest
 from cable_envs.core.errors import ConfigurationError
 from cablebench.entrants.entrant import controller_entrant
 from cablebench.jobs import Job, JobError, open_backend
+from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
 from cablebench.run.evaluate import evaluate
 from cablebench.run.jobs import evaluate_in_jobs
-from cablebench.run.protocol import Protocol, SeedRange, Task, Track
 from cablebench.run.store import ResultStore
 from tests.support import jobs_support as support
 
@@ -131,7 +131,7 @@ def test_an_evaluation_in_jobs_has_the_serial_records(tmp_path):
 def test_a_training_whose_worker_is_killed_ends_as_one_that_was_not(tmp_path):
     from agents.policy import load_policy
     from agents.settings import load_settings
-    from cablebench.cli.training import training_job
+    from cablebench.cli.shared.training import training_job
 
     settings = load_settings("ppo", HOLE, 4 * 8192, {"duration": 0.5})
     jobs = [

@@ -10,12 +10,12 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.json_files import read_json
+from cable_envs.sim.registered import setup_of
 from cablebench.cli import main
 from cablebench.pays import page as pays_page
 from cablebench.pays import scores as pays
 from cablebench.pays.rigs import RIGS
 from cablebench.pays.scores import SIMULATORS, Study, summary
-from cablebench.run.evaluate import setup_of
 
 CONTROLLER, AGENT, ENV = "feedforward-pid", "residual-ppo", RIGS["circuit"].env
 GAINS = {"kp": 0.0, "ki": 0.0, "kd": 0.0}

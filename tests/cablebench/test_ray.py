@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.training import RUN, training_job
+from cablebench.cli.shared.training import RUN, training_job
 from cablebench.jobs import Job, JobError
 from cablebench.jobs.driver import CrewBackend
 from cablebench.run.evaluate import evaluate

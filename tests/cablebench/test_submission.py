@@ -5,12 +5,14 @@ import textwrap
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.registered import setup_of
 from cablebench.entrants.admission import check_name, read_submission
+from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.entrants.dry_run import dry_run, within
-from cablebench.entrants.entrant import controller_file_entrant, named_entrant
+from cablebench.entrants.named import named_entrant
 from cablebench.entrants.submission import submission_entrant
-from cablebench.run.evaluate import evaluate, setup_of
-from cablebench.run.protocol import Protocol, SeedRange, Task, Track
+from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
+from cablebench.run.evaluate import evaluate
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 GOOD = """

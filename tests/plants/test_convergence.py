@@ -13,9 +13,10 @@ import gymnasium as gym
 import pytest
 
 import cable_envs
-from cablebench.entrants.entrant import reference_entrants
-from cablebench.run.evaluate import run_episode, setup_of
-from cablebench.run.metrics import measure
+from cable_envs.sim.registered import setup_of
+from cablebench.entrants.named import reference_entrants
+from cablebench.protocol.metrics import measure
+from cablebench.run.evaluate import run_episode
 
 ENTRANTS = {e.name: e for e in reference_entrants()}
 CASES = [

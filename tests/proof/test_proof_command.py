@@ -144,7 +144,7 @@ def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
     import sys
 
     monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
-    monkeypatch.setattr(command, "_tool_command", lambda: [sys.executable, str(tool)])
+    monkeypatch.setattr(command, "_tool_command", lambda _: [sys.executable, str(tool)])
     code, out, _ = _run(capsys, "--no-baselines", "--out", str(tmp_path / "p"), "--json")
     record = json.loads(out)
     assert code == 1 and record["broken_rules"][0].startswith("false alarms: 1 of 1")

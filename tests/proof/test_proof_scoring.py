@@ -171,8 +171,8 @@ def test_verdicts_are_checked():
 
 
 def test_report_and_page():
+    from cable_envs.core.files import jsonable
     from cablebench.pages.proof import render
-    from cablebench.run.store import jsonable
 
     results = {"diagnose": _results(7, 2, 1, 18, 2), "black box": _results(0, 0, 3, 2, 0)}
     about = {"command": "cablebench proof", "cases_total": 30}

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cablebench.run.episode import Episode
-from cablebench.run.metrics import measure
-from cablebench.run.protocol import Protocol, SeedRange, Sweep, Task, Track
-from cablebench.run.store import jsonable
+from cable_envs.core.files import jsonable
+from cablebench.protocol.episode import Episode
+from cablebench.protocol.metrics import measure
+from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
 
 ENTRANTS = {  # name: (class, share of the open loop's error that is left, effort, environment steps, trials, samples)
     "open-loop": ("nominal", 1.0, 1.0, 0, 0, 0),

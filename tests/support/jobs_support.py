@@ -6,9 +6,9 @@ import time
 from dataclasses import replace
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.training import RUN, train_here
+from cable_envs.core.files import write_atomic
+from cablebench.cli.shared.training import RUN, train_here
 from cablebench.jobs import Stopped
-from cablebench.run.store import write_atomic
 
 
 def double(context, number):

@@ -14,13 +14,9 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.bench.leaderboard import make_board
-from cablebench.cli.common import (
-    console,
-    policy_entrant,
-    progress_bar,
-    require_ours,
-    short_name,
-)
+from cablebench.cli.shared.arguments import require_ours, short_name
+from cablebench.cli.shared.output import console, progress_bar
+from cablebench.cli.shared.policies import policy_entrant
 
 TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
 """One task of each plant to train an agent for."""
@@ -39,9 +35,9 @@ def demo(
     started = time.monotonic()
     require_ours("baselines", "agents")
     from agents.settings import load_settings
-    from cablebench.entrants.entrant import reference_entrants
+    from cablebench.entrants.named import reference_entrants
+    from cablebench.protocol.protocol import load_protocol
     from cablebench.run.evaluate import evaluate
-    from cablebench.run.protocol import load_protocol
     from cablebench.run.store import ResultStore
 
     chosen = load_protocol(protocol)

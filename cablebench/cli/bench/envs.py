@@ -4,7 +4,8 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.common import console, print_json, resolve_env, short_name
+from cablebench.cli.shared.arguments import resolve_env, short_name
+from cablebench.cli.shared.output import console, print_json
 
 
 def envs(

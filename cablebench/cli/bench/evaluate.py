@@ -7,14 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import (
-    console,
-    print_json,
-    progress_bar,
-    resolve_env,
-)
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.cli.recipes import entrant_recipes
+from cablebench.cli.shared.arguments import resolve_env
+from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.recipes import entrant_recipes
 from cablebench.jobs import open_backend
 
 RECORDS = "records.jsonl"
@@ -38,7 +34,7 @@ def evaluate(
     as_json: Annotated[bool, typer.Option("--json", help="All records as JSON on standard output.")] = False,
 ) -> None:
     """Evaluate controllers (default: all references) and trained policies over the protocol's test episodes."""
-    from cablebench.run.protocol import load_protocol
+    from cablebench.protocol.protocol import load_protocol
     from cablebench.run.store import ResultStore
 
     if resume and results is None:
@@ -64,7 +60,7 @@ def evaluate(
 
 def _entering(recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]) -> list[Any]:
     """The recipes whose entrants apply to at least one of the tasks."""
-    from cablebench.run.evaluate import setup_of
+    from cable_envs.sim.registered import setup_of
 
     env_ids = dict.fromkeys(c.task.env for c in protocol.cells(tasks, tracks))
     setups = {env_id: setup_of(env_id, {}) for env_id in env_ids}
@@ -104,7 +100,7 @@ def print_summary(records: list[Mapping[str, Any]], out: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from cablebench.run.units import number
+    from cable_envs.core.text import number
 
     table = Table(box=None, pad_edge=False)
     for name in ("task", "track", "entrant", "episodes", "failed", "median RMSE", "unit"):

@@ -9,15 +9,8 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.cli.bench.run import choose_entrant
-from cablebench.cli.common import (
-    console,
-    options_for,
-    parse_options,
-    print_json,
-    progress_bar,
-    resolve_env,
-    short_name,
-)
+from cablebench.cli.shared.arguments import options_for, parse_options, resolve_env, short_name
+from cablebench.cli.shared.output import console, print_json, progress_bar
 
 FORMATS = ("minari", "recording")
 

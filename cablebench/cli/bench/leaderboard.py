@@ -7,10 +7,10 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import write_atomic
 from cable_envs.core.json_files import packed_json, read_json
 from cablebench.cli.bench.evaluate import RECORDS
-from cablebench.cli.common import console
-from cablebench.run.store import write_atomic
+from cablebench.cli.shared.output import console
 
 BOARDS = "boards"
 """Folder of the boards that are kept under version control: one folder for each, named like its protocol."""
@@ -63,7 +63,7 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
 
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
     """(results folder, the flags that name it and the protocol). ConfigurationError when nothing names a folder."""
-    from cablebench.run.protocol import load_protocol
+    from cablebench.protocol.protocol import load_protocol
 
     if board is None and results is None:
         raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
@@ -82,7 +82,7 @@ def board_folder(name: str) -> Path:
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
     """The protocol of that name, or that of the newest record."""
-    from cablebench.run.protocol import load_protocol
+    from cablebench.protocol.protocol import load_protocol
 
     return load_protocol(name or records[-1]["protocol"])
 
@@ -96,9 +96,9 @@ def make_board(
     evaluated it.
     """
     from cablebench.board.board import build_board
+    from cablebench.board.learning import learning_curves
     from cablebench.board.notes import REMARKS
     from cablebench.board.report import print_board, render_json, write_board
-    from cablebench.run.learning import learning_curves
 
     remarks = store.path.parent / REMARKS
     text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""

@@ -11,8 +11,9 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import RECORDS, choose_entrants
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
-from cablebench.cli.common import console, print_json, progress_bar, resolve_env
-from cablebench.cli.trust import ask
+from cablebench.cli.shared.arguments import resolve_env
+from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.trust import ask
 
 DIFFERENT = 1
 """Exit code where a number is not as recorded."""
@@ -36,8 +37,8 @@ def replay(
 
     Replaying a submitted .py file executes it: you are asked before, or say --trust.
     """
-    from cablebench.run.provenance import versions
-    from cablebench.run.replay import arguments_of, compare, executed_by, rows_of
+    from cable_envs.core.provenance import versions
+    from cablebench.board.replay import arguments_of, compare, executed_by, rows_of
     from cablebench.run.store import ResultStore
 
     folder, _ = results_folder(board, results)

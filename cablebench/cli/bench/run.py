@@ -9,17 +9,9 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cablebench.cli.common import (
-    console,
-    options_for,
-    parse_gains,
-    parse_options,
-    policy_entrant,
-    print_json,
-    progress_bar,
-    require_ours,
-    resolve_env,
-)
+from cablebench.cli.shared.arguments import options_for, parse_gains, parse_options, require_ours, resolve_env
+from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.policies import policy_entrant
 
 DATA_FORMATS = (".npz", ".csv")
 PICTURE_FORMATS = (".png", ".gif")
@@ -65,7 +57,7 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
             raise ConfigurationError("--gain belongs to --controller: a trained policy has no gains")
         return policy_entrant(policy)
     require_ours("baselines")
-    from cablebench.entrants.entrant import named_entrant
+    from cablebench.entrants.named import named_entrant
 
     return named_entrant(controller, parse_gains(gains))
 
@@ -127,7 +119,7 @@ def _files(episode: Any, save: Path | None, render: Path | None, film: list[Any]
 
 
 def _write(path: Path, content: bytes) -> Path:
-    from cablebench.run.store import write_atomic
+    from cable_envs.core.files import write_atomic
 
     try:
         return write_atomic(path, content)
@@ -164,7 +156,7 @@ def _npz(episode: Any) -> bytes:
     """Arrays by name, and under "about" what produced them as JSON, units included."""
     import numpy as np
 
-    from cablebench.run.store import jsonable
+    from cable_envs.core.files import jsonable
 
     named = {key.split(" [")[0]: (key.split(" [")[1][:-1], values) for key, values in _columns(episode).items()}
     about = {**episode.settings, "units": {name: unit for name, (unit, _) in named.items()}}
@@ -191,7 +183,7 @@ def _picture(film: list[Any], suffix: str) -> bytes:
 
 
 def _report(env_id: str, entrant: Any, seed: int, episode: Any, written: list[str], as_json: bool) -> None:
-    from cablebench.run.metrics import METRICS, measure
+    from cablebench.protocol.metrics import METRICS, measure
 
     values = measure(episode)
     units = {m.name: m.unit_of(episode.output_unit, episode.command_unit) for m in METRICS}
@@ -213,8 +205,8 @@ def _print_metrics(values: Mapping[str, float], units: Mapping[str, str], out: A
     from rich.table import Table
     from rich.text import Text
 
-    from cablebench.run.metrics import METRICS
-    from cablebench.run.units import number
+    from cable_envs.core.text import number
+    from cablebench.protocol.metrics import METRICS
 
     table = Table(box=None, pad_edge=False, show_header=False)
     for m in METRICS:

@@ -11,10 +11,11 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import RECORDS, evaluate_on
 from cablebench.cli.bench.leaderboard import make_board, results_folder
-from cablebench.cli.common import console, require_ours, resolve_env
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.cli.recipes import NamedEntrant, named
-from cablebench.cli.trust import ask
+from cablebench.cli.shared.arguments import require_ours, resolve_env
+from cablebench.cli.shared.output import console
+from cablebench.cli.shared.recipes import NamedEntrant, named
+from cablebench.cli.shared.trust import ask
 
 
 def submit(
@@ -38,7 +39,7 @@ def submit(
     require_ours("baselines")
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run
-    from cablebench.run.protocol import load_protocol
+    from cablebench.protocol.protocol import load_protocol
     from cablebench.run.store import ResultStore
 
     folder, flags = results_folder(board or (None if results else "quick"), results, protocol)
@@ -111,7 +112,7 @@ def _missing(
 
 def _place(board: Any, entrant: Any, say: Any) -> None:
     """Say in one line for each table where the newcomer stands."""
-    from cablebench.board.report import heading, interval
+    from cablebench.board.cells import heading, interval
 
     for table in board.tables:
         for row in table.rows:

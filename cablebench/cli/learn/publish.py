@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console, require_ours, short_name
+from cablebench.cli.shared.arguments import require_ours, short_name
+from cablebench.cli.shared.output import console
 
 
 def publish(

@@ -8,16 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.common import (
-    console,
-    parse_options,
-    print_json,
-    progress_bar,
-    require_ours,
-    resolve_env,
-    short_name,
-)
-from cablebench.cli.training import chosen_seeds, training_job
+from cablebench.cli.shared.arguments import parse_options, require_ours, resolve_env, short_name
+from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.training import chosen_seeds, training_job
 from cablebench.jobs import Backend, Done, Job, open_backend
 
 INTERRUPTED = 130

@@ -11,8 +11,9 @@ import typer
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console, print_json, progress_bar, require_ours, resolve_env, short_name
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, INTERRUPTED, JOBS_HELP
+from cablebench.cli.shared.arguments import require_ours, resolve_env, short_name
+from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.jobs import Backend, open_backend
 
 SHOWN = 5
@@ -47,7 +48,7 @@ def tune(
         raise ConfigurationError("--steps belongs to --algo: a controller is not trained")
     if algo is not None and (steps is None or name is not None):
         raise ConfigurationError("--name belongs to --controller" if name else "--algo needs --steps for its trials")
-    from cablebench.run.protocol import load_protocol
+    from cablebench.protocol.protocol import load_protocol
 
     plan = {
         "protocol": load_protocol(protocol), "track": track, "episodes": episodes, "seed": seed, "batch": batch
@@ -160,7 +161,7 @@ def _settings_file(
 def _report(
     found: Mapping[str, Sequence[Any]], content: dict[str, Any], out: Path | None, file: Path, as_json: bool
 ) -> None:
-    from cablebench.run.store import write_atomic
+    from cable_envs.core.files import write_atomic
     from cablebench.tune.study import best
 
     command = content["made_by"] if "schema" in content else content.pop("made_by")

@@ -10,10 +10,11 @@ from typing import Any
 from agents.settings import load_settings
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import policy_entrant, short_name
+from cable_envs.core.provenance import source_hash
+from cablebench.cli.shared.arguments import short_name
+from cablebench.cli.shared.policies import policy_entrant
 from cablebench.jobs import Context, Job, Stopped
-from cablebench.run.protocol import Protocol
-from cablebench.run.provenance import source_hash
+from cablebench.protocol.protocol import Protocol
 from cablebench.tune.objective import loss_of, mean_loss, training_seed, tuning_cells, tuning_seeds
 from cablebench.tune.space import Dimension, nested, parse_space
 from cablebench.tune.study import Search
@@ -102,7 +103,7 @@ def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any]
     A training whose numbers stop being finite is a trial with the worst loss there is.
     """
     from agents.train import Interrupted, train
-    from cablebench.run.evaluate import cell_options, setup_of
+    from cable_envs.sim.registered import setup_of
 
     folder = context.folders[RUN]
     try:
@@ -115,6 +116,6 @@ def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any]
     except (ValueError, FloatingPointError) as error:  # torch's distributions refuse NaN with a ValueError
         if "nan" not in str(error).lower() and "invalid values" not in str(error):
             raise
-        loss = loss_of(math.inf, setup_of(settings.env_id, cell_options(cells[0])))
+        loss = loss_of(math.inf, setup_of(settings.env_id, cells[0].environment_options()))
     shutil.rmtree(folder, ignore_errors=True)
     return loss

@@ -5,11 +5,11 @@ from typing import Any
 
 from baselines import controller_class
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import short_name
+from cable_envs.core.provenance import source_hash
+from cable_envs.sim.registered import setup_of
+from cablebench.cli.shared.arguments import short_name
 from cablebench.jobs import Job
-from cablebench.run.evaluate import cell_options, setup_of
-from cablebench.run.protocol import Protocol
-from cablebench.run.provenance import source_hash
+from cablebench.protocol.protocol import Protocol
 from cablebench.tune.objective import controller_trial, tuning_cells, tuning_seeds
 from cablebench.tune.space import gain_space
 from cablebench.tune.study import Search
@@ -24,7 +24,7 @@ def controller_search(
     """
     kind = controller_class(controller)
     cells = tuning_cells(protocol, env_id, track)
-    setup = setup_of(env_id, cell_options(cells[0]))
+    setup = setup_of(env_id, cells[0].environment_options())
     table = kind.parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
     if not len(table):
         raise ConfigurationError(f"'{controller}' has no gains for {short_name(env_id)}")

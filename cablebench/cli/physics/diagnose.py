@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.common import console, print_json
+from cablebench.cli.shared.output import console, print_json
 from cablebench.pages.diagnosis_words import lines
 
 INTERRUPTED = 130
@@ -61,7 +61,7 @@ def _names(text: str | None) -> list[str] | None:
 
 
 def _write_report(out: Path, record: dict[str, Any], traces: Any) -> None:
+    from cable_envs.core.files import jsonable, write_atomic
     from cablebench.pages.diagnosis import render
-    from cablebench.run.store import jsonable, write_atomic
 
     write_atomic(out / "report.html", render(jsonable(record), traces))

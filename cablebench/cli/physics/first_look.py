@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.common import console, print_json
+from cablebench.cli.shared.output import console, print_json
 
 
 def first_look(

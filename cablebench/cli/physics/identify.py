@@ -10,7 +10,8 @@ import numpy as np
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console, parse_pairs, print_json
+from cablebench.cli.shared.arguments import parse_pairs
+from cablebench.cli.shared.output import console, print_json
 
 
 class Method(StrEnum):
@@ -267,7 +268,7 @@ def _correlated(names: Sequence[str], matrix: Sequence[Sequence[float | None]]) 
 def _print(result: dict[str, Any]) -> None:
     from rich.table import Table
 
-    from cablebench.run.units import number
+    from cable_envs.core.text import number
 
     out = console()
     low, high = (1e3 * v for v in result["speed_m_per_s"])

@@ -7,7 +7,8 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console, parse_pairs, print_json
+from cablebench.cli.shared.arguments import parse_pairs
+from cablebench.cli.shared.output import console, print_json
 
 SHOWN = 30
 """Doubts and remarks on the terminal; all of them are in the YAML file and in --json."""
@@ -55,7 +56,7 @@ def import_(
     if fit_all and (heldout or after is not None):
         raise ConfigurationError("--fit-all excludes --heldout and --after")
     if form.endswith(".py"):
-        from cablebench.cli.trust import ask
+        from cablebench.cli.shared.trust import ask
 
         ask(form, trust)
     _check_out(path, out)

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console, parse_pairs, print_json, progress_bar, require_ours
+from cablebench.cli.shared.arguments import parse_pairs, require_ours
+from cablebench.cli.shared.output import console, print_json, progress_bar
 
 INTERRUPTED = 130
 QUICK = {

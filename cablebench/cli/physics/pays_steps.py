@@ -9,13 +9,13 @@ from typing import Any
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.core.json_files import packed_json
+from cable_envs.sim.registered import setup_of
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import scores as pays
 from cablebench.pays.scores import SIMULATORS, Study
-from cablebench.run.evaluate import setup_of
-from cablebench.run.protocol import load_protocol
-from cablebench.run.store import jsonable, write_atomic
+from cablebench.protocol.protocol import load_protocol
 
 Progress = Callable[[str, int, int, str], None]
 RECORDING_SEED = 0
@@ -109,7 +109,7 @@ def scored(
     study: Study, out: Path, learner: str, simulator: str, rig: Any, seed: int, progress: Progress
 ) -> list[float]:
     """Errors on the hidden rig of a learner from a simulator, SI; makes what is missing first."""
-    from cablebench.run.actors import PolicyActor
+    from cablebench.protocol.actors import PolicyActor
 
     file = out / "scores" / f"{learner}-{simulator}-{seed}.json"
     if file.exists():

@@ -10,7 +10,7 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.json_files import packed_json
-from cablebench.cli.common import console, print_json, progress_bar
+from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job
 
@@ -20,6 +20,7 @@ INTERRUPTED = 130
 
 
 def proof(
+    context: typer.Context,
     out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path(
         "results/proof"
     ),
@@ -55,7 +56,7 @@ def proof(
         if _joined(out, join, as_json):
             raise typer.Exit(1)
         return
-    command = _tool_command() if tool else []
+    command = _tool_command(context) if tool else []
     from proof.cases import KINDS
     from proof.effects import SYSTEMS
     from proof.run import scored
@@ -84,12 +85,10 @@ def proof(
         raise typer.Exit(1)
 
 
-def _tool_command() -> list[str]:
+def _tool_command(context: typer.Context) -> list[str]:
     """How the tool is started. Raises ConfigurationError where this version has none."""
-    from cablebench.cli.app import app
-
-    known = {c.name or (c.callback.__name__ if c.callback else "") for c in app.registered_commands}
-    if "diagnose" not in known:
+    root = context.find_root()
+    if "diagnose" not in root.command.list_commands(root):  # type: ignore[attr-defined]  # a group, as its root
         raise ConfigurationError(
             "there is no command 'cablebench diagnose' in this version, so there is nothing to prove; "
             "--no-tool makes the cases and scores the baselines alone"
@@ -180,8 +179,8 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
     """Write ``results`` by method; the fail rules that the first of them breaks."""
+    from cable_envs.core.files import jsonable, write_atomic
     from cablebench.pages.proof import render
-    from cablebench.run.store import jsonable, write_atomic
     from proof import report
 
     about = {**about, "cases_total": len(next(iter(results.values()))), "sample": quick}

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cablebench.cli.common import console
+from cablebench.cli.shared.output import console
 
 
 def recordings(
@@ -21,9 +21,9 @@ def recordings(
     page_only: Annotated[bool, typer.Option("--page-only", help="Make the page again from what is there.")] = False,
 ) -> None:
     """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 20 minutes."""
+    from cable_envs.core.files import write_atomic
     from cablebench.pages.recordings import render, write_set
     from cablebench.pages.recordings_sets import SETS
-    from cablebench.run.store import write_atomic
 
     names = list(dict.fromkeys(only or SETS))
     require_known("set", names, SETS)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.common import console, print_json, progress_bar
+from cablebench.cli.shared.output import console, print_json, progress_bar
 
 
 def reproduce(

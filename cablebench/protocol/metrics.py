@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cablebench.run.episode import Episode
+from cablebench.protocol.episode import Episode
 
 REVERSAL_WINDOW = 0.5
 """s after each reversal of the reference in which the reversal error is taken: longer than the actuator's lag

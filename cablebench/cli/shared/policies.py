@@ -1,11 +1,38 @@
-"""Entrants of saved policies that a policy file (`cablebench.entrants.policy_files`) names."""
+"""Entrants of saved policies, and of those that a policy file (`cablebench.entrants.policy_files`) names."""
 
 import shlex
 from dataclasses import replace
+from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cablebench.cli.shared.arguments import require_ours
 from cablebench.entrants.entrant import INFORMATION, Entrant, agent_entrant
 from cablebench.entrants.policy_files import PolicyFile, load_policy_file
+
+
+def policy_entrant(path: str) -> Any:
+    """The `cablebench.entrants.entrant.Entrant` of a saved policy, with what it was charged and how it was trained."""
+    require_ours("agents")
+    if is_policy_file(path):
+        return policy_file_entrant(path)
+    from agents.policy import load_policy
+
+    policy = load_policy(path)
+    m = policy.metadata
+    settings = {"policy": policy.digest, "configuration": m.settings_hash, "complete": m.complete}
+    return agent_entrant(
+        m.name,
+        policy,
+        m.env_id,
+        m.seed,
+        m.steps,
+        options=m.options,
+        tuning_trials=m.settings["tuning_trials"],
+        information=policy.settings.information,
+        path=path,
+        settings=settings,
+        versions=m.versions,
+    )
 
 
 def is_policy_file(path: str) -> bool:
@@ -23,8 +50,6 @@ def policy_file_entrant(path: str) -> Entrant:
 
 
 def _own(path: str, file: PolicyFile) -> Entrant:
-    from cablebench.cli.common import policy_entrant
-
     entrant = policy_entrant(str(file.policy))
     if INFORMATION.index(file.information) > INFORMATION.index(entrant.information):
         entrant = replace(entrant, information=file.information)

@@ -1,16 +1,15 @@
 """The benchmark protocol as data: tasks, tracks, seeds, episodes, budgets; one YAML file in configs/protocols/ each."""
 
-import hashlib
 import itertools
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.config import config_path, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.sim.setup import Setup
 
 SCHEMA = 1
 
@@ -102,6 +101,30 @@ class Cell:
         at = f" {self.sweep.name}={self.value:g}" if self.sweep else ""
         return f"{self.task.short} {self.track.name}{at}"
 
+    def environment_options(self) -> dict[str, Any]:
+        """The environment's options: the task's, the track's, and the swept one."""
+        options = {**self.task.options, **self.track.options}
+        if self.sweep is not None and self.sweep.option:
+            options[self.sweep.option] = int(self.value) if self.sweep.integer else self.value
+        return options
+
+    def reset_options(self, setup: Setup) -> dict[str, Any] | None:
+        """Options of every reset: rig parameters as the sweep changes them; None where it changes none.
+
+        Scaled parameters are held within their bounds. The entrant keeps the nominal ones.
+        """
+        if self.sweep is None or self.sweep.option:
+            return None
+        table = setup.plant.parameters
+        changed = {}
+        for name in self.sweep.scale.get(self.task.family, ()):
+            declared = table[name]
+            changed[name] = min(max(setup.rig.values[name] * self.value, declared.low), declared.high)
+        for name, size in self.sweep.add.get(self.task.family, {}).items():
+            # an effect's parameter is absent where it is 0
+            changed[name] = setup.rig.values.get(name, 0.0) + size * self.value
+        return {"rig": changed}
+
 
 @dataclass(frozen=True)
 class Protocol:
@@ -168,12 +191,6 @@ class Protocol:
                     if sweep.option or task.family in sweep.scale or task.family in sweep.add:
                         cells.extend(Cell(task, track, episodes, sweep, v) for v in sweep.values())
         return tuple(cells)
-
-
-def configuration_hash(data: Any) -> str:
-    """Twelve hex digits of the SHA-256 of ``data`` as canonical JSON (sorted keys)."""
-    text = json.dumps(data, sort_keys=True, separators=(",", ":"), default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 _KEYS = (

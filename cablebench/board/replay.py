@@ -13,7 +13,7 @@ from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.board.scoring import Record, episode_key, latest, score_episodes
 from cablebench.board.statistics import interquartile_mean
-from cablebench.run.protocol import Protocol
+from cablebench.protocol.protocol import Protocol
 
 TIMED = ("inference_us",)
 """Metrics that measure the machine: no two runs have the same."""

@@ -1,16 +1,13 @@
-"""What the commands share: names and options from the command line, consoles, progress."""
+"""Names and options as they stand on the command line."""
 
-import json
-import os
-import sys
-import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.sim.registered import setup_of
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
@@ -86,79 +83,8 @@ def require_ours(*packages: str) -> None:
             )
 
 
-def print_json(data: Any) -> None:
-    """``data`` as JSON on standard output, and nothing else there."""
-    from cablebench.run.store import jsonable
-
-    sys.stdout.write(json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
-
-
-FILE_WIDTH = 160
-"""Columns of a table that goes to a file or a pipe; a terminal has its own width."""
-
-
-def console(stderr: bool = False) -> Any:
-    """A rich console; results go to standard output, progress and remarks to standard error."""
-    from rich.console import Console
-
-    made = Console(stderr=stderr, highlight=False, soft_wrap=True)
-    if not made.is_terminal and "COLUMNS" not in os.environ:
-        made.width = FILE_WIDTH
-    return made
-
-
-PLAIN_INTERVAL = 15.0
-"""s between progress lines where standard error is no terminal."""
-
-
-@contextmanager
-def progress_bar() -> Iterator[Any]:
-    """Progress on standard error; yields ``update(name, done, total, text="")``, which makes a bar for each name.
-
-    Where standard error is no terminal, a line now and then takes the place of the bars.
-    """
-    err = console(stderr=True)
-    bars = _bars(err) if err.is_terminal else None
-    known: dict[str, Any] = {}
-
-    def draw(name: str, done: int, total: int, text: str = "") -> None:
-        if not known:
-            bars.start()
-        if name not in known:
-            known[name] = bars.add_task(name, total=total, text=text)
-        bars.update(known[name], completed=done, total=total, text=text)
-
-    def write(name: str, done: int, total: int, text: str = "") -> None:
-        now = time.monotonic()
-        if now - known.setdefault(name, now) >= PLAIN_INTERVAL:
-            known[name] = now
-            err.print(f"{name}: {done} of {total}, {text}", markup=False)
-
-    try:
-        yield write if bars is None else draw
-    finally:
-        if bars is not None and known:
-            bars.stop()
-
-
-def _bars(err: Any) -> Any:
-    from rich import progress
-
-    columns = (
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(24),
-        progress.TaskProgressColumn(),
-        progress.TimeElapsedColumn(),
-        progress.TimeRemainingColumn(),
-        progress.TextColumn("{task.fields[text]}", style="dim"),
-    )
-    return progress.Progress(*columns, console=err, transient=True)
-
-
 def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
-    from cablebench.run.evaluate import setup_of
-
     needs = entrant.needs(env_id, setup_of(env_id, options))
     if needs is None:
         raise ConfigurationError(f"'{entrant.title}' does not apply to {env_id} with these options")
@@ -166,31 +92,3 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
         if options.get(key, value) != value:
             raise ConfigurationError(f"'{entrant.title}' needs {key}={value}, not {options[key]}")
     return {**options, **needs}
-
-
-def policy_entrant(path: str) -> Any:
-    """The `cablebench.entrants.entrant.Entrant` of a saved policy, with what it was charged and how it was trained."""
-    require_ours("agents")
-    from cablebench.cli.policies import is_policy_file, policy_file_entrant
-
-    if is_policy_file(path):
-        return policy_file_entrant(path)
-    from agents.policy import load_policy
-    from cablebench.entrants.entrant import agent_entrant
-
-    policy = load_policy(path)
-    m = policy.metadata
-    settings = {"policy": policy.digest, "configuration": m.settings_hash, "complete": m.complete}
-    return agent_entrant(
-        m.name,
-        policy,
-        m.env_id,
-        m.seed,
-        m.steps,
-        options=m.options,
-        tuning_trials=m.settings["tuning_trials"],
-        information=policy.settings.information,
-        path=path,
-        settings=settings,
-        versions=m.versions,
-    )

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import short_name
+from cablebench.cli.shared.arguments import short_name
 from cablebench.jobs import Context, Job, Stopped
 
 RUN, LOGS = "run", "tensorboard"

@@ -1,9 +1,9 @@
 """How SI values are shown to people: units, factors, three significant digits. Stored values are always SI."""
 
-import math
 from typing import Any
 
-from cablebench.run.metrics import METRICS
+from cable_envs.core.text import number
+from cablebench.protocol.metrics import METRICS
 
 _PERCENT = ("overshoot", "slack", "overload", "success", "failed", "settling_2_censored", "settling_5_censored")
 _BY_NAME = {m.name: m for m in METRICS}
@@ -38,27 +38,6 @@ def axis_label(name: str, table: Any) -> str:
     return f"{label} [{unit}]" if unit else label
 
 
-def number(value: float | None, digits: int = 3) -> str:
-    """``value`` to ``digits`` significant digits without needless exponents; a dash where there is none."""
-    if value is None or not math.isfinite(value):
-        return "–"
-    if value == 0:
-        return "0"
-    if not 1e-3 <= abs(value) < 1e6:
-        mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
-        return f"{mantissa}e{int(exponent)}"
-    places = max(digits - 1 - math.floor(math.log10(abs(value))), 0)
-    return f"{value:,.{places}f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
-
-
 def shown(value: float | None, name: str, table: Any) -> str:
     """SI ``value`` of a metric as text, in the table's shown unit, without the unit."""
     return number(None if value is None else display(value, name, table))
-
-
-def count(value: float) -> str:
-    """A budget: 0, 850, 12k, 1.5M."""
-    for limit, suffix in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
-        if value >= limit:
-            return f"{value / limit:.3g}{suffix}"
-    return f"{value:g}"

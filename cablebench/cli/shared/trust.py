@@ -5,7 +5,7 @@ import sys
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import console
+from cablebench.cli.shared.output import console
 
 
 def ask(file: str, trust: bool) -> None:

@@ -9,7 +9,8 @@ from typing import Any
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.common import parse_gains, policy_entrant, require_ours
+from cablebench.cli.shared.arguments import parse_gains, require_ours
+from cablebench.cli.shared.policies import policy_entrant
 
 POLICY = "policy.zip"
 
@@ -41,7 +42,7 @@ class NamedEntrant:
     def _make(self, name: str) -> Any:
         if self.kind == "policy":
             return policy_entrant(name)
-        from cablebench.entrants.entrant import named_entrant
+        from cablebench.entrants.named import named_entrant
 
         return named_entrant(name, dict(self.gains))
 

@@ -1,0 +1,95 @@
+"""Files that are whole at any time, and values as JSON has them: the one place of the project that writes both."""
+
+import math
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+
+def write_atomic(path: str | Path, content: str | bytes) -> Path:
+    """Write a file so that its name holds either the old or the whole new content, whatever happens in between.
+
+    The content goes to a temporary file in the same folder (its name begins with a dot), is flushed to disk, and takes
+    the name by `os.replace`. Folders that are missing are made.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write or to replace.
+    content : str or bytes
+        Text is encoded as UTF-8, line ends as they are.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    OSError
+        Where the folder cannot be written to; the temporary file is removed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> folder = Path(tempfile.mkdtemp())
+    >>> write_atomic(folder / "runs" / "first.txt", "done").read_text()
+    'done'
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            os.fsync(file.fileno())
+        mask = os.umask(0)
+        os.umask(mask)
+        os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes it private; results are ordinary files
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise
+    return path
+
+
+def jsonable(value: Any) -> Any:
+    """A value with JSON types only.
+
+    Parameters
+    ----------
+    value : Any
+        Mappings, sequences, arrays, dataclasses, numbers, paths, nested as deep as wanted.
+
+    Returns
+    -------
+    Any
+        The same with dict, list, str, int, float, bool and None: arrays and tuples become lists, dataclasses mappings
+        of their fields, NaN and infinities null, paths text. What is none of these stays what it is.
+
+    Examples
+    --------
+    >>> jsonable({"gain": np.float64(2.0), "rms": (0.5, math.nan), "file": Path("a/b")})
+    {'gain': 2.0, 'rms': [0.5, None], 'file': 'a/b'}
+    """
+    if isinstance(value, Mapping):
+        return {str(k): jsonable(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        return jsonable(value.tolist())
+    if isinstance(value, (list, tuple)):
+        return [jsonable(v) for v in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        return {f.name: jsonable(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if isinstance(value, Path):
+        return str(value)
+    return value

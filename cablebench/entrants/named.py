@@ -1,0 +1,37 @@
+"""Entrants by the names that people give them: reference controllers, controller files, .py files."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from cable_envs.core.errors import ConfigurationError, nearest
+from cablebench.entrants.controller_files import FOLDER, controller_file_entrant, shipped_files
+from cablebench.entrants.entrant import Entrant, controller_entrant
+from cablebench.entrants.submission import submission_entrant
+
+
+def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
+    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``."""
+    from baselines import CONTROLLERS
+
+    return tuple(map(named_entrant, names or CONTROLLERS))
+
+
+def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entrant:
+    """What ``--controller NAME`` means: a reference controller, a controller file, or a .py file.
+
+    A controller file is named by its path or, in configs/controllers/, without folder and suffix; naming a .py file
+    executes it. ``gains`` are for reference controllers only. Raises ConfigurationError with the nearest name.
+    """
+    from baselines import CONTROLLERS
+
+    if name in CONTROLLERS:
+        return controller_entrant(name, gains)
+    suffix = Path(name).suffix
+    if suffix not in (".py", ".yaml", ".yml") and name not in shipped_files():
+        known = [*CONTROLLERS, *shipped_files()]
+        raise ConfigurationError(f"unknown controller '{name}'; {nearest(name, known)}; or a file (.yaml, .py)")
+    if gains:
+        raise ConfigurationError(f"gains of '{name}' belong into its file (configs/{FOLDER} has examples)")
+    if suffix == ".py":
+        return submission_entrant(name)
+    return controller_file_entrant(name)
