@@ -87,15 +87,15 @@ def render_html(results: Sequence[Result]) -> str:
     }
     papers = [(PAPERS[key], [r for r in results if r.item.startswith(key + "-")]) for key in PAPERS]
     rows = [row for result in results for row in result.rows]
-    content = dict(
-        papers=[(name, found) for name, found in papers if found],
-        titles=titles,
-        counts={status: sum(row.status == status for row in rows) for status in STATUSES},
-        seconds=sum(result.seconds for result in results),
-        created=datetime.now(UTC).strftime("%Y-%m-%d"),
-        versions=versions(),
-        machine=machine(),
-    )
+    content = {
+        "papers": [(name, found) for name, found in papers if found],
+        "titles": titles,
+        "counts": {status: sum(row.status == status for row in rows) for status in STATUSES},
+        "seconds": sum(result.seconds for result in results),
+        "created": datetime.now(UTC).strftime("%Y-%m-%d"),
+        "versions": versions(),
+        "machine": machine(),
+    }
     return pages.render("reproduction", "templates/reproduction.html.j2", content, filters)
 
 

@@ -4,7 +4,7 @@ import math
 
 
 def number(value: float | None, digits: int = 3) -> str:
-    """A number to some significant digits, without needless exponents.
+    r"""A number to some significant digits, without needless exponents.
 
     Parameters
     ----------

@@ -28,30 +28,31 @@ def render_html(
     from markupsafe import Markup
 
     style = figures.styles(board)
-    content = dict(
-        board=board,
-        names=board.entrants,
-        style=style,
-        board_name=board.protocol.name,
-        remarks=Markup(_markdown(board.remarks)),
-        tasks=list(dict.fromkeys(t.task for t in board.tables)),
-        tracks=list(dict.fromkeys(t.track for t in board.tables)),
-        classes=[c for c in INFORMATION if any(r.information == c for t in board.tables for r in t.rows)],
-        script=Markup(files("cablebench.board").joinpath("templates/board.js").read_text(encoding="utf-8")),
-        level=f"{100 * board.protocol.level:g}",
-        worst=number(board.protocol.worst_score),
-        floor=number(100 * GAP_FLOOR),
-        papers=", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items()) or "none named",
-        bar_axis=Markup(_bar_axis()),
-        metrics=[{"label": m.label, "unit": m.unit.format(y="y", u="u"), "meaning": m.meaning} for m in METRICS],
-        seeds=seed_text(board.seeds),
-        training_seeds=seed_text(board.training_seeds),
-        matrices=_matrices(board),
-        families=[
+    content = {
+        "board": board,
+        "names": board.entrants,
+        "style": style,
+        "board_name": board.protocol.name,
+        "remarks": Markup(_markdown(board.remarks)),
+        "tasks": list(dict.fromkeys(t.task for t in board.tables)),
+        "tracks": list(dict.fromkeys(t.track for t in board.tables)),
+        "classes": [c for c in INFORMATION if any(r.information == c for t in board.tables for r in t.rows)],
+        "script": Markup(files("cablebench.board").joinpath("templates/board.js").read_text(encoding="utf-8")),
+        "level": f"{100 * board.protocol.level:g}",
+        "worst": number(board.protocol.worst_score),
+        "floor": number(100 * GAP_FLOOR),
+        "papers": ", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items())
+        or "none named",
+        "bar_axis": Markup(_bar_axis()),
+        "metrics": [{"label": m.label, "unit": m.unit.format(y="y", u="u"), "meaning": m.meaning} for m in METRICS],
+        "seeds": seed_text(board.seeds),
+        "training_seeds": seed_text(board.training_seeds),
+        "matrices": _matrices(board),
+        "families": [
             _family(board, f, style, trajectories, curves, Markup)
             for f in dict.fromkeys(t.family for t in board.tables)
         ],
-    )
+    }
     return pages.render("cablebench.board", "templates/board.html.j2", content)
 
 

@@ -21,13 +21,13 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         for text, time, along in _places(record, traces, named)
     ]
     last = [row for row in record["leftover"] if row["when"] == "after the model"] or record["leftover"]
-    content = dict(
-        record=record, named=named, title=words.VERDICT[record["verdict"]], headline=words.headline(record),
-        cost=words.cost(record), advice=words.advice(record), places=shown, left=last,
-        errors=Markup(figures.errors(record["fit"], named)), maps=Markup(figures.maps(last, record["fit"])),
-        spectra=Markup(figures.spectra(record["spectra"])),
-        top=max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), visited=_visited(record),
-    )  # fmt: skip
+    content = {
+        "record": record, "named": named, "title": words.VERDICT[record["verdict"]], "headline": words.headline(record),
+        "cost": words.cost(record), "advice": words.advice(record), "places": shown, "left": last,
+        "errors": Markup(figures.errors(record["fit"], named)), "maps": Markup(figures.maps(last, record["fit"])),
+        "spectra": Markup(figures.spectra(record["spectra"])),
+        "top": max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
+    }  # fmt: skip
     return pages.render(
         "cablebench.pages",
         "templates/diagnosis.html.j2",
