@@ -21,7 +21,7 @@ def number(value: float | None, digits: int = 3) -> str:
     Examples
     --------
     >>> number(0.123456), number(1234.5, 2), number(1e-7), number(None)
-    ('0.123', '1\\u202f234', '1.00e-7', '–')
+    ('0.123', '1\u202f234', '1.00e-7', '–')
     """
     if value is None or not math.isfinite(value):
         return "–"

@@ -56,6 +56,11 @@ def render_html(
     return pages.render("cablebench.board", "templates/board.html.j2", content)
 
 
+def _papers(board: Board) -> str:
+    """The papers' controllers and their mechanisms, in words."""
+    return ", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items()) or "none named"
+
+
 def _anchor(task: str) -> str:
     return "task-" + task.lower()
 
