@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import chi2
 
+from cable_envs.core.intervals import Interval
 from identification.least_squares import refine
 from identification.model import FORMS, NAMES, ratio_jacobian
 from identification.problem import RatioProblem
@@ -108,13 +109,10 @@ def scaled_slopes(problem: RatioProblem, parameters: Mapping[str, float]) -> np.
 
 
 @dataclass(frozen=True)
-class Interval:
+class ProfileInterval(Interval):
     """Profile-likelihood interval. An end that lies on the search bound is no end: the data do not limit it there."""
 
     name: str
-    value: float
-    low: float
-    high: float
     low_open: bool
     high_open: bool
     curve: np.ndarray
@@ -123,7 +121,7 @@ class Interval:
 
 def profile_interval(
     problem: RatioProblem, parameters: Mapping[str, float], name: str, level: float = 0.95
-) -> Interval:
+) -> ProfileInterval:
     """All values of ``name`` for which the refitted others reach a chi-square within the quantile of ``level``."""
     problem = problem.changed(weighted=True, log_gain=True)
     best = refine(problem, problem.unit(parameters))
@@ -135,7 +133,7 @@ def profile_interval(
     for sign, bound in zip((-1.0, 1.0), problem.box[name], strict=True):
         ends.append(_end(problem, values, name, sign, bound, std, floor, limit, curve))
     (low, low_open), (high, high_open) = ends
-    return Interval(name, values[name], low, high, low_open, high_open, np.array(sorted(curve.items())).T)
+    return ProfileInterval(values[name], low, high, name, low_open, high_open, np.array(sorted(curve.items())).T)
 
 
 def _end(problem, values, name, sign, bound, std, floor, limit, curve):

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_envs.core.intervals import Interval
+
 Scores = Mapping[str, np.ndarray]
 Statistic = Callable[[np.ndarray], np.ndarray]
 """Maps values [..., n] to [...]."""
@@ -44,24 +46,21 @@ def worst_tenth(values: np.ndarray, share: float = 0.1) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Interval:
+class BootstrapInterval(Interval):
     """A statistic with its percentile bootstrap interval. `unit` says what was resampled."""
 
-    value: float
-    low: float
-    high: float
     unit: str
     runs: int
 
 
 def bootstrap(
     scores: Scores, statistic: Statistic, rng: np.random.Generator, resamples: int = 2000, level: float = 0.95
-) -> Interval:
+) -> BootstrapInterval:
     """``statistic`` of all episodes' scores, with a percentile interval from a bootstrap stratified by task.
 
     In each resample every task's runs are drawn with replacement among themselves, each with all of its episodes. A
     task with a single run says nothing about training; its episodes are resampled instead, which measures the spread
-    over test episodes only. `Interval.unit` says which it was.
+    over test episodes only. `BootstrapInterval.unit` says which it was.
     """
     tables = [np.atleast_2d(np.asarray(t, float)) for t in scores.values()]
     if not tables or any(t.size == 0 for t in tables):
@@ -72,7 +71,7 @@ def bootstrap(
     value = float(statistic(np.concatenate([t.reshape(-1) for t in tables])))
     runs = [t.shape[0] for t in tables]
     units = ["training seeds"] * (max(runs) > 1) + ["episodes"] * (min(runs) == 1)
-    return Interval(value, float(low), float(high), " and ".join(units), min(runs))
+    return BootstrapInterval(value, float(low), float(high), " and ".join(units), min(runs))
 
 
 def probability_of_improvement(x: Scores, y: Scores) -> float:

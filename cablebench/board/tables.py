@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.board.statistics import Interval
+from cablebench.board.statistics import BootstrapInterval
 from cablebench.entrants.entrant import INFORMATION
 from cablebench.protocol.protocol import Protocol
 
@@ -32,7 +32,7 @@ class Row:
     """training seeds; 1 for a controller that is not trained"""
     episodes: int = 0
     """test episodes of each run"""
-    score: Interval | None = None
+    score: BootstrapInterval | None = None
     median: float | None = None
     optimality_gap: float | None = None
     worst_tenth: float | None = None

@@ -8,6 +8,7 @@ of the gain over no effect at all. What is left beyond noise says that no hypoth
 
 import numpy as np
 
+from cable_envs.core.intervals import NORMAL_95, normal_interval
 from diagnosis.fit.refit import Fit
 
 MOST = 0.88
@@ -57,7 +58,6 @@ def interval(fit: Fit, name: str, null: float = 0.0, gain: float = 0.0) -> tuple
     value = fit.values[name]
     low, high = fit.interval(name, 1.0)
     error = 0.5 * (high - low)
-    if gain > 0.0 and 1.96 * WIDER * error > abs(value - null):
+    if gain > 0.0 and NORMAL_95 * WIDER * error > abs(value - null):
         error = min(error, abs(value - null) / float(np.sqrt(gain)))
-    half = 1.96 * float(np.hypot(WIDER * error, FORM * (value - null)))
-    return value - half, value + half
+    return normal_interval(value, float(np.hypot(WIDER * error, FORM * (value - null)))).ends

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_envs.core.intervals import NORMAL_95, normal_interval
 from diagnosis.model.model import Model, Whitener, residuals
 
 STEP = 1e-2
@@ -49,11 +50,10 @@ class Fit:
     at_bounds: tuple[str, ...]
     evaluations: int
 
-    def interval(self, name: str, factor: float = 1.96) -> tuple[float, float]:
+    def interval(self, name: str, factor: float = NORMAL_95) -> tuple[float, float]:
         """95 % interval of a free parameter, from the curvature."""
         k = self.free.index(name)
-        half = factor * float(np.sqrt(self.covariance[k, k]))
-        return self.values[name] - half, self.values[name] + half
+        return normal_interval(self.values[name], float(np.sqrt(self.covariance[k, k])), factor).ends
 
 
 def refit(

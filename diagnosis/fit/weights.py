@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import t as student
 
+from cable_envs.core.intervals import NORMAL_95
 from diagnosis.fit.likelihood import raw_residuals
 from diagnosis.fit.refit import Fit, Start, refit
 from diagnosis.model.model import Block, Model, Whitener
@@ -115,7 +116,7 @@ def resampled(model: Model, fit: Fit) -> Fit:
         return fit
     gradients = np.zeros((count, free))
     np.add.at(gradients, place, fit.jacobian * fit.residual[:, None])
-    few = count / (count - free) * (float(student.ppf(0.975, count - 1)) / 1.96) ** 2
+    few = count / (count - free) * (float(student.ppf(0.975, count - 1)) / NORMAL_95) ** 2
     spread = fit.covariance @ (gradients.T @ gradients) @ fit.covariance * few
     unseen = ~np.any(fit.jacobian != 0.0, axis=0)
     spread[unseen] = fit.covariance[unseen]

@@ -11,6 +11,7 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
+from cable_envs.core.intervals import Interval
 
 SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
@@ -36,12 +37,9 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Estimate:
+class Estimate(Interval):
     """A parameter with its 95 % interval, in ``unit``."""
 
-    value: float
-    low: float
-    high: float
     unit: str
 
 

@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.signal import butter, decimate, filtfilt
 
+from cable_envs.core.intervals import NORMAL_95
 from diagnosis.data.recording import Quantity, Record, Recording
 from diagnosis.fit.likelihood import refit_and_learn
 from diagnosis.fit.refit import Start
@@ -80,7 +81,7 @@ def inverse_dynamics(recording: Recording) -> dict[str, Estimate]:
     table, force = np.concatenate(rows), np.concatenate(target)
     found = np.linalg.lstsq(table, force, rcond=None)[0]
     left = force - table @ found
-    error = 1.96 * np.sqrt(np.diag(np.linalg.inv(table.T @ table)) * left.var())
+    error = NORMAL_95 * np.sqrt(np.diag(np.linalg.inv(table.T @ table)) * left.var())
     return {n: Estimate(v, v - e, v + e, UNITS[n]) for n, v, e in zip(PUBLISHED, found, error, strict=True)}
 
 
