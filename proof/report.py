@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"

@@ -12,7 +12,7 @@ _COORDINATES = {"M": 2, "L": 2, "Q": 4, "C": 6, "z": 0}
 
 
 def compact_svg(svg: str) -> str:
-    """The same picture in about a third of the characters.
+    r"""The same picture in about a third of the characters.
 
     Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, numbers of other places are rounded
     to it, a style that several elements have becomes a class; ids that nothing refers to, groups that say nothing,
@@ -30,7 +30,7 @@ def compact_svg(svg: str) -> str:
 
     Examples
     --------
-    >>> compact_svg('<svg><g id="a">\\n <path d="M 0 0.04 \\nL 10.26 5 \\nL 10.26 5.5 \\n"/></g></svg>')
+    >>> compact_svg('<svg><g id="a">\n <path d="M 0 0.04 \nL 10.26 5 \nL 10.26 5.5 \n"/></g></svg>')
     '<svg><path d="M0 0l10.3 5 0 .5"/></svg>'
     """
     svg = re.sub(r'\bd="([^"]*)"', lambda found: f'd="{compact_path(found[1])}"', svg)

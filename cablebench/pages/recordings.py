@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.json_files import packed_json, read_json
+from cable_envs.core.files import packed_json, read_json
 from cable_envs.drawing import pages
 
 FIGURES = "figures"

@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cable_envs.core.json_files import packed_json
+from cable_envs.core.files import packed_json
 from diagnosis.real.davinci import (
     Tell,
     concealed,

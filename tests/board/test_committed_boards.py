@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from cablebench.board.board import build_board
 from cablebench.board.replay import TIMED
 from cablebench.protocol.protocol import load_protocol

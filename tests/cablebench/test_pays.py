@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from cable_envs.sim.registered import setup_of
 from cablebench.cli import main
 from cablebench.pays import page as pays_page

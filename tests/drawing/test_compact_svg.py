@@ -5,8 +5,8 @@ import re
 
 import numpy as np
 import pytest
-from cable_envs.drawing.compact_svg import STEPS_PER_POINT, compact_path, compact_svg
 
+from cable_envs.drawing.compact_svg import STEPS_PER_POINT, compact_path, compact_svg
 from tests.support.svg_paths import points_of
 
 

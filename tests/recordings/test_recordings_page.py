@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
 from cablebench.pages.recordings import error, estimate, number, plain, render, write_set

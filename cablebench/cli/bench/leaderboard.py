@@ -7,8 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import write_atomic
-from cable_envs.core.json_files import packed_json, read_json
+from cable_envs.core.files import packed_json, read_json, write_atomic
 from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.shared.output import console
 

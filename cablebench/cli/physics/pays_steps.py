@@ -9,8 +9,7 @@ from typing import Any
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import jsonable, write_atomic
-from cable_envs.core.json_files import packed_json
+from cable_envs.core.files import jsonable, packed_json, write_atomic
 from cable_envs.sim.registered import setup_of
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import scores as pays

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.json_files import packed_json
+from cable_envs.core.files import packed_json
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from cable_envs.core.json_files import packed_json, read_json
+from cable_envs.core.files import packed_json, read_json
 
 VALUE = {"rows": [1, 2.5, None, "µm"], "nested": {"a": True}}
 
