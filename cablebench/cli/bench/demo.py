@@ -16,7 +16,6 @@ from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.shared.arguments import require_ours, short_name
 from cablebench.cli.shared.output import console, progress_bar
-from cablebench.cli.shared.policies import policy_entrant
 
 TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
 """One task of each plant to train an agent for."""
@@ -35,6 +34,7 @@ def demo(
     started = time.monotonic()
     require_ours("baselines", "agents")
     from agents.settings import load_settings
+    from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import reference_entrants
     from cablebench.protocol.protocol import load_protocol
     from cablebench.run.evaluate import evaluate

@@ -11,7 +11,6 @@ import typer
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.cli.shared.arguments import options_for, parse_gains, parse_options, require_ours, resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
-from cablebench.cli.shared.policies import policy_entrant
 
 DATA_FORMATS = (".npz", ".csv")
 PICTURE_FORMATS = (".png", ".gif")
@@ -55,6 +54,8 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
     if policy is not None:
         if gains:
             raise ConfigurationError("--gain belongs to --controller: a trained policy has no gains")
+        from cablebench.cli.shared.policies import policy_entrant
+
         return policy_entrant(policy)
     require_ours("baselines")
     from cablebench.entrants.named import named_entrant

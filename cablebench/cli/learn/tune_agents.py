@@ -12,7 +12,6 @@ from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.provenance import source_hash
 from cablebench.cli.shared.arguments import short_name
-from cablebench.cli.shared.policies import policy_entrant
 from cablebench.jobs import Context, Job, Stopped
 from cablebench.protocol.protocol import Protocol
 from cablebench.tune.objective import loss_of, mean_loss, training_seed, tuning_cells, tuning_seeds
@@ -104,6 +103,7 @@ def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any]
     """
     from agents.train import Interrupted, train
     from cable_envs.sim.registered import setup_of
+    from cablebench.cli.shared.policies import policy_entrant
 
     folder = context.folders[RUN]
     try:

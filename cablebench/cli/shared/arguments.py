@@ -7,7 +7,6 @@ from typing import Any
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.sim.registered import setup_of
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
@@ -85,6 +84,8 @@ def require_ours(*packages: str) -> None:
 
 def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
+    from cable_envs.sim.registered import setup_of
+
     needs = entrant.needs(env_id, setup_of(env_id, options))
     if needs is None:
         raise ConfigurationError(f"'{entrant.title}' does not apply to {env_id} with these options")

@@ -10,7 +10,6 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.arguments import parse_gains, require_ours
-from cablebench.cli.shared.policies import policy_entrant
 
 POLICY = "policy.zip"
 
@@ -41,6 +40,8 @@ class NamedEntrant:
 
     def _make(self, name: str) -> Any:
         if self.kind == "policy":
+            from cablebench.cli.shared.policies import policy_entrant
+
             return policy_entrant(name)
         from cablebench.entrants.named import named_entrant
 
