@@ -7,7 +7,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from proof.report import cell
 from proof.scoring import Row
 

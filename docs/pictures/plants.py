@@ -9,7 +9,7 @@ import gymnasium as gym
 import numpy as np
 from PIL import Image
 
-from cablebench.entrants.entrant import named_entrant
+from cablebench.entrants.named import named_entrant
 from cablebench.run.evaluate import run_episode
 
 FILE = Path(__file__).with_name("plants.webp")

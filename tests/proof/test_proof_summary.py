@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cable_envs.core.json_files import read_json
+from cable_envs.core.files import read_json
 from proof.report import together
 from proof.summary import LINES, main, summary
 
