@@ -76,6 +76,20 @@ def instantiate(template, name="", /, **names):
     return jit(_copied(function, name, _others(function, names, {})))
 
 
+def names_within(piece):
+    """Every global name that a piece of a kernel reads, or a piece that it calls by name, at any depth."""
+    found, waiting, seen = set(), [piece], set()
+    while waiting:
+        function = waiting.pop()
+        function = getattr(function, "py_func", function)
+        if function not in seen:
+            seen.add(function)
+            names = names_read(function.__code__)
+            found |= set(names)
+            waiting += [value for name in names if _is_piece(value := function.__globals__.get(name))]
+    return found
+
+
 def _others(function, names, done):
     """The globals of a function that must be others: those of ``names``, and the pieces that use one of them."""
     others = {}

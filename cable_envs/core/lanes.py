@@ -8,15 +8,15 @@ Names cost nothing: the compiler knows the place of every row, so the machine co
 """
 
 from collections import namedtuple
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from cable_envs.core.kernels import LANES, inline, rows_at, stack
 
-Field = str | tuple[str, int]
-"""A name, or a name with how many rows it has."""
+Field = str | tuple[str | tuple[str, ...], int]
+"""A name; a name with how many rows it has; or names that take turns, with how often they do."""
 
 
 class Lanes:
@@ -26,8 +26,8 @@ class Lanes:
     ----------
     name : str
         Name of the named tuple that a tile is, for messages.
-    fields : iterable of str or (str, int)
-        A field is one row, or (name, count) as many rows in sequence.
+    fields : iterable of str, (str, int) or (tuple of str, int)
+        A field is one row; (name, count) as many rows in sequence; ((a, b), count) the rows a, b, a, b and so on.
 
     Attributes
     ----------
@@ -51,32 +51,60 @@ class Lanes:
     """
 
     def __init__(self, name: str, fields: Iterable[Field]):
-        declared = [(field, 0) if isinstance(field, str) else field for field in fields]
-        self.names = tuple(field for field, _ in declared)
-        if len(set(self.names)) != len(declared) or "rows" in self.names:
-            raise ValueError(f"{name}: a field is declared twice, or is called 'rows'")
-        self._many = dict(declared)
-        self._first: dict[str, int] = {}
+        self._places: dict[str, tuple[int, int, int]] = {}
+        """field -> (first row, number of rows or -1 where it is no sequence, distance between them)"""
         self.count = 0
-        for field, many in declared:
-            self._first[field] = self.count
-            self.count += max(many, 1)
+        declared = 0
+        for field in fields:
+            turns, many = (field, -1) if isinstance(field, str) else field
+            together = (turns,) if isinstance(turns, str) else turns
+            for k, one in enumerate(together):
+                self._places[one] = (self.count + k, many, len(together))
+            declared += len(together)
+            self.count += abs(many) * len(together)
+        self.names = tuple(self._places)
+        if len(self.names) != declared or "rows" in self.names:
+            raise ValueError(f"{name}: a field is declared twice, or is called 'rows'")
         self.kind = namedtuple(name, ["rows", *self.names])  # type: ignore[misc]
         self.tile: Callable[[], Any] = self._maker()
 
+    def __len__(self) -> int:
+        return self.count
+
     def __contains__(self, field: str) -> bool:
-        return field in self._first
+        return field in self._places
 
     def row(self, field: str, k: int = 0) -> int:
         """Row of a field, or of its k-th one."""
-        return self._first[field] + k
+        first, _, apart = self._places[field]
+        return first + k * apart
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """A name for every row: that of its field, with its number behind it where the field has many."""
+        found = [""] * self.count
+        for field, (first, many, apart) in self._places.items():
+            for k in range(abs(many)):
+                found[first + k * apart] = field if many < 0 else f"{field}_{k}"
+        return tuple(found)
+
+    def pack(self, rows: Mapping[str, Any], n: int) -> np.ndarray:
+        """An array [count, n] with ``rows`` (numbers, [n], or [count, n] where a field has many) in their places.
+
+        Raises ValueError where a field is missing or unknown.
+        """
+        if set(rows) != set(self.names):
+            raise ValueError(f"rows missing or unknown: {', '.join(sorted(set(rows) ^ set(self.names)))}")
+        packed = self.zeros(n)
+        for field, values in rows.items():
+            getattr(packed, field)[:] = values
+        return packed.rows
 
     def over(self, array: np.ndarray) -> Any:
         """Views of an array's [rows, n] first rows under their names: [n], or [count, n] where a field has many."""
         parts = []
-        for field in self.names:
-            first, many = self._first[field], self._many[field]
-            parts.append(array[first : first + many] if many else array[first])
+        for first, many, apart in self._places.values():
+            parts.append(array[first] if many < 0 else array[first : first + many * apart : apart])
         return self.kind(array[: self.count], *parts)
 
     def zeros(self, n: int) -> Any:
@@ -86,10 +114,13 @@ class Lanes:
     def _maker(self) -> Callable[[], Any]:
         """The function that makes a tile; it is written out, as compiled code cannot loop over names."""
         parts = [f"rows_at(base, 0, ({max(self.count, 1)}, {LANES}))"]
-        for field in self.names:
-            many = self._many[field]
-            shape = f"({many}, {LANES})" if many else f"({LANES},)"
-            parts.append(f"rows_at(base, {self._first[field]}, {shape})")
+        for first, many, apart in self._places.values():
+            if many < 0:
+                parts.append(f"rows_at(base, {first}, ({LANES},))")
+            elif apart == 1:
+                parts.append(f"rows_at(base, {first}, ({many}, {LANES}))")
+            else:
+                parts.append(f"rows_at(base, {first}, ({many * apart}, {LANES}))[::{apart}]")
         text = f"def tile():\n    base = stack({max(self.count, 1)})\n    return kind({', '.join(parts)})"
         space: dict[str, Any] = {"rows_at": rows_at, "stack": stack, "kind": self.kind}
         exec(text, space)

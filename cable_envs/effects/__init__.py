@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.lanes import Field, Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import (
     actuator_lag,
@@ -27,7 +28,6 @@ from cable_envs.effects import (
     position_dependent_load,
     position_ripple,
     presliding_hysteresis,
-    rows,
     sensor_bias,
     sensor_delay,
     sensor_rectification,
@@ -39,8 +39,9 @@ from cable_envs.effects import (
     viscous_friction,
 )  # fmt: skip
 from cable_envs.effects.base import MEASURED, PLANTS, SEAMS, Effect, EffectParameter
+from cable_envs.effects.lanes import SENSE
 
-__all__ = ["EFFECTS", "MEASURED", "PLANTS", "SEAMS", "Effect", "EffectParameter", "Layout", "dotted", "layout"]
+__all__ = ["EFFECTS", "MEASURED", "PLANTS", "SEAMS", "Effect", "EffectParameter", "Layout", "dotted", "lane_of"]
 
 EFFECTS: Mapping[str, Effect] = MappingProxyType({
     module.EFFECT.name: module.EFFECT
@@ -71,22 +72,23 @@ def dotted(effects: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 class Layout:
     """The effects of one plant: what a rig may say about them, and the rows that they become behind the plant's own.
 
-    ``own``: a user's effects, beside the canonical ones. ``worn``: how many rows the plant adds for itself.
+    ``own``: a user's effects, beside the canonical ones. ``worn``: rows that the plant adds for itself.
     """
 
-    def __init__(self, plant: str, parameters: ParameterTable, own: tuple[Effect, ...] = (), worn: int = 0):
+    def __init__(
+        self, plant: str, parameters: ParameterTable, own: tuple[Effect, ...] = (), worn: tuple[Field, ...] = ()
+    ):
         self.plant, self.base, self.worn = plant, len(parameters), worn
         self.effects = {**EFFECTS, **{effect.name: effect for effect in own}}
         self.measured = tuple(MEASURED[plant])
-        self._own = [f"{effect.name}.{p.name}" for effect in own for p in effect.parameters_on(plant)]
-        if len(self._own) > rows.OWN:
-            raise ConfigurationError(f"own effects have {len(self._own)} parameters; there is room for {rows.OWN}")
         declared, self.aliases = self._declare(parameters)
         self.table = ParameterTable(*parameters, *declared, aliases=self.aliases)
         self.null = np.array([p.default for p in declared])
+        self.lanes = Lanes("Effects", ["on", *self._fields(), *worn])
+        """names of the coefficients that kernels know as e"""
         self._places = [(self._row(p.name), k) for k, p in enumerate(declared)]
         self._switches = self._find_switches()
-        self.count = rows.ROWS_E + worn + len(rows.SENSE) * len(self.measured)
+        self.count = self.lanes.count + SENSE.count * len(self.measured)
         """Rows of coefficients that the effects add."""
 
     def _declare(self, parameters: ParameterTable) -> tuple[list[Parameter], dict[str, str]]:
@@ -112,13 +114,23 @@ class Layout:
             )
         return found
 
+    def _fields(self) -> list[str]:
+        """A row for every parameter of every effect, in use here or not, but those that are parameters of the plant."""
+        names = [
+            lane_of(effect, p)
+            for effect in self.effects.values()
+            if not effect.each_sensor
+            for p in effect.parameters
+            if self.plant not in p.aliases
+        ]
+        return list(dict.fromkeys(names))
+
     def _row(self, name: str) -> int:
         effect, parameter = name.split(".", 1)
-        if effect in rows.SENSE:
-            return self.sense_row(parameter) + rows.SENSE.index(effect)
-        if name in self._own:
-            return rows.OWN_0 + self._own.index(name)
-        return rows.PARAMETERS.index(name.replace("position_ripple.force", "position_ripple.amplitude"))
+        if effect in SENSE:
+            return self.sense_row(parameter) + SENSE.row(effect)
+        declared = next(p for p in self.effects[effect].parameters if p.name == parameter)
+        return self.lanes.row(lane_of(self.effects[effect], declared))
 
     def check(self, name: str) -> None:
         """Raise ConfigurationError with the nearest name where no effect's parameter of this plant is called so."""
@@ -138,26 +150,29 @@ class Layout:
     def coefficients(self, values: np.ndarray) -> np.ndarray:
         """Rows [count, n] of the effects' values [len(table) - base, n]; the plant's own rows (`worn`) are zero."""
         out = np.zeros((self.count, values.shape[1]))
-        out[rows.STRIBECK_V] = out[rows.CREEP_TIME] = out[rows.DRIFT_TIME] = out[rows.DRIFT_TRAVEL] = 1.0
-        out[rows.PERIOD] = 1.0
-        out[rows.ROWS_E + self.worn + rows.S_SCALE :: len(rows.SENSE)] = 1.0
+        for effect in self.effects.values():
+            for p in effect.parameters:
+                if not effect.each_sensor and lane_of(effect, p) in self.lanes:
+                    out[self.lanes.row(lane_of(effect, p))] = p.null
+        out[self.lanes.count + SENSE.row("sensor_scale") :: SENSE.count] = 1.0
         for row, k in self._places:
             out[row] = values[k]
+        on = self.lanes.row("on")
         for k, null in self._switches:
-            out[rows.ON] = np.maximum(out[rows.ON], values[k] != null)
+            out[on] = np.maximum(out[on], values[k] != null)
         return out
 
     def sense_row(self, signal: str) -> int:
         """First row of a sensor's delay, bias, scale and rectification, among those of the effects."""
-        return rows.ROWS_E + self.worn + len(rows.SENSE) * self.measured.index(signal)
+        return self.lanes.count + SENSE.count * self.measured.index(signal)
 
     def distorted(self, p: np.ndarray) -> bool:
         """Whether columns [coefficients, n] have an effect of a sensor."""
-        first = len(p) - len(rows.SENSE) * len(self.measured)
+        first = len(p) - SENSE.count * len(self.measured)
         null = np.tile([0.0, 0.0, 1.0, 0.0], len(self.measured))
         return bool((p[first:] != null[:, None]).any())
 
 
-def layout(plant: str, parameters: ParameterTable, own: tuple[Effect, ...] = (), worn: int = 0) -> Layout:
-    """The `Layout` of a plant with these parameters of its own."""
-    return Layout(plant, parameters, own, worn)
+def lane_of(effect: Effect, parameter: EffectParameter) -> str:
+    """Name of the row of an effect's parameter in a kernel."""
+    return f"{effect.name}_{parameter.lane or parameter.name}"

@@ -46,6 +46,7 @@ class EffectParameter:
     shape      | it only shapes the effect: `null` is its default, and does not say whether the effect is there
     aliases    | plant -> name of the plant's own parameter that this number is
     plants     | plants that have this parameter; empty: all of the effect's
+    lane       | name of the parameter whose row in kernels it shares: one number in another unit; empty: its own
 
     What a search for the effect has to know (`diagnosis.model.hypotheses`):
 
@@ -73,6 +74,7 @@ class EffectParameter:
     search_low: float | None = None
     inverse: bool = False
     complete: bool = False
+    lane: str = ""
 
     def unit_on(self, plant: str) -> str:
         """The unit on a plant."""

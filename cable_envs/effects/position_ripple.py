@@ -16,7 +16,8 @@ EFFECT = Effect(
             plants=("cable_hole", *CIRCUITS),
         ),
         EffectParameter(
-            "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",), signed=True
+            "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",), signed=True,
+            lane="amplitude",
         ),
         EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
         EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),

@@ -2,7 +2,7 @@
 
 from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.effects.base import PLANTS, Effect, EffectParameter
-from cable_envs.effects.rows import ELEMENTS
+from cable_envs.effects.lanes import ELEMENTS
 
 EFFECT = Effect(
     name="presliding_hysteresis",
@@ -44,31 +44,31 @@ def damping(stiffness, mass):
 
 
 @inline
-def share(state, first, i):
+def share(elements, i):
     """Share of the friction that opposes upward motion, in [0, 1]: the mean of the elements."""
-    return 0.25 * ((state[first, i] + state[first + 1, i]) + (state[first + 2, i] + state[first + 3, i]))
+    return 0.25 * ((elements[0, i] + elements[1, i]) + (elements[2, i] + elements[3, i]))
 
 
 @inline
-def slope(state, first, i, v, width):
+def slope(elements, i, v, width):
     """d share / d position of the elements that have not yet slipped in the direction of v."""
     total = 0.0
     for k in range(ELEMENTS):
-        s = state[first + k, i]
+        s = elements[k, i]
         total += select(((v >= 0.0) & (s < 1.0)) | ((v <= 0.0) & (s > 0.0)), 1.0 / (k + 1.0), 0.0)
     return total / select(width > 0.0, width, 1.0)  # an element's width is (k + 1) / 4 of it, its weight 1 / 4
 
 
 @inline
-def follow(state, first, i, moved, width):
+def follow(elements, i, moved, width):
     """The elements after a motion."""
     for k in range(ELEMENTS):
-        s = clip(state[first + k, i] + 4.0 * moved / ((k + 1.0) * select(width > 0.0, width, 1.0)), 0.0, 1.0)
-        state[first + k, i] = select(width > 0.0, s, state[first + k, i])
+        s = clip(elements[k, i] + 4.0 * moved / ((k + 1.0) * select(width > 0.0, width, 1.0)), 0.0, 1.0)
+        elements[k, i] = select(width > 0.0, s, elements[k, i])
 
 
 @inline
-def begin(state, first, i, started, value):
+def begin(elements, i, started, value):
     """All elements at the share that balances the start, if nothing has started yet."""
     for k in range(ELEMENTS):
-        state[first + k, i] = select(started > 0.5, state[first + k, i], value)
+        elements[k, i] = select(started > 0.5, elements[k, i], value)

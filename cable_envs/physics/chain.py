@@ -21,6 +21,8 @@ A side whose total stretch is not positive is slack: all tensions are zero, fric
 kept in q_0.
 """
 
+from collections import namedtuple
+
 import numpy as np
 
 from cable_envs.core.kernels import inline, jit, maximum, minimum, select
@@ -32,24 +34,23 @@ RELEASE = 1e-13
 GRIP = 1.0 + 1e-11
 """A stuck contact starts to slide when its ratio exceeds lambda by more than this factor."""
 
-# rows of a side, counted from its first row: of its state (arguments x, q), of its parameters (p, c), of scratch (s, r)
-STRETCH, STATE = 0, 5
-ROWS_X = 9
-LENGTH, RATIO, INVERSE, SMALL = 0, 5, 9, 13
-ROWS_P = 17
-Y, T, TANGENT_0, TANGENT_4, PENDING = 0, 5, 10, 11, 12
-ROWS_S = 13
+Side = namedtuple("Side", [
+    "stretch", "state",  # q [5] and m [4]: what goes on from step to step
+    "length", "limit", "inverse", "small",  # l [5], lambda [4], 1 / lambda [4], the least slip that counts [4]
+    "pull", "tension", "tangent_0", "tangent_4", "pending",  # scratch: y [5], T [5], dT/dq at both ends, 1: undone
+])  # fmt: skip
+"""One side of a block of columns: [rows, columns], or [columns] (tangent_0, tangent_4, pending)."""
 
 
 @inline
-def stretch_ends(x, s, i, q, r, at_drive, at_output, eta):
+def stretch_ends(side, i, at_drive, at_output, eta):
     """Move both ends: q becomes the trial stretch without slip, y the stretch that makes the trial tensions."""
     for j in range(SPANS):
-        s[r + Y + j, i] = x[q + j, i]
-    s[r + Y, i] += (1.0 + eta) * at_drive
-    s[r + Y + 4, i] += (1.0 + eta) * at_output
-    x[q, i] += at_drive
-    x[q + 4, i] += at_output
+        side.pull[j, i] = side.stretch[j, i]
+    side.pull[0, i] += (1.0 + eta) * at_drive
+    side.pull[4, i] += (1.0 + eta) * at_output
+    side.stretch[0, i] += at_drive
+    side.stretch[4, i] += at_output
 
 
 @inline
@@ -68,19 +69,18 @@ def _falls(m, ratio, inverse):
 
 
 @inline
-def relax(x, p, s, i, q, c, r):
+def relax(side, i):
     """One pass over a side: tensions of the present active set, then the next active set. True when that differs."""
-    m = q + STATE
-    m1, m2, m3, m4 = x[m, i], x[m + 1, i], x[m + 2, i], x[m + 3, i]
-    l0, l1, l2, l3, l4 = p[c, i], p[c + 1, i], p[c + 2, i], p[c + 3, i], p[c + 4, i]
-    y0, y1, y2, y3, y4 = s[r, i], s[r + 1, i], s[r + 2, i], s[r + 3, i], s[r + 4, i]
+    m1, m2, m3, m4 = side.state[0, i], side.state[1, i], side.state[2, i], side.state[3, i]
+    l0, l1, l2, l3, l4 = side.length[0, i], side.length[1, i], side.length[2, i], side.length[3, i], side.length[4, i]
+    y0, y1, y2, y3, y4 = side.pull[0, i], side.pull[1, i], side.pull[2, i], side.pull[3, i], side.pull[4, i]
     a1, a2, a3, a4 = m1 != 0.0, m2 != 0.0, m3 != 0.0, m4 != 0.0
     limp = y0 + y1 + y2 + y3 + y4 <= 0.0  # so asked, a NaN passes on
 
-    w1 = select(a1, _falls(m1, p[c + RATIO, i], p[c + INVERSE, i]), 1.0)
-    w2 = select(a2, w1 * _falls(m2, p[c + RATIO + 1, i], p[c + INVERSE + 1, i]), 1.0)
-    w3 = select(a3, w2 * _falls(m3, p[c + RATIO + 2, i], p[c + INVERSE + 2, i]), 1.0)
-    w4 = select(a4, w3 * _falls(m4, p[c + RATIO + 3, i], p[c + INVERSE + 3, i]), 1.0)
+    w1 = select(a1, _falls(m1, side.limit[0, i], side.inverse[0, i]), 1.0)
+    w2 = select(a2, w1 * _falls(m2, side.limit[1, i], side.inverse[1, i]), 1.0)
+    w3 = select(a3, w2 * _falls(m3, side.limit[2, i], side.inverse[2, i]), 1.0)
+    w4 = select(a4, w3 * _falls(m4, side.limit[3, i], side.inverse[3, i]), 1.0)
     # stretch and weighted length of the group of spans up to here
     g1, h1 = y1 + select(a1, y0, 0.0), l1 * w1 + select(a1, l0, 0.0)
     g2, h2 = y2 + select(a2, g1, 0.0), l2 * w2 + select(a2, h1, 0.0)
@@ -101,54 +101,59 @@ def relax(x, p, s, i, q, c, r):
     s2 = select(a1, s1, 0.0) + y1 - l1 * t1
     s3 = select(a2, s2, 0.0) + y2 - l2 * t2
     s4 = select(a3, s3, 0.0) + y3 - l3 * t3
-    n1 = select(limp, 0.0, _next(m1, s1, p[c + SMALL, i], t0, t1, p[c + RATIO, i]))
-    n2 = select(limp, 0.0, _next(m2, s2, p[c + SMALL + 1, i], t1, t2, p[c + RATIO + 1, i]))
-    n3 = select(limp, 0.0, _next(m3, s3, p[c + SMALL + 2, i], t2, t3, p[c + RATIO + 2, i]))
-    n4 = select(limp, 0.0, _next(m4, s4, p[c + SMALL + 3, i], t3, t4, p[c + RATIO + 3, i]))
+    n1 = select(limp, 0.0, _next(m1, s1, side.small[0, i], t0, t1, side.limit[0, i]))
+    n2 = select(limp, 0.0, _next(m2, s2, side.small[1, i], t1, t2, side.limit[1, i]))
+    n3 = select(limp, 0.0, _next(m3, s3, side.small[2, i], t2, t3, side.limit[2, i]))
+    n4 = select(limp, 0.0, _next(m4, s4, side.small[3, i], t3, t4, side.limit[3, i]))
 
-    s[r + T, i], s[r + T + 1, i], s[r + T + 2, i], s[r + T + 3, i], s[r + T + 4, i] = t0, t1, t2, t3, t4
-    s[r + TANGENT_0, i] = select(limp, 0.0, 1.0 / v0)
-    s[r + TANGENT_4, i] = select(limp, 0.0, w4 / h4)
-    x[m, i], x[m + 1, i], x[m + 2, i], x[m + 3, i] = n1, n2, n3, n4
+    side.tension[0, i], side.tension[1, i], side.tension[2, i], side.tension[3, i], side.tension[4, i] = (
+        t0,
+        t1,
+        t2,
+        t3,
+        t4,
+    )
+    side.tangent_0[i] = select(limp, 0.0, 1.0 / v0)
+    side.tangent_4[i] = select(limp, 0.0, w4 / h4)
+    side.state[0, i], side.state[1, i], side.state[2, i], side.state[3, i] = n1, n2, n3, n4
     changed = (n1 != m1) | (n2 != m2) | (n3 != m3) | (n4 != m4)
-    s[r + PENDING, i] = select(changed, 1.0, 0.0)
+    side.pending[i] = select(changed, 1.0, 0.0)
     return changed
 
 
 @inline
-def settle(x, p, s, i, q, c, r, eta):
+def settle(side, i, eta):
     """Take the solution over: slips change the stretch of the spans they touch; a slack side's stretch is spread."""
-    m = q + STATE
-    m1, m2, m3, m4 = x[m, i] != 0.0, x[m + 1, i] != 0.0, x[m + 2, i] != 0.0, x[m + 3, i] != 0.0
-    limp = s[r, i] + s[r + 1, i] + s[r + 2, i] + s[r + 3, i] + s[r + 4, i] <= 0.0
+    m1, m2, m3, m4 = side.state[0, i] != 0.0, side.state[1, i] != 0.0, side.state[2, i] != 0.0, side.state[3, i] != 0.0
+    limp = side.pull[0, i] + side.pull[1, i] + side.pull[2, i] + side.pull[3, i] + side.pull[4, i] <= 0.0
     share = 1.0 / (1.0 + eta)
-    q0 = x[q, i] + select(m1, share * (p[c, i] * s[r + T, i] - s[r, i]), 0.0)
-    q1 = x[q + 1, i] + select(m1 | m2, share * (p[c + 1, i] * s[r + T + 1, i] - s[r + 1, i]), 0.0)
-    q2 = x[q + 2, i] + select(m2 | m3, share * (p[c + 2, i] * s[r + T + 2, i] - s[r + 2, i]), 0.0)
-    q3 = x[q + 3, i] + select(m3 | m4, share * (p[c + 3, i] * s[r + T + 3, i] - s[r + 3, i]), 0.0)
-    q4 = x[q + 4, i] + select(m4, share * (p[c + 4, i] * s[r + T + 4, i] - s[r + 4, i]), 0.0)
+    q0 = side.stretch[0, i] + select(m1, share * (side.length[0, i] * side.tension[0, i] - side.pull[0, i]), 0.0)
+    q1 = side.stretch[1, i] + select(m1 | m2, share * (side.length[1, i] * side.tension[1, i] - side.pull[1, i]), 0.0)
+    q2 = side.stretch[2, i] + select(m2 | m3, share * (side.length[2, i] * side.tension[2, i] - side.pull[2, i]), 0.0)
+    q3 = side.stretch[3, i] + select(m3 | m4, share * (side.length[3, i] * side.tension[3, i] - side.pull[3, i]), 0.0)
+    q4 = side.stretch[4, i] + select(m4, share * (side.length[4, i] * side.tension[4, i] - side.pull[4, i]), 0.0)
     total = q0 + q1 + q2 + q3 + q4
-    length = p[c, i] + p[c + 1, i] + p[c + 2, i] + p[c + 3, i] + p[c + 4, i]
+    length = side.length[0, i] + side.length[1, i] + side.length[2, i] + side.length[3, i] + side.length[4, i]
     even = maximum(total, 0.0) / length
-    x[q, i] = select(limp, p[c, i] * even + minimum(total, 0.0), q0)
-    x[q + 1, i] = select(limp, p[c + 1, i] * even, q1)
-    x[q + 2, i] = select(limp, p[c + 2, i] * even, q2)
-    x[q + 3, i] = select(limp, p[c + 3, i] * even, q3)
-    x[q + 4, i] = select(limp, p[c + 4, i] * even, q4)
+    side.stretch[0, i] = select(limp, side.length[0, i] * even + minimum(total, 0.0), q0)
+    side.stretch[1, i] = select(limp, side.length[1, i] * even, q1)
+    side.stretch[2, i] = select(limp, side.length[2, i] * even, q2)
+    side.stretch[3, i] = select(limp, side.length[3, i] * even, q3)
+    side.stretch[4, i] = select(limp, side.length[4, i] * even, q4)
 
 
 @jit
-def sweep(x, p, s, i, q, c, r):
+def sweep(side, i):
     """Gauss-Seidel over the contacts of one column, from no slip until the slips stand still to 1e-14: sets T and m."""
     slip, y = np.zeros(CONTACTS), np.empty(SPANS)
     scale = 0.0
     for j in range(SPANS):
-        y[j] = s[r + j, i]
+        y[j] = side.pull[j, i]
         scale = max(scale, abs(y[j]))
     for _ in range(20000):
         change = 0.0
         for k in range(CONTACTS):
-            l_a, l_b, lam = p[c + k, i], p[c + k + 1, i], p[c + RATIO + k, i]
+            l_a, l_b, lam = side.length[k, i], side.length[k + 1, i], side.limit[k, i]
             a, b = y[k] + slip[k], y[k + 1] - slip[k]  # stretches if this contact did not slide
             new = max((a * l_b - lam * b * l_a) / (l_b + lam * l_a), 0.0)
             if new == 0.0:
@@ -159,6 +164,6 @@ def sweep(x, p, s, i, q, c, r):
         if change <= 1e-14 * scale:
             break
     for j in range(SPANS):
-        s[r + T + j, i] = y[j] / p[c + j, i]
+        side.tension[j, i] = y[j] / side.length[j, i]
     for k in range(CONTACTS):
-        x[q + STATE + k, i] = np.sign(slip[k])
+        side.state[k, i] = np.sign(slip[k])

@@ -1,4 +1,4 @@
-"""One file per plant; `plant_for` finds them by name."""
+"""One folder per plant; `plant_for` finds them by name."""
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.plants.base import Plant
@@ -19,14 +19,14 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
         raise ConfigurationError("'holes' belongs to cable_hole rigs only")
     if name == "pulley_circuit":
         if variant == "chain":
-            from cable_envs.plants.circuit import chain as pulley_chain
+            from cable_envs.plants.circuit import chain
 
-            return pulley_chain.PLANT
-        from cable_envs.plants.circuit import closed_form as pulley_circuit
+            return chain.PLANT
+        from cable_envs.plants.circuit import closed_form
 
-        return pulley_circuit.PLANT
+        return closed_form.PLANT
     if name == "linear_drive":
-        from cable_envs.plants.drive import plant as linear_drive
+        from cable_envs.plants.drive import plant
 
-        return linear_drive.PLANT
+        return plant.PLANT
     raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, NAMES)}")

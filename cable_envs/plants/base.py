@@ -1,26 +1,23 @@
 """What every plant offers to the layers above it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from types import ModuleType
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from cable_envs.core.inputs import (
+    FOLLOW,
+    MODE,
+)
+from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
-from cable_envs.effects.rows import ON
+from cable_envs.effects.lanes import STATES, STEP
+from cable_envs.plants.kernel import kernels
 
-INPUTS = ("command", "command_rate", "mode", "disturbance")
-"""Rows of every plant's input array u: the drive command in the unit of the action mode, its rate, the number of the
-action mode (the position of its name in `Plant.action_modes`), and a disturbance on the load (N or N m)."""
-
-COMMAND, COMMAND_RATE, MODE, DISTURBANCE = range(4)
-
-FOLLOW, IMPOSED, OBSERVED, RAMPED = 2, 3, 4, 10
-"""Numbers for the row MODE beside those of the action modes, for replays of recordings. FOLLOW: the drive's position
-goes to `command` with the speed `command_rate` there (a cubic). IMPOSED: the drive's tension is `command`. OBSERVED
-(linear_drive): the motor's force is `disturbance` plus what the servo adds to hold the carriage to `command`. RAMPED is
-added to a number: the command goes there in a straight line over the control step instead of jumping."""
+STEP_ROWS = Lanes("Step", STEP)
 
 
 @dataclass(frozen=True)
@@ -51,36 +48,91 @@ class Plant:
 
     Arrays are structures of arrays, one column for each simulated mechanism:
     values [len(parameters), n] -> prepare -> p [len(coefficients), n]; x [len(signals), n]; u [len(INPUTS), n].
+    Values of the whole `table` make p and x with further rows: those of the effects, behind the plant's own.
     """
 
     name: str
     parameters: ParameterTable
     """its own; `table` has those of the effects too"""
-    coefficients: tuple[str, ...]
     signals: tuple[Signal, ...]
+    signal_rows: Lanes
+    """names of the signals' rows in the kernel, in their order"""
+    coefficient_rows: Lanes
+    """what the kernel computes with: made from the parameters once an episode, by ``derive``"""
+    scratch: Lanes
+    """rows of the kernel's own that are forgotten after a call"""
     action_modes: tuple[ActionMode, ...]
-    prepare: Callable[[np.ndarray], np.ndarray]
-    """values -> p; checks what single bounds cannot (raises ConfigurationError); vectorised over columns"""
-    rest: Callable[[np.ndarray, np.ndarray], np.ndarray]
-    """(p, output position [n]) -> x at rest there"""
-    kernels: tuple[Callable[..., None], Callable[..., None]]
-    """without and with effects, see `advance`; the same numbers to the bit where no effect is on"""
+    derive: Callable[[Mapping[str, np.ndarray], Any], Mapping[str, Any]]
+    """(values of every parameter [n], rows of the effects by name or None) -> rows of the coefficients by name.
+
+    It checks what single bounds cannot (raises ConfigurationError), and may complete rows of the effects that are the
+    plant's."""
+    settle: Callable[[Any, Any, Any, Any, np.ndarray], None]
+    """(x, s, p, e, output position [n]): writes signals and states of effects at rest there, by name"""
+    solve: Callable[..., None]
+    """(x, p, u, w, e, s, g, lanes, substeps, dt): the stages of a block of columns, for the kernel (`plants.kernel`)"""
     effects: Layout
-    """Values of the whole `table` make p and x with further rows, behind the plant's own (`cable_envs.effects.rows`);
-    without them the plant has no effects"""
+    step_rows: Lanes = STEP_ROWS
+    """scratch of a control step with effects"""
+    plain: bool = True
+    """whether there is a kernel without effects, which is quicker; the same numbers to the bit where none is on"""
 
     own: tuple[Effect, ...] = ()
     """a user's own effects (`cable_envs.plants.own_effects`)"""
-    home: ModuleType | None = field(default=None, compare=False)
-    """the module of its kernels where own effects are compiled in"""
+    hooks: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    """what a user's effects put at the seams, by the names in `cable_envs.effects.own`"""
+
+    def __post_init__(self) -> None:
+        if self.signal_rows.count != len(self.signals):
+            raise ValueError(f"{self.name}: {len(self.signals)} signals, but {self.signal_rows.count} rows for them")
 
     def __hash__(self) -> int:
         return hash((self.name, len(self.signals), self.own))
 
     @property
+    def coefficients(self) -> tuple[str, ...]:
+        """A name for every coefficient row of the plant's own."""
+        return self.coefficient_rows.labels
+
+    @property
     def table(self) -> ParameterTable:
         """Everything that a rig may say: the plant's own parameters, then those of the effects under dotted names."""
         return self.effects.table
+
+    @cached_property
+    def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
+        """Without and with effects, see `advance`; compiled on first use."""
+        made = kernels(
+            f"{self.name}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
+            self.effects.lanes, self.step_rows, self.solve, dict(self.hooks),
+        )  # fmt: skip
+        return made if self.plain else (made[1], made[1])
+
+    def prepare(self, values: np.ndarray) -> np.ndarray:
+        """Coefficients [rows, n] of parameter columns [len(parameters), n] or [len(table), n].
+
+        Those of the whole table give the rows of the effects too. Raises ConfigurationError for what the bounds of
+        single parameters cannot exclude.
+        """
+        own, n = len(self.parameters), values.shape[1]
+        given = dict(zip(self.parameters.names, values, strict=False))
+        if len(values) == own and self.plain:
+            return self.coefficient_rows.pack(self.derive(given, None), n)
+        effects = values[own:] if len(values) > own else np.repeat(self.effects.null[:, None], n, axis=1)
+        more = self.effects.coefficients(effects)
+        rows = self.coefficient_rows.pack(self.derive(given, self.effects.lanes.over(more)), n)
+        return np.ascontiguousarray(np.concatenate([rows, more]))
+
+    def rest(self, p: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Signals [rows, n] of mechanisms at rest with the output at ``position`` [n], SI."""
+        own, n = self.coefficient_rows.count, p.shape[1]
+        known = len(p) > own
+        e = self.effects.lanes.over(p[own:]) if known else self.effects.lanes.zeros(n)
+        x = np.zeros((len(self.signals) + (STATES.count if known else 0), n))
+        s = STATES.over(x[len(self.signals) :]) if known else STATES.zeros(n)
+        at = np.array(np.broadcast_to(position, n), dtype=np.float64)
+        self.settle(self.signal_rows.over(x), s, self.coefficient_rows.over(p), e, at)
+        return x
 
     def advance(self, x: np.ndarray, p: np.ndarray, u: np.ndarray, lo: int, hi: int, substeps: int, dt: float) -> None:
         """Move columns lo..hi by ``substeps`` steps of ``dt`` seconds, in place."""
@@ -88,14 +140,20 @@ class Plant:
 
     def needs_effects(self, p: np.ndarray, u: np.ndarray | None = None) -> bool:
         """Whether columns have an effect that is on, or a mode that only the kernel with effects knows."""
-        own = len(self.coefficients)
-        on = len(p) > own and bool(p[own + ON].any())
+        own = self.coefficient_rows.count
+        on = len(p) > own and bool(p[own + self.effects.lanes.row("on")].any())
         return on or (u is not None and bool((u[MODE] > FOLLOW - 0.5).any()))
 
     def sense_row(self, signal: str) -> int:
         """First row of a sensor's effects within p; -1 where it cannot have any."""
-        return len(self.coefficients) + self.effects.sense_row(signal) if signal in self.effects.measured else -1
+        own = self.coefficient_rows.count
+        return own + self.effects.sense_row(signal) if signal in self.effects.measured else -1
 
     def row(self, signal: str) -> int:
         """Row of a signal in x."""
         return [s.name for s in self.signals].index(signal)
+
+
+def rows_of(signals: Iterable[Signal]) -> Lanes:
+    """Rows under the names of signals, for plants none of whose signals form a sequence."""
+    return Lanes("Signals", [s.name for s in signals])

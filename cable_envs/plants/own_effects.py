@@ -33,13 +33,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.kernels import inline
-from cable_envs.effects import EFFECTS, Effect, Layout
-from cable_envs.effects.rows import OWN_0
+from cable_envs.core.kernels import inline, names_within
+from cable_envs.effects import EFFECTS, Effect, Layout, lane_of
 from cable_envs.plants.base import Plant
 
 ARGUMENTS = {
@@ -51,12 +49,6 @@ ARGUMENTS = {
 """What a hook is given before the numbers."""
 
 _JOIN = {"actuate": None, "cable": None, "contact": " + ", "load": " + "}  # None: one after the other
-_MODULES = {
-    "cable_hole": "cable_envs.plants.hole.plant",
-    "pulley_circuit": "cable_envs.plants.circuit.closed_form",
-    "pulley_chain": "cable_envs.plants.circuit.chain",
-    "linear_drive": "cable_envs.plants.drive.plant",
-}
 
 
 def load_effect(path: str | Path) -> Effect:
@@ -100,36 +92,28 @@ def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
     """The plant with further effects; its kernel is compiled on first use."""
     if not own:
         return plant
-    numbers: dict[str, list[int]] = {}
-    row = OWN_0
     for effect in own:
-        count = len(effect.parameters_on(plant.name))
-        if not count:
+        if not effect.parameters_on(plant.name):
             raise ConfigurationError(f"effect '{effect.name}' does not act on {plant.name}")
-        numbers[effect.name] = list(range(row, row + count))
-        row += count
     hooks = {}
     for seam in ARGUMENTS:
-        users = [(e.hooks[seam], numbers[e.name]) for e in own if seam in e.hooks]
+        users = [(e.hooks[seam], [lane_of(e, p) for p in e.parameters_on(plant.name)]) for e in own if seam in e.hooks]
         if users:
             hooks[f"own_{seam}"] = _hook(seam, users)
-    source = importlib.import_module(_MODULES[plant.name])
-    missing = [name for name in hooks if not hasattr(source, name)]
+    asked = names_within(plant.solve)
+    missing = [name for name in hooks if name not in asked]
     if missing:
         raise ConfigurationError(f"{plant.name} has no seam '{missing[0].removeprefix('own_')}' for own effects")
-    layout = Layout(plant.name, source.PLANT.parameters, own, plant.effects.worn)
-    home = copied(source, ("advance", "advance_with_effects"), **hooks, LAYOUT=layout)
     effects = Layout(plant.name, plant.parameters, own, plant.effects.worn)
-    kernels = (home.advance, home.advance_with_effects)
-    return replace(plant, prepare=home.prepare, rest=home.rest, kernels=kernels, effects=effects, own=own, home=home)
+    return replace(plant, effects=effects, own=own, hooks=hooks)
 
 
-def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[int]]]) -> Callable[..., float]:
+def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[str]]]) -> Callable[..., float]:
     """One scalar piece of all hooks at a seam; it is written out, as the kernels' pieces cannot take a list."""
     given = ARGUMENTS[seam]
     space: dict[str, Any] = {f"f{k}": inline(function) for k, (function, _) in enumerate(users)}
     calls = [
-        f"f{k}({', '.join([*given, *(f'e[{row}, i]' for row in rows)])})" for k, (_, rows) in enumerate(users)
+        f"f{k}({', '.join([*given, *(f'e.{row}[i]' for row in rows)])})" for k, (_, rows) in enumerate(users)
     ]  # fmt: skip
     if _JOIN[seam]:
         body = [f"    return {_JOIN[seam].join(calls)}"]
@@ -137,13 +121,3 @@ def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[int]]]) ->
         body = [*(f"    {given[0]} = {call}" for call in calls), f"    return {given[0]}"]
     exec("\n".join([f"def own({', '.join(given)}, e, i):", *body]), space)
     return inline(space["own"])
-
-
-def copied(module: ModuleType, kernels: Sequence[str], **instead: Any) -> ModuleType:
-    """A copy of a module whose functions, ``kernels`` among them, see other globals."""
-    spec = importlib.util.spec_from_file_location(f"{module.__name__}_copy", module.__file__)
-    copy = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(copy)
-    for name, value in instead.items():
-        setattr(copy, name, value)
-    return copy

@@ -4,34 +4,18 @@ Every column is one hypothesis or one start, with a rig and effects of its own; 
 steps in one compiled call.
 """
 
-import sys
 from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.core.kernels import inline, jit
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, FOLLOW, IMPOSED, INPUTS, MODE, OBSERVED, RAMPED
+from cable_envs.core.kernels import inline, instantiate
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
 from cable_envs.effects.rows import S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
-from cable_envs.plants.base import (
-    COMMAND,
-    COMMAND_RATE,
-    DISTURBANCE,
-    FOLLOW,
-    IMPOSED,
-    INPUTS,
-    MODE,
-    OBSERVED,
-    RAMPED,
-    Plant,
-)
-from cable_envs.plants.circuit import chain as pulley_chain
-from cable_envs.plants.circuit import closed_form as pulley_circuit
-from cable_envs.plants.drive import plant as linear_drive
-from cable_envs.plants.hole import plant as cable_hole
-from cable_envs.plants.own_effects import copied
+from cable_envs.plants.base import Plant
 
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
@@ -56,67 +40,22 @@ def _keep(x, rows, out, t, first, last):
             out[t, k, i] = x[rows[k], i]
 
 
-@jit
-def _cable_hole(x, p, inputs, rows, substeps, dt, out, lo, hi):
+advance = None  # filled in for each plant
+
+
+def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
     u = np.empty((inputs.shape[1], BLOCK))
     for first in range(lo, hi, BLOCK):
         last = min(first + BLOCK, hi)
         for t in range(inputs.shape[0]):
             _take(inputs, u, t, first, last)
-            cable_hole.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+            advance(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
             _keep(x, rows, out, t, first, last)
-
-
-@jit
-def _pulley_circuit(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = np.empty((inputs.shape[1], BLOCK))
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        for t in range(inputs.shape[0]):
-            _take(inputs, u, t, first, last)
-            pulley_circuit.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
-            _keep(x, rows, out, t, first, last)
-
-
-@jit
-def _pulley_chain(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = np.empty((inputs.shape[1], BLOCK))
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        for t in range(inputs.shape[0]):
-            _take(inputs, u, t, first, last)
-            pulley_chain.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
-            _keep(x, rows, out, t, first, last)
-
-
-@jit
-def _linear_drive(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = np.empty((inputs.shape[1], BLOCK))
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        for t in range(inputs.shape[0]):
-            _take(inputs, u, t, first, last)
-            linear_drive.advance_with_effects(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
-            _keep(x, rows, out, t, first, last)
-
-
-KERNELS = {
-    "cable_hole": _cable_hole,
-    "pulley_circuit": _pulley_circuit,
-    "pulley_chain": _pulley_chain,
-    "linear_drive": _linear_drive,
-}
-"""plant name -> kernel (x, p, inputs, rows, substeps, dt, out, lo, hi); the plants' kernels are called by name"""
-
-
-def _kernel(plant: Plant) -> Callable[..., None]:
-    return KERNELS[plant.name] if plant.home is None else _own_kernel(plant)
 
 
 @cache
-def _own_kernel(plant: Plant) -> Callable[..., None]:
-    name = f"_{plant.name}"
-    return getattr(copied(sys.modules[__name__], [name], **{plant.name: plant.home}), name)
+def _kernel(plant: Plant) -> Callable[..., None]:
+    return instantiate(_replay, f"replay_{plant.name}_{len(plant.signals)}", advance=plant.kernels[1])
 
 
 def replay(

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.inputs import COMMAND, MODE
 from cable_envs.core.kernels import LANES
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
-from cable_envs.plants.base import COMMAND, MODE
 from cable_envs.sim import references, steppers
 from cable_envs.sim.references import evaluate, pack_signal
 from cable_envs.sim.setup import Setup

@@ -6,20 +6,16 @@ all. The plants' kernels are called by name, one stepper each: a compiled functi
 cached on disk.
 """
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 
-from cable_envs.core.kernels import clip, inline, jit, minimum, select
+from cable_envs.core.inputs import COMMAND, INPUTS
+from cable_envs.core.kernels import clip, inline, instantiate, jit, minimum, select
 from cable_envs.effects.rows import ROWS_S, S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
-from cable_envs.plants.base import COMMAND, INPUTS, Plant
-from cable_envs.plants.circuit import chain as pulley_chain
-from cable_envs.plants.circuit import closed_form as pulley_circuit
-from cable_envs.plants.hole import plant as cable_hole
-from cable_envs.plants.own_effects import copied
+from cable_envs.plants.base import Plant
 from cable_envs.sim.references import FIELDS
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import INFO, before_step, observe, refill, reward, sense, target
@@ -244,95 +240,25 @@ def begin_with_effects(block, obs, common, lanes):
     _begin(block, obs, common, lanes, 1)
 
 
-@jit
-def step_cable_hole(block, obs, common, lo, hi):
+advance, distorted = None, None  # filled in for each plant
+
+
+def _step(block, obs, common, lo, hi):
     signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
     x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
     for first in range(lo, hi, BLOCK):
         last = min(first + BLOCK, hi)
         _act(block, common, first, last)
-        cable_hole.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, None, first, last)
+        advance(x, p, u, first, last, substeps, common[DT])
+        _measure(block, obs, common, False, distorted, first, last)
         _judge(block, common, first, last)
-
-
-@jit
-def step_cable_hole_with_effects(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        cable_hole.advance_with_effects(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, 1, first, last)
-        _judge(block, common, first, last)
-
-
-@jit
-def step_pulley_circuit(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        pulley_circuit.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, None, first, last)
-        _judge(block, common, first, last)
-
-
-@jit
-def step_pulley_circuit_with_effects(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        pulley_circuit.advance_with_effects(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, 1, first, last)
-        _judge(block, common, first, last)
-
-
-@jit
-def step_pulley_chain(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        pulley_chain.advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, None, first, last)
-        _judge(block, common, first, last)
-
-
-@jit
-def step_pulley_chain_with_effects(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
-    for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        pulley_chain.advance_with_effects(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, 1, first, last)
-        _judge(block, common, first, last)
-
-
-def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
-    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects."""
-    if plant.home is None:
-        return STEPPERS[plant.name]
-    return _own_kernels(plant)
 
 
 @cache
-def _own_kernels(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
-    names = [f"step_{plant.name}", f"step_{plant.name}_with_effects"]
-    home = copied(sys.modules[__name__], names, **{plant.name: plant.home})
-    return tuple(getattr(home, name) for name in names)
-
-
-STEPPERS = {
-    "cable_hole": (step_cable_hole, step_cable_hole_with_effects),
-    "pulley_circuit": (step_pulley_circuit, step_pulley_circuit_with_effects),
-    "pulley_chain": (step_pulley_chain, step_pulley_chain_with_effects),
-}
-"""plant name -> kernels (block, obs, common, lo, hi) without and with effects; each is compiled on first use"""
+def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
+    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects."""
+    name = f"step_{plant.name}_{len(plant.signals)}"
+    return (
+        instantiate(_step, name, advance=plant.kernels[0], distorted=None),
+        instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
+    )

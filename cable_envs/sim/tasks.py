@@ -17,9 +17,9 @@ import numpy as np
 
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, MODE
 from cable_envs.core.kernels import clip, inline
 from cable_envs.core.noise import normal
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE
 from cable_envs.sim.references import signal
 
 SCHEMA = "cable-task/1"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.mrac import MracG9, MracG22
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
 from cable_envs.plants.hole.plant import cable_hole
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.tasks import load_task

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.optimize import brentq
 
 from baselines import make_controller
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
 from cable_envs.plants import plant_for
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics, replay
 from cable_envs.sim.tasks import load_task

@@ -17,8 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
 from cable_envs.plants import plant_for
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from reproduction.zou.data import AMPLITUDE, PERIOD
 

@@ -8,10 +8,10 @@ import pytest
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
 from cable_envs.effects import EFFECTS, MEASURED, PLANTS, SEAMS
 from cable_envs.effects.rows import PARAMETERS, SENSE
 from cable_envs.plants import plant_for
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS, MODE
 from cable_envs.sim.rigs import load_rig
 from tests.support.golden_kernels import FILE, KEYS, fingerprint
 

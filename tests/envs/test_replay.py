@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
 from cable_envs.plants import plant_for
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, INPUTS, MODE
 from cable_envs.sim.replay import replay
 
 CIRCUIT, CHAIN = plant_for("pulley_circuit"), plant_for("pulley_circuit", "chain")

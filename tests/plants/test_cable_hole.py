@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, MODE
+from cable_envs.core.inputs import COMMAND, DISTURBANCE, INPUTS, MODE
 from cable_envs.plants.hole.plant import PLANT, cable_hole
 from tests.reference.hole_reference import HoleReference, ratio
 

@@ -19,10 +19,13 @@ TENSIONS = [f"tension_{end}_{cable}" for end in ("drive", "output") for cable in
 
 
 def random_side(rng, largest_ratio):
-    """Parameter rows of one side and their values."""
+    """One side, its lengths and its ratios."""
     length, ratio = rng.uniform(0.03, 0.2, 5), rng.uniform(1.0, largest_ratio, 4)
     small = side.RELEASE * length[:-1] * length[1:] / (length[:-1] + length[1:])
-    return np.concatenate([length, ratio, 1 / ratio, small])[:, None], length, ratio
+    own = (np.ascontiguousarray(row[:, None]) for row in (length, ratio, 1 / ratio, small))
+    ends = (np.zeros(1), np.zeros(1), np.zeros(1))
+    made = side.Side(np.zeros((5, 1)), np.zeros((4, 1)), *own, np.zeros((5, 1)), np.zeros((5, 1)), *ends)
+    return made, length, ratio
 
 
 @pytest.mark.parametrize("largest_ratio", [1.15, 5.0])
@@ -30,22 +33,23 @@ def test_equilibrium_equals_slow_sweeps_over_random_histories(largest_ratio):
     rng = np.random.default_rng(7)
     slack, swept = 0, 0
     for _ in range(8):
-        p, length, ratio = random_side(rng, largest_ratio)
+        cable, length, ratio = random_side(rng, largest_ratio)
         force = rng.uniform(1, 50)
-        x, s = np.zeros((side.ROWS_X, 1)), np.zeros((side.ROWS_S, 1))
-        x[:5, 0] = force * length
+        cable.stretch[:, 0] = force * length
         for step in range(30):
             ends = rng.normal(0, 0.3 if step % 3 == 0 else 0.02, 2) * force * length.sum()
-            side.stretch_ends(x, s, 0, 0, 0, ends[0], ends[1] * (step % 2), 0.0)
-            trial = s[:5, 0].copy()
-            if all(side.relax(x, p, s, 0, 0, 0, 0) for _ in range(side.PASSES)):
-                side.sweep(x, p, s, 0, 0, 0, 0)
+            side.stretch_ends(cable, 0, ends[0], ends[1] * (step % 2), 0.0)
+            trial = cable.pull[:, 0].copy()
+            if all(side.relax(cable, 0) for _ in range(side.PASSES)):
+                side.sweep(cable, 0)
                 swept += 1
             tension, _ = reference.chain_equilibrium(trial, length, ratio)
             # the sweeps stop at 1e-16 of the stretch and converge linearly, slower the larger the ratios
-            np.testing.assert_allclose(s[5:10, 0], tension, rtol=0, atol=1e-11 * max(tension.max(), force))
-            side.settle(x, p, s, 0, 0, 0, 0, 0.0)
-            assert x[:5].sum() == pytest.approx(trial.sum(), abs=1e-12 * force)  # cable is neither lost nor made
+            np.testing.assert_allclose(cable.tension[:, 0], tension, rtol=0, atol=1e-11 * max(tension.max(), force))
+            side.settle(cable, 0, 0.0)
+            assert cable.stretch.sum() == pytest.approx(
+                trial.sum(), abs=1e-12 * force
+            )  # cable is neither lost nor made
             slack += trial.sum() <= 0
     assert slack > 10
     assert swept <= 0.01 * 240  # active sets that run in circles are rare
@@ -54,13 +58,12 @@ def test_equilibrium_equals_slow_sweeps_over_random_histories(largest_ratio):
 def test_sweeps_that_back_up_the_active_sets_find_the_same_equilibrium():
     rng = np.random.default_rng(8)
     for _ in range(20):
-        p, length, ratio = random_side(rng, 2.0)
-        x, s = np.zeros((side.ROWS_X, 1)), np.zeros((side.ROWS_S, 1))
-        s[:5, 0] = 30 * length * rng.uniform(0.2, 3.0, 5)
-        side.sweep(x, p, s, 0, 0, 0, 0)
-        tension, slips = reference.chain_equilibrium(s[:5, 0], length, ratio)
-        np.testing.assert_allclose(s[5:10, 0], tension, rtol=1e-11)
-        np.testing.assert_array_equal(x[5:9, 0], np.sign(slips))
+        cable, length, ratio = random_side(rng, 2.0)
+        cable.pull[:, 0] = 30 * length * rng.uniform(0.2, 3.0, 5)
+        side.sweep(cable, 0)
+        tension, slips = reference.chain_equilibrium(cable.pull[:, 0], length, ratio)
+        np.testing.assert_allclose(cable.tension[:, 0], tension, rtol=1e-11)
+        np.testing.assert_array_equal(cable.state[:, 0], np.sign(slips))
 
 
 @pytest.mark.parametrize("newton", [12.5, 50.0, 150.0])

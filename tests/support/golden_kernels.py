@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.effects.rows import ON
+from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE
 from cable_envs.plants import plant_for
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE
 from cable_envs.sim.rigs import load_rig
 
 FILE = Path(__file__).parent / "golden" / "kernels.json"
@@ -76,7 +75,9 @@ def fingerprint(case: str, mode: str, effects: bool = False) -> str:
     base = len(plant.coefficients)
     p[:base] = _rounded(p[:base])
     if effects:
-        p[base + ON] = 1.0  # else the kernel would see that no effect is on, and leave them out
+        p[base + plant.effects.lanes.row("on")] = (
+            1.0  # else the kernel would see that no effect is on, and leave them out
+        )
     x = plant.rest(p, np.full(n, 1e-3))
     seen = len(plant.signals)
     x[:seen] = _rounded(x[:seen])

@@ -11,27 +11,14 @@ Both inertias move by the linearly implicit trapezoidal rule. Forces are taken a
 the stiffness in the denominator need not be exact: it keeps the step stable, the order stays 2.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, select, sine_cosine
-from cable_envs.effects.rows import (
-    CREEP,
-    CREEP_B,
-    CREEP_T,
-    HARDENING,
-    NEUTRAL,
-    PLAY,
-    PLAYED,
-    ROWS_E,
-    ROWS_S,
-    SLACK_LENGTH,
-    SPRING,
-)  # fmt: skip
-from cable_envs.effects.seams import FOLLOWS, TARGET_V
-from cable_envs.plants.base import COMMAND, COMMAND_RATE, DISTURBANCE, MODE, ActionMode, Signal
+from cable_envs.plants.base import ActionMode, Signal
 from cable_envs.plants.circuit.effects import drive_at
-from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
 
 SIGNALS = (
@@ -50,8 +37,6 @@ SIGNALS = (
     Signal("slack_fraction", "1", "share of the last control step in which a cable was slack"),
     Signal("peak_tension", "N", "largest tension of either cable within the last control step"),
 )
-(THETA_IN, V_IN, M_IN, THETA_OUT, V_OUT, M_OUT, T01_T, T01_B, T45_T, T45_B,
- PHASE, OUT_OF_RANGE, SLACK, PEAK) = range(len(SIGNALS))  # fmt: skip
 
 ACTION_MODES = (
     ActionMode("position", "rad", "drive_angle_limit", rest_signal="drive_angle"),
@@ -69,94 +54,89 @@ COEFFICIENTS = (
 )  # fmt: skip
 """Rows both plants share. gear = R0/R5; stretch_stiffness = EA R5, so that EA Delta L = stretch_stiffness D;
 preload = T_pre L_total of a side (N m); payload_torque = m g l."""
-(GEAR, R0, R5, EA5, C5, PRE_T, PRE_B, J_IN, B_IN, M_MAX, V_MAX, A_MAX, SERVO_K, SERVO_D, J_OUT, B_OUT,
- CONTACT, CONTACT_K, CONTACT_D, PAYLOAD, BRAKE) = range(len(COEFFICIENTS))  # fmt: skip
-SHARED = len(COEFFICIENTS)
 
 
-def shared_coefficients(values: np.ndarray, statics: Statics, effects: np.ndarray | None) -> np.ndarray:
-    """Rows named by `COEFFICIENTS` [len, n] from parameter columns; raises ConfigurationError for senseless ones.
+def shared_coefficients(value: Mapping[str, np.ndarray], statics: Statics, e) -> dict[str, np.ndarray]:
+    """Rows named by `COEFFICIENTS` from the circuit's parameters; raises ConfigurationError for senseless ones.
 
-    ``effects``: coefficient rows of the effects, or None.
+    ``e``: rows of the effects, or None.
     """
-    row = {name: values[k] for k, name in enumerate(CIRCUIT.names)}
-    if np.any(row["breaking_tension"] < row["tension_limit"]):
+    if np.any(value["breaking_tension"] < value["tension_limit"]):
         raise ConfigurationError("breaking_tension must not be below tension_limit")
-    if np.any(statics.pretension.max(axis=0) >= row["breaking_tension"]):
+    if np.any(statics.pretension.max(axis=0) >= value["breaking_tension"]):
         raise ConfigurationError("the pretension alone exceeds breaking_tension")
-    arm = row["payload_mass"] * row["payload_arm"]
+    arm = value["payload_mass"] * value["payload_arm"]
     preload = statics.pretension * statics.length
-    if effects is not None:  # as the linear law would have it, less what slack takes
-        linear = 2.0 / (1.0 + np.sqrt(1.0 + 2.0 * effects[HARDENING] * statics.pretension))
-        preload = preload * linear - row["tensile_stiffness"] * effects[SLACK_LENGTH]
-    return np.array([
-        row["drive_radius"] / row["output_radius"], row["drive_radius"], row["output_radius"],
-        row["tensile_stiffness"] * row["output_radius"], row["cable_damping"] * row["output_radius"],
-        preload[0], preload[1],
-        row["drive_inertia"], row["drive_damping"], row["drive_torque_limit"], row["drive_speed_limit"],
-        row["drive_acceleration_limit"],
-        row["servo_frequency"] ** 2, 2.0 * row["servo_damping_ratio"] * row["servo_frequency"],
-        row["output_inertia"] + arm * row["payload_arm"], row["output_damping"],
-        row["contact_angle"], row["contact_stiffness"], row["contact_damping"], arm * row["gravity"],
-        row["brake_torque"],
-    ])  # fmt: skip
+    if e is not None:  # as the linear law would have it, less what slack takes
+        linear = 2.0 / (1.0 + np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * statics.pretension))
+        preload = preload * linear - value["tensile_stiffness"] * e.slack_length
+    same = (
+        "drive_radius", "output_radius", "drive_inertia", "drive_damping", "drive_torque_limit", "drive_speed_limit",
+        "drive_acceleration_limit", "output_damping", "contact_angle", "contact_stiffness", "contact_damping",
+        "brake_torque",
+    )  # fmt: skip
+    return {
+        **{name: value[name] for name in same},
+        "gear": value["drive_radius"] / value["output_radius"],
+        "stretch_stiffness": value["tensile_stiffness"] * value["output_radius"],
+        "stretch_damping": value["cable_damping"] * value["output_radius"],
+        "preload_top": preload[0],
+        "preload_bottom": preload[1],
+        "servo_stiffness": value["servo_frequency"] ** 2,
+        "servo_damping": 2.0 * value["servo_damping_ratio"] * value["servo_frequency"],
+        "output_inertia": value["output_inertia"] + arm * value["payload_arm"],
+        "payload_torque": arm * value["gravity"],
+    }
 
 
-def rest_elongation(p: np.ndarray, length_top, length_bottom, position: np.ndarray, e: np.ndarray):
+def rest_elongation(p, length_top, length_bottom, position: np.ndarray, e):
     """(D, T_t, T_b) at rest with uniform tension on each side, balancing the load at ``position`` (rad, [n]).
 
-    ``e``: coefficient rows of the effects. The D is that of the elastic cable: creep has more.
+    ``e``: rows of the effects. The D is that of the elastic cable: creep has more.
     """
-    depth = np.maximum(position - p[CONTACT], 0.0)
-    spring = e[SPRING] * (position - e[NEUTRAL])
-    force = (p[CONTACT_K] * depth + p[PAYLOAD] * np.cos(position) + spring) / p[R5]
-    stretch = (force - p[PRE_T] / length_top + p[PRE_B] / length_bottom) / (1 / length_top + 1 / length_bottom)
-    stretch = np.where(stretch > p[PRE_B], force * length_top - p[PRE_T], stretch)
-    stretch = np.where(stretch < -p[PRE_T], force * length_bottom + p[PRE_B], stretch)
-    hard = 0.5 * e[HARDENING]
+    depth = np.maximum(position - p.contact_angle, 0.0)
+    spring = e.position_dependent_load_stiffness * (position - e.position_dependent_load_neutral)
+    force = (p.contact_stiffness * depth + p.payload_torque * np.cos(position) + spring) / p.output_radius
+    stretch = (force - p.preload_top / length_top + p.preload_bottom / length_bottom) / (
+        1 / length_top + 1 / length_bottom
+    )
+    stretch = np.where(stretch > p.preload_bottom[:], force * length_top - p.preload_top[:], stretch)
+    stretch = np.where(stretch < -p.preload_top[:], force * length_bottom + p.preload_bottom[:], stretch)
+    hard = 0.5 * e.stiffness_hardening_coefficient
 
     def tensions(stretch):
-        top = np.maximum(p[PRE_T] + stretch, 0.0) / length_top
-        bottom = np.maximum(p[PRE_B] - stretch, 0.0) / length_bottom
+        top = np.maximum(p.preload_top + stretch, 0.0) / length_top
+        bottom = np.maximum(p.preload_bottom - stretch, 0.0) / length_bottom
         return top * (1.0 + hard * top), bottom * (1.0 + hard * bottom)
 
     if np.any(hard > 0.0):
-        wide = np.abs(force) * np.maximum(length_top, length_bottom) + np.abs(p[PRE_T]) + np.abs(p[PRE_B])
+        wide = np.abs(force) * np.maximum(length_top, length_bottom) + np.abs(p.preload_top) + np.abs(p.preload_bottom)
         low, high = -wide, wide
         for _ in range(100):
             middle = 0.5 * (low + high)
             top, bottom = tensions(middle)
             low, high = np.where(top - bottom < force, middle, low), np.where(top - bottom < force, high, middle)
         stretch = np.where(hard > 0.0, 0.5 * (low + high), stretch)
-    return stretch / p[EA5], *tensions(stretch)
+    return stretch / p.stretch_stiffness, *tensions(stretch)
 
 
-def effect_rows(p: np.ndarray, own: int) -> np.ndarray:
-    """Rows of the effects behind a plant's ``own`` ones; zeros where there are none."""
-    return p[own:] if len(p) > own else np.zeros((ROWS_E, p.shape[1]))
+def settle_ends(x, s, p, e, position: np.ndarray, elongation, top, bottom) -> None:
+    """Write signals and states of effects of mechanisms at rest with uniform tensions.
 
-
-def rest_signals(p: np.ndarray, rows: int, own: int, position: np.ndarray, elongation, top, bottom) -> np.ndarray:
-    """Signals [rows, n] of mechanisms at rest with uniform tensions; behind them the states of the effects, if any.
-
-    ``elongation`` is the D of the elastic cable; ``own``: how many coefficients the plant has without effects.
+    ``elongation`` is the D of the elastic cable.
     """
-    e = effect_rows(p, own)
-    x = np.zeros((rows + (ROWS_S if len(p) > own else 0), p.shape[1]))
-    x[THETA_OUT] = position
-    pulley = (position + elongation * (1.0 + e[CREEP])) / p[GEAR]
-    if len(p) > own:
-        x[rows + CREEP_T] = e[CREEP] * p[EA5] * elongation
-        x[rows + CREEP_B] = -x[rows + CREEP_T]
-        x[rows + PLAYED] = pulley
-        pulley, x[rows + PLAY] = drive_at(pulley, p[R0] * (top - bottom), e)
-    x[THETA_IN] = pulley
-    x[T01_T], x[T45_T], x[T01_B], x[T45_B] = top, top, bottom, bottom
-    x[M_IN] = p[R0] * (top - bottom)
-    x[M_OUT] = p[R5] * (top - bottom)
-    x[OUT_OF_RANGE] = (top <= 0.0) | (bottom <= 0.0)
-    x[PEAK] = np.maximum(top, bottom)
-    return x
+    x.output_angle[:] = position
+    pulley = (position + elongation * (1.0 + e.viscoelastic_creep_share)) / p.gear
+    s.creep_top[:] = e.viscoelastic_creep_share * p.stretch_stiffness * elongation
+    s.creep_bottom[:] = -s.creep_top
+    s.pulley_angle[:] = pulley
+    x.drive_angle[:], s.gap_position[:] = drive_at(pulley, p.drive_radius * (top - bottom), e)
+    x.tension_drive_top[:], x.tension_output_top[:] = top, top
+    x.tension_drive_bottom[:], x.tension_output_bottom[:] = bottom, bottom
+    x.drive_torque[:] = p.drive_radius * (top - bottom)
+    x.output_torque[:] = p.output_radius * (top - bottom)
+    x.out_of_range[:] = (top <= 0.0) | (bottom <= 0.0)
+    x.peak_tension[:] = np.maximum(top, bottom)
 
 
 @inline
@@ -167,12 +147,12 @@ def resolve(p, i, stiffness_in, stiffness_out, dt):
     energy is fed in. So omega dt is kept below 0.7 by the least inertia that does it, and a relaxation time of at
     least dt (omega dt)^6 takes more than that out again. Neither touches the rigs of the paper at 1 ms.
     """
-    p[J_IN, i] = maximum(p[J_IN, i], 2.0 * dt * dt * stiffness_in)
-    p[J_OUT, i] = maximum(p[J_OUT, i], 2.0 * dt * dt * stiffness_out)
-    fast = dt * dt * maximum(stiffness_in / p[J_IN, i], stiffness_out / p[J_OUT, i])
+    p.drive_inertia[i] = maximum(p.drive_inertia[i], 2.0 * dt * dt * stiffness_in)
+    p.output_inertia[i] = maximum(p.output_inertia[i], 2.0 * dt * dt * stiffness_out)
+    fast = dt * dt * maximum(stiffness_in / p.drive_inertia[i], stiffness_out / p.output_inertia[i])
     tau = dt * fast * fast * fast
-    p[C5, i] = maximum(p[C5, i], tau * p[EA5, i])
-    p[CONTACT_D, i] = maximum(p[CONTACT_D, i], tau * p[CONTACT_K, i])
+    p.stretch_damping[i] = maximum(p.stretch_damping[i], tau * p.stretch_stiffness[i])
+    p.contact_damping[i] = maximum(p.contact_damping[i], tau * p.contact_stiffness[i])
 
 
 @inline
@@ -184,19 +164,19 @@ def drive_step(x, p, u, g, i, torque, stiffness, damping, dt):
     step and ``stiffness``, ``damping`` are its slopes. The speed limit acts in both. ``g``: None, or with effects what
     says that the drive follows a path.
     """
-    v = x[V_IN, i]
-    k, d = p[SERVO_K, i], p[SERVO_D, i]
-    rate = clip(u[COMMAND_RATE, i], -p[V_MAX, i], p[V_MAX, i])
-    pull = k * (u[COMMAND, i] - x[THETA_IN, i] - 0.5 * dt * v) + d * (rate - v)
-    push = clip(u[COMMAND, i], -p[M_MAX, i], p[M_MAX, i]) - p[B_IN, i] * v - torque
-    by_torque = u[MODE, i] > 0.5
-    k, d = select(by_torque, stiffness, k), select(by_torque, p[B_IN, i] + damping, d)
-    inertia = select(by_torque, p[J_IN, i], 1.0) + 0.5 * dt * d + 0.25 * dt * dt * k
-    most = select(by_torque, 2.0 * p[V_MAX, i], p[A_MAX, i] * dt)
+    v = x.drive_velocity[i]
+    k, d = p.servo_stiffness[i], p.servo_damping[i]
+    rate = clip(u.command_rate[i], -p.drive_speed_limit[i], p.drive_speed_limit[i])
+    pull = k * (u.command[i] - x.drive_angle[i] - 0.5 * dt * v) + d * (rate - v)
+    push = clip(u.command[i], -p.drive_torque_limit[i], p.drive_torque_limit[i]) - p.drive_damping[i] * v - torque
+    by_torque = u.mode[i] > 0.5
+    k, d = select(by_torque, stiffness, k), select(by_torque, p.drive_damping[i] + damping, d)
+    inertia = select(by_torque, p.drive_inertia[i], 1.0) + 0.5 * dt * d + 0.25 * dt * dt * k
+    most = select(by_torque, 2.0 * p.drive_speed_limit[i], p.drive_acceleration_limit[i] * dt)
     change = clip(dt * select(by_torque, push, pull) / inertia, -most, most)
-    new = clip(v + change, -p[V_MAX, i], p[V_MAX, i])
+    new = clip(v + change, -p.drive_speed_limit[i], p.drive_speed_limit[i])
     if g is not None:
-        new = select(g[FOLLOWS, i] > 0.5, g[TARGET_V, i], new)
+        new = select(g.follows[i] > 0.5, g.target_rate[i], new)
     return new
 
 
@@ -207,11 +187,11 @@ def load_torque(p, u, i, angle, v, level):
     The object only pushes back, and only beyond the contact angle; the payload hangs at ``payload_arm`` from a
     horizontal axis, level at angle 0: ``level`` is cos(angle). The disturbance helps positive motion.
     """
-    depth = angle - p[CONTACT, i]
-    push = maximum(p[CONTACT_K, i] * depth + p[CONTACT_D, i] * v, 0.0)
+    depth = angle - p.contact_angle[i]
+    push = maximum(p.contact_stiffness[i] * depth + p.contact_damping[i] * v, 0.0)
     touching = select(depth > 0.0, select(push > 0.0, 1.0, 0.0), 0.0)
-    torque = p[B_OUT, i] * v + touching * push + p[PAYLOAD, i] * level - u[DISTURBANCE, i]
-    return torque, touching * p[CONTACT_K, i], p[B_OUT, i] + touching * p[CONTACT_D, i]
+    torque = p.output_damping[i] * v + touching * push + p.payload_torque[i] * level - u.disturbance[i]
+    return torque, touching * p.contact_stiffness[i], p.output_damping[i] + touching * p.contact_damping[i]
 
 
 @inline
@@ -225,5 +205,5 @@ def any_payload(p, lanes):
     """Whether one of the columns carries a payload; without, the cosine of its angle need not be known."""
     found = False
     for i in range(lanes):
-        found = found or p[PAYLOAD, i] != 0.0
+        found = found or p.payload_torque[i] != 0.0
     return found

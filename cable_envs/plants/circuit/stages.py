@@ -5,46 +5,50 @@ put. In what follows e, s and g are None without effects: what asks for them is 
 compiled.
 """
 
-import numpy as np  # noqa: I001 (the blocks below: one name a line would fill the screen)
+from collections.abc import Mapping
 
+import numpy as np
+
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select
+from cable_envs.core.lanes import Lanes
+from cable_envs.effects.presliding_hysteresis import share as share_of
+from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.circuit.effects import output_step, rise
-from cable_envs.plants.circuit.ends import (
-    BRAKE, B_OUT, C5, CONTACT_D, CONTACT_K, EA5, GEAR, J_OUT, PEAK, R0, R5, SHARED, SLACK, T01_B, T01_T, resolve,
-    shared_coefficients,
-)  # fmt: skip
+from cable_envs.plants.circuit.ends import COEFFICIENTS, resolve, shared_coefficients
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
-from cable_envs.effects.presliding_hysteresis import share as share_of
-from cable_envs.effects.rows import DRIFT, PARTIAL, PARTIAL_0, ROWS_E, STARTED, WORN
-from cable_envs.effects.seams import DOWN, UP
-from cable_envs.physics.friction import stick_slip_step
-from cable_envs.core.kernels import clip, inline, maximum, minimum, select
 
-OWN = (
+BRANCHES = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
     "output_top_ccw", "output_bottom_ccw", "output_top_cw", "output_bottom_cw",
-    "drive_stiffness", "drive_slope", "load_stiffness", "output_slope", "hold_rule", "length_top",
-    "length_bottom",
 )  # fmt: skip
-(DT1, DB1, DT2, DB2, OT1, OB1, OT2, OB2, K_IN, C_TURN, K_OUT, SWING, HOLD, LENGTH_T,
- LENGTH_B) = range(SHARED, SHARED + len(OWN))  # fmt: skip
-ROWS_P = SHARED + len(OWN)
-GAIN, TILE_P = ROWS_P, ROWS_P + 1  # one more row in the tile, which depends on dt
-BRANCHES = 8
-"""The rows DT1 .. OB2; behind those of the effects they come again, with all friction drifted."""
+"""What the tension times kappa of a cable becomes at either end, moving either way, 1/m: 1/kappa and 1/(kappa K)."""
 
-D, RATE, WANTED, LOAD_K, LOAD_C, LEVEL, OFFSET, TURNS = range(8)
-ROWS_W = 8
-"""Rows of the scratch tile w: elongation angle, its rate and the load's torque, stiffness and damping at the middle of
-the step; cosine of the output angle (0 where no column of the block has a payload); with effects the pulley's angle
-less the drive's, and how it turns with it."""
+ROWS = Lanes("Coefficients", [
+    *COEFFICIENTS, *BRANCHES, "drive_stiffness", "drive_slope", "load_stiffness", "output_slope", "hold_rule",
+    "length_top", "length_bottom",
+])  # fmt: skip
+
+WORN = tuple(f"worn_{name}" for name in BRANCHES)
+"""Rows behind those of the effects: the branches again, with all friction drifted."""
+
+MIDDLE = Lanes("Middle", [
+    "elongation_angle", "elongation_rate",  # D at the middle of the step, rad and rad/s
+    "load_torque", "load_stiffness", "load_damping",  # of the load there: N m, N m/rad, N m s
+    "level",  # cosine of the output angle; 0 where no column of the block has a payload
+    "pulley_offset", "pulley_turns",  # with effects: the pulley's angle less the drive's, and how it turns with it
+    "gain",  # change of the output's velocity for one N m in a step, roughly: rad/s
+])  # fmt: skip
+"""Scratch."""
 
 
 @inline
 def output_torques(p, i, top, bottom):
     """(M_out ccw, M_out cw).  Z35."""
-    r5 = p[R5, i]
-    return r5 * (top * p[OT1, i] - bottom * p[OB1, i]), r5 * (top * p[OT2, i] - bottom * p[OB2, i])
+    r5 = p.output_radius[i]
+    return r5 * (top * p.output_top_ccw[i] - bottom * p.output_bottom_ccw[i]), r5 * (
+        top * p.output_top_cw[i] - bottom * p.output_bottom_cw[i]
+    )
 
 
 @inline
@@ -58,8 +62,8 @@ def cw_share(v, ccw, cw, wanted):
 def share_with(e, s, i, share):
     """The share where the idlers' friction turns round over an angle."""
     if e is not None:
-        turned = select(s[STARTED, i] > 0.5, 1.0 - share_of(s, PARTIAL_0, i), share)
-        share = select(e[PARTIAL, i] > 0.0, turned, share)
+        turned = select(s.started[i] > 0.5, 1.0 - share_of(s.partial, i), share)
+        share = select(e.partial_slip_angle[i] > 0.0, turned, share)
     return share
 
 
@@ -71,7 +75,10 @@ def mix(share, a, b):
 @inline
 def drive_torque(p, i, top, bottom, share):
     """M_in.  Z32."""
-    return p[R0, i] * (top * mix(share, p[DT1, i], p[DT2, i]) - bottom * mix(share, p[DB1, i], p[DB2, i]))
+    return p.drive_radius[i] * (
+        top * mix(share, p.drive_top_ccw[i], p.drive_top_cw[i])
+        - bottom * mix(share, p.drive_bottom_ccw[i], p.drive_bottom_cw[i])
+    )
 
 
 @inline
@@ -79,51 +86,53 @@ def held_by_flag(p, i, v_in, top, bottom):
     """True where Z47 (with its lost minus) holds the output: `circuit_statics.hold_flag` on the drive's branch."""
     share = select(v_in > 0.0, 0.0, 1.0)
     m_in = drive_torque(p, i, top, bottom, share)
-    m_out = top * mix(share, p[OT1, i], p[OT2, i]) - bottom * mix(share, p[OB1, i], p[OB2, i])
-    return (p[HOLD, i] > 0.5) & (v_in * m_in < 0.0) & (v_in * m_out < 0.0)
+    m_out = top * mix(share, p.output_top_ccw[i], p.output_top_cw[i]) - bottom * mix(
+        share, p.output_bottom_ccw[i], p.output_bottom_cw[i]
+    )
+    return (p.hold_rule[i] > 0.5) & (v_in * m_in < 0.0) & (v_in * m_out < 0.0)
 
 
 @inline
 def steepest(x, p, e, i):
     """Slope of M_in over the pulley's angle, not less than it is anywhere."""
-    return p[K_IN, i] * rise(e, i, maximum(x[T01_T, i], x[T01_B, i]))
+    return p.drive_stiffness[i] * rise(e, i, maximum(x.tension_drive_top[i], x.tension_drive_bottom[i]))
 
 
 @inline
-def guess(p, g, i, v, up, down):
+def guess(p, w, g, i, v, up, down):
     """Change of the output's velocity in the step, roughly: the drive feels half of it through the cables' damping."""
     if g is not None:
-        up, down = up - g[UP, i], down + g[DOWN, i]
+        up, down = up - g.up[i], down + g.down[i]
     else:
-        up, down = up - p[BRAKE, i], down + p[BRAKE, i]
+        up, down = up - p.brake_torque[i], down + p.brake_torque[i]
     net = select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
-    return p[GAIN, i] * net
+    return w.gain[i] * net
 
 
 @inline
 def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
     """Output velocity after dt, from the stretches and the load at the predicted middle of the step."""
-    r5 = p[R5, i]
+    r5 = p.output_radius[i]
     ccw, cw = output_torques(p, i, top, bottom)
-    up, down = ccw - wanted - p[BRAKE, i], cw - wanted + p[BRAKE, i]
+    up, down = ccw - wanted - p.brake_torque[i], cw - wanted + p.brake_torque[i]
     taut_t, taut_b = select(top > 0.0, r5, 0.0), select(bottom > 0.0, r5, 0.0)
-    slope_up = taut_t * p[OT1, i] + taut_b * p[OB1, i]
-    slope_down = taut_t * p[OT2, i] + taut_b * p[OB2, i]
+    slope_up = taut_t * p.output_top_ccw[i] + taut_b * p.output_bottom_ccw[i]
+    slope_down = taut_t * p.output_top_cw[i] + taut_b * p.output_bottom_cw[i]
     if e is not None:
-        hard = rise(e, i, maximum(top / p[LENGTH_T, i], bottom / p[LENGTH_B, i]))
+        hard = rise(e, i, maximum(top / p.length_top[i], bottom / p.length_bottom[i]))
         slope_up, slope_down = slope_up * hard, slope_down * hard
-        up, down = ccw - wanted - g[UP, i], cw - wanted + g[DOWN, i]
+        up, down = ccw - wanted - g.up[i], cw - wanted + g.down[i]
     slope = select(select(v == 0.0, up, v) > 0.0, slope_up, slope_down)
-    stiffness = p[EA5, i] * slope + load_k
+    stiffness = p.stretch_stiffness[i] * slope + load_k
     ahead = 0.5 * dt * stiffness * v  # what the step subtracts: these forces are those of the middle already
     if e is not None:
         return output_step(
-            e, s, g, i, v, p[J_OUT, i], ccw, cw, wanted, ahead, stiffness,
-            p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
+            e, s, g, i, v, p.output_inertia[i], ccw, cw, wanted, ahead, stiffness,
+            p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt,
         )  # fmt: skip
     return stick_slip_step(
-        v, p[J_OUT, i], up + ahead, down + ahead, stiffness,
-        p[C5, i] * slope_up + load_c, p[C5, i] * slope_down + load_c, dt,
+        v, p.output_inertia[i], up + ahead, down + ahead, stiffness,
+        p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt,
     )  # fmt: skip
 
 
@@ -131,36 +140,73 @@ def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
 def worn(p, e, s, i):
     """Friction that has drifted: the branches go in a straight line to those of the final friction."""
     if e is not None:
-        d = select(e[DRIFT, i] != 0.0, s[WORN, i], 0.0)
-        for k in range(BRANCHES):
-            final = e[ROWS_E + k, i]
-            p[DT1 + k, i] = select(d > 0.0, p[DT1 + k, i] + d * (final - p[DT1 + k, i]), p[DT1 + k, i])
+        d = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
+        p.drive_top_ccw[i] = _faded(p.drive_top_ccw[i], e.worn_drive_top_ccw[i], d)
+        p.drive_bottom_ccw[i] = _faded(p.drive_bottom_ccw[i], e.worn_drive_bottom_ccw[i], d)
+        p.drive_top_cw[i] = _faded(p.drive_top_cw[i], e.worn_drive_top_cw[i], d)
+        p.drive_bottom_cw[i] = _faded(p.drive_bottom_cw[i], e.worn_drive_bottom_cw[i], d)
+        p.output_top_ccw[i] = _faded(p.output_top_ccw[i], e.worn_output_top_ccw[i], d)
+        p.output_bottom_ccw[i] = _faded(p.output_bottom_ccw[i], e.worn_output_bottom_ccw[i], d)
+        p.output_top_cw[i] = _faded(p.output_top_cw[i], e.worn_output_top_cw[i], d)
+        p.output_bottom_cw[i] = _faded(p.output_bottom_cw[i], e.worn_output_bottom_cw[i], d)
+
+
+@inline
+def _faded(now, final, part):
+    return select(part > 0.0, now + part * (final - now), now)
 
 
 @inline
 def begin_step(x, p, w, e, s, i, dt):
-    x[SLACK, i] = 0.0
-    x[PEAK, i] = 0.0
-    w[LEVEL, i] = 0.0
+    x.slack_fraction[i] = 0.0
+    x.peak_tension[i] = 0.0
+    w.level[i] = 0.0
     worn(p, e, s, i)
-    resolve(p, i, p[K_IN, i], p[K_OUT, i], dt)
-    c_out = p[C5, i] * p[SWING, i] + p[B_OUT, i] + p[CONTACT_D, i]
-    p[GAIN, i] = dt / (p[J_OUT, i] + 0.5 * dt * c_out + 0.25 * dt * dt * p[K_OUT, i])
+    resolve(p, i, p.drive_stiffness[i], p.load_stiffness[i], dt)
+    c_out = p.stretch_damping[i] * p.output_slope[i] + p.output_damping[i] + p.contact_damping[i]
+    w.gain[i] = dt / (p.output_inertia[i] + 0.5 * dt * c_out + 0.25 * dt * dt * p.load_stiffness[i])
 
 
-def coefficients(values: np.ndarray, effects: np.ndarray | None) -> np.ndarray:
-    """Rows [ROWS_P, n] of parameter columns of the circuit; ``effects``: coefficient rows of the effects, or None."""
-    statics = Statics.from_values(values)
-    shared = shared_coefficients(values, statics, effects)
+def derive(value: Mapping[str, np.ndarray], e) -> dict[str, np.ndarray]:
+    """Rows of `ROWS` from the circuit's parameters; where friction drifts, the rows `WORN` of the effects too."""
+    if e is not None:
+        drifting = np.flatnonzero(e.friction_drift_change)
+        if drifting.size:
+            grown = 1.0 + e.friction_drift_change[drifting]
+            final = {name: row[drifting] for name, row in value.items()}
+            final["cable_friction"] = final["cable_friction"] * grown
+            final["shaft_friction"] = final["shaft_friction"] * grown
+            worn = _branches(Statics.from_values(np.array([final[name] for name in CIRCUIT.names])))
+            for name in BRANCHES:
+                getattr(e, f"worn_{name}")[drifting] = worn[name]
+    statics = Statics.from_values(np.array([value[name] for name in CIRCUIT.names]))
+    shared, branches = shared_coefficients(value, statics, e), _branches(statics)
     per_t, per_b = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
+    turn = statics.drive_radius * shared["gear"] * (per_t + per_b).max(axis=0)
+    swing = statics.output_radius * np.maximum(
+        branches["output_top_ccw"] + branches["output_bottom_ccw"],
+        branches["output_top_cw"] + branches["output_bottom_cw"],
+    )
+    stretch = shared["stretch_stiffness"]
+    return {
+        **shared,
+        **branches,
+        "drive_stiffness": 1.5 * stretch * turn,  # in the hold M_in is steeper than on a branch; too much costs nothing
+        "drive_slope": turn,
+        "load_stiffness": stretch * swing + shared["contact_stiffness"],
+        "output_slope": swing,
+        "hold_rule": value["hold_rule"],
+        "length_top": statics.length[0],
+        "length_bottom": statics.length[1],
+    }
+
+
+def _branches(statics: Statics) -> dict[str, np.ndarray]:
+    """Rows named by `BRANCHES`.  Z32, Z35, Z39-41"""
+    (ccw_t, cw_t), (ccw_b, cw_b) = 1.0 / statics.kappa[:, 0], 1.0 / statics.kappa[:, 1]
     k_t, k_b = statics.product
-    turn = statics.drive_radius * shared[GEAR] * (per_t + per_b).max(axis=0)
-    swing = statics.output_radius * np.maximum(per_t[0] / k_t + per_b[0] * k_b, per_t[1] * k_t + per_b[1] / k_b)
-    own = np.array([
-        per_t[0], per_b[0], per_t[1], per_b[1],
-        per_t[0] / k_t, per_b[0] * k_b, per_t[1] * k_t, per_b[1] / k_b,
-        1.5 * shared[EA5] * turn,  # in the hold M_in is steeper than on a branch; too much costs no accuracy
-        turn, shared[EA5] * swing + shared[CONTACT_K], swing,
-        values[CIRCUIT.index("hold_rule")], *statics.length,
-    ])  # fmt: skip
-    return np.ascontiguousarray(np.concatenate([shared, own]))
+    return {
+        "drive_top_ccw": ccw_t, "drive_bottom_ccw": ccw_b, "drive_top_cw": cw_t, "drive_bottom_cw": cw_b,
+        "output_top_ccw": ccw_t / k_t, "output_bottom_ccw": ccw_b * k_b,
+        "output_top_cw": cw_t * k_t, "output_bottom_cw": cw_b / k_b,
+    }  # fmt: skip

@@ -1,10 +1,13 @@
 """Declared parameters and signals of the cable-hole plant, and the rows they have in its kernel."""
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.plants.base import Signal
 
@@ -82,43 +85,45 @@ def series_signals(holes: int) -> tuple[Signal, ...]:
     return SIGNALS + inner
 
 
-COEFFICIENTS = (
-    "speed_limit", "acceleration_limit", "inner_kp", "inner_kd", "cable_stiffness", "cable_damping",
-    "load_mass", "load_weight", "load_stiffness", "load_damping", "extrusion_gain", "extrusion_exponent",
-    "bending_rigidity", "span_stiffness", "guide_mass",
-)  # fmt: skip
-OF_EACH_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient", "edge_radius")
-"""radius_ratio is rho0 (1 + delta), edge_radius is rho0 r in m."""
-(V_MAX, A_MAX, KP, KD, K_CABLE, C_CABLE, MASS, WEIGHT, LOAD_K, LOAD_C, GAIN, OMEGA, RIGIDITY, SPAN_K,
- GUIDE) = range(len(COEFFICIENTS))  # fmt: skip
-BASE_P, HOLE_P = len(COEFFICIENTS), len(OF_EACH_HOLE)
-
-X, VX, T1, Y, VY, T2, SLIDING, SLACK, PEAK = range(len(SIGNALS))
-BASE_X, HOLE_X = len(SIGNALS), 3
-ROWS_P, ROWS_X = BASE_P + HOLE_P * MAX_HOLES, BASE_X + HOLE_X * (MAX_HOLES - 1)
-"""Coefficients and signals of the plant with the most holes."""
+def signal_rows(holes: int) -> Lanes:
+    """Rows of the signals of the plant with ``holes`` holes."""
+    return Lanes(
+        "Signals", [*(s.name for s in SIGNALS), (("slip_position", "slip_velocity", "span_tension"), holes - 1)]
+    )
 
 
-def coefficients(values: np.ndarray) -> list[np.ndarray]:
-    """Rows named by `COEFFICIENTS`, then `OF_EACH_HOLE` for each hole, of parameter columns without effects.
+def coefficient_rows(holes: int) -> Lanes:
+    """Rows of what the kernel computes with. radius_ratio is rho0 (1 + delta), edge_radius is rho0 r in m."""
+    return Lanes("Coefficients", [
+        "speed_limit", "acceleration_limit", "inner_kp", "inner_kd", "cable_stiffness", "cable_damping",
+        "load_mass", "load_weight", "load_stiffness", "load_damping", "extrusion_gain", "extrusion_exponent",
+        "bending_rigidity", "span_stiffness", "guide_mass",
+        (("wrap_angle", "radius_ratio", "friction_coefficient", "edge_radius"), holes),
+    ])  # fmt: skip
+
+
+def derive(value: Mapping[str, np.ndarray], e: Any) -> dict[str, Any]:
+    """Rows of `coefficient_rows` from the parameters of the plant.
 
     Raises ConfigurationError for what the bounds of single parameters cannot exclude.
     """
-    holes = 1 if len(values) == len(PARAMETERS) else 1 + (len(values) - len(PARAMETERS) - 2) // len(EXTRA_HOLE)
-    value = dict(zip(series_parameters(holes).names, values, strict=True))
+    holes = 1 + sum(name.startswith("wrap_angle_") for name in value)
     weight = value["load_mass"] * value["gravity"] * value["load_gravity"]
     if np.any((weight == 0.0) & (value["load_stiffness"] == 0.0)):
         raise ConfigurationError("the load is free: give it load_gravity > 0 or load_stiffness > 0")
     if np.any(value["breaking_tension"] < value["tension_limit"]):
         raise ConfigurationError("breaking_tension must not be below tension_limit")
-    none = np.zeros_like(weight)
-    rows = [
-        value["drive_speed_limit"], value["drive_acceleration_limit"], value["inner_kp"], value["inner_kd"],
-        value["cable_stiffness"], value["cable_damping"], value["load_mass"], weight, value["load_stiffness"],
-        value["load_damping"], value["extrusion_gain"], value["extrusion_exponent"], value["bending_rigidity"],
-        value.get("span_stiffness", none), value.get("guide_mass", none),
-    ]  # fmt: skip
-    for h in range(holes):
-        wrap, rho, mu = (value[name if h == 0 else f"{name}_{h + 1}"] for name in EXTRA_HOLE)
-        rows += [wrap, rho * (1.0 + value["extrusion_delta"]), mu, rho * value["cable_radius"]]
-    return rows
+    wrap, rho, mu = (
+        np.array([value[name if h == 0 else f"{name}_{h + 1}"] for h in range(holes)]) for name in EXTRA_HOLE
+    )
+    same = (
+        "inner_kp", "inner_kd", "cable_stiffness", "cable_damping", "load_mass", "load_stiffness", "load_damping",
+        "extrusion_gain", "extrusion_exponent", "bending_rigidity",
+    )  # fmt: skip
+    return {
+        **{name: value[name] for name in same},
+        "speed_limit": value["drive_speed_limit"], "acceleration_limit": value["drive_acceleration_limit"],
+        "load_weight": weight, "span_stiffness": value.get("span_stiffness", 0.0),
+        "guide_mass": value.get("guide_mass", 0.0), "wrap_angle": wrap, "friction_coefficient": mu,
+        "radius_ratio": rho * (1.0 + value["extrusion_delta"]), "edge_radius": rho * value["cable_radius"],
+    }  # fmt: skip

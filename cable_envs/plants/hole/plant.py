@@ -17,38 +17,48 @@ vibration no step resolves and no measurement shows.
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
 """
 
-from functools import cache  # noqa: I001 (the blocks below: one name a line would fill the screen)
+from functools import cache
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.kernels import inline, maximum, power, select, sign
 from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.rows import (
-    CONTACT_EXCESS, COULOMB, CREEP, CREEP_T, HARDENING, LOAD_EXPONENT, LOPSIDED, PLAY, PRESLIDING, PRE_0, ROWS_E,
-    ROWS_S, SLACK_LENGTH, STARTED, STRIBECK_V,
-)  # fmt: skip
-from cable_envs.effects.seams import CREEP_LEFT, FACTOR, IMPOSES, ROWS_G, actuate, begin, dry_friction, end, held_back
+from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants.hole.spool import spool_at
+from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import (
-    BASE_P, BASE_X, COEFFICIENTS, GAIN, HOLE_P, HOLE_X, K_CABLE, LOAD_C, LOAD_K, MASS, MAX_HOLES, OF_EACH_HOLE,
-    OMEGA, PARAMETERS, PEAK, ROWS_P, ROWS_X, SLACK, SLIDING, SPAN_K, T1, T2, VX, VY, WEIGHT, X, Y, coefficients,
-    series_parameters, series_signals,
+    MAX_HOLES,
+    coefficient_rows,
+    derive,
+    series_parameters,
+    series_signals,
+    signal_rows,
 )  # fmt: skip
+from cable_envs.plants.hole.spool import spool_at
 from cable_envs.plants.hole.stages import (
-    ABOVE_NEW, ABOVE_OLD, ABOVE_V, ABOVE_V_NEW, BEHIND, BEHIND_C, BEHIND_K, C, ELASTIC, ENDS, FRICTION, GROWTH,
-    HARD, INERTIA, K, LOST, MIDDLE, MU, OUT, PER_MASS, RATIO, RISE, ROWS_W, S, SLOPE, V, any_stiff, closed_loop,
-    drawn_in, drive, guide_moved, keep_hole, mobilised, ratio, record, slip_speed, span, span_behind, take_hole,
-    transmitted, wrapped,
+    HOLE,
+    any_stiff,
+    closed_loop,
+    drawn_in,
+    drive,
+    guide_moved,
+    keep_hole,
+    mobilised,
+    ratio,
+    record,
+    slip_speed,
+    span,
+    span_behind,
+    take_hole,
+    transmitted,
+    wrapped,
 )  # fmt: skip
-from cable_envs.core.kernels import LANES, inline, jit, load, maximum, power, select, sign, store, tile
-from cable_envs.plants.base import COMMAND, DISTURBANCE, INPUTS, ActionMode, Plant
 
-ROWS_U = len(INPUTS)
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
 
@@ -61,146 +71,157 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 def _pulled(w, e, i, stretch, rate):
     """Tension of the span above the hole."""
     if e is not None:
-        elongation = stretch - w[LOST, i]
-        pull, rise = hardened(w[K, i] * elongation, w[HARD, i])
-        pull = select(w[ENDS, i] > 0.5, own_cable(pull, e, i), pull)
-        w[RISE, i], w[ELASTIC, i] = rise, maximum(elongation, 0.0)
-        return select(elongation > 0.0, maximum(pull + w[C, i] * rate, 0.0), 0.0)
-    return span(w[K, i], w[C, i], stretch, rate)
+        elongation = stretch - w.lost_length[i]
+        pull, rise = hardened(w.stiffness_above[i] * elongation, w.hardening[i])
+        pull = select(w.drive_ends_it[i] > 0.5, own_cable(pull, e, i), pull)
+        w.rise[i], w.elongation[i] = rise, maximum(elongation, 0.0)
+        return select(elongation > 0.0, maximum(pull + w.damping_above[i] * rate, 0.0), 0.0)
+    return span(w.stiffness_above[i], w.damping_above[i], stretch, rate)
 
 
 @inline
 def _load_resistance(p, u, w, e, i, y, v):
-    resist = p[WEIGHT, i] + p[LOAD_K, i] * y + p[LOAD_C, i] * v - u[DISTURBANCE, i]
+    resist = p.load_weight[i] + p.load_stiffness[i] * y + p.load_damping[i] * v - u.disturbance[i]
     if e is not None:
-        return resist + own_load(y, v, w[OUT, i], e, i)
+        return resist + own_load(y, v, w.tension_behind[i], e, i)
     return resist
 
 
 @inline
 def _ahead(p, u, w, e, g, i, dt):
     """Speed of the load at the end of the step, from the balance of forces at its start (zero where it sticks)."""
-    net = w[OUT, i] - _load_resistance(p, u, w, e, i, w[S, i], w[V, i])
+    net = w.tension_behind[i] - _load_resistance(p, u, w, e, i, w.slip[i], w.speed[i])
     if e is not None:
-        net = held_back(g, i, net, w[V, i])
-    return w[V, i] + dt * w[PER_MASS, i] * net
+        net = held_back(g, i, net, w.speed[i])
+    return w.speed[i] + dt * w.per_mass[i] * net
 
 
 @inline
 def _pull(p, u, w, e, g, i, theta):
     """Tension above once what is above has moved for theta dt; M = mu + K |v|^omega and dM/d|v| at the start.  G17."""
-    v = w[V, i]
-    stretch = w[ABOVE_OLD, i] + theta * (w[ABOVE_NEW, i] - w[ABOVE_OLD, i]) - w[S, i]
-    w[MIDDLE, i] = _pulled(w, e, i, stretch, w[ABOVE_V, i] - v)
+    v = w.speed[i]
+    stretch = w.end_before[i] + theta * (w.end_after[i] - w.end_before[i]) - w.slip[i]
+    w.tension_middle[i] = _pulled(w, e, i, stretch, w.end_speed[i] - v)
     speed = abs(v)
-    steep = p[GAIN, i] * power(maximum(speed, 1e-12), p[OMEGA, i] - 1.0)
+    steep = p.extrusion_gain[i] * power(maximum(speed, 1e-12), p.extrusion_exponent[i] - 1.0)
     if e is not None:
-        imposed = (w[ENDS, i] > 0.5) & (g[IMPOSES, i] > 0.5)
-        w[MIDDLE, i] = select(imposed, maximum(u[COMMAND, i], 0.0), w[MIDDLE, i])
-        w[RISE, i], w[C, i] = select(imposed, 0.0, w[RISE, i]), select(imposed, 0.0, w[C, i])
-        extra, growth = excess_at(e[CONTACT_EXCESS, i], e[STRIBECK_V, i], v)
-        exponent, over = e[LOAD_EXPONENT, i], maximum(w[MIDDLE, i], 0.1) / maximum(p[WEIGHT, i], 0.1)
-        factor = g[FACTOR, i] * select(exponent != 0.0, power(over, exponent), 1.0)
-        towards = select(v == 0.0, w[MIDDLE, i] - w[BEHIND, i], v)  # at rest: where it would break away to
-        factor *= 1.0 + e[LOPSIDED, i] * sign(towards)
-        coulomb = (w[MU, i] + extra) * factor + own_contact(speed, w[MIDDLE, i], e, i)
-        w[FRICTION, i] = coulomb + steep * speed
-        w[GROWTH, i] = p[OMEGA, i] * steep + factor * growth
+        imposed = (w.drive_ends_it[i] > 0.5) & (g.imposes[i] > 0.5)
+        w.tension_middle[i] = select(imposed, maximum(u.command[i], 0.0), w.tension_middle[i])
+        w.rise[i], w.damping_above[i] = select(imposed, 0.0, w.rise[i]), select(imposed, 0.0, w.damping_above[i])
+        extra, growth = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], v)
+        exponent, over = (
+            e.load_dependent_friction_exponent[i],
+            maximum(w.tension_middle[i], 0.1) / maximum(p.load_weight[i], 0.1),
+        )
+        factor = g.factor[i] * select(exponent != 0.0, power(over, exponent), 1.0)
+        towards = select(v == 0.0, w.tension_middle[i] - w.resistance[i], v)  # at rest: where it would break away to
+        factor *= 1.0 + e.asymmetric_friction_contact[i] * sign(towards)
+        coulomb = (w.mu[i] + extra) * factor + own_contact(speed, w.tension_middle[i], e, i)
+        w.friction[i] = coulomb + steep * speed
+        w.friction_growth[i] = p.extrusion_exponent[i] * steep + factor * growth
     else:
-        w[FRICTION, i] = w[MU, i] + steep * speed
-        w[GROWTH, i] = p[OMEGA, i] * steep
+        w.friction[i] = w.mu[i] + steep * speed
+        w.friction_growth[i] = p.extrusion_exponent[i] * steep
 
 
 @inline
 def _load_behind(p, u, w, e, i):
-    w[BEHIND, i] = _load_resistance(p, u, w, e, i, w[S, i], w[V, i])
-    w[BEHIND_K, i], w[BEHIND_C, i], w[INERTIA, i] = p[LOAD_K, i], p[LOAD_C, i], p[MASS, i]
+    w.resistance[i] = _load_resistance(p, u, w, e, i, w.slip[i], w.speed[i])
+    w.resistance_stiffness[i], w.resistance_damping[i], w.inertia[i] = (
+        p.load_stiffness[i],
+        p.load_damping[i],
+        p.load_mass[i],
+    )
     if e is not None:
-        at = own_load(w[S, i], w[V, i], w[OUT, i], e, i)
-        k = (own_load(w[S, i] + STEP_Y, w[V, i], w[OUT, i], e, i) - at) / STEP_Y
-        c = (own_load(w[S, i], w[V, i] + STEP_V, w[OUT, i], e, i) - at) / STEP_V
-        w[BEHIND_K, i], w[BEHIND_C, i] = w[BEHIND_K, i] + maximum(k, 0.0), w[BEHIND_C, i] + maximum(c, 0.0)
+        at = own_load(w.slip[i], w.speed[i], w.tension_behind[i], e, i)
+        k = (own_load(w.slip[i] + STEP_Y, w.speed[i], w.tension_behind[i], e, i) - at) / STEP_Y
+        c = (own_load(w.slip[i], w.speed[i] + STEP_V, w.tension_behind[i], e, i) - at) / STEP_V
+        w.resistance_stiffness[i], w.resistance_damping[i] = (
+            w.resistance_stiffness[i] + maximum(k, 0.0),
+            w.resistance_damping[i] + maximum(c, 0.0),
+        )
 
 
 @inline
 def _load_moved(x, p, u, w, e, s, i, tension, inv_n):
-    y, v = w[S, i], w[V, i]
-    x[Y, i], x[VY, i], x[SLIDING, i] = y, v, sign(v)
-    x[T2, i] = transmitted(v, tension, w[RATIO, i], inv_n, _load_resistance(p, u, w, e, i, y, v))
+    y, v = w.slip[i], w.speed[i]
+    x.load_position[i], x.load_velocity[i], x.sliding[i] = y, v, sign(v)
+    x.load_tension[i] = transmitted(v, tension, w.ratio[i], inv_n, _load_resistance(p, u, w, e, i, y, v))
     if e is not None:
-        bent = tension * mobilised(w[RATIO, i], inv_n, share(s, PRE_0, i))[0]
-        x[T2, i] = select(e[PRESLIDING, i] > 0.0, bent, x[T2, i])
-        s[STARTED, i] = 1.0
+        bent = tension * mobilised(w.ratio[i], inv_n, share(s.presliding, i))[0]
+        x.load_tension[i] = select(e.presliding_hysteresis_displacement[i] > 0.0, bent, x.load_tension[i])
+        s.started[i] = 1.0
 
 
 @inline
 def _slip(w, e, s, g, i, dt, theta, last):
     """One slip through a hole; (tension above after the step, 1 / n).  G28"""
-    v, middle, n = w[V, i], w[MIDDLE, i], w[RATIO, i]
+    v, middle, n = w.speed[i], w.tension_middle[i], w.ratio[i]
     v_new = slip_speed(w, e, s, g, i, dt, theta, last)
     moved = v + theta * (v_new - v)
-    s_new = w[S, i] + dt * moved
+    s_new = w.slip[i] + dt * moved
     if e is not None:
-        target = w[ELASTIC, i]
-    tension = _pulled(w, e, i, w[ABOVE_NEW, i] - s_new, w[ABOVE_V_NEW, i] - v_new)
+        target = w.elongation[i]
+    tension = _pulled(w, e, i, w.end_after[i] - s_new, w.end_speed_after[i] - v_new)
     if e is not None:
-        first = w[ENDS, i] > 0.5
-        tension = select(first & (g[IMPOSES, i] > 0.5), middle, tension)
-        crept_to = crept(s[CREEP_T, i], e[CREEP, i], target, g[CREEP_LEFT, i])
-        s[CREEP_T, i] = select(first, crept_to, s[CREEP_T, i])
-        w[ENDS, i] = 0.0
+        first = w.drive_ends_it[i] > 0.5
+        tension = select(first & (g.imposes[i] > 0.5), middle, tension)
+        crept_to = crept(s.creep_top[i], e.viscoelastic_creep_share[i], target, g.creep_left[i])
+        s.creep_top[i] = select(first, crept_to, s.creep_top[i])
+        w.drive_ends_it[i] = 0.0
     # what is above the next hole, if there is one
-    w[ABOVE_OLD, i], w[ABOVE_NEW, i] = w[S, i], s_new
-    w[ABOVE_V, i], w[ABOVE_V_NEW, i] = moved, v_new
-    w[S, i], w[V, i] = s_new, v_new
-    w[RATIO, i] = n + w[SLOPE, i] * w[GROWTH, i] * (abs(v_new) - abs(v))
+    w.end_before[i], w.end_after[i] = w.slip[i], s_new
+    w.end_speed[i], w.end_speed_after[i] = moved, v_new
+    w.slip[i], w.speed[i] = s_new, v_new
+    w.ratio[i] = n + w.ratio_slope[i] * w.friction_growth[i] * (abs(v_new) - abs(v))
     if e is not None:
-        w[RATIO, i] = select(w[GROWTH, i] < 0.0, maximum(w[RATIO, i], 1.0), w[RATIO, i])
-        w[HARD, i], w[LOST, i] = 0.0, 0.0
-    return tension, 1.0 / w[RATIO, i]
+        w.ratio[i] = select(w.friction_growth[i] < 0.0, maximum(w.ratio[i], 1.0), w.ratio[i])
+        w.hardening[i], w.lost_length[i] = 0.0, 0.0
+    return tension, 1.0 / w.ratio[i]
 
 
 @inline
-def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
+def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns. Short loops, one for each stage: the processor then works on several columns at once, which
     the long chain of dependent operations of a whole step would prevent."""
-    bends = any_stiff(p, lanes)
+    bends, holes = any_stiff(p, lanes), p.wrap_angle.shape[0]
     for i in range(lanes):
-        closed_loop(p, w, i, p[K_CABLE, i], dt)
-        take_hole(x, p, w, i, BASE_P, Y)
-        x[SLACK, i] = 0.0
-        x[PEAK, i] = 0.0
+        closed_loop(p, w, i, p.cable_stiffness[i], dt)
+        take_hole(x, p, w, i, 0, True)
+        x.slack_fraction[i] = 0.0
+        x.peak_tension[i] = 0.0
         if e is not None:
-            begin(e, s, g, u, i, x[X, i], x[VX, i], x[Y, i], x[VY, i], substeps * dt, dt)
-            dry_friction(e, g, i, x[VY, i], e[COULOMB, i], x[T1, i])
+            begin(
+                e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                substeps * dt, dt,
+            )  # fmt: skip
+            dry_friction(e, g, i, x.load_velocity[i], e.coulomb_friction_level[i], x.drive_tension[i])
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):
                 actuate(e, s, g, u, i, n, substeps, dt)
-                u[COMMAND, i] = own_actuate(u[COMMAND, i], e, i)
-                rise = 1.0 + e[HARDENING, i] * linear(x[T1, i], e[HARDENING, i])
-                closed_loop(p, w, i, p[K_CABLE, i] * rise, dt)
+                u.command[i] = own_actuate(u.command[i], e, i)
+                hard = e.stiffness_hardening_coefficient[i]
+                closed_loop(p, w, i, p.cable_stiffness[i] * (1.0 + hard * linear(x.drive_tension[i], hard)), dt)
         for h in range(holes):
             last = h == holes - 1
-            row = Y if last else BASE_X + HOLE_X * h
             theta = 0.5 if last else 1.0  # the lumped masses of the cable are no part of the motion of interest
             if holes == 1:
                 for i in range(lanes):
                     keep_hole(x, w, i)
             else:
                 for i in range(lanes):
-                    take_hole(x, p, w, i, BASE_P + HOLE_P * h, row)
+                    take_hole(x, p, w, i, h, last)
             if h == 0:
                 for i in range(lanes):
-                    ahead = _ahead(p, u, w, e, g, i, dt) if holes == 1 else w[V, i]
+                    ahead = _ahead(p, u, w, e, g, i, dt) if holes == 1 else w.speed[i]
                     drive(x, p, u, w, e, s, g, i, ahead, dt)
-            following = Y if h >= holes - 2 else row + HOLE_X
             if last:
                 for i in range(lanes):
                     _load_behind(p, u, w, e, i)
             else:
                 for i in range(lanes):
-                    span_behind(x, p, w, i, following, dt)
+                    span_behind(x, p, w, i, h, h == holes - 2, dt)
             for i in range(lanes):
                 _pull(p, u, w, e, g, i, theta)
             wrapped(p, w, lanes, bends)
@@ -210,99 +231,38 @@ def _substeps(x, p, u, w, e, s, g, lanes, holes, substeps, dt):
                 for i in range(lanes):
                     tension, inv_n = _slip(w, e, s, g, i, dt, theta, True)
                     _load_moved(x, p, u, w, e, s, i, tension, inv_n)
-                    if holes == 1:
+                    if h == 0:
                         record(x, i, tension)
                         if e is not None:
                             drawn_in(x, p, w, e, s, g, i, dt)
             else:
                 for i in range(lanes):
                     tension, inv_n = _slip(w, e, s, g, i, dt, theta, False)
-                    guide_moved(x, p, w, i, row, tension, inv_n)
+                    guide_moved(x, p, w, i, h, tension, inv_n)
                     if h == 0:
                         record(x, i, tension)
                         if e is not None:
                             drawn_in(x, p, w, e, s, g, i, dt)
     for i in range(lanes):
-        x[SLACK, i] /= substeps
+        x.slack_fraction[i] /= substeps
         if e is not None:
-            end(e, s, g, i, x[Y, i], substeps * dt)
+            end(e, s, g, i, x.load_position[i], substeps * dt)
 
 
-@jit
-def advance(x, p, u, lo, hi, substeps, dt):
-    """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
-    rows = p.shape[0] - EFFECTS if p.shape[0] > ROWS_P else p.shape[0]  # effects have more rows than all holes
-    holes = (rows - BASE_P) // HOLE_P
-    seen = BASE_X + HOLE_X * (holes - 1)
-    xt, pt, ut, wt = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_W)
-    for first in range(lo, hi, LANES):
-        lanes = min(LANES, hi - first)
-        load(xt, x[:seen], first, lanes)
-        load(pt, p[:rows], first, lanes)
-        load(ut, u, first, lanes)
-        _substeps(xt, pt, ut, wt, None, None, None, lanes, holes, substeps, dt)
-        store(xt, x[:seen], first, lanes)
-
-
-@jit
-def advance_with_effects(x, p, u, lo, hi, substeps, dt):
-    """The same with effects; x and p have their rows."""
-    rows = p.shape[0] - EFFECTS
-    holes = (rows - BASE_P) // HOLE_P
-    seen = BASE_X + HOLE_X * (holes - 1)
-    xt, pt, ut, wt = tile(ROWS_X), tile(ROWS_P), tile(ROWS_U), tile(ROWS_W)
-    et, st, gt = tile(ROWS_E), tile(ROWS_S), tile(ROWS_G)
-    for first in range(lo, hi, LANES):
-        lanes = min(LANES, hi - first)
-        load(xt, x[:seen], first, lanes)
-        load(pt, p[:rows], first, lanes)
-        load(ut, u, first, lanes)
-        load(et, p[rows : rows + ROWS_E], first, lanes)
-        load(st, x[seen:], first, lanes)
-        _substeps(xt, pt, ut, wt, et, st, gt, lanes, holes, substeps, dt)
-        store(xt, x[:seen], first, lanes)
-        store(st, x[seen:], first, lanes)
-
-
-LAYOUT = Layout("cable_hole", PARAMETERS)
-EFFECTS = LAYOUT.count
-_MOST = len(series_parameters(MAX_HOLES))
-
-
-def prepare(values: np.ndarray) -> np.ndarray:
-    """Coefficient rows [len(Plant.coefficients), n] of parameter columns [len(Plant.parameters), n].
-
-    Columns of the whole `Plant.table` give the rows of the effects too. Raises ConfigurationError for what the bounds
-    of single parameters cannot exclude.
-    """
-    effects = values[-len(LAYOUT.null) :] if len(values) > _MOST else None
-    rows = coefficients(values if effects is None else values[: -len(effects)])
-    if effects is not None:
-        rows += list(LAYOUT.coefficients(effects))
-    return np.ascontiguousarray(rows, dtype=np.float64)
-
-
-def rest(p: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Signals [len(signals), n] of mechanisms at rest with the load at ``position`` (m, [n]); equal tensions."""
-    known = p.shape[0] > ROWS_P
-    e = p[-EFFECTS:] if known else np.zeros((ROWS_E, p.shape[1]))
-    holes = (p.shape[0] - known * EFFECTS - BASE_P) // HOLE_P
-    seen = BASE_X + HOLE_X * (holes - 1)
-    x = np.zeros((seen + known * ROWS_S, p.shape[1]))
-    tension = np.maximum(p[WEIGHT] + p[LOAD_K] * position, 0.0)
-    x[Y] = position
-    x[T1] = x[T2] = x[PEAK] = tension
-    s = np.array(position, dtype=np.float64)
-    for h in reversed(range(holes - 1)):
-        s = s + tension / p[SPAN_K]
-        x[BASE_X + HOLE_X * h], x[BASE_X + HOLE_X * h + 2] = s, tension
-    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * e[HARDENING] * tension)) / p[K_CABLE]
-    end = s + stretch * (1.0 + e[CREEP]) + e[SLACK_LENGTH]
-    x[X] = end
-    if known:
-        x[X] = spool_at(end, e)
-        x[seen + CREEP_T], x[seen + PLAY] = e[CREEP] * stretch, x[X]
-    return x
+def _settle(x, s, p, e, position: np.ndarray) -> None:
+    """At rest with the load at ``position`` (m, [n]); equal tensions on both sides of every hole."""
+    tension = np.maximum(p.load_weight + p.load_stiffness * position, 0.0)
+    x.load_position[:] = position
+    x.drive_tension[:] = x.load_tension[:] = x.peak_tension[:] = tension
+    slip = np.array(position, dtype=np.float64)
+    for h in reversed(range(len(x.slip_position))):
+        slip = slip + tension / p.span_stiffness
+        x.slip_position[h], x.span_tension[h] = slip, tension
+    hard = e.stiffness_hardening_coefficient
+    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.cable_stiffness
+    end = slip + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
+    x.drive_position[:] = spool_at(end, e)
+    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
 
 
 @cache
@@ -314,15 +274,17 @@ def cable_hole(holes: int = 1) -> Plant:
     return Plant(
         name="cable_hole",
         parameters=parameters,
-        coefficients=COEFFICIENTS + tuple(f"{name}_{h}" for h in range(1, holes + 1) for name in OF_EACH_HOLE),
         signals=series_signals(holes),
+        signal_rows=signal_rows(holes),
+        coefficient_rows=coefficient_rows(holes),
+        scratch=HOLE,
         action_modes=(
             ActionMode("tension", "N", "tension_command_limit", one_sided=True, rest_signal="drive_tension"),
             ActionMode("speed", "m/s", "drive_speed_limit"),
         ),
-        prepare=prepare,
-        rest=rest,
-        kernels=(advance, advance_with_effects),
+        derive=derive,
+        settle=_settle,
+        solve=_solve,
         effects=Layout("cable_hole", parameters),
     )
 

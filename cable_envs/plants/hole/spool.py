@@ -5,7 +5,6 @@ import numpy as np
 from cable_envs.core.kernels import inline, select
 from cable_envs.effects.backlash import play
 from cable_envs.effects.position_ripple import wave
-from cable_envs.effects.rows import GAP, PERIOD, PHASE_ANGLE, PLAY, RIPPLE
 
 _TAU = 2.0 * np.pi
 
@@ -13,7 +12,7 @@ _TAU = 2.0 * np.pi
 @inline
 def engaged(e, s, i, position, speed):
     """Whether a drive that is to move at ``speed`` takes the cable's end along."""
-    half, lead = 0.5 * e[GAP, i], position - s[PLAY, i]
+    half, lead = 0.5 * e.backlash_gap[i], position - s.gap_position[i]
     at_edge = ((speed > 0.0) & (lead >= half * 0.999999)) | ((speed < 0.0) & (lead <= -half * 0.999999))
     return (half <= 0.0) | at_edge
 
@@ -21,12 +20,12 @@ def engaged(e, s, i, position, speed):
 @inline
 def cable_end(e, s, i, old, new, speed, dt):
     """(position before, position after, mean speed, speed after) of the cable's end; PLAY is moved on."""
-    gap, a = e[GAP, i], e[RIPPLE, i]
-    before = select(gap > 0.0, s[PLAY, i], old)
+    gap, a = e.backlash_gap[i], e.position_ripple_amplitude[i]
+    before = select(gap > 0.0, s.gap_position[i], old)
     after = select(gap > 0.0, play(before, new, gap), new)
-    s[PLAY, i] = after
-    w0, _ = wave(before, a, e[PERIOD, i], e[PHASE_ANGLE, i])
-    w1, steep = wave(after, a, e[PERIOD, i], e[PHASE_ANGLE, i])
+    s.gap_position[i] = after
+    w0, _ = wave(before, a, e.position_ripple_period[i], e.position_ripple_phase[i])
+    w1, steep = wave(after, a, e.position_ripple_period[i], e.position_ripple_phase[i])
     drawn = select(after != before, speed * (1.0 + steep), 0.0)
     x0, x1 = before + w0, after + w1
     return x0, x1, (x1 - x0) / dt, drawn
@@ -35,13 +34,15 @@ def cable_end(e, s, i, old, new, speed, dt):
 @inline
 def moves_otherwise(e, i):
     """Whether the cable's end is not simply where the drive is."""
-    return (e[GAP, i] > 0.0) | (e[RIPPLE, i] != 0.0)
+    return (e.backlash_gap[i] > 0.0) | (e.position_ripple_amplitude[i] != 0.0)
 
 
 def spool_at(end: np.ndarray, e: np.ndarray) -> np.ndarray:
     """Position of the drive at which the cable's end is at ``end``, in the middle of the gap (m, [n])."""
     x = end.copy()
-    if np.any(e[RIPPLE] != 0.0):
+    if np.any(e.position_ripple_amplitude != 0.0):
         for _ in range(60):
-            x = end - e[RIPPLE] * np.sin(_TAU * x / e[PERIOD] + e[PHASE_ANGLE])
+            x = end - e.position_ripple_amplitude * np.sin(
+                _TAU * x / e.position_ripple_period + e.position_ripple_phase
+            )
     return x

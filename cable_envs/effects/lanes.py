@@ -1,0 +1,34 @@
+"""Named rows that the effects bring along: their states, the scratch of a control step, and what a sensor shows.
+
+Their coefficients are named after the effects: parameter "gap" of "backlash" is ``e.backlash_gap[i]`` in a kernel
+(`cable_envs.effects.Layout`). All plants share these declarations, so that the pieces that read them are the same
+everywhere.
+"""
+
+from cable_envs.core.lanes import Lanes
+
+ELEMENTS = 4
+"""Elements of the generalised Maxwell-slip model."""
+
+STATES = Lanes(
+    "States",
+    [
+        "started", "command", "command_rate", "gap_position", "pulley_angle", "creep_top", "creep_bottom", "drift",
+        ("presliding", ELEMENTS), ("partial", ELEMENTS),
+    ],
+)  # fmt: skip
+"""started: 0 until the first control step has given the states that depend on it their values."""
+
+STEP = (
+    "asked", "asked_rate", "ramped",  # the command asked for, its rate, and 1 where it goes there in a straight line
+    "lag_left", "lag_late", "creep_left",  # what lag and creep keep over a step; the lag's mean share over a step
+    "factor",  # on dry friction, by drift
+    "follows", "imposes",  # 1 where the drive follows a path, or its tension is imposed
+    "start", "start_rate", "target", "target_rate",  # the drive at the start of the control step, at the step's end
+    "up", "down", "steep",  # dry friction moving up and down, and its growth with the speed
+    "load_before",  # the load's position when the control step began
+)  # fmt: skip
+"""Scratch of a control step, the tile ``g`` of a kernel."""
+
+SENSE = Lanes("Sense", ["sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification"])
+"""Rows of each measured signal, behind all other coefficients."""
