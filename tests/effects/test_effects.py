@@ -9,8 +9,8 @@ import pytest
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
-from cable_envs.effects import EFFECTS, MEASURED, PLANTS, SEAMS
-from cable_envs.effects.rows import PARAMETERS, SENSE
+from cable_envs.effects import EFFECTS, MEASURED, PLANTS, SEAMS, lane_of
+from cable_envs.effects.lanes import SENSE
 from cable_envs.plants import plant_for
 from cable_envs.sim.rigs import load_rig
 from tests.support.golden_kernels import FILE, KEYS, fingerprint
@@ -32,6 +32,9 @@ def test_null_is_bit_equal_to_absence(case, mode, effects):
     assert fingerprint(case, mode, effects) == json.loads(FILE.read_text())[f"{case}, {mode}"]
 
 
+VARIANT = {"pulley_chain": ("pulley_circuit", "chain")}
+
+
 def test_every_canonical_effect_is_declared():
     assert set(NAMES) <= set(EFFECTS)
     for name, effect in EFFECTS.items():
@@ -44,8 +47,8 @@ def test_every_canonical_effect_is_declared():
                 if not p.shape:
                     assert p.typical_on(plant) != p.null
                 if name not in SENSE and plant not in p.aliases:
-                    row = f"{name}.{p.name}".replace("position_ripple.force", "position_ripple.amplitude")
-                    assert row in PARAMETERS
+                    layout = plant_for(*VARIANT.get(plant, (plant,))).effects
+                    assert lane_of(effect, p) in layout.lanes
 
 
 @pytest.mark.parametrize("variant", ["cable_hole", "pulley_circuit", "pulley_chain"])
