@@ -4,7 +4,7 @@
     -> select (refit, screen, race, accept, adequacy) -> answer
 
 Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
-(`search.select`), and "unseen", where the model's own error does: then held-out records judge (`search.unseen`).
+(`search.select`), and "unseen", where the model's own error does: then held-out records judge (`search.heldout`).
 Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
 """
 
@@ -31,10 +31,10 @@ from diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from diagnosis.model.verdict import Diagnosis
 from diagnosis.report.answer import answer
 from diagnosis.search.detectable import limited_by_the_model
+from diagnosis.search.heldout import select_unseen
 from diagnosis.search.select import select
 from diagnosis.search.selection import Selection
 from diagnosis.search.steps import Steps, digest
-from diagnosis.search.unseen import select_unseen
 from diagnosis.systems import looked_at, prepare
 from diagnosis.systems.common import resample, sample_period
 from diagnosis.systems.question import Question, Request

@@ -23,7 +23,7 @@ from scipy.stats import chi2
 
 from diagnosis.adequacy.spectra import by_block
 from diagnosis.fit.likelihood import Judged, deviance
-from diagnosis.fit.screen import basis
+from diagnosis.fit.score_tests import basis
 from diagnosis.model.leftover import ALL, Leftover
 from diagnosis.model.model import Block, Whitener, learn_whitener
 

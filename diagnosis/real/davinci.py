@@ -17,8 +17,8 @@ from diagnosis.fit.refit import Fit, Start
 from diagnosis.fit.weights import rmse, settle
 from diagnosis.model.model import Model, residuals
 from diagnosis.model.verdict import Step
-from diagnosis.search.ladder import held, inside, ladder
-from diagnosis.search.unseen import sure
+from diagnosis.search.heldout import sure
+from diagnosis.search.stepwise import held, inside, ladder
 from diagnosis.systems.transmission import models
 from diagnosis.systems.transmission_effects import LIMITS, hypotheses
 

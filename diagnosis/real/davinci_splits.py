@@ -22,7 +22,7 @@ from diagnosis.data.recording import Record, Recording
 from diagnosis.fit.refit import Start
 from diagnosis.fit.weights import rmse, settle
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from diagnosis.search.ladder import ladder
+from diagnosis.search.stepwise import ladder
 from diagnosis.systems.transmission import TransmissionModel, assemble, nominals_of, run_of
 from diagnosis.systems.transmission_effects import hypotheses
 

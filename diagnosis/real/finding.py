@@ -8,11 +8,11 @@ import numpy as np
 from diagnosis.data.recording import Recording
 from diagnosis.engine import examine
 from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.screen import screen
+from diagnosis.fit.score_tests import screen
 from diagnosis.fit.weights import rmse, weigh
 from diagnosis.model.verdict import Step, Trace
-from diagnosis.search.ladder import held
-from diagnosis.search.race import refits
+from diagnosis.search.comparison import refits
+from diagnosis.search.stepwise import held
 from diagnosis.systems.question import Question
 
 

@@ -13,20 +13,20 @@ from diagnosis.data.recording import Recording
 from diagnosis.fit.confidence import MOST, confidence, highest, interval
 from diagnosis.fit.likelihood import Judged, raw_residuals
 from diagnosis.fit.refit import Fit
-from diagnosis.fit.screen import Score
+from diagnosis.fit.score_tests import Score
 from diagnosis.intake.gate import Quality
 from diagnosis.model.hypotheses import Hypothesis, effect_name
 from diagnosis.model.model import Free, Model, residuals
 from diagnosis.model.noise import jitter
 from diagnosis.model.verdict import Diagnosis, Found, Trace
-from diagnosis.search.hunting import RUNS
+from diagnosis.search.limit_cycles import RUNS
 from diagnosis.search.places import located, permuted
 from diagnosis.search.select import LIKE_ANY
 from diagnosis.search.selection import Accepted, Selection
 from diagnosis.systems.question import Question
 
 _STANDS_OUT = 3.6
-"""Standard deviations that `diagnosis.fit.screen.Score.visible` speaks of."""
+"""Standard deviations that `diagnosis.fit.score_tests.Score.visible` speaks of."""
 
 
 TURNED = "; the data want it with the other sign"

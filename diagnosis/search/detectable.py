@@ -1,7 +1,7 @@
 """Whether noise is what limits a recording.
 
 If what the best model leaves is far above the sensors' noise everywhere, no likelihood under that noise can judge, and
-held-out records should (`diagnosis.search.unseen`).
+held-out records should (`diagnosis.search.heldout`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,7 @@
 """From scores to an answer: what is missing, one effect after the other, and whether anything is left.
 
 1. Refit the nominals; learn the noise.
-2. Score all hypotheses (`diagnosis.fit.screen`), refit the best of them (`diagnosis.search.race`), rank by deviance.
+2. Score all hypotheses (`fit.score_tests`), refit the best of them (`search.comparison`), rank by deviance.
 3. Accept the best where it gains more than noise would give to any of them, the held-out records do not speak against
    it, none of its parameters ends on a bound, its interval leaves the null out, and parts of the record agree.
 4. Again on top of it. A further effect must also gain a share of what the first ones did: every formulation of physics
@@ -10,7 +10,7 @@
 6. `adequacy.tests` asks whether what is left is noise. Where it is not, nothing is named. Under a noise that is
    known from rest the held-out records are asked too: slow noise hides much, and another motion may show it. Not in
    white noise: there two formulations differ by what friction holds after a stop, in one of 20 quiet recordings.
-7. Where that names nothing, spectra are compared instead of residuals (`search.hunting`): of a loop that hunts no
+7. Where that names nothing, spectra are compared instead of residuals (`search.limit_cycles`): of a loop that hunts no
    simulation has the phase. A simulator that hunts by itself, and has the spectrum, is left as it is from the start.
 """
 
@@ -25,12 +25,12 @@ from diagnosis.adequacy.bands import Spectra
 from diagnosis.adequacy.tests import Adequacy, adequacy
 from diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
 from diagnosis.fit.refit import Start
-from diagnosis.fit.screen import screen
+from diagnosis.fit.score_tests import screen
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, Whitener
-from diagnosis.search import hunting
+from diagnosis.search import limit_cycles as hunting
+from diagnosis.search.comparison import Candidate, race
 from diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
-from diagnosis.search.race import Candidate, race
 from diagnosis.search.rules import Rules
 from diagnosis.search.selection import Accepted, Selection
 

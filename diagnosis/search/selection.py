@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from diagnosis.adequacy.bands import Bands
 from diagnosis.adequacy.tests import Adequacy
 from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.screen import Screening
+from diagnosis.fit.score_tests import Screening
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.verdict import Step
-from diagnosis.search.race import Candidate
+from diagnosis.search.comparison import Candidate
 from diagnosis.search.rules import Rules
 
 
@@ -40,7 +40,7 @@ class Selection:
     refused: Mapping[str, str] = field(default_factory=dict)
     rules: Rules = field(default_factory=Rules)
     steps: tuple[Step, ...] = ()
-    """of the ladder, where the held-out records judge (`diagnosis.search.unseen`)"""
+    """of the ladder, where the held-out records judge (`diagnosis.search.heldout`)"""
     explained: float = 0.0
     """what the effects gain on all records that are asked whether what is left is noise, and what those that the rig
     has already gain on the fitted ones"""

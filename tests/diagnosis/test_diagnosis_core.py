@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis.fit.likelihood import raw_residuals, refit_and_learn
 from diagnosis.fit.refit import Start, refit
-from diagnosis.fit.screen import screen
+from diagnosis.fit.score_tests import screen
 from diagnosis.model.model import learn_whitener
 from diagnosis.model.noise import Noise, learn_noise
 from diagnosis.search.select import select

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from diagnosis.adequacy.tests import adequacy
 from diagnosis.fit.likelihood import refit_and_learn, refit_nominals
 from diagnosis.fit.refit import Start
-from diagnosis.fit.screen import screen
+from diagnosis.fit.score_tests import screen
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Coordinate, Free
 from diagnosis.report import answer

@@ -21,7 +21,7 @@ from diagnosis.readers.writer import write_data_set
 from diagnosis.real.davinci import concealed, diagnosed, in_units, load, located
 from diagnosis.real.davinci_splits import SPLITS, compare
 from diagnosis.real.feedforward import command
-from diagnosis.search.ladder import inside, ladder
+from diagnosis.search.stepwise import inside, ladder
 from diagnosis.systems import prepare, transmission
 from diagnosis.systems.question import Request
 from diagnosis.systems.transmission import Run, assemble, nominals_of

@@ -1,4 +1,4 @@
-"""The criterion "unseen": effects are accepted by the error of records that no refit has seen (`search.ladder`).
+"""The criterion "unseen": effects are accepted by the error of records that no refit has seen (`search.stepwise`).
 
 For rigs whose sensors are better than any model of them. What is left is then never noise, so nothing is asked of it;
 where no effect helps, the same test as of the criterion "noise" says whether something is left at all.
@@ -15,9 +15,9 @@ from diagnosis.fit.refit import Fit
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model
 from diagnosis.model.verdict import Estimate, Step
-from diagnosis.search.ladder import MARGIN, MOST, Rung, held, inside, ladder
 from diagnosis.search.rules import Rules
 from diagnosis.search.selection import Accepted, Selection
+from diagnosis.search.stepwise import MARGIN, MOST, Rung, held, inside, ladder
 
 RULES = Rules(gain=MARGIN, each=0.0, share=0.0, margin=MARGIN, most=MOST)
 """`Rules` in held-out gain, independent stretches."""

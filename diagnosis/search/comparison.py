@@ -7,7 +7,7 @@ import numpy as np
 
 from diagnosis.fit.likelihood import Judged, judge
 from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.fit.screen import Score, Screening
+from diagnosis.fit.score_tests import Score, Screening
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, learn_whitener
 

@@ -14,7 +14,7 @@ from diagnosis.engine import examine
 from diagnosis.fit.likelihood import refit_nominals
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Free
-from diagnosis.search import hunting
+from diagnosis.search import limit_cycles as hunting
 from diagnosis.search.select import select
 from diagnosis.systems.common import sample_period
 from diagnosis.systems.linear_drive import controller

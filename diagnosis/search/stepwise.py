@@ -4,7 +4,7 @@
 sensors are far better than any model (0.2 mN m against 3) what is left is model error, slow over seconds: an
 autoregression of it would throw away the slow parts, which are what a model is to explain. Here every channel counts by
 its residual's size and by its number of independent stretches (`fit.weights`), and the records that no refit has
-seen judge. Scores, starts and refits are those of `diagnosis.fit.screen` and `diagnosis.search.race`.
+seen judge. Scores, starts and refits are those of `diagnosis.fit.score_tests` and `diagnosis.search.comparison`.
 
 forward    | score all hypotheses (`screen`), refit the best, take the one that improves the held-out records most
 accept     | if that gain is above `MARGIN`, comes from most held-out records, no size ends on a bound
@@ -20,13 +20,13 @@ import numpy as np
 
 from diagnosis.fit.likelihood import Judged, raw_residuals
 from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.fit.screen import Screening, screen
+from diagnosis.fit.score_tests import Screening, screen
 from diagnosis.fit.weights import about, rmse, settle, together
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, Whitener
 from diagnosis.model.verdict import Step
+from diagnosis.search.comparison import refits
 from diagnosis.search.objections import bounded
-from diagnosis.search.race import refits
 
 MARGIN = 6.0
 """Held-out sum of squares, in independent stretches, that an effect must buy: about e^3 to 1."""
