@@ -14,7 +14,7 @@ The package from the question to the answer; each folder imports only those belo
 `adequacy`          whether what a model leaves is noise: score tests, spectra, coherence
 `intake`            faults of the data that are refused before anything is fitted
 `systems`           a recording as a model: the plant's kernel driven by what was recorded as its input
-`fit`               least squares, likelihood, screening of effects, covariance, localisation in time
+`fit`               least squares, likelihood, score tests of effects, covariance, localisation in time
 `model`             what all systems share: residual model, noise and whitening, hypotheses, the answer's data
 `readers`           measured data of other formats as a recording
 `data`              the recording: its YAML, its tables, and a first look at them

@@ -1,10 +1,11 @@
 """`diagnose`: from a recording to a verdict. Every step can be called by itself:
 
     load_recording -> gate -> kept_back -> prepare -> told_at_rest
-    -> select (refit, screen, race, accept, adequacy) -> answer
+    -> select (refit, score tests, comparison of models, acceptance, goodness of fit) -> answer
 
 Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
-(`search.select`), and "unseen", where the model's own error does: then held-out records judge (`search.heldout`).
+(likelihood ratios under whitened noise, `search.select`), and "unseen", where the model's own error does: then held-out
+records judge (cross-validation, `search.heldout`).
 Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
 """
 
@@ -31,7 +32,7 @@ from diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from diagnosis.model.verdict import Diagnosis
 from diagnosis.report.answer import answer
 from diagnosis.search.detectable import limited_by_the_model
-from diagnosis.search.heldout import select_unseen
+from diagnosis.search.heldout import select_heldout
 from diagnosis.search.select import select
 from diagnosis.search.selection import Selection
 from diagnosis.search.steps import Steps, digest
@@ -260,5 +261,5 @@ def selected(
     stated = {n: s for n, s in recording.noise.items() if n in predicted}
     asked = (question.fit, question.heldout, question.nominals, question.hypotheses)
     if judge == "unseen":
-        return select_unseen(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
+        return select_heldout(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
     return select(*asked, rng, stated=stated, plain=plain, tell=tell, keep=steps)

@@ -1,7 +1,7 @@
 """Each set of real recordings as numbers (JSON) and figures (SVG): what the page of `cablebench recordings` shows."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, astuple
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +20,7 @@ _CURVES = {"measured": "measured", "nominal": "refit", "final": "augmented"}
 
 def numbers(finding: Finding) -> dict[str, Any]:
     """A finding without its curves."""
-    found = {k: v for k, v in asdict(finding).items() if k != "traces"}
-    return found | {"named": list(finding.named)}
+    return finding.as_json()
 
 
 def band_brake(shared: Path, work: Path, tell: Tell) -> Made:
@@ -40,7 +39,7 @@ def band_brake(shared: Path, work: Path, tell: Tell) -> Made:
             (pull, "Difference of the band's tensions", "T2 - T1  [kN]"),
         )
     ]
-    steps = [(s.name, s.fit, s.heldout) for s in finding.steps]
+    steps = [(s.hypothesis.name, s.fit, s.heldout) for s in finding.steps]
     figures = {
         "loops": draw.loops(panels),
         "ladder": draw.ladder(
@@ -53,7 +52,7 @@ def band_brake(shared: Path, work: Path, tell: Tell) -> Made:
 
 
 def _alone(finding: Finding, channel: str, label: str) -> str:
-    rows = [(a.name, a.heldout[channel] / 1e3, a.fit[channel] / 1e3) for a in finding.alone]
+    rows = [(a.hypothesis.name, a.heldout[channel] / 1e3, a.fit[channel] / 1e3) for a in finding.alone]
     return draw.bars(sorted(rows, key=lambda r: r[1]), label, finding.steps[0].heldout[channel] / 1e3, {})
 
 
@@ -98,7 +97,7 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
         "title": "The same, nearer: what remains follows the speed's steps",
         "nominal": np.full(len(zero), np.nan),
     }
-    steps = [(s.name, s.fit, s.heldout) for s in found.finding.steps]
+    steps = [(s.hypothesis.name, s.fit, s.heldout) for s in found.finding.steps]
     figures = {
         "intervals": draw.intervals(panels),
         "left": draw.runs([run, close], shared=True),
@@ -108,7 +107,7 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
     moving = np.abs(speed) > 0.02 * np.abs(speed).max()
     return {
         "finding": numbers(found.finding), "published": PUBLISHED, "units": UNITS,
-        "estimates": {m: {n: asdict(e) for n, e in of.items()} for m, of in found.estimates.items()},
+        "estimates": {m: {n: e.as_json() for n, e in of.items()} for m, of in found.estimates.items()},
         "left_um": {
             "moving": 1e6 * float(np.sqrt(np.mean(left[moving] ** 2))),
             "at rest and reversals": 1e6 * float(np.sqrt(np.mean(left[~moving] ** 2))) if (~moving).any() else None,
@@ -131,10 +130,10 @@ def coupled_drives(shared: Path, work: Path, tell: Tell) -> Made:
     panels = [_joined(uniform, name, 4.0) for name in ("uniform_1", "uniform_2")]
     panels.append(_joined(prbs, "prbs_1", 4.0))
     base = uniform.steps[0].heldout["speed_reading"]
-    alone = [(_plain(a.name), a.heldout["speed_reading"], a.fit["speed_reading"]) for a in uniform.alone]
+    alone = [(_plain(a.hypothesis.name), a.heldout["speed_reading"], a.fit["speed_reading"]) for a in uniform.alone]
     alone.sort(key=lambda r: r[1])
     marks = {"nets": 0.095}
-    steps = {n: [(s.name, s.fit, s.heldout) for s in f.steps] for n, f in found.findings.items()}
+    steps = {n: [(s.hypothesis.name, s.fit, s.heldout) for s in f.steps] for n, f in found.findings.items()}
     figures = {
         "runs": draw.runs(panels),
         "ladder": draw.ladder(steps["uniform"], {"speed_reading": ("Uniform records: error of the reading  [V]", 1.0)}),

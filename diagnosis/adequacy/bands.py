@@ -85,7 +85,7 @@ class Bands:
         return float(chi2.sf(self.beyond.sum(), len(self.left)))
 
     @property
-    def promise(self) -> float:
+    def expected_gain(self) -> float:
         """What the spread gains if the recording has it: how much the model oscillates by itself."""
         return float(np.sum(2.0 * self.count * (self.expected - 1.0 - np.log(self.expected))))
 
@@ -96,7 +96,7 @@ class Bands:
         return max(float(np.sqrt((self.left[own] @ w) / (self.expected[own] @ w))) for own, w in weights)
 
     @property
-    def still(self) -> "Bands":
+    def without_spread(self) -> "Bands":
         """As if the runs did not differ."""
         return replace(self, spread=np.zeros_like(self.spread))
 

@@ -145,7 +145,7 @@ class _Family:
         return self.regression.fall(self.channel, self.columns) if self.rank else 0.0
 
     @cached_property
-    def worth(self) -> float:
+    def calibrated_gain(self) -> float:
         """The gain over how much more than their number the same functions gain at other times, by chance.
 
         A learnt colour is never quite the noise's: slow functions find more in 1/f noise than chi-square allows.
@@ -162,7 +162,7 @@ class _Family:
         if not self.rank:
             return Leftover(self.channel, self.name, self.unit, 0.0, 0, 1.0)
         p = float(chi2.sf(self.gain, self.rank))
-        gain = self.gain if p >= SHIFTED else self.worth
+        gain = self.gain if p >= SHIFTED else self.calibrated_gain
         height, error = (), ()
         if len(self.at):
             u, s, vt = self._parts
@@ -189,7 +189,7 @@ def _together(families: Sequence[_Family], name: str, among: int = 1) -> Leftove
     functions = sum(f.rank for f in families)
     gain = sum(f.gain for f in families)
     if among * chi2.sf(gain, functions) < SHIFTED:
-        gain = sum(f.worth for f in families)
+        gain = sum(f.calibrated_gain for f in families)
     p = min(among * float(chi2.sf(gain, functions)), 1.0)
     at = tuple(families[0].at) if among > 1 else ()
     return Leftover(ALL, name, families[0].unit, gain, functions, p, at)

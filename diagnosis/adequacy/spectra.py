@@ -21,7 +21,8 @@ OCTAVES = tuple((2**k + 1, 2 ** (k + 1) + 1) for k in range(3, 9))
 """Of frequencies, in inverse lengths of a record, over which the coherence of two channels is taken."""
 _HANN = 35 / 18
 """Frequencies that a Hann window makes one: neighbours know of each other by 2/3, the next by 1/6, and the variance of
-a mean grows by 1 + 2 (4/9 + 1/36). With 1.5, the window's noise bandwidth, a third of quiet recordings had p < 0.05."""
+a mean grows by 1 + 2 (4/9 + 1/36). With 1.5, the window's noise bandwidth, a third of recordings that had no mismatch
+had p < 0.05."""
 _RARE = 64
 
 
@@ -72,7 +73,7 @@ def _periodogram(series: Sequence[np.ndarray], width: int) -> np.ndarray:
 def coherences(blocks: Sequence[Block], white: np.ndarray) -> list[Leftover]:
     """What is left in two channels with sensors of their own, octave by octave and over all octaves.
 
-    ``white``: whitened residuals, one after another; a spectrum that falls within an octave is worth fewer frequencies.
+    ``white``: whitened residuals, one after another; a spectrum that falls within an octave counts for less.
     """
     waves: dict[tuple[str, str], np.ndarray] = {}
     sensors = {b.channel: b.sensor for b in blocks if b.sensor}

@@ -1,4 +1,4 @@
-"""Whether what a model leaves is noise: no hypothesis is asked, only what any mismatch would do.
+"""Goodness of fit: whether what a model leaves is noise. No hypothesis is asked, only what any mismatch would do.
 
 It is asked of the records that were fitted and, as nothing is fitted any more, may be of those that are held out.
 
@@ -23,7 +23,7 @@ from diagnosis.model.leftover import Leftover
 from diagnosis.model.model import Block, Model
 from diagnosis.model.noise import resolution
 
-SURE = 1e-3
+SIGNIFICANCE = 1e-3
 """Familywise p-value below which something is left."""
 
 
@@ -50,7 +50,7 @@ def adequacy(
     found = [*regressed(regression), *lines(blocks, judged, regression.white), *coherences(blocks, regression.white)]
     tests = len(found)
     found.sort(key=lambda f: f.p_value)
-    excess = max([f.gain - f.functions for f in found if tests * f.p_value < SURE], default=0.0)
+    excess = max([f.gain - f.functions for f in found if tests * f.p_value < SIGNIFICANCE], default=0.0)
     over = _over_noise(blocks, judged, stated or {})
     return Adequacy(min(1.0, tests * found[0].p_value), excess, tuple(found), over)
 

@@ -1,1 +1,1 @@
-"""Refits, likelihood, screening of hypotheses, localisation."""
+"""Refits, likelihood, score tests of hypotheses, covariance, localisation."""

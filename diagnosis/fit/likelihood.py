@@ -1,6 +1,6 @@
-"""How likely a recording is under a model: the noise of every channel, with its colour, is learnt from what is left.
+"""Profile likelihood of a recording under a model: the noise of each channel, with its colour, is that of what is left.
 
-    deviance = sum over channels of  count ln(std^2) + 3 numbers + surprise
+    deviance = sum over channels of  count ln(std^2) + 3 numbers + mean_deviance
 
 with the driving noise's ``std``, how many numbers its colour has, and what the records' means are beside their slowest
 waves (`model.noise`): -2 times the logarithm of the likelihood with the noise's own parameters at their best, and
@@ -48,7 +48,7 @@ def deviance(blocks: Sequence[Block], whitener: Whitener) -> float:
     total = 0.0
     for channel, noise in whitener.noise.items():
         count = noise.counted([block.good for block in blocks if block.channel == channel])
-        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers + noise.surprise
+        total += 2.0 * count * np.log(max(noise.std, 1e-300)) + PRICE * noise.numbers + noise.mean_deviance
     return float(total)
 
 

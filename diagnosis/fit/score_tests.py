@@ -1,8 +1,11 @@
-"""Scores of all hypotheses against one refitted model, without refitting each: where to look, and how sure to be.
+"""Score tests of all hypotheses against one refitted model, without refitting each: where to look, how sure to be.
 
+Rao's score test (Lagrange multiplier test) asks of a model's residual alone whether a further parameter would help.
 Everything is whitened. What the nominal parameters can still absorb is projected out of the residual and of every
-probe, so a score is the improvement beyond the refit. p-values are familywise: the distribution of the best score of
-all probes under noise alone, drawn from the Gram matrix of the probes.
+probe, so a score is the improvement beyond the refit, and the angle between a probe and what they can do says how
+identifiable its effect is. Probes are differences over finite sizes, where Rao's are slopes: a gap has no slope at 0.
+p-values are familywise: the distribution of the best score of all probes under noise alone, drawn from the Gram matrix
+of the probes (their information matrix).
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,12 +37,13 @@ FAR = 0.1
 
 @dataclass(frozen=True)
 class Score:
-    """One probe of one hypothesis.
+    """The score test of one probe of one hypothesis.
 
     directions    | the probe: parameters that differ from the model's, one mapping for each direction
     gain          | fall of the whitened sum of squares, to first order
     amount        | best multiple of the probe's directions
-    absorbability | degrees between the probe and what the nominal parameters can do: 0 is absorbed wholly
+    absorbability | degrees between the probe and what the nominal parameters can do: 0 is absorbed wholly, and the
+                  | effect is not identifiable
     """
 
     hypothesis: Hypothesis
@@ -56,8 +60,8 @@ class Score:
 
 
 @dataclass(frozen=True)
-class Screening:
-    """All scores, the best of each hypothesis, and how surprising the best is among noise."""
+class ScoreTests:
+    """The score tests of all probes, the best of each hypothesis, and the p-value of the best under noise alone."""
 
     scores: tuple[Score, ...]
     best: dict[str, Score]
@@ -78,18 +82,35 @@ class Screening:
         return tuple(n for n, c in zip(names, row, strict=True) if n != name and c >= cosine)
 
 
-def screen(
+def score_tests(
     model: Model,
     base: Judged,
     hypotheses: Sequence[Hypothesis],
     rng: np.random.Generator,
     whitener: Whitener | None = None,
-) -> Screening:
-    """Score every probe around the refit ``base``. ``hypotheses`` must not be empty.
+) -> ScoreTests:
+    """Score every probe around a refit.
 
     Where a probe at a finite size is far from the size that its score suggests, it is probed again nearer to that
-    (`ZOOMS` times): most effects do not grow in proportion. whitener: the noise, where it is known; else it is learnt
-    from what all probes together cannot explain.
+    (`ZOOMS` times): most effects do not grow in proportion.
+
+    Parameters
+    ----------
+    model : Model
+        The records to fit.
+    base : Judged
+        The refit around which effects are looked for.
+    hypotheses : sequence of Hypothesis
+        At least one.
+    rng : numpy.random.Generator
+        Draws the recordings of noise alone, for the p-value.
+    whitener : Whitener, optional
+        The noise, where it is known; else it is learnt from what all probes together cannot explain.
+
+    Returns
+    -------
+    ScoreTests
+        Scores in the order of the probes.
     """
     probing = _Probing(model, base)
     probes = [(h, probe) for h in hypotheses for probe in _promising(model, base, h)]
@@ -118,7 +139,7 @@ def screen(
     first = np.stack([units[k][:, 0] for k in best.values()], axis=1)
     draws = _largest(units, rng)
     top = max(score.gain for score in scores)
-    return Screening(
+    return ScoreTests(
         tuple(scores), {name: scores[k] for name, k in best.items()}, _tail(draws, top),
         float(np.quantile(draws, 0.95)), np.abs(first.T @ first), whitener, float(white @ white),
     )  # fmt: skip

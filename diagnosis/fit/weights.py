@@ -1,9 +1,10 @@
 """Refits where what is left is the model's own error, not the sensors' noise: weights of channels, honest intervals.
 
 A model's error repeats with the motion: it is no stationary noise, and no autoregression of it leaves independent
-samples. So every channel counts by the size of its residual and by its number of independent stretches, and the
-covariance of a refit is found from the parts of the records themselves (`resampled`): whatever the weights are, it
-holds for errors that are independent from part to part.
+samples. So every channel counts by the size of its residual and by its effective sample size, the two in turns with the
+refit (iteratively reweighted least squares), and the covariance of a refit is found from the parts of the records
+themselves (`with_sandwich_covariance`): whatever the weights are, it holds for errors that are independent from part to
+part.
 """
 
 from collections.abc import Sequence
@@ -26,7 +27,7 @@ PARTS, EACH = 12, 3
 
 
 def weigh(blocks: Sequence[Block], series: Sequence[np.ndarray]) -> Whitener:
-    """Every channel by its RMS times the root of the samples that hang together: (1 + 2 sum of autocorrelations).
+    """Every channel by its RMS times the root of its autocorrelation time.
 
     The sum goes to the first negative autocorrelation of the channel that is slower, and holds for both: else a channel
     that is wrong by a constant would count for nothing. No sample is coloured.
@@ -36,12 +37,16 @@ def weigh(blocks: Sequence[Block], series: Sequence[np.ndarray]) -> Whitener:
         parts = [np.where(b.good, s, 0.0) for b, s in zip(blocks, series, strict=True) if b.channel == channel]
         count = sum(int(b.good.sum()) for b in blocks if b.channel == channel)
         sizes[channel] = max(float(np.sqrt(sum(float(p @ p) for p in parts) / max(count, 1))), 1e-12)
-        slowest = max(slowest, together(parts))
+        slowest = max(slowest, autocorrelation_time(parts))
     return Whitener({channel: Noise(np.empty(0), size * float(np.sqrt(slowest))) for channel, size in sizes.items()})
 
 
-def together(parts: Sequence[np.ndarray]) -> float:
-    """Samples of series [T] that count as one independent stretch."""
+def autocorrelation_time(parts: Sequence[np.ndarray]) -> float:
+    """Integrated autocorrelation time of series [T], samples: 1 + 2 sum of autocorrelations up to the first negative.
+
+    A series of n samples has the effective sample size n over this (Sokal, Monte Carlo Methods in Statistical
+    Mechanics, 1997, sec. 2): so many independent ones would tell as much of its mean.
+    """
     longest = max(len(p) for p in parts)
     total = np.zeros(longest)
     for part in parts:
@@ -67,8 +72,11 @@ def rms_by_channel(model: Model, series: Sequence[np.ndarray]) -> dict[str, floa
     return {channel: float(np.sqrt(np.mean(np.concatenate(parts)))) for channel, parts in squares.items()}
 
 
-def settle(model: Model, start: Start, rounds: int = ROUNDS) -> tuple[Fit, Whitener]:
-    """A refit, with the channels weighed by what it leaves, the two in turns; its covariance is `resampled`."""
+def reweighted_refit(model: Model, start: Start, rounds: int = ROUNDS) -> tuple[Fit, Whitener]:
+    """A refit with the channels weighed by what it leaves, the two in turns, and the noise that it then leaves.
+
+    Its covariance is that of `with_sandwich_covariance`.
+    """
     values = np.array([[start.values.get(p.name, p.start)] for p in model.parameters])
     left = [b.measured - p[:, 0] for b, p in zip(model.blocks, model.predict(values), strict=True)]
     whitener = weigh(model.blocks, left)
@@ -76,10 +84,10 @@ def settle(model: Model, start: Start, rounds: int = ROUNDS) -> tuple[Fit, White
         fit = _converged(model, whitener, start)
         start = Start(fit.label, fit.free, fit.values)
         whitener = weigh(model.blocks, raw_residuals(model, fit))
-    return resampled(model, fit), whitener
+    return with_sandwich_covariance(model, fit), whitener
 
 
-def about(model: Model, whitener: Whitener, starts: Sequence[Start], rng: np.random.Generator) -> Fit:
+def multistart(model: Model, whitener: Whitener, starts: Sequence[Start], rng: np.random.Generator) -> Fit:
     """The best refit of ``starts`` and of `DRAWS` more about the last of them.
 
     Friction has kinks, and a cost with kinks has many minima: from a single start Coulomb friction lost to Stribeck's,
@@ -103,8 +111,8 @@ def _converged(model: Model, whitener: Whitener, start: Start) -> Fit:
     return fit
 
 
-def resampled(model: Model, fit: Fit) -> Fit:
-    """The fit with a covariance from parts of the records: block resampling to first order.
+def with_sandwich_covariance(model: Model, fit: Fit) -> Fit:
+    """The fit with a covariance from parts of the records: the cluster-robust sandwich estimator.
 
     H^-1 (sum of g g') H^-1 over the parts, with g the part's gradient and H the normal matrix (Liang, Zeger, Biometrika
     73 (1986) 13), times parts / (parts - free) and Student's quantile over 1.96, since parts are few. Curvature stays

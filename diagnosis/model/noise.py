@@ -34,7 +34,7 @@ class Noise:
     means   | of the means of the last ``LONG[0]``, ``LONG[1]``, ... values
     numbers | how many of them are free
     lift    | what a record's mean counts for beyond what the autoregression makes of it, in 1 / unit
-    surprise| of the means of the residuals that it was learnt from: what they add to the deviance
+    mean_deviance | what the means of the residuals that it was learnt from add to the deviance
     """
 
     short: np.ndarray
@@ -42,7 +42,7 @@ class Noise:
     numbers: int = 0
     means: np.ndarray = field(default_factory=lambda: np.empty(0))
     lift: float = 0.0
-    surprise: float = 0.0
+    mean_deviance: float = 0.0
 
     @cached_property
     def coefficients(self) -> np.ndarray:
@@ -168,7 +168,7 @@ def learn_noise(residuals: Sequence[np.ndarray], max_order: int = MAX_ORDER) -> 
 
 
 def _with_means(noise: Noise, residuals: Sequence[np.ndarray]) -> Noise:
-    """The same with what the records' means are worth beside their slowest waves (Student's t of a mean).
+    """The same with what the records' means tell beside their slowest waves (Student's t of a mean).
 
     Power densities, unit^2 per sample: of the waves, of the autoregression at frequency 0, of each record's mean.
     """
@@ -179,8 +179,8 @@ def _with_means(noise: Noise, residuals: Sequence[np.ndarray]) -> Noise:
     if not 0.0 < slow < taken:
         return noise
     lift = 1.0 / np.sqrt(slow) - 1.0 / np.sqrt(taken)
-    surprise = (1.0 - slow / taken) * (freedom + len(means)) * np.log1p(sum(means) / (freedom * slow))
-    return replace(noise, lift=float(lift), surprise=float(surprise))
+    mean_deviance = (1.0 - slow / taken) * (freedom + len(means)) * np.log1p(sum(means) / (freedom * slow))
+    return replace(noise, lift=float(lift), mean_deviance=float(mean_deviance))
 
 
 def _slowest(residual: np.ndarray) -> tuple[np.ndarray, float]:

@@ -51,7 +51,7 @@ class RestNoise:
     covariance: np.ndarray
     std: float = 1.0
     numbers: int = 0
-    surprise: float = 0.0
+    mean_deviance: float = 0.0
 
     @property
     def floor(self) -> float:

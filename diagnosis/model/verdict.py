@@ -12,58 +12,117 @@ import yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.core.intervals import Interval
+from diagnosis.model.hypotheses import Hypothesis
 
 SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
 
 
 @dataclass(frozen=True)
-class Found:
-    """An effect. ``confidence``: that it, or one of its alternatives, is there (`diagnosis.fit.confidence`).
-
-    parameters: canonical name -> {value, unit, ci95}; ``hypothesis`` tells sensors apart: "sensor_bias.velocity".
-    """
-
-    name: str
-    confidence: float
-    parameters: Mapping[str, Mapping[str, Any]]
-    equation: str
-    alternatives: tuple[str, ...]
-    separating_experiment: str
-    hypothesis: str = ""
-    gain: float = 0.0
-    margin: float = 0.0
-    heldout_gain: float = 0.0
-
-
-@dataclass(frozen=True)
 class Estimate(Interval):
-    """A parameter with its 95 % interval, in ``unit``."""
+    """A parameter with its 95 % confidence interval.
+
+    Parameters
+    ----------
+    value, low, high : float
+        As of `Interval`, in ``unit``.
+    unit : str
+        Of all three.
+    row : str
+        The plant's own name of the parameter, where an effect calls it otherwise.
+    """
 
     unit: str
+    row: str = ""
+
+    def as_json(self) -> dict[str, Any]:
+        """Value, ends of the interval and unit by name."""
+        return {"value": self.value, "low": self.low, "high": self.high, "unit": self.unit}
 
 
 @dataclass(frozen=True)
-class Step:
-    """One effect that the held-out records asked for; the first step is the refit of the nominals alone, named "".
+class EffectGain:
+    """An effect with what a model gains by it: as a candidate, as a step of a selection, and in the answer.
 
-    gain       | held-out fall of the sum of squares, in independent stretches
-    alike      | other names that these records do not tell from it
-    fit, heldout | RMS error by channel, SI
-    parameters | those that were free at this step
-    rivals     | held-out gain of every hypothesis that was refitted at this step
-    dropped    | effects that were in before, and are not missed any more
+    Gains are falls of the deviance (twice the logarithm of the likelihood ratio); where held-out records judge, of the
+    sum of squares on these, in effective samples (`diagnosis.search.stepwise`).
+
+    Parameters
+    ----------
+    hypothesis : Hypothesis
+        The effect, and which of the plant's parameters a refit with it moves.
+    gain : float
+        Over the model without it.
+    heldout_gain : float
+        The same on the records that were not fitted.
+    margin : float
+        Gain over the best rival that is no alternative.
+    alternatives : tuple of str
+        What these records do not tell from it.
+    confidence : float
+        Probability that it, or one of its alternatives, is there (`diagnosis.fit.confidence`).
+    parameters : Mapping of str to Estimate
+        In the answer by the effect's own names; of a step all that were refitted, by the plant's.
+    fit, heldout : Mapping of str to float
+        RMS error of the model with it by channel, SI, where it was taken.
+    rivals : Mapping of str to float
+        Gain of every hypothesis that was refitted beside it.
+    dropped : tuple of str
+        Effects that were in before, and are not missed once this one is in.
     """
 
-    name: str
-    gain: float
-    confidence: float
-    alike: tuple[str, ...]
-    fit: Mapping[str, float]
-    heldout: Mapping[str, float]
-    parameters: Mapping[str, Estimate]
-    rivals: Mapping[str, float]
+    hypothesis: Hypothesis
+    gain: float = 0.0
+    heldout_gain: float = 0.0
+    margin: float = 0.0
+    alternatives: tuple[str, ...] = ()
+    confidence: float = 0.0
+    parameters: Mapping[str, Estimate] = field(default_factory=dict)
+    fit: Mapping[str, float] = field(default_factory=dict)
+    heldout: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, float] = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Name of the effect: "sensor_bias" of the hypothesis "sensor_bias.velocity"; "" of the nominal refit."""
+        return self.hypothesis.canonical
+
+    @property
+    def equation(self) -> str:
+        """Its law."""
+        return self.hypothesis.equation
+
+    @property
+    def separating_experiment(self) -> str:
+        """What would tell it from its alternatives."""
+        return self.hypothesis.experiment
+
+    def as_answer(self) -> dict[str, Any]:
+        """As in the JSON's "effects"."""
+        parameters = {
+            name: {"value": e.value, "unit": e.unit, "row": e.row, "ci95": [e.low, e.high]}
+            for name, e in self.parameters.items()
+        }  # fmt: skip
+        return {
+            "name": self.name, "confidence": self.confidence, "parameters": parameters, "equation": self.equation,
+            "alternatives": self.alternatives, "separating_experiment": self.separating_experiment,
+            "hypothesis": self.hypothesis.name, "gain": self.gain, "margin": self.margin,
+            "heldout_gain": self.heldout_gain,
+        }  # fmt: skip
+
+    def as_step(self) -> dict[str, Any]:
+        """As in the JSON's "steps"; "alike" are its alternatives there."""
+        return {
+            "name": self.hypothesis.name, "gain": self.gain, "confidence": self.confidence,
+            "alike": self.alternatives, "fit": self.fit, "heldout": self.heldout,
+            "parameters": {name: estimate.as_json() for name, estimate in self.parameters.items()},
+            "rivals": self.rivals, "dropped": self.dropped,
+        }  # fmt: skip
+
+
+NOMINAL = Hypothesis("", (), ())
+"""No effect: the refit of the nominal parameters, from which every selection starts."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +157,7 @@ class Diagnosis:
     clues      | channel and coordinate -> p-values of block permutation, before and after
     visited    | what the recording visited: ranges by channel, reversals
     about      | recording, system, options, seed, seconds
-    steps      | from the refit up, where the held-out records judge; else empty
+    steps      | of the stepwise selection from the nominal refit up, where the held-out records judge; else empty
     spectra    | where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it
                | expects, over that of the noise
     rig        | content of augmented.yaml
@@ -106,12 +165,12 @@ class Diagnosis:
     """
 
     verdict: str
-    effects: tuple[Found, ...]
+    effects: tuple[EffectGain, ...]
     location: tuple[Mapping[str, Any], ...]
     absorbed: Mapping[str, Mapping[str, Any]]
     fit: Mapping[str, Mapping[str, Any]]
     test: Mapping[str, Any]
-    suspected: tuple[Found, ...] = ()
+    suspected: tuple[EffectGain, ...] = ()
     hypotheses: tuple[Mapping[str, Any], ...] = ()
     leftover: tuple[Mapping[str, Any], ...] = ()
     clues: tuple[Mapping[str, Any], ...] = ()
@@ -119,7 +178,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     about: Mapping[str, Any] = field(default_factory=dict)
     augmented_rig: str = "augmented.yaml"
-    steps: tuple[Step, ...] = ()
+    steps: tuple[EffectGain, ...] = ()
     spectra: tuple[Mapping[str, Any], ...] = ()
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
@@ -129,7 +188,9 @@ class Diagnosis:
         data: dict[str, Any] = {"schema": SCHEMA}
         for f in fields(self):
             if f.name not in ("rig", "traces"):
-                data[f.name] = jsonable(getattr(self, f.name))
+                write = _WRITERS.get(f.name)
+                value = getattr(self, f.name)
+                data[f.name] = jsonable(value if write is None else [write(effect) for effect in value])
         return data
 
     def write(self, out: Path) -> None:
@@ -146,13 +207,32 @@ def from_json(data: Mapping[str, Any]) -> Diagnosis:
         raise ConfigurationError(f"verdict {data.get('verdict')!r} is none of {', '.join(VERDICTS)}")
     known = {f.name for f in fields(Diagnosis)}
     given = {key: tuple(v) if isinstance(v, list) else v for key, v in data.items() if key in known}
-    for key in ("effects", "suspected"):
-        made = [Found(**{**e, "alternatives": tuple(e["alternatives"])}) for e in given.get(key, ())]
-        given[key] = tuple(made)
-    given["steps"] = tuple(_step(entry) for entry in given.get("steps", ()))
+    for key, read in _READERS.items():
+        given[key] = tuple(read(entry) for entry in given.get(key, ()))
     return Diagnosis(**given)
 
 
-def _step(entry: Mapping[str, Any]) -> Step:
-    parameters = {name: Estimate(**estimate) for name, estimate in entry["parameters"].items()}
-    return Step(**{**entry, "parameters": parameters, **{k: tuple(entry[k]) for k in ("alike", "dropped")}})
+def _read(entry: Mapping[str, Any]) -> EffectGain:
+    parameters = {
+        name: Estimate(p["value"], *p["ci95"], p["unit"], p.get("row", "")) for name, p in entry["parameters"].items()
+    }
+    name = entry.get("hypothesis") or entry["name"]
+    hypothesis = Hypothesis(name, (), (), entry["equation"], entry["separating_experiment"])
+    numbers = {key: entry.get(key, 0.0) for key in ("gain", "margin", "heldout_gain")}
+    return EffectGain(
+        hypothesis, **numbers, alternatives=tuple(entry["alternatives"]), confidence=entry["confidence"],
+        parameters=parameters,
+    )  # fmt: skip
+
+
+def _step_read(entry: Mapping[str, Any]) -> EffectGain:
+    return EffectGain(
+        Hypothesis(entry["name"], (), ()), entry["gain"], entry["gain"], alternatives=tuple(entry["alike"]),
+        confidence=entry["confidence"], fit=entry["fit"], heldout=entry["heldout"], rivals=entry["rivals"],
+        parameters={name: Estimate(**estimate) for name, estimate in entry["parameters"].items()},
+        dropped=tuple(entry["dropped"]),
+    )  # fmt: skip
+
+
+_WRITERS = {"effects": EffectGain.as_answer, "suspected": EffectGain.as_answer, "steps": EffectGain.as_step}
+_READERS = {"effects": _read, "suspected": _read, "steps": _step_read}

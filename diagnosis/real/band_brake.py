@@ -4,7 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from diagnosis.data.recording import Recording
-from diagnosis.real.finding import Alone, Finding, find
+from diagnosis.model.verdict import EffectGain
+from diagnosis.real.finding import Finding, find
 
 EXPECTED = ("load_dependent_friction", "backlash", "presliding_hysteresis")
 WRONG = "viscous_friction"
@@ -15,7 +16,7 @@ class BandBrake:
     """``viscous``: what viscous friction buys where it is the only effect; ``viscous_last``: on top of the answer."""
 
     finding: Finding
-    viscous: Alone
+    viscous: EffectGain
     viscous_last: float
 
 
@@ -23,7 +24,7 @@ def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: 
     """Fitted at 0.5 Hz, held out at 1 Hz."""
     tell("band brake")
     finding = find("band brake", recording, tell=tell)
-    viscous = next(a for a in finding.alone if a.name == WRONG)
+    viscous = next(a for a in finding.alone if a.hypothesis.name == WRONG)
     text = finding.left.get(WRONG, "")
     words = text.split()
     last = float(words[words.index("buys") + 1]) if "buys" in words else float("nan")

@@ -1,4 +1,4 @@
-"""The da Vinci jaw: what the rigid, frictionless transmission lacks, found step by step, concealed and found again.
+"""The da Vinci jaw: what the rigid, frictionless transmission lacks, found step by step, and ablations of it.
 
 The records of one series (15: five loads at three frequencies) are split so that the judge sees unseen loads and an
 unseen frequency: held out are 30 and 70 % load and everything at 0.3 Hz. Numbers are degrees and mN m, as published.
@@ -14,16 +14,16 @@ import numpy as np
 from diagnosis.data.recording import Record, Recording, load_recording
 from diagnosis.engine import Examined, examine
 from diagnosis.fit.refit import Fit, Start
-from diagnosis.fit.weights import rmse, settle
+from diagnosis.fit.weights import reweighted_refit, rmse
 from diagnosis.model.model import Model, residuals
-from diagnosis.model.verdict import Step
-from diagnosis.search.heldout import sure
-from diagnosis.search.stepwise import held, inside, ladder
+from diagnosis.model.verdict import EffectGain
+from diagnosis.search.heldout import confidence_of
+from diagnosis.search.stepwise import heldout_error, inside, stepwise
 from diagnosis.systems.transmission import models
 from diagnosis.systems.transmission_effects import LIMITS, hypotheses
 
 SERIES = "Tool_4_Maryland_L_4"
-CONCEALED = (
+ABLATED = (
     "cable_elongation", "stiffness_hardening", "coulomb_friction", "load_dependent_friction", "presliding_hysteresis",
 )  # fmt: skip
 """Taken out of the full model one at a time."""
@@ -54,7 +54,7 @@ def load_of(record: Record) -> int:
 
 
 def unseen(record: Record) -> bool:
-    """Held out for the ladder: two of the loads, and one of the frequencies."""
+    """Held out for the selection: two of the loads, and one of the frequencies."""
     return load_of(record) in (30, 70) or round(float(record.conditions["frequency"]), 1) == 0.3
 
 
@@ -63,14 +63,14 @@ def diagnosed(recording: Recording, tell: Tell = lambda text: None) -> Examined:
     return examine(recording, judge="unseen", tell=tell)
 
 
-def ladder_table(model: Model, steps: Sequence[Step]) -> list[dict[str, Any]]:
-    """The ladder for a page: each accepted effect with what it bought on the held-out records."""
+def steps_table(model: Model, steps: Sequence[EffectGain]) -> list[dict[str, Any]]:
+    """The stepwise selection for a page: each accepted effect with what it bought on the held-out records."""
     rows, before = [], steps[0]
     for step in steps:
         now, was = in_units(step.heldout), in_units(before.heldout)
         values = {n: e.value for n, e in step.parameters.items()}
         rows.append({
-            "effect": step.name, "class": list(step.alike), "confidence": step.confidence,
+            "effect": step.hypothesis.name, "class": list(step.alternatives), "confidence": step.confidence,
             "heldout_deg": now["deg"], "heldout_mnm": now["mnm"],
             "fit_deg": in_units(step.fit)["deg"], "fit_mnm": in_units(step.fit)["mnm"],
             "gain_deg": was["deg"] - now["deg"], "gain_mnm": was["mnm"] - now["mnm"],
@@ -81,7 +81,7 @@ def ladder_table(model: Model, steps: Sequence[Step]) -> list[dict[str, Any]]:
     return rows
 
 
-def in_units(errors: dict[str, float]) -> dict[str, float]:
+def in_units(errors: Mapping[str, float]) -> dict[str, float]:
     """{"deg", "mnm"} of root mean squares by channel in SI."""
     return {"deg": DEG * errors["output_angle"], "mnm": MNM * errors["output_torque"]}
 
@@ -116,40 +116,44 @@ def _between(residual: np.ndarray, cells: np.ndarray) -> float:
     return float(np.sum(sums[counts > 0] ** 2 / counts[counts > 0]) / np.sum(residual**2))
 
 
-def parameters(fit: Fit, stretches: float) -> dict[str, dict[str, Any]]:
-    """Values of the free parameters with 95 % intervals (`weights.resampled`); units as in `LIMITS`."""
+def parameters(fit: Fit, samples: float) -> dict[str, dict[str, Any]]:
+    """Values of the free parameters with 95 % intervals (`weights.with_sandwich_covariance`), units as in `LIMITS`.
+
+    ``samples``: effective sample size of the held-out records, which the committed file calls "stretches".
+    """
     return {
         name: {
-            "value": fit.values[name], "ci95": list(fit.interval(name)), "stretches": stretches,
+            "value": fit.values[name], "ci95": list(fit.interval(name)), "stretches": samples,
             "unit": "rad" if name.startswith("zero.") else LIMITS[name].unit,
         }
         for name in fit.free
     }  # fmt: skip
 
 
-def concealed(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str, Any]]:
-    """Each of `CONCEALED` taken out of the full model, all else refitted, and the rest diagnosed."""
-    fit, heldout, ladder_steps = whole.question.fit, whole.question.heldout, whole.diagnosis.steps
-    full, there = whole.selection.final.fit, inside(ladder_steps)
+def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str, Any]]:
+    """Each of `ABLATED` taken out of the full model, all else refitted, and the rest diagnosed."""
+    fit, heldout, whole_steps = whole.question.fit, whole.question.heldout, whole.diagnosis.steps
+    full, there = whole.selection.final.fit, inside(whole_steps)
     known = {h.name: h for h in hypotheses()}
     rows = []
-    for name in (n for n in CONCEALED if n in there):
+    for name in (n for n in ABLATED if n in there):
         gone = known[name].names
         if name == "cable_elongation":  # a spring that is not there cannot stiffen
             gone += known["stiffness_hardening"].names
         free = tuple(n for n in full.free if n not in gone)
         start = Start("", free, {**full.values, **{n: LIMITS[n].null for n in gone}})
         missing = [h for h in hypotheses() if not set(h.names) & set(free)]
-        steps = ladder(fit, heldout, (), missing, start=start, most=1)
+        steps = stepwise(fit, heldout, (), missing, start=start, most=1)
         found = steps[1] if len(steps) > 1 else None
-        answer = (found.name, *found.alike) if found else ()
+        name_found = found.hypothesis.name if found else ""
+        answer = (name_found, *found.alternatives) if found else ()
         rows.append({
-            "removed": name, "found": found.name if found else "", "class": list(found.alike) if found else [],
+            "removed": name, "found": name_found, "class": list(found.alternatives) if found else [],
             "right": bool(answer) and answer[0] == name, "in_class": name in answer,
-            "confidence": sure(found) if found else 0.0,
-            "experiment": known[found.name].experiment if found else "",
-            "full": in_units(ladder_steps[-1].heldout), "refit": in_units(steps[0].rmse[1]),
-            "augmented": in_units(steps[-1].rmse[1]), "located": located(fit, steps[0].fit.values),
+            "confidence": confidence_of(found) if found else 0.0,
+            "experiment": found.separating_experiment if found else "",
+            "full": in_units(whole_steps[-1].heldout), "refit": in_units(steps[0].heldout),
+            "augmented": in_units(steps[-1].heldout), "located": located(fit, steps[0].refit.values),
             "rivals": dict(found.rivals) if found else {}, "refused": dict(steps[-1].refused),
         })  # fmt: skip
         tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['confidence']:.2f})")
@@ -170,8 +174,8 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
         model, _ = models(load(folder, series, lambda record: False))
         zero = tuple(p.name for p in model.parameters if p.name.startswith("zero."))
         carried = {n: v for n, v in values.items() if n in free and not n.startswith("zero.")}
-        as_is = settle(model, Start("", zero, carried))[0]
-        own = settle(model, Start("", (*zero, *(n for n in moved if n in free)), as_is.values))[0]
+        as_is = reweighted_refit(model, Start("", zero, carried))[0]
+        own = reweighted_refit(model, Start("", (*zero, *(n for n in moved if n in free)), as_is.values))[0]
         angles = [r.conditions.get("pitch") for r in recording.records if r.conditions["series"] == series]
         rows.append({
             "series": series, "pitch_deg": None if angles[0] is None else DEG * float(angles[0]),
@@ -182,6 +186,6 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
     return rows
 
 
-def stretches_of(heldout: Model, fit: Fit) -> float:
-    """How many independent stretches the held-out records have, by what the fit leaves in them."""
-    return held(heldout, fit).stretches
+def effective_samples(heldout: Model, fit: Fit) -> float:
+    """Effective sample size of the held-out records, by what the fit leaves in them."""
+    return heldout_error(heldout, fit).effective_samples

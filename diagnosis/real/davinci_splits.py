@@ -7,7 +7,8 @@ the nearest neighbours do as well as a network; splits by record show what is le
 
 Controls: rigid (ratio, angle's zero and torque's zero by least squares), five nearest neighbours and a network of two
 layers of 32 (scikit-learn), all on the very samples of the physics. The physics gets the same columns, but from the
-start of each record: friction has a memory. Its structure is the ladder's, its numbers are of the training samples.
+start of each record: friction has a memory. Its structure is that of the stepwise selection, its numbers are of the
+training samples.
 """
 
 import warnings
@@ -20,9 +21,9 @@ import numpy as np
 
 from diagnosis.data.recording import Record, Recording
 from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import rmse, settle
+from diagnosis.fit.weights import reweighted_refit, rmse
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from diagnosis.search.stepwise import ladder
+from diagnosis.search.stepwise import stepwise
 from diagnosis.systems.transmission import TransmissionModel, assemble, nominals_of, run_of
 from diagnosis.systems.transmission_effects import hypotheses
 
@@ -32,7 +33,7 @@ PUBLISHED = {"deg": 0.37, "mnm": 4.42}
 SHARES = (0.7, 0.85)
 """Training up to the first, validation up to the second, then test."""
 MORE = 4
-"""Effects that validation samples may add to the ladder's."""
+"""Effects that validation samples may add to those selected."""
 NET_SAMPLES = 20_000
 """At most so many of the 1 kHz samples train the network."""
 SOFT = {
@@ -98,7 +99,7 @@ def compare(
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Errors on the test samples of every split and method, deg and mN m, with the aims.
 
-    free, values: what the ladder refits, and where to begin (`Rung.fit`).
+    free, values: what the stepwise selection refits, and where to begin (`Step.refit`).
     """
     rows = []
     for split in splits:
@@ -140,10 +141,10 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     model, other = assemble(coarse, judges, _period(coarse[0]), source)
     wanted = tuple(dict.fromkeys((*nominals_of(model.parameters), *(n for n in free if not n.startswith("zero.")))))
     starts = [{n: v for n, v in begin.items() if n in wanted} for begin in (values, SOFT)]
-    fit = min((settle(model, Start("", wanted, begin), rounds=3)[0] for begin in starts), key=_misfit(model))
+    fit = min((reweighted_refit(model, Start("", wanted, begin), rounds=3)[0] for begin in starts), key=_misfit(model))
     if choose:
         missing = [h for h in hypotheses() if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
-        fit = ladder(model, other, (), missing, start=Start("", fit.free, fit.values), most=MORE)[-1].fit
+        fit = stepwise(model, other, (), missing, start=Start("", fit.free, fit.values), most=MORE)[-1].refit
     full = TransmissionModel(fine, model.parameters, model.base, _period(fine[0]), ("all",))
     found = full.predict(np.array([[fit.values[p.name]] for p in full.parameters]))
     terms = dict.fromkeys(n.split(".")[0] for n in fit.free if "." in n and not n.startswith("zero."))
@@ -151,7 +152,7 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
 
 
 def _misfit(model) -> Callable:
-    """Product of both channels' errors on the training samples: what the weights of `settle` come down to."""
+    """Product of both channels' errors on the training samples: what the weights of `reweighted_refit` come down to."""
     return lambda fit: float(np.prod(list(rmse(model, fit).values())))
 
 

@@ -11,13 +11,13 @@ from typing import Any
 from cable_envs.core.files import packed_json
 from diagnosis.real.davinci import (
     Tell,
-    concealed,
+    ablations,
     diagnosed,
-    ladder_table,
+    effective_samples,
     load,
     parameters,
     pitch,
-    stretches_of,
+    steps_table,
 )
 from diagnosis.real.davinci_splits import PUBLISHED, compare
 from diagnosis.real.feedforward import replayed, traces
@@ -29,7 +29,7 @@ SHOWN = "Tool_4_Maryland_L_4_24.csv"
 
 
 def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = True) -> dict[str, Any]:
-    """Ladder, parameters, concealed effects, comparison, feedforward, wrist pitch, and traces of one record.
+    """Stepwise selection, parameters, ablations, comparison, feedforward, wrist pitch, and traces of one record.
 
     ``folder``: the imported data set. ``controls``: with the neighbours and networks. About five minutes.
     """
@@ -42,12 +42,12 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
     return {
         "records": {"fit": [r.name for r in recording.used_for("fit")],
                     "heldout": [r.name for r in recording.used_for("heldout")]},
-        "ladder": ladder_table(whole.question.fit, steps), "inside": list(inside(steps)), "refused": refused,
+        "ladder": steps_table(whole.question.fit, steps), "inside": list(inside(steps)), "refused": refused,
         "verdict": whole.diagnosis.verdict,
         "equations": {name: known[name].equation for name in inside(steps)},
-        "parameters": parameters(full, stretches_of(heldout, full)),
+        "parameters": parameters(full, effective_samples(heldout, full)),
         "figures": {"record": traces(heldout, uses, SHOWN)},
-        "concealed": concealed(whole, tell),
+        "concealed": ablations(whole, tell),
         "feedforward": replayed(heldout, uses),
         "pitch": pitch(folder, full.free, full.values),
         "published": PUBLISHED,

@@ -2,7 +2,7 @@
 
 Three estimates beside the published ones, which rest on other weights of the same record:
 
-steps    | `diagnose --judge unseen`: what is left counts by its size and its independent stretches; 200 Hz
+steps    | `diagnose --judge unseen`: what is left counts by its size and its effective sample size; 200 Hz
 coloured | the refit of `--judge noise`: what is left is whitened; 1 kHz
 inverse  | least squares of the filtered force on acceleration, speed, its sign and one (Gautier, IDIM-LS): the way the
          | published numbers were found; it uses no simulator and is here to check one
@@ -10,7 +10,7 @@ inverse  | least squares of the filtered force on acceleration, speed, its sign 
 What is left is ten times the encoder's noise and follows the motion: model error, not noise. Whitened, it counts where
 it changes quickly, just behind reversals, and the estimate is that of the friction there. The curvature takes it for
 noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so both
-intervals are from parts (`diagnosis.fit.weights.resampled`).
+intervals are from parts (`diagnosis.fit.weights.with_sandwich_covariance`).
 """
 
 from collections.abc import Callable, Mapping
@@ -23,7 +23,7 @@ from cable_envs.core.intervals import NORMAL_95
 from diagnosis.data.recording import Quantity, Record, Recording
 from diagnosis.fit.likelihood import refit_and_learn
 from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import resampled
+from diagnosis.fit.weights import with_sandwich_covariance
 from diagnosis.model.verdict import Estimate
 from diagnosis.real.finding import Finding, find
 from diagnosis.systems.linear_drive import prepare
@@ -42,7 +42,7 @@ WITHOUT = ("cable_elongation", "asymmetric_friction")
 
 @dataclass(frozen=True)
 class Emps:
-    """Estimates by method and parameter, and the ladder from a frictionless mass."""
+    """Estimates by method and parameter, and the stepwise selection from a frictionless mass."""
 
     estimates: Mapping[str, Mapping[str, Estimate]]
     finding: Finding
@@ -54,7 +54,7 @@ def emps(recording: Recording, tell: Callable[[str], None] = lambda text: None) 
     one_body = replace(recording, known=known)
     tell("EMPS: refit of all four with the colour of the noise")
     estimates = {"inverse": inverse_dynamics(one_body), "coloured": coloured(one_body)}
-    tell("EMPS: ladder")
+    tell("EMPS: stepwise selection")
     naive = {name: Quantity(STARTS[name]) for name in ("mass", "force_offset")}
     thin = tuple(thinned(record, THINNED) for record in one_body.records)
     finding = find("EMPS", replace(one_body, nominal=naive, records=thin), without=WITHOUT, tell=tell)
@@ -67,7 +67,7 @@ def coloured(recording: Recording) -> dict[str, Estimate]:
     """All four parameters refitted together on the fit record."""
     nominal = {name: Quantity(value) for name, value in STARTS.items()}
     question = prepare(replace(recording, nominal=nominal), Request(without=WITHOUT))
-    fit = resampled(question.fit, refit_and_learn(question.fit, [Start("", question.nominals, {})]).fit)
+    fit = with_sandwich_covariance(question.fit, refit_and_learn(question.fit, [Start("", question.nominals, {})]).fit)
     return {name: Estimate(fit.values[name], *fit.interval(name), UNITS[name]) for name in PUBLISHED}
 
 

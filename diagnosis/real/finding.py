@@ -2,38 +2,43 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from diagnosis.data.recording import Recording
 from diagnosis.engine import examine
 from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.score_tests import screen
+from diagnosis.fit.score_tests import score_tests
 from diagnosis.fit.weights import rmse, weigh
-from diagnosis.model.verdict import Step, Trace
+from diagnosis.model.verdict import EffectGain, Trace
 from diagnosis.search.comparison import refits
-from diagnosis.search.stepwise import held
+from diagnosis.search.stepwise import heldout_error
 from diagnosis.systems.question import Question
 
 
 @dataclass(frozen=True)
-class Alone:
-    """One hypothesis by itself on top of the nominals: RMS error by channel, SI, and its held-out gain."""
-
-    name: str
-    fit: Mapping[str, float]
-    heldout: Mapping[str, float]
-    gain: float
-
-
-@dataclass(frozen=True)
 class Finding:
-    """The answer for one recording. ``left``: why what is not named was refused."""
+    """The answer for one recording.
+
+    Parameters
+    ----------
+    name, verdict, notes
+        Of the recording and of its `Diagnosis`.
+    steps : tuple of EffectGain
+        Of the stepwise selection, the refit of the nominals first.
+    alone : tuple of EffectGain
+        Every hypothesis by itself on top of the nominals, with its RMS errors and held-out gain; the best first.
+    left : Mapping of str to str
+        Why what is not named was refused.
+    traces : tuple of Trace
+        For figures.
+    """
 
     name: str
     verdict: str
-    steps: tuple[Step, ...]
-    alone: tuple[Alone, ...]
+    steps: tuple[EffectGain, ...]
+    alone: tuple[EffectGain, ...]
     left: Mapping[str, str]
     traces: tuple[Trace, ...]
     notes: tuple[str, ...] = ()
@@ -41,7 +46,17 @@ class Finding:
     @property
     def named(self) -> tuple[str, ...]:
         """Names of the accepted effects, in order."""
-        return tuple(step.name for step in self.steps[1:])
+        return tuple(step.hypothesis.name for step in self.steps[1:])
+
+    def as_json(self) -> dict[str, Any]:
+        """All but the traces."""
+        alone = [
+            {"name": e.hypothesis.name, "fit": e.fit, "heldout": e.heldout, "gain": e.gain} for e in self.alone
+        ]  # fmt: skip
+        return {
+            "name": self.name, "verdict": self.verdict, "steps": [step.as_step() for step in self.steps],
+            "alone": alone, "left": self.left, "notes": self.notes, "named": list(self.named),
+        }  # fmt: skip
 
 
 def find(
@@ -57,16 +72,17 @@ def find(
     )  # fmt: skip
 
 
-def _alone(question: Question, null: Judged) -> tuple[Alone, ...]:
+def _alone(question: Question, null: Judged) -> tuple[EffectGain, ...]:
     """Every hypothesis refitted on top of the nominals, all in one batch; best gain first."""
     whitener = weigh(question.fit.blocks, null.raw)
-    screening = screen(question.fit, null, question.hypotheses, np.random.default_rng(0), whitener)
-    before = held(question.heldout, null.fit)
-    found = [
-        Alone(n, rmse(question.fit, f), rmse(question.heldout, f), before.gain(held(question.heldout, f)))
-        for n, f in refits(question.fit, null.fit, screening, None).items()
-    ]
-    return tuple(sorted(found, key=lambda a: -a.gain))
+    scored = score_tests(question.fit, null, question.hypotheses, np.random.default_rng(0), whitener)
+    before = heldout_error(question.heldout, null.fit)
+    known, found = {h.name: h for h in question.hypotheses}, []
+    for name, fit in refits(question.fit, null.fit, scored, None).items():
+        gain = before.gain(heldout_error(question.heldout, fit))
+        errors = {"fit": rmse(question.fit, fit), "heldout": rmse(question.heldout, fit)}
+        found.append(EffectGain(known[name], gain, gain, **errors))
+    return tuple(sorted(found, key=lambda effect: -effect.gain))
 
 
 def pick(traces: Sequence[Trace], channel: str, use: str) -> list[Trace]:

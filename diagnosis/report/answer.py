@@ -18,11 +18,11 @@ from diagnosis.intake.gate import Quality
 from diagnosis.model.hypotheses import Hypothesis, effect_name
 from diagnosis.model.model import Free, Model, residuals
 from diagnosis.model.noise import jitter
-from diagnosis.model.verdict import Diagnosis, Found, Trace
+from diagnosis.model.verdict import Diagnosis, EffectGain, Estimate, Trace
 from diagnosis.search.limit_cycles import RUNS
 from diagnosis.search.places import located, permuted
 from diagnosis.search.select import LIKE_ANY
-from diagnosis.search.selection import Accepted, Selection
+from diagnosis.search.selection import Selection
 from diagnosis.systems.question import Question
 
 _STANDS_OUT = 3.6
@@ -67,7 +67,7 @@ def answer(
             *question.notes,
             *quality.notes,
             *_drifting(selection),
-            *_swinging(selection),
+            *_oscillating(selection),
             *_unfitted(recording, question, selection),
             *_beside_its_effects(selection),
         ),
@@ -91,7 +91,7 @@ def _drifting(selection: Selection) -> list[str]:
     return [f"{effect_name(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
 
 
-def _swinging(selection: Selection) -> list[str]:
+def _oscillating(selection: Selection) -> list[str]:
     """How to read the errors of a model that oscillates by itself."""
     if selection.bands is None:
         return []
@@ -127,8 +127,8 @@ def _unfitted(recording: Recording, question: Question, selection: Selection) ->
 
 def _beside_its_effects(selection: Selection) -> list[str]:
     """What is left of a rig that has effects already, where it is more than noise and too little to be asked about."""
-    quiet = selection.verdict == "no_detectable_mismatch" and selection.bands is None and selection.explained > 0.0
-    if not quiet or selection.after.p_value >= selection.rules.left_p:
+    named_none = selection.verdict == "no_detectable_mismatch" and selection.bands is None and selection.explained > 0.0
+    if not named_none or selection.after.p_value >= selection.rules.left_p:
         return []
     share = selection.after.excess / selection.explained
     return [f"what is left is {share:.1%} of what the rig's effects explain: two formulations differ by as much"]
@@ -142,24 +142,23 @@ def parameter_name(row: str, hypothesis: Hypothesis) -> str:
     return row.partition(".")[2] or row
 
 
-def _found(accepted: Accepted, question: Question, selection: Selection, stated: bool) -> Found:
+def _found(accepted: EffectGain, question: Question, selection: Selection, stated: bool) -> EffectGain:
+    """An accepted effect with its confidence, its parameters and the names of its alternatives."""
     h, fit, rules = accepted.hypothesis, selection.final.fit, selection.rules
-    parameters = {
-        parameter_name(row, h): {
-            "value": fit.values[row], "unit": question.units[row], "row": row,
-            "ci95": list(answered_interval(fit, p, h.nulls.get(row, 0.0), accepted.gain if row in h.nulls else 0.0)),
-        }
-        for row, p in zip(h.names, h.free, strict=True)
-    }  # fmt: skip
+    parameters = {}
+    for row, p in zip(h.names, h.free, strict=True):
+        gain = accepted.gain if row in h.nulls else 0.0
+        low, high = answered_interval(fit, p, h.nulls.get(row, 0.0), gain)
+        parameters[parameter_name(row, h)] = Estimate(fit.values[row], low, high, question.units[row], row)
     others = tuple(dict.fromkeys(effect_name(n) for n in accepted.alternatives))
     # where unseen records judge, what is left is known to be no noise, and counts against no answer
     noise = bool(selection.steps) or selection.after.p_value >= rules.left_p
     left = 0.0 if noise else selection.after.excess / selection.explained
     limit = MOST if selection.steps else highest(stated, len(selection.accepted), accepted.gain)
     sure = confidence(accepted.margin, accepted.gain, rules.gain + rules.each * (len(h.free) - 1), left, limit)
-    return Found(
-        h.canonical, sure, parameters, h.equation, tuple(n for n in others if n != h.canonical),
-        h.experiment, h.name, accepted.gain, accepted.margin, accepted.heldout_gain,
+    alternatives = tuple(n for n in others if n != h.canonical)
+    return EffectGain(
+        h, accepted.gain, accepted.heldout_gain, accepted.margin, alternatives, confidence=sure, parameters=parameters
     )  # fmt: skip
 
 
@@ -234,7 +233,7 @@ def _rms(model: Model, series: Sequence[np.ndarray], channel: str) -> float:
 
 
 def _test(question: Question, selection: Selection) -> dict[str, Any]:
-    first = selection.screenings[0] if selection.screenings else None
+    first = selection.score_tests[0] if selection.score_tests else None
     return {
         "p_value": selection.before.p_value if first is None else min(first.p_value, 1.0),
         "p_left": selection.after.p_value,
@@ -247,9 +246,9 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection) -> str:
     """Size at which the effect would gain what the rules ask for, by the probe that shows it best, with its unit."""
     rules = selection.rules
     asked = np.sqrt(rules.gain + rules.each * (len(h.free) - 1)) / _STANDS_OUT
-    scores = [s for screening in selection.screenings[:1] for s in screening.scores if s.hypothesis is h]
+    scores = [s for tests in selection.score_tests[:1] for s in tests.scores if s.hypothesis is h]
     scores = [s for s in scores if np.isfinite(s.visible)]
-    if not selection.screenings:
+    if not selection.score_tests:
         return "not looked for"
     if not scores:
         return "none: wholly absorbed"
@@ -274,10 +273,10 @@ def _probed(score: Score, row: str) -> float:
 def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ...]:
     """Every hypothesis: what it gained when it was refitted first, and what came of it."""
     taken = {a.hypothesis.name: a for a in selection.accepted}
-    first = selection.screenings[0] if selection.screenings else None
+    first = selection.score_tests[0] if selection.score_tests else None
     refitted: dict[str, float] = {}
-    for race in selection.tried:
-        for candidate in race:
+    for comparison in selection.tried:
+        for candidate in comparison:
             refitted.setdefault(candidate.hypothesis.name, candidate.gain)
     for step in selection.steps:
         refitted = {**step.rivals, **refitted}
@@ -305,7 +304,7 @@ def wrong_way(score: Score | None, model: Model, least: float) -> bool:
     return len(score.directions) == 1 and score.amount[0] < 0.0 and null in (row.low, row.high)
 
 
-def _state(name: str, taken: Mapping[str, Accepted], selection: Selection, refitted: Mapping[str, float]) -> str:
+def _state(name: str, taken: Mapping[str, EffectGain], selection: Selection, refitted: Mapping[str, float]) -> str:
     if name in taken:
         return "accepted" if selection.verdict != "unknown" else "helps, but does not explain what is left"
     classes = [a.hypothesis.name for a in taken.values() if name in a.alternatives]
@@ -319,7 +318,7 @@ def _state(name: str, taken: Mapping[str, Accepted], selection: Selection, refit
 
 
 def _leftovers(selection: Selection) -> list[dict[str, Any]]:
-    """Smooth maps of what is left, before and after, the most surprising first."""
+    """Smooth maps of what is left, before and after, the smallest p-value first."""
 
     def rows(adequacy: Adequacy, when: str) -> list[dict[str, Any]]:
         return [

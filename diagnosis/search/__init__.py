@@ -1,1 +1,1 @@
-"""Which effects explain a recording: candidates, objections, selection, ladders."""
+"""Which effects explain a recording: model comparison, stepwise selection by held-out records, limit cycles."""

@@ -1,4 +1,8 @@
-"""Refits of many hypotheses around one model, all in one batch; those that fall behind are given up early."""
+"""Comparison of models: refits of many hypotheses on top of one model, all in one batch.
+
+Hypotheses are ranked by the fall of the deviance less a charge for every further parameter, an information criterion
+(Burnham, Anderson, Model Selection and Multimodel Inference, 2002); those that fall behind are given up early.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,9 +11,9 @@ import numpy as np
 
 from diagnosis.fit.likelihood import Judged, judge
 from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.fit.score_tests import Score, Screening
-from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.fit.score_tests import Score, ScoreTests
 from diagnosis.model.model import Model, learn_whitener
+from diagnosis.model.verdict import EffectGain
 
 RIVALS = 10
 """Best-scored hypotheses that are refitted."""
@@ -19,46 +23,59 @@ BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
-HOPE, WORTH = 0.4, 0.05
+OF_ASKED, OF_BEST = 0.4, 0.05
 """Shares of the gain that is asked, and of the best score, that a hypothesis must have by its score to be refitted.
 Scores are of first order: a refit may double them."""
-BENT = 1.5
-"""Standard deviations from its prior at which a nominal parameter counts as bent."""
+FAR = 1.5
+"""Standard deviations from its prior at which a nominal parameter counts as moved to imitate what is missing."""
 _FIRST, _LAST = 4, 6
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """A hypothesis refitted on top of a model, and the fall of the deviance that it brings."""
+@dataclass(frozen=True, kw_only=True)
+class Candidate(EffectGain):
+    """A hypothesis refitted on top of a model, with its likelihood; ``gain``: fall of the deviance that it brings."""
 
-    hypothesis: Hypothesis
     judged: Judged
-    gain: float
 
     @property
-    def worth(self) -> float:
-        """The gain less a charge for every number beyond the first, by which hypotheses are ranked."""
+    def penalised_gain(self) -> float:
+        """The gain less a charge for every parameter beyond the first, by which hypotheses are ranked."""
         return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
 
 
-def race(
-    model: Model, base: Judged, screening: Screening, least: float = 0.0, without: Collection[str] = ()
+def compare(
+    model: Model, base: Judged, scored: ScoreTests, least: float = 0.0, without: Collection[str] = ()
 ) -> list[Candidate]:
-    """Candidates on top of ``base``, the worthiest first; each with the noise that it leaves.
+    """Refit the best-scored hypotheses on top of a model and rank them.
 
-    least: gain that will be asked; what has not a share of it (`HOPE`) by its score is not refitted. without: names of
-    hypotheses that do not take part.
+    Parameters
+    ----------
+    model : Model
+        The records to fit.
+    base : Judged
+        The model on top of which they are refitted.
+    scored : ScoreTests
+        Their scores around ``base``, and the noise under which these hold.
+    least : float
+        Gain that will be asked; what has not a share of it (`OF_ASKED`) by its score is not refitted.
+    without : collection of str
+        Names of hypotheses that do not take part.
+
+    Returns
+    -------
+    list of Candidate
+        By `Candidate.penalised_gain`, the largest first; each with the noise that it leaves.
     """
-    running = [s for s in screening.best.values() if s.hypothesis.name not in without]
+    running = [s for s in scored.best.values() if s.hypothesis.name not in without]
     chosen = sorted(running, key=lambda s: -s.gain)[:RIVALS]
     top = chosen[0].gain if chosen else 0.0
-    chosen = [s for s in chosen if s.gain >= max(HOPE * least, WORTH * top)]
-    starts = [start for score in chosen for start in _starts(model, base.fit, score, screening)]
+    chosen = [s for s in chosen if s.gain >= max(OF_ASKED * least, OF_BEST * top)]
+    starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
     if not starts:
         return []
-    first = refit(model, screening.whitener, starts, _FIRST, central=False)
+    first = refit(model, scored.whitener, starts, _FIRST, central=False)
     best = _best_of(first)
-    gains = {name: screening.cost - fit.cost for name, fit in best.items()}
+    gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
     top = best[max(kept, key=lambda name: gains[name])]
@@ -68,24 +85,24 @@ def race(
     found = []
     for fit in refit(model, whitener, again, _LAST):
         judged = judge(model, fit)
-        found.append(Candidate(hypotheses[fit.label], judged, base.deviance - judged.deviance))
-    return sorted(found, key=lambda c: -c.worth)
+        found.append(Candidate(hypotheses[fit.label], base.deviance - judged.deviance, judged=judged))
+    return sorted(found, key=lambda c: -c.penalised_gain)
 
 
-def refits(model: Model, base: Fit, screening: Screening, most: int | None = RIVALS) -> dict[str, Fit]:
+def refits(model: Model, base: Fit, scored: ScoreTests, most: int | None = RIVALS) -> dict[str, Fit]:
     """The best refit of each of the ``most`` best-scored hypotheses (None: of all) on top of ``base``, by name.
 
-    Starts are those of a race and the best-scored probes as they are: a gap behind a spring has a minimum of its own.
+    Starts are those of `compare` and the best-scored probes as they are: a gap behind a spring has its own minimum.
     """
-    chosen = sorted(screening.best.values(), key=lambda s: -s.gain)[:most]
-    starts = [start for score in chosen for start in _starts(model, base, score, screening)]
+    chosen = sorted(scored.best.values(), key=lambda s: -s.gain)[:most]
+    starts = [start for score in chosen for start in _starts(model, base, score, scored)]
     for score in chosen:
         free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
-        own = sorted((s for s in screening.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
+        own = sorted((s for s in scored.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
         for one in own[:STARTS]:
             probe = {k: v for direction in one.directions for k, v in direction.items()}
             starts.append(Start(score.hypothesis.name, free, {**base.values, **probe}))
-    return _best_of(refit(model, screening.whitener, starts, _FIRST + _LAST + 2))
+    return _best_of(refit(model, scored.whitener, starts, _FIRST + _LAST + 2))
 
 
 def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:
@@ -96,11 +113,11 @@ def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:
     return best
 
 
-def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list[Start]:
+def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[Start]:
     """Starts of a refit: the best probes of a hypothesis at the size that their scores suggest."""
     hypothesis = score.hypothesis
     free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
-    own = sorted((s for s in screening.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
+    own = sorted((s for s in scored.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
     found = [_suggested(model, base, own[0])]
     as_is = max(own, key=lambda s: s.as_is)
     second = dict(as_is.directions[0]) if len(as_is.directions) == 1 and as_is.as_is > 0.0 else None
@@ -109,7 +126,7 @@ def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list
             found.append(values)
     starts = [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
     believed = _believed(model, base)
-    if believed:  # the refit has bent them to imitate what is missing: from there the way back is long
+    if believed:  # the refit has moved them to imitate what is missing: from there the way back is long
         starts += [Start(hypothesis.name, free, {**start.values, **believed}) for start in starts]
     return starts
 
@@ -117,7 +134,7 @@ def _starts(model: Model, base: Fit, score: Score, screening: Screening) -> list
 def _believed(model: Model, base: Fit) -> dict[str, float]:
     """Nominal parameters at what the recording believes, where the refit has moved one far from it; else none."""
     known = {p.name: p for p in model.parameters if p.name in base.free and p.std}
-    far = any(abs(base.values[name] - p.start) > BENT * p.std for name, p in known.items())
+    far = any(abs(base.values[name] - p.start) > FAR * p.std for name, p in known.items())
     return {name: p.start for name, p in known.items()} if far else {}
 
 

@@ -1,11 +1,11 @@
-"""The criterion "unseen": effects are accepted by the error of records that no refit has seen (`search.stepwise`).
+"""The criterion "unseen": effects are accepted by their error on held-out records (`search.stepwise`).
 
 For rigs whose sensors are better than any model of them. What is left is then never noise, so nothing is asked of it;
 where no effect helps, the same test as of the criterion "noise" says whether something is left at all.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 from diagnosis.adequacy.tests import adequacy
@@ -14,16 +14,16 @@ from diagnosis.fit.likelihood import Judged, judge, settled
 from diagnosis.fit.refit import Fit
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model
-from diagnosis.model.verdict import Estimate, Step
+from diagnosis.model.verdict import EffectGain, Estimate
 from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Accepted, Selection
-from diagnosis.search.stepwise import MARGIN, MOST, Rung, held, inside, ladder
+from diagnosis.search.selection import Selection
+from diagnosis.search.stepwise import MARGIN, MOST, Step, heldout_error, inside, stepwise
 
 RULES = Rules(gain=MARGIN, each=0.0, share=0.0, margin=MARGIN, most=MOST)
-"""`Rules` in held-out gain, independent stretches."""
+"""`Rules` in held-out gain (`diagnosis.search.stepwise.HeldoutError`)."""
 
 
-def select_unseen(
+def select_heldout(
     fit: Model,
     heldout: Model,
     nominals: tuple[str, ...],
@@ -34,39 +34,42 @@ def select_unseen(
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:
-    """The ladder as a selection; arguments as of `diagnosis.search.select.select`, units by parameter."""
-    rungs = ladder(fit, heldout, nominals, hypotheses, tell=tell, keep=keep)
+    """The stepwise selection as a `Selection`; arguments as of `diagnosis.search.select.select`, units by parameter."""
+    steps = stepwise(fit, heldout, nominals, hypotheses, tell=tell, keep=keep)
     tell("looking at what is left")
-    null, final = _noted(fit, rungs[0].fit, rungs[0].fit), _noted(fit, rungs[-1].fit, rungs[0].fit)
+    null, final = (_judged(fit, step.refit, steps[0].refit) for step in (steps[0], steps[-1]))
     before = adequacy(fit, null, dict(stated or {}))
-    after = adequacy(fit, final, dict(stated or {})) if len(rungs) > 1 else before
-    by_name = {h.name: h for h in hypotheses}
-    accepted = tuple(
-        Accepted(by_name[r.name], r.gain, r.gain, r.alike, r.margin) for r in rungs[1:] if r.name in inside(rungs)
-    )
+    after = adequacy(fit, final, dict(stated or {})) if len(steps) > 1 else before
+    there = inside(steps)
+    accepted = tuple(plain(step) for step in steps[1:] if step.hypothesis.name in there)
     noise = after.p_value >= RULES.left_p and after.over_noise <= RULES.over
     return Selection(
-        null, final, accepted, tuple(r.screening for r in rungs if r.screening is not None), (), before, after,
-        bool(accepted) or noise, dict(rungs[-1].refused), RULES, tuple(step(rung, units) for rung in rungs),
+        null, final, accepted, tuple(s.score_tests for s in steps if s.score_tests is not None), (), before, after,
+        bool(accepted) or noise, dict(steps[-1].refused), RULES, tuple(in_numbers(step, units) for step in steps),
     )  # fmt: skip
 
 
-def sure(rung: Rung) -> float:
+def confidence_of(step: EffectGain) -> float:
     """Confidence in a step, by the margin over its rivals and its gain on the held-out records."""
-    return 1.0 if not rung.name else confidence(rung.margin, rung.gain, MARGIN, 0.0)
+    return confidence(step.margin, step.gain, MARGIN, 0.0) if step.name else 1.0
 
 
-def step(rung: Rung, units: Mapping[str, str]) -> Step:
-    """A rung in numbers."""
-    fit = rung.fit
+def plain(step: Step) -> EffectGain:
+    """A step without its refit."""
+    return EffectGain(**{f.name: getattr(step, f.name) for f in fields(EffectGain)})
+
+
+def in_numbers(step: Step, units: Mapping[str, str]) -> EffectGain:
+    """A step with its confidence and its parameters."""
+    fit = step.refit
     parameters = {n: Estimate(fit.values[n], *fit.interval(n), units.get(n, "")) for n in fit.free}
-    return Step(rung.name, rung.gain, sure(rung), rung.alike, *rung.rmse, parameters, dict(rung.rivals), rung.dropped)
+    return replace(plain(step), confidence=confidence_of(step), parameters=parameters)
 
 
-def _noted(model: Model, fit: Fit, null: Fit) -> Judged:
-    """A fit with the noise that it would leave were that noise, its own covariance, and its deviance in stretches."""
+def _judged(model: Model, fit: Fit, null: Fit) -> Judged:
+    """A fit with the noise that it would leave were that noise, its own covariance, and the held-out gain."""
     judged = settled(model, judge(model, fit), 0)
     return replace(
         judged, fit=replace(judged.fit, covariance=fit.covariance),
-        deviance=-held(model, null).gain(held(model, fit)),
+        deviance=-heldout_error(model, null).gain(heldout_error(model, fit)),
     )  # fmt: skip

@@ -1,10 +1,11 @@
-"""Oscillations that keep themselves going: their phase is nobody's to predict, their spectrum is.
+"""Limit cycles: oscillations that keep themselves going. Nobody can predict their phase; their spectrum can be.
 
-A controlled drive with a gap hunts between its edges. No simulation has the machine's phase for long, so that a gap
-that makes it hunt as the machine does makes the sum of squares of what is left larger, not smaller, and no refit finds
-it. Here hypotheses are compared by the spectrum that they expect of what is left (`adequacy.bands`): all are looked at
-at many sizes; of those that oscillate and gain, the size, and the nominal parameters that the refit leaves unsure, are
-looked for by differential evolution (Storn, Price, J. Global Optimization 11 (1997) 341).
+A controlled drive with a gap oscillates between its edges. No simulation has the machine's phase for long, so that a
+gap that makes it oscillate as the machine does makes the sum of squares of what is left larger, not smaller, and no
+refit finds it. Here hypotheses are compared by the spectrum that they expect of what is left (`adequacy.bands`,
+Whittle's likelihood): all are looked at at many sizes; of those that oscillate and gain, the size, and the nominal
+parameters that the refit leaves unsure, are looked for by differential evolution (Storn, Price, J. Global Optimization
+11 (1997) 341).
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,13 +17,14 @@ from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution
 
 from diagnosis.adequacy.bands import Averaged, Bands, Spectra
-from diagnosis.adequacy.tests import SURE, Adequacy
+from diagnosis.adequacy.tests import SIGNIFICANCE, Adequacy
 from diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from diagnosis.fit.refit import Fit
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Free, Whitener
+from diagnosis.model.verdict import EffectGain
 from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Accepted, Selection
+from diagnosis.search.selection import Selection
 
 RUNS, LOOKS = 6, 2
 """Runs that are nudged apart: of a model, and of each of many that are only looked at."""
@@ -47,27 +49,31 @@ FORM = 0.08
 had missed came out 0.1 to 6 % off, 15 to 30 % where a search ended early. How impacts are damped sets the amplitude."""
 
 
-@dataclass(frozen=True)
-class Oscillation:
+@dataclass(frozen=True, kw_only=True)
+class LimitCycle(EffectGain):
     """A hypothesis that makes the simulation oscillate as the recording does.
 
-    values  | of all parameters, SI, by name
-    gain    | fall of the cost, priors included, from a model that does not oscillate
-    heldout | the same of the held-out records
-    errors  | standard error of every parameter that was looked for
+    ``gain``: fall of the cost (Whittle's likelihood, priors included) from a model that does not oscillate;
+    ``heldout_gain``: the same of the held-out records.
+
+    Parameters
+    ----------
+    values : Mapping of str to float
+        All parameters, SI.
+    bands : Bands
+        Its spectrum.
+    errors : Mapping of str to float
+        Standard error of every parameter that was looked for.
     """
 
-    hypothesis: Hypothesis
     values: Mapping[str, float]
-    gain: float
-    heldout: float
     bands: Bands
     errors: Mapping[str, float]
 
 
 def oscillates(spectra: Spectra, least: float) -> bool:
     """Whether a model oscillates by itself as it is claimed to be, so that ``least`` could be gained by it."""
-    return bool(spectra) and spectra.at({}, RUNS).promise >= least
+    return bool(spectra) and spectra.at({}, RUNS).expected_gain >= least
 
 
 def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generator) -> tuple[Judged, Bands]:
@@ -76,7 +82,7 @@ def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generat
     null = refit_nominals(Averaged(spectra.model, RUNS), nominals)
     bands = spectra.at(null.fit.values, RUNS)
     doubted = [p.name for p in spectra.model.parameters if p.name in nominals and _doubt(p)]
-    if bands.p_value > SURE or not doubted:
+    if bands.p_value > SIGNIFICANCE or not doubted:
         return null, bands
     search = _Search(spectra, null.fit, doubted)
     found, cost = search.best(rng)
@@ -86,21 +92,21 @@ def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generat
     return null, bands
 
 
-def oscillations(
+def search(
     spectra: Spectra, heldout: Spectra, fit: Fit, hypotheses: Sequence[Hypothesis], least: float,
     rng: np.random.Generator,
-) -> list[Oscillation]:  # fmt: skip
+) -> list[LimitCycle]:  # fmt: skip
     """Hypotheses that make a refitted model oscillate and gain ``least`` by it, not at the held-out records' cost
     (`AGAINST`); the best first."""
     null = spectra.at(fit.values, RUNS) if spectra else None
-    if null is None or null.excess < least or null.p_value > SURE:
+    if null is None or null.excess < least or null.p_value > SIGNIFICANCE:
         return []
     found = [
         _sought(spectra, heldout, fit, null, h, look, rng)
         for h, look in _promising(spectra, fit, null, hypotheses, least)
     ]
-    kept = [o for o in found if o.gain >= least and o.bands.promise >= least and o.heldout > -AGAINST * o.gain]
-    return sorted(kept, key=lambda o: -o.gain)
+    enough = [c for c in found if c.gain >= least and c.bands.expected_gain >= least]
+    return sorted((c for c in enough if c.heldout_gain > -AGAINST * c.gain), key=lambda c: -c.gain)
 
 
 def _promising(
@@ -115,7 +121,7 @@ def _promising(
     before = null.coarse(COARSE).cost
     for (h, values), bands in zip(looks, spectra.of(columns, LOOKS), strict=True):
         gain = before - bands.coarse(COARSE).cost
-        if bands.promise >= least and gain > best.get(h.name, (0.0,))[0]:
+        if bands.expected_gain >= least and gain > best.get(h.name, (0.0,))[0]:
             best[h.name] = (gain, h, values)
     leading = sorted(best.values(), key=lambda one: -one[0])[:RIVALS]
     return [(h, values) for _, h, values in leading]
@@ -215,7 +221,7 @@ class _Search:
         return costs
 
 
-def _sought(spectra, heldout, fit, null, hypothesis, look, rng) -> Oscillation:
+def _sought(spectra, heldout, fit, null, hypothesis, look, rng) -> LimitCycle:
     known = {p.name: p for p in spectra.model.parameters}
     errors = {n: float(np.sqrt(fit.covariance[k, k])) for k, n in enumerate(fit.free)}
     unsure = [n for n, error in errors.items() if error > SOFT * _doubt(known[n]) > 0.0]
@@ -224,7 +230,8 @@ def _sought(spectra, heldout, fit, null, hypothesis, look, rng) -> Oscillation:
     bands = spectra.at(values, RUNS)
     gain = null.cost + search.prior_of(fit.values) - cost
     held = heldout.at(fit.values, RUNS).cost - heldout.at(values, RUNS).cost if heldout else 0.0
-    return Oscillation(hypothesis, values, gain, held, bands, search.errors(values, cost, bands.dispersion))
+    errors = search.errors(values, cost, bands.dispersion)
+    return LimitCycle(hypothesis, gain, held, values=values, bands=bands, errors=errors)
 
 
 def left_by(bands: Bands) -> Adequacy:
@@ -232,8 +239,8 @@ def left_by(bands: Bands) -> Adequacy:
     return Adequacy(bands.p_value, bands.excess, bands.leftovers(), bands.over_noise)
 
 
-def judged(spectra: Spectra, null: Judged, found: Oscillation) -> Judged:
-    """The model of an oscillation, on top of the refit it was found on; residuals are those of the mean of its runs."""
+def judged(spectra: Spectra, null: Judged, found: LimitCycle) -> Judged:
+    """The model of a limit cycle, on top of the refit it was found on; residuals are those of the mean of its runs."""
     new = tuple(n for n in found.hypothesis.names if n not in null.fit.free)
     covariance = block_diag(null.fit.covariance, np.zeros((len(new), len(new))))
     free = (*null.fit.free, *new)
@@ -252,15 +259,15 @@ def judged(spectra: Spectra, null: Judged, found: Oscillation) -> Judged:
 
 
 def as_it_is(null: Judged, bands: Bands, rules: Rules) -> Selection | None:
-    """The answer where the simulator hunts without any effect, and the recording as it does."""
-    after, explained = left_by(bands), bands.still.cost - bands.cost
-    if explained <= 0.0 or not rules.adequate(after, explained, rules.swinging):
+    """The answer where the simulator has a limit cycle without any effect, and the recording has the same."""
+    after, explained = left_by(bands), bands.without_spread.cost - bands.cost
+    if explained <= 0.0 or not rules.adequate(after, explained, rules.limit_cycle):
         return None
     return Selection(null, null, (), (), (), after, after, True, rules=rules, explained=explained, bands=bands)
 
 
-def explaining(spectra: Spectra, null: Judged, found: Sequence[Oscillation], rules: Rules) -> Selection | None:
-    """The answer of the best of what makes the simulator hunt as the recording does, if that explains it."""
+def explaining(spectra: Spectra, null: Judged, found: Sequence[LimitCycle], rules: Rules) -> Selection | None:
+    """The answer of the best of what gives the simulator the recording's limit cycle, if that explains it."""
     best = next(iter(found), None)
     if best is None or best.gain < rules.least(best.hypothesis, 0.0):
         return None
@@ -270,7 +277,7 @@ def explaining(spectra: Spectra, null: Judged, found: Sequence[Oscillation], rul
     behind = {o.hypothesis.name: (best.gain - o.gain) / apart for o in found[1:]}
     equal = tuple(name for name, by in behind.items() if by < rules.margin)
     margin = min((by for by in behind.values() if by >= rules.margin), default=best.gain / apart)
-    accepted = Accepted(best.hypothesis, best.gain, best.heldout, equal, margin)
+    accepted = EffectGain(best.hypothesis, best.gain, best.heldout_gain, margin, equal)
     final = judged(spectra, null, best)
     return Selection(
         null, final, (accepted,), (), (), after, after, True, rules=rules, explained=best.gain, bands=best.bands

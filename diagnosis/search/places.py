@@ -65,8 +65,8 @@ def _energy(trace: Trace, named: bool, noise: AnyNoise) -> np.ndarray:
     d = locate.smooth((trace.measured - trace.refit) / trace.noise, trace.good, period)
     width = max(round(locate.SMOOTHED / period), 1)
     # of a moving mean of the noise, taken as what the channel has without a mismatch
-    quiet = (noise.of_mean(width) / trace.noise) ** 2
-    return np.where(trace.good, np.maximum(d**2 - quiet, 0.0), 0.0)
+    of_noise = (noise.of_mean(width) / trace.noise) ** 2
+    return np.where(trace.good, np.maximum(d**2 - of_noise, 0.0), 0.0)
 
 
 def _regime(system: str, own: Sequence[Trace], energy: np.ndarray) -> tuple[locate.Regime | None, str]:

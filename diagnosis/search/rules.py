@@ -18,7 +18,7 @@ class Rules:
               | friction that drifts (recordings that no proof uses)
     further   | as ``gain``, for a further effect
     share     | least gain of a further effect over that of all before it
-    races     | times that what was behind a refused hypothesis may race again
+    again     | comparisons, at the most: what was given up because of a hypothesis that is refused is compared again
     margin    | fall of the deviance by which an effect must beat another to be told from it
     alike     | ``margin`` as a share of its gain: the formulation of either is a little wrong
     declared  | ``alike`` of effects declared to look alike: what tells them apart is smaller than a formulation
@@ -30,7 +30,7 @@ class Rules:
     left      | share of all that was to be explained, which may be left when something is named
     drifted   | ``left`` when what changes with the elapsed time alone is, or a constant is that still drifts: either
               | explains much of a drift of another kind
-    swinging  | ``left`` of a simulator that oscillates by itself: nothing has adapted it to the recording's oscillation
+    limit_cycle | ``left`` of a simulator that oscillates by itself: nothing has adapted it to the recording's cycle
     over      | RMS over the stated noise up to which a model may be right
     beside    | what a model with an effect in it may have more: impacts in a gap are no two times the same
     clean     | p-value above which, with an RMS over the stated noise below ``white``, no further effect is looked for
@@ -53,13 +53,13 @@ class Rules:
     alone: float = 35.0
     left: float = 0.22
     drifted: float = 0.05
-    swinging: float = 0.35
+    limit_cycle: float = 0.35
     over: float = 1.08
     beside: float = 0.1
     clean: float = 0.05
     white: float = 1.04
     most: int = 2
-    races: int = 3
+    again: int = 3
 
     def under(self, at_rest: bool, stated: bool) -> "Rules":
         """The same where a record at rest tells the noise, or the recording states it; where neither, it is learnt."""

@@ -9,9 +9,11 @@
 5. Each accepted effect is exchanged for every other hypothesis, given the others: the best stays.
 6. `adequacy.tests` asks whether what is left is noise. Where it is not, nothing is named. Under a noise that is
    known from rest the held-out records are asked too: slow noise hides much, and another motion may show it. Not in
-   white noise: there two formulations differ by what friction holds after a stop, in one of 20 quiet recordings.
-7. Where that names nothing, spectra are compared instead of residuals (`search.limit_cycles`): of a loop that hunts no
-   simulation has the phase. A simulator that hunts by itself, and has the spectrum, is left as it is from the start.
+   white noise: there two formulations differ by what friction holds after a stop, in one of 20 recordings without a
+   mismatch.
+7. Where that names nothing, spectra are compared instead of residuals (`search.limit_cycles`): of a limit cycle no
+   simulation has the phase. A simulator that oscillates by itself, and has the spectrum, is left as it is from the
+   start.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -25,18 +27,19 @@ from diagnosis.adequacy.bands import Spectra
 from diagnosis.adequacy.tests import Adequacy, adequacy
 from diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
 from diagnosis.fit.refit import Start
-from diagnosis.fit.score_tests import screen
+from diagnosis.fit.score_tests import score_tests
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Model, Whitener
-from diagnosis.search import limit_cycles as hunting
-from diagnosis.search.comparison import Candidate, race
+from diagnosis.model.verdict import EffectGain
+from diagnosis.search import limit_cycles
+from diagnosis.search.comparison import Candidate, compare
 from diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
 from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Accepted, Selection
+from diagnosis.search.selection import Selection
 
 ENDING = 20
 """Iterations, at most, with which a candidate's refit ends: a load that sticks and slips is long on its way (a Stribeck
-curve that was there gained 2868 after a race, 11500 after two more iterations, and 15400 in the end)."""
+curve that was there gained 2868 when it was compared, 11500 after two more iterations, and 15400 in the end)."""
 NOTHING = 1.0
 """Fall of the deviance that a number brings by chance in one recording of three."""
 LIKE_ANY = "something drifts with the elapsed time"
@@ -69,26 +72,26 @@ def select(  # noqa: C901, PLR0915
     rules = rules.under(at_rest, bool(stated))
     tell("refitting the nominal parameters")
     spectra = Spectra(fit, stated)
-    by_itself = hunting.oscillates(spectra, rules.gain)
+    by_itself = limit_cycles.oscillates(spectra, rules.gain)
     if by_itself:
-        alone = hunting.as_it_is(*keep("averaged", partial(hunting.refitted, spectra, nominals, rng)), rules)
+        alone = limit_cycles.as_it_is(*keep("averaged", partial(limit_cycles.refitted, spectra, nominals, rng)), rules)
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
     bare = null.deviance if plain is None or plain - null.deviance < rules.gain else plain
     chosen: list[tuple[Hypothesis, Judged]] = []
-    screenings, tried, refused = [], [], {}
+    scored, tried, refused = [], [], {}
     best = null
     while len(chosen) < rules.most:
         left = [h for h in hypotheses if h.name not in {c.name for c, _ in chosen}]
         if not left:
             break
         tell(f"scoring {len(left)} hypotheses")
-        screening = keep("screen", partial(screen, fit, best, left, rng))
-        screenings.append(screening)
+        tests = keep("score_tests", partial(score_tests, fit, best, left, rng))
+        scored.append(tests)
         tell("refitting the best of them")
-        found, races = _raced(fit, heldout, best, screening, rules, bare - best.deviance, refused, keep)
-        tried += races
+        found, compared = _compared(fit, heldout, best, tests, rules, bare - best.deviance, refused, keep)
+        tried += compared
         if found is None:
             break
         chosen.append((found.hypothesis, found.judged))
@@ -112,13 +115,13 @@ def select(  # noqa: C901, PLR0915
     adequate = rules.adequate(after, explained, share) and not drifting
     if not by_itself and not (adequate and accepted):
         tell("comparing spectra")
-        swung = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
-        found = keep("spectra", partial(hunting.oscillations, *swung))
-        swinging = hunting.explaining(spectra, null, found, rules)
-        if swinging is not None:
-            return replace(swinging, screenings=tuple(screenings), tried=tuple(tried), refused=refused, before=before)
+        asked = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
+        found = keep("spectra", partial(limit_cycles.search, *asked))
+        cycle = limit_cycles.explaining(spectra, null, found, rules)
+        if cycle is not None:
+            return replace(cycle, score_tests=tuple(scored), tried=tuple(tried), refused=refused, before=before)
     return Selection(
-        null, best, accepted, tuple(screenings), tuple(tried), before, after, adequate, refused, rules,
+        null, best, accepted, tuple(scored), tuple(tried), before, after, adequate, refused, rules,
         explained=explained,
     )  # fmt: skip
 
@@ -128,26 +131,26 @@ def _held_gain(heldout: Model, whitener: Whitener, one: Judged, other: Judged) -
     return held_cost(heldout, whitener, one.fit) - held_cost(heldout, whitener, other.fit)
 
 
-def _raced(fit, heldout, base, screening, rules, so_far, refused, keep):
-    """(the best candidate to which nothing is to be objected or None, all races).
+def _compared(fit, heldout, base, scored, rules, so_far, refused, keep):
+    """(the best candidate to which nothing is to be objected or None, all comparisons).
 
     A hypothesis that gains most and is refused must not hide the others, which were given up because of its gain: they
-    race again without it.
+    are compared again without it.
     """
-    races, out = [], set()
+    comparisons, out = [], set()
     least = rules.least(None, so_far)
-    while len(races) < rules.races:
-        candidates = keep("race", partial(race, fit, base, screening, least, frozenset(out)))
-        races.append(tuple(candidates))
-        found = _first(fit, heldout, base, screening, candidates, rules, so_far, refused)
+    while len(comparisons) < rules.again:
+        candidates = keep("comparison", partial(compare, fit, base, scored, least, frozenset(out)))
+        comparisons.append(tuple(candidates))
+        found = _first(fit, heldout, base, scored, candidates, rules, so_far, refused)
         if found is not None and _like_any(found, rules):
             gains = f"it gains {found.gain:.1f}, less than the {rules.drifts:g} that would tell what"
             refused[found.hypothesis.name] = f"{LIKE_ANY}: {gains}"
-            return None, races
+            return None, comparisons
         if found is not None or not any(c.gain >= least for c in candidates):
-            return found, races
+            return found, comparisons
         out |= {c.hypothesis.name for c in candidates}
-    return None, races
+    return None, comparisons
 
 
 def _like_any(candidate: Candidate, rules: Rules) -> bool:
@@ -161,9 +164,9 @@ def _tells_of_drift(chosen: Sequence[Hypothesis], after: Adequacy) -> bool:
     return any(h.drifts for h in chosen) or (still and "elapsed time" in after.leftovers[0].coordinate)
 
 
-def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) -> Candidate | None:
+def _first(fit, heldout, base, scored, candidates, rules, so_far, refused) -> Candidate | None:
     """The best candidate to which nothing is to be objected."""
-    base_held = held_cost(heldout, screening.whitener, base.fit)
+    base_held = held_cost(heldout, scored.whitener, base.fit)
     for candidate in candidates:
         h, mine = candidate.hypothesis, candidate.judged
         least = rules.least(h, so_far)
@@ -172,7 +175,7 @@ def _first(fit, heldout, base, screening, candidates, rules, so_far, refused) ->
             continue
         mine = settled(fit, mine, ENDING)
         candidate = replace(candidate, judged=mine, gain=base.deviance - mine.deviance)
-        held = base_held - held_cost(heldout, screening.whitener, mine.fit)
+        held = base_held - held_cost(heldout, scored.whitener, mine.fit)
         reason = objection(h, mine.fit, held, candidate.gain) or unstable(mine.fit, h) or momentary(fit, base, mine)
         if not reason:
             return candidate
@@ -196,9 +199,9 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, bare):
         start = Start("", free, {n: v for n, v in last.fit.values.items() if n in free})
         base = keep("rest", partial(refit_and_learn, fit, [start], 1))
         left = [h for h in hypotheses if h is doubtful[0] or h.name not in {h.name for h, _ in chosen}]
-        screening = keep("screen", partial(screen, fit, base, left, rng))
-        found, races = _raced(fit, heldout, base, screening, rules, bare - base.deviance, {}, keep)
-        tried += races
+        tests = keep("score_tests", partial(score_tests, fit, base, left, rng))
+        found, compared = _compared(fit, heldout, base, tests, rules, bare - base.deviance, {}, keep)
+        tried += compared
         if found is None:
             chosen, sure = [(h, base) for h, _ in rest], {h.name for h, _ in rest[1:]}
         elif found.hypothesis is doubtful[0] or found.judged.deviance >= last.deviance:
@@ -208,27 +211,27 @@ def _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, bare):
     return chosen, min((judged for _, judged in chosen), key=lambda j: j.deviance), tried
 
 
-def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[Accepted, ...]:
+def _described(fit, heldout, null, best, chosen, tried, rules) -> tuple[EffectGain, ...]:
+    """Each chosen effect with gain, margin and alternatives, by the comparison that is nearest to the final model."""
     found = []
+    taken = {h.name for h, _ in chosen}
     for hypothesis, judged in chosen:
-        # of the races that had it, the one nearest to the final model
-        races = [r for r in tried if any(c.hypothesis is hypothesis for c in r)]
-        race_of = min(races, key=lambda r: min(abs(c.judged.deviance - best.deviance) for c in r), default=())
-        own = [c for c in race_of if c.hypothesis is hypothesis]
-        gain, worth = (own[0].gain, own[0].worth) if own else (null.deviance - judged.deviance, np.inf)
-        taken = {h.name for h, _ in chosen}
-        rivals = [c for c in race_of if c.hypothesis.name not in taken]
-        close = [
-            c
+        had = [c for c in tried if any(candidate.hypothesis is hypothesis for candidate in c)]
+        nearest = min(had, key=lambda c: min(abs(one.judged.deviance - best.deviance) for one in c), default=())
+        own = next((c for c in nearest if c.hypothesis is hypothesis), None)
+        gain = own.gain if own else null.deviance - judged.deviance
+        penalised = own.penalised_gain if own else np.inf
+        rivals = [c for c in nearest if c.hypothesis.name not in taken]
+        equal = tuple(
+            c.hypothesis.name
             for c in rivals
-            if worth - c.worth < _apart(hypothesis, c.hypothesis, gain, rules)
+            if penalised - c.penalised_gain < _apart(hypothesis, c.hypothesis, gain, rules)
             and not bounded(c.hypothesis, c.judged.fit)
             and not _ends_as(c, hypothesis, gain)
-        ]
-        equal = tuple(c.hypothesis.name for c in close)
-        margin = min((worth - c.worth for c in rivals if c.hypothesis.name not in equal), default=gain)
+        )
+        behind = [penalised - c.penalised_gain for c in rivals if c.hypothesis.name not in equal]
         held = _held_gain(heldout, best.whitener, null, judged)
-        found.append(Accepted(hypothesis, gain, held, equal, margin))
+        found.append(EffectGain(hypothesis, gain, held, min(behind, default=gain), equal))
     return tuple(found)
 
 

@@ -6,23 +6,10 @@ from dataclasses import dataclass, field
 from diagnosis.adequacy.bands import Bands
 from diagnosis.adequacy.tests import Adequacy
 from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.score_tests import Screening
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.verdict import Step
+from diagnosis.fit.score_tests import ScoreTests
+from diagnosis.model.verdict import EffectGain
 from diagnosis.search.comparison import Candidate
 from diagnosis.search.rules import Rules
-
-
-@dataclass(frozen=True)
-class Accepted:
-    """An effect that was found, with what it was chosen from."""
-
-    hypothesis: Hypothesis
-    gain: float
-    heldout_gain: float
-    alternatives: tuple[str, ...]
-    margin: float
-    """deviance of the best other hypothesis less its own; of those that are no alternatives"""
 
 
 @dataclass(frozen=True)
@@ -31,16 +18,16 @@ class Selection:
 
     null: Judged
     final: Judged
-    accepted: tuple[Accepted, ...]
-    screenings: tuple[Screening, ...]
+    accepted: tuple[EffectGain, ...]
+    score_tests: tuple[ScoreTests, ...]
     tried: tuple[tuple[Candidate, ...], ...]
     before: Adequacy
     after: Adequacy
     adequate: bool
     refused: Mapping[str, str] = field(default_factory=dict)
     rules: Rules = field(default_factory=Rules)
-    steps: tuple[Step, ...] = ()
-    """of the ladder, where the held-out records judge (`diagnosis.search.heldout`)"""
+    steps: tuple[EffectGain, ...] = ()
+    """of the stepwise selection, where the held-out records judge (`diagnosis.search.heldout`)"""
     explained: float = 0.0
     """what the effects gain on all records that are asked whether what is left is noise, and what those that the rig
     has already gain on the fitted ones"""

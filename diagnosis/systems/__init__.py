@@ -1,7 +1,7 @@
 """Recordings as models: one module for each system, each with ``prepare(recording, request) -> Question``.
 
 A module lays the records on an even clock, drives the system's kernel by what was recorded as its input, and predicts
-the other channels. Everything after that (refit, screening, selection, localisation, verdict) knows no system.
+the other channels. Everything after that (refit, score tests, selection, localisation, verdict) knows no system.
 """
 
 from dataclasses import replace

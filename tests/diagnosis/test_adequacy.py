@@ -180,7 +180,7 @@ def test_a_small_drift_is_unknown_and_a_large_one_named(drift, verdict):
     truth = {"drift": drift}
     fit, heldout = (Toy(truth, seed, records, std=2.5) for seed, records in ((5, 2), (55, 1)))
     found = select(fit, heldout, NOMINALS, hypotheses, np.random.default_rng(0))
-    gained = max(c.gain for race in found.tried for c in race if c.hypothesis.name == "drift_effect")
+    gained = max(c.gain for comparison in found.tried for c in comparison if c.hypothesis.name == "drift_effect")
     assert found.verdict == verdict
     assert (Rules().coloured < gained < Rules().drifts) is (verdict == "unknown")
     if verdict == "unknown":

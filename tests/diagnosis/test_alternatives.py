@@ -38,8 +38,8 @@ def _selected(truth, hypotheses, **own):
 
 def test_a_fuller_law_that_ended_in_a_simpler_one_is_no_alternative():
     found = _selected({"coulomb": 1.0}, LAWS)
-    (race,) = [r for r in found.tried if len(r) > 1]
-    gains = {c.hypothesis.name: c.gain for c in race}
+    (comparison,) = [r for r in found.tried if len(r) > 1]
+    gains = {c.hypothesis.name: c.gain for c in comparison}
     assert gains["stribeck_friction"] == pytest.approx(gains["coulomb_friction"], abs=4.0)  # it fits as well
     (only,) = found.accepted
     assert only.hypothesis.name == "coulomb_friction" and only.alternatives == ()

@@ -353,8 +353,8 @@ def test_an_effect_of_the_environment_is_found_in_its_episodes(tmp_path):
     found = diagnose(recording, effects=["sensor_delay", "actuator_lag", "cable_elongation"], variant="analytic")
     (effect,) = found.effects
     assert (found.verdict, effect.name) == ("named", "actuator_lag")
-    low, high = effect.parameters["time"]["ci95"]
-    assert low < 0.01 < high < 0.012
+    time = effect.parameters["time"]
+    assert time.low < 0.01 < time.high < 0.012
 
 
 def test_without_heldout_records_the_last_third_of_each_is_kept_back(tmp_path):
@@ -415,7 +415,7 @@ def test_an_observed_drive_needs_a_mass(tmp_path):
     (folder / "recording.yaml").write_text(yaml.safe_dump(content))
     found = diagnose(folder, effects=["coulomb_friction", "position_dependent_load", "backlash"])
     assert [e.name for e in found.effects] == ["coulomb_friction"]
-    assert found.effects[0].parameters["level"]["value"] == pytest.approx(3.0, rel=0.05)
+    assert found.effects[0].parameters["level"].value == pytest.approx(3.0, rel=0.05)
 
 
 def test_an_effect_that_costs_little_is_said_to():

@@ -5,7 +5,7 @@ import pytest
 
 from diagnosis.fit.likelihood import raw_residuals, refit_and_learn
 from diagnosis.fit.refit import Start, refit
-from diagnosis.fit.score_tests import screen
+from diagnosis.fit.score_tests import score_tests
 from diagnosis.model.model import learn_whitener
 from diagnosis.model.noise import Noise, learn_noise
 from diagnosis.search.select import select
@@ -66,7 +66,7 @@ def test_a_prior_holds_a_parameter_that_nothing_shows():
 def test_identical_effects_are_seen_as_such():
     model = Toy({"bias": 1.0}, 3)
     null = refit_and_learn(model, [Start("", NOMINALS, {})])
-    found = screen(model, null, HYPOTHESES, np.random.default_rng(0))
+    found = score_tests(model, null, HYPOTHESES, np.random.default_rng(0))
     assert "difference_effect" in found.class_of("bias_effect")  # with Coulomb's level free they are one
 
 

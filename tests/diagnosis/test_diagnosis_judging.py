@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from diagnosis.adequacy.tests import adequacy
 from diagnosis.fit.likelihood import refit_and_learn, refit_nominals
 from diagnosis.fit.refit import Start
-from diagnosis.fit.score_tests import screen
+from diagnosis.fit.score_tests import score_tests
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Coordinate, Free
 from diagnosis.report import answer
@@ -68,7 +68,7 @@ def test_probes_go_nearer_to_the_size_and_along_what_hides_them():
     model = _white(Root(1.0, 1))
     null = refit_and_learn(model, [Start("", NOMINALS, {})])
     far = Hypothesis("root_effect", (model.parameters[-1],), (({"root": 300.0},),), nulls={"root": 0.0})
-    found = screen(model, null, [far], np.random.default_rng(0))
+    found = score_tests(model, null, [far], np.random.default_rng(0))
     sizes = [s.directions[0]["root"] for s in found.scores]
     assert sizes[0] == 300.0 and min(abs(np.log(s)) for s in sizes) < np.log(3.0)
     nearest = min(found.scores, key=lambda s: abs(np.log(s.directions[0]["root"])))
@@ -211,7 +211,7 @@ def test_an_effect_that_the_data_want_with_the_other_sign_is_said_to_be_so():
     turned = Hypothesis("turned", (Free("stiffness", 0.0, -1e5, 0.0, 100.0),), (({"stiffness": -10.0},),))
     turned = replace(turned, nulls={"stiffness": 0.0})
     model.parameters = tuple(replace(p, low=-1e5, high=0.0) if p.name == "stiffness" else p for p in PARAMETERS)
-    score = screen(model, null, [turned], np.random.default_rng(0)).best["turned"]
+    score = score_tests(model, null, [turned], np.random.default_rng(0)).best["turned"]
     assert score.amount[0] < 0.0 and answer.wrong_way(score, model, Rules().gain)
     right = replace(score, amount=(1.0,))
     assert not answer.wrong_way(right, model, Rules().gain)

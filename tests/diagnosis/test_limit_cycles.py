@@ -14,7 +14,7 @@ from diagnosis.engine import examine
 from diagnosis.fit.likelihood import refit_nominals
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Free
-from diagnosis.search import limit_cycles as hunting
+from diagnosis.search import limit_cycles
 from diagnosis.search.select import select
 from diagnosis.systems.common import sample_period
 from diagnosis.systems.linear_drive import controller
@@ -32,7 +32,7 @@ GAP = Hypothesis("gap", (PARAMETERS[2],), (({"gap": 0.3},), ({"gap": 1.0},)), nu
 LAG = Hypothesis("lag", (PARAMETERS[3],), (({"lag": 0.1},),), nulls={"lag": 0.0})
 
 
-class Swinging:
+class Oscillating:
     """Force of a known motion, and a resonance at ``pitch`` that a chaotic map drives: its start hangs on the mass."""
 
     parameters = PARAMETERS
@@ -71,15 +71,15 @@ class Swinging:
 def _oscillations(model, held, seed=0):
     spectra, heldout = (Spectra(m, {"force": STD}) for m in (model, held))
     null = refit_nominals(model, ("mass", "pitch"))
-    found = hunting.oscillations(spectra, heldout, null.fit, [GAP, LAG], 40.0, np.random.default_rng(seed))
+    found = limit_cycles.search(spectra, heldout, null.fit, [GAP, LAG], 40.0, np.random.default_rng(seed))
     return null, found
 
 
 def test_a_swing_of_another_phase_is_found_by_its_spectrum():
     for seed, size in ((1, 1.0), (2, 0.5)):
-        model, held = (Swinging({"gap": size}, s) for s in (seed, seed + 100))
+        model, held = (Oscillating({"gap": size}, s) for s in (seed, seed + 100))
         null, found = _oscillations(model, held)
-        assert [o.hypothesis.name for o in found] == ["gap"] and found[0].gain > 200.0 and found[0].heldout > 100.0
+        assert [o.hypothesis.name for o in found] == ["gap"] and found[0].gain > 200.0 and found[0].heldout_gain > 100.0
         assert found[0].values["gap"] == pytest.approx(size, rel=0.12)
         assert found[0].values["gap"] == pytest.approx(size, abs=2.5 * found[0].errors["gap"])
         true = np.array([[10.7], [0.3], [size], [0.0]])  # of another phase: squares cannot see it
@@ -90,7 +90,7 @@ def test_a_swing_of_another_phase_is_found_by_its_spectrum():
 
 
 def test_a_pitch_that_the_refit_cannot_know_is_found_along():
-    model, held = (Swinging({"gap": 1.0, "pitch": 0.34}, s) for s in (5, 105))
+    model, held = (Oscillating({"gap": 1.0, "pitch": 0.34}, s) for s in (5, 105))
     _, found = _oscillations(model, held)
     assert found[0].values["pitch"] == pytest.approx(0.34, abs=0.005)
 
@@ -100,15 +100,15 @@ def test_neither_noise_nor_a_hum_is_a_swing():
         return 0.15 * np.sin(2 * np.pi * 7.3 * t)
 
     for extra in (None, hum):
-        _, found = _oscillations(Swinging({}, 3, extra), Swinging({}, 103, extra))
+        _, found = _oscillations(Oscillating({}, 3, extra), Oscillating({}, 103, extra))
         assert not [o for o in found if o.bands.excess < 0.22 * o.gain]
-    null = Spectra(Swinging({}, 3, hum), {"force": STD}).at({"mass": 10.5}, 6)
+    null = Spectra(Oscillating({}, 3, hum), {"force": STD}).at({"mass": 10.5}, 6)
     assert null.p_value < 1e-9 and null.leftovers()[0].at[0] == pytest.approx(7.3, abs=0.3)
 
 
 def test_noise_alone_has_the_power_that_is_expected():
-    found = [Spectra(Swinging({}, seed), {"force": STD}).at({"mass": 10.5}, 6) for seed in range(12)]
-    assert all(b.promise < 1.0 and b.over_noise == pytest.approx(1.0, abs=0.03) for b in found)
+    found = [Spectra(Oscillating({}, seed), {"force": STD}).at({"mass": 10.5}, 6) for seed in range(12)]
+    assert all(b.expected_gain < 1.0 and b.over_noise == pytest.approx(1.0, abs=0.03) for b in found)
     assert np.mean([b.beyond.mean() for b in found]) == pytest.approx(1.0, abs=0.06)  # chi-square of one each
     assert min(b.p_value for b in found) > 1e-3
 
@@ -123,8 +123,8 @@ def test_the_cost_is_least_where_the_power_is_as_expected():
     ]
     assert min(bands, key=lambda b: b.cost) is bands[2]
     assert bands[2].cost - sum(bands[2].beyond) == pytest.approx(bands[0].cost - sum(bands[0].beyond))
-    assert bands[2].still.cost == pytest.approx(bands[0].cost)
-    assert bands[0].promise == 0.0 and bands[3].promise > bands[1].promise > 0.0
+    assert bands[2].without_spread.cost == pytest.approx(bands[0].cost)
+    assert bands[0].expected_gain == 0.0 and bands[3].expected_gain > bands[1].expected_gain > 0.0
     joined = bands[2].coarse(10)
     assert joined.expected == pytest.approx([1.0, 1.0, 5.0]) and joined.left == pytest.approx(
         left.reshape(3, 10).mean(axis=1)
@@ -132,7 +132,7 @@ def test_the_cost_is_least_where_the_power_is_as_expected():
 
 
 def test_the_mean_of_runs_has_what_can_be_predicted():
-    model = Swinging({"gap": 1.0}, 4)
+    model = Oscillating({"gap": 1.0}, 4)
     values = np.array([[10.5], [0.3], [1.0], [0.0]])
     plain = model.predict(np.array([[10.5], [0.3], [0.0], [0.0]]))[0]
     one, mean = (m.predict(values)[0] - plain for m in (model, Averaged(model, 16)))
@@ -140,7 +140,7 @@ def test_the_mean_of_runs_has_what_can_be_predicted():
 
 
 def test_what_swings_is_named_and_a_rig_that_has_it_is_left_alone():
-    model, held = (Swinging({"gap": 1.0}, s) for s in (1, 101))
+    model, held = (Oscillating({"gap": 1.0}, s) for s in (1, 101))
     told = {"stated": {"force": STD}}
     found = select(model, held, ("mass", "pitch"), [GAP, LAG], np.random.default_rng(0), **told)
     assert found.verdict == "named" and found.accepted[0].hypothesis is GAP and found.bands is not None
@@ -148,26 +148,26 @@ def test_what_swings_is_named_and_a_rig_that_has_it_is_left_alone():
     for one in (model, held):
         one.parameters = tuple(replace(p, start=found.final.fit.values[p.name]) for p in PARAMETERS)
     again = select(model, held, ("mass", "pitch"), [LAG], np.random.default_rng(0), **told)
-    assert again.verdict == "no_detectable_mismatch" and not again.accepted and again.bands.promise > 40.0
+    assert again.verdict == "no_detectable_mismatch" and not again.accepted and again.bands.expected_gain > 40.0
     unknown = select(model, held, ("mass", "pitch"), [LAG], np.random.default_rng(0))  # noise that nobody knows
     assert unknown.bands is None
 
 
 @pytest.fixture(scope="module")
-def hunts(tmp_path_factory):
-    """A drive under control whose belt has a gap of 35 um: the loop hunts at 38 Hz."""
-    folder = tmp_path_factory.mktemp("hunts")
+def oscillating(tmp_path_factory):
+    """A drive under control whose belt has a gap of 35 um: a limit cycle at 38 Hz."""
+    folder = tmp_path_factory.mktemp("oscillating")
     key = make(Case("case-1", SEED, "linear_drive", "single", ("backlash",), ">10", "white"), folder / "recording")
     return folder, key, examine(folder / "recording", effects=["backlash", "actuator_lag", "stribeck_friction"])
 
 
-def test_a_gap_that_makes_a_drive_hunt_is_named(hunts):
-    _, key, examined = hunts
+def test_a_gap_with_a_limit_cycle_is_named(oscillating):
+    _, key, examined = oscillating
     (effect,) = examined.diagnosis.effects
     true = key["effects"][0]["changes"]["backlash.gap"]
     assert effect.name == "backlash" and effect.gain > 1000.0 and effect.heldout_gain > 0.0
-    low, high = effect.parameters["gap"]["ci95"]
-    assert low < true < high and high - low < 0.6 * true
+    gap = effect.parameters["gap"]
+    assert gap.low < true < gap.high and gap.high - gap.low < 0.6 * true
     record = examined.diagnosis.as_json()
     assert "oscillates by itself" in words.cost(record) and any("phase of its own" in n for n in record["notes"])
     assert "Its spectrum" in render(record, examined.diagnosis.traces)
@@ -175,8 +175,8 @@ def test_a_gap_that_makes_a_drive_hunt_is_named(hunts):
     assert held["augmented"] < 1.15 * held["refit"]  # not the phase's error twice
 
 
-def test_the_rig_with_the_gap_leaves_nothing_to_find(hunts):
-    folder, _, examined = hunts
+def test_the_rig_with_the_gap_leaves_nothing_to_find(oscillating):
+    folder, _, examined = oscillating
     examined.diagnosis.write(folder / "out")
     again = examine(
         folder / "recording", rig=folder / "out" / "augmented.yaml", effects=["actuator_lag", "stribeck_friction"]
@@ -185,9 +185,9 @@ def test_the_rig_with_the_gap_leaves_nothing_to_find(hunts):
     assert "oscillates by itself" in words.headline(again.diagnosis.as_json())
 
 
-def test_the_controller_is_found_under_noise(hunts):
-    recording = load_recording(hunts[0] / "recording")
+def test_the_controller_is_found_under_noise(oscillating):
+    recording = load_recording(oscillating[0] / "recording")
     gains, left = controller(recording, sample_period(recording.records))
-    mass = hunts[1]["true_nominal"]["mass"]
+    mass = oscillating[1]["true_nominal"]["mass"]
     assert gains["control.kv"] == pytest.approx(gains["control.kd"], rel=0.02)
     assert 25.0 * 1.4 * mass < gains["control.kd"] < 45.0 * 1.4 * mass * 1.5 and left < 1.6

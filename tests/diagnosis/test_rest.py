@@ -121,7 +121,7 @@ def test_a_slow_mismatch_is_no_colour_of_a_noise_that_is_known():
         fit, heldout = _toys(truth, 21, 0.97, rest)
         found = select(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0))
         gains[rest] = max(
-            (c.gain for race in found.tried for c in race if c.hypothesis.name == "bias_effect"), default=0
+            (c.gain for comparison in found.tried for c in comparison if c.hypothesis.name == "bias_effect"), default=0
         )
         if rest:
             assert [a.hypothesis.name for a in found.accepted] == ["bias_effect"] and found.rules.drifts == Rules().rest

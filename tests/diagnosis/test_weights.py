@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import settle, together
+from diagnosis.fit.weights import autocorrelation_time, reweighted_refit
 from tests.support.diagnosis_toy import NOMINALS, Toy
 
 TRUTH = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
@@ -14,7 +14,7 @@ TRUTH = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
 def test_intervals_from_parts_cover_the_truth_under_noise_of_any_colour(colour):
     covered = 0
     for seed in range(20):
-        fit, _ = settle(Toy({}, seed, colour=colour), Start("", NOMINALS, {}))
+        fit, _ = reweighted_refit(Toy({}, seed, colour=colour), Start("", NOMINALS, {}))
         for name, value in TRUTH.items():
             low, high = fit.interval(name)
             covered += low <= value <= high
@@ -23,16 +23,20 @@ def test_intervals_from_parts_cover_the_truth_under_noise_of_any_colour(colour):
 
 def test_a_curvature_stays_where_no_part_shows_a_parameter():
     model = Toy({}, 0)
-    fit = settle(model, Start("", (*NOMINALS, "velocity"), {"velocity": 0.02}))[0]  # shapes an excess that is not there
+    fit = reweighted_refit(model, Start("", (*NOMINALS, "velocity"), {"velocity": 0.02}))[
+        0
+    ]  # shapes an excess that is not there
     assert fit.covariance[3, 3] > 1e6 * fit.covariance[0, 0]
 
 
-def test_stretches_of_noise_with_a_memory():
+def test_autocorrelation_time_of_noise_with_a_memory():
     """An autoregression of first order hangs together over (1 + a) / (1 - a) samples."""
     rng = np.random.default_rng(0)
     series = [np.zeros(20_000) for _ in range(3)]
     for one in series:
         for k in range(1, len(one)):
             one[k] = 0.9 * one[k - 1] + rng.normal()
-    assert together(series) == pytest.approx(19.0, rel=0.25)  # the sum ends at the first negative one: chance adds
-    assert together([rng.normal(size=20_000)]) == pytest.approx(1.0, abs=0.1)
+    assert autocorrelation_time(series) == pytest.approx(
+        19.0, rel=0.25
+    )  # the sum ends at the first negative one: chance adds
+    assert autocorrelation_time([rng.normal(size=20_000)]) == pytest.approx(1.0, abs=0.1)

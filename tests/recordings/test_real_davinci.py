@@ -1,4 +1,4 @@
-"""The da Vinci jaw: its transmission model against closed forms, the ladder, and slices of the real files."""
+"""The da Vinci jaw: its transmission model against closed forms, stepwise selection, and slices of the real files."""
 
 import json
 from dataclasses import replace
@@ -12,16 +12,16 @@ from cable_envs.physics.contact import tension_ratio
 from diagnosis import diagnose
 from diagnosis.data.recording import load_recording
 from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import rmse, settle
+from diagnosis.fit.weights import reweighted_refit, rmse
 from diagnosis.model.model import Block
 from diagnosis.model.verdict import from_json
 from diagnosis.readers import reader
 from diagnosis.readers.base import Request as Asked
 from diagnosis.readers.writer import write_data_set
-from diagnosis.real.davinci import concealed, diagnosed, in_units, load, located
+from diagnosis.real.davinci import ablations, diagnosed, in_units, load, located
 from diagnosis.real.davinci_splits import SPLITS, compare
 from diagnosis.real.feedforward import command
-from diagnosis.search.stepwise import inside, ladder
+from diagnosis.search.stepwise import inside, stepwise
 from diagnosis.systems import prepare, transmission
 from diagnosis.systems.question import Request
 from diagnosis.systems.transmission import Run, assemble, nominals_of
@@ -129,25 +129,25 @@ def some(*names):
 
 
 @pytest.mark.parametrize("loads", [(0.08,), (0.05, 0.08, 0.11)])
-def test_the_ladder_names_what_was_put_in_and_nothing_else(loads):
+def test_the_selection_names_what_was_put_in_and_nothing_else(loads):
     """Records of two loads and two rates to fit; held out: loads between them, at another rate."""
     fit = [made(load, rate, f"{load}-{rate}", spring=True, **TRUTH) for load in (0.04, 0.12) for rate in (0.2, 0.5)]
     unseen = [made(load, 0.4, f"held {load}", spring=True, **TRUTH) for load in loads]
     fit, heldout = assemble(fit, unseen, PERIOD)
     there = {n.split(".")[0] for n in TRUTH if "." in n}
-    rungs = ladder(
+    steps = stepwise(
         fit, heldout, nominals_of(fit.parameters), some(*there, "viscous_friction", "backlash", "friction_drift")
     )
-    assert set(inside(rungs)) == there
-    found = rungs[-1].fit
+    assert set(inside(steps)) == there
+    found = steps[-1].refit
     assert found.values["load_dependent_friction.exponent"] == pytest.approx(0.35, abs=0.01)
     assert found.values["coulomb_friction.level"] == pytest.approx(0.03, abs=1e-3)
     soft = found.values["cable_elongation.drive_side"] + found.values["cable_elongation.output_side"]
     assert soft == pytest.approx(1.2, rel=0.03)
-    first, last = (in_units(r.rmse[1]) for r in (rungs[0], rungs[-1]))
+    first, last = (in_units(r.heldout) for r in (steps[0], steps[-1]))
     assert last["deg"] < 0.1 * first["deg"] and last["mnm"] < 0.01 * first["mnm"]
     # at first what is left follows direction or load
-    assert max(located(fit, rungs[0].fit.values)["output_torque"].values()) > 0.5
+    assert max(located(fit, steps[0].refit.values)["output_torque"].values()) > 0.5
 
 
 def test_of_two_springs_that_are_one_without_friction_the_first_is_named():
@@ -155,15 +155,15 @@ def test_of_two_springs_that_are_one_without_friction_the_first_is_named():
     truth = {"ratio": 0.9, "cable_elongation.output_side": 1.2}
     fit = [made(load, 0.4, str(load), spring=True, **truth) for load in (0.04, 0.12)]
     fit, heldout = assemble(fit, [made(0.08, 0.3, "held", spring=True, **truth)], PERIOD)
-    rungs = ladder(fit, heldout, nominals_of(fit.parameters), some("partial_slip", "cable_elongation", "backlash"))
-    assert [r.name for r in rungs[1:]] == ["cable_elongation"] and rungs[1].alike == ("partial_slip",)
+    steps = stepwise(fit, heldout, nominals_of(fit.parameters), some("partial_slip", "cable_elongation", "backlash"))
+    assert [r.hypothesis.name for r in steps[1:]] == ["cable_elongation"] and steps[1].alternatives == ("partial_slip",)
 
 
 def test_a_rigid_transmission_gets_no_effect():
     fit = [made(load, 0.4, str(load), ratio=0.9) for load in (0.04, 0.12)]
     fit, heldout = assemble(fit, [made(0.08, 0.3, "held", ratio=0.9)], PERIOD)
     rivals = some("coulomb_friction", "cable_elongation", "backlash", "viscous_friction")
-    assert inside(ladder(fit, heldout, nominals_of(fit.parameters), rivals)) == ()
+    assert inside(stepwise(fit, heldout, nominals_of(fit.parameters), rivals)) == ()
 
 
 def test_feedforward_undoes_the_transmission():
@@ -230,7 +230,9 @@ def test_friction_alone_explains_most_of_the_jaws_torque(jaw):
     errors = []
     for free in ((), friction, (*friction, *soft), (*friction, *soft, *wiring)):
         begin = {"coulomb_friction.level": 0.04, "load_dependent_friction.exponent": 0.4} if free else {}
-        one = settle(fit, Start("", (*nominals, *free), begin | ({"presliding_hysteresis.share": 1.0} if free else {})))
+        one = reweighted_refit(
+            fit, Start("", (*nominals, *free), begin | ({"presliding_hysteresis.share": 1.0} if free else {}))
+        )
         errors.append(in_units(rmse(heldout, one[0])))
     rigid, stuck, soft_too, whole = errors
     assert rigid["mnm"] > 60 and stuck["mnm"] < 0.15 * rigid["mnm"]
@@ -267,7 +269,7 @@ def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
     whole = diagnosed(load(tmp_path / "series"))
     there = inside(whole.diagnosis.steps)
     assert {"coulomb_friction", "load_dependent_friction", "presliding_hysteresis", "cable_elongation"} <= set(there)
-    rows = concealed(whole)
+    rows = ablations(whole)
     assert len(rows) >= 4
     assert all(row["in_class"] for row in rows), [(row["removed"], row["found"]) for row in rows]
 

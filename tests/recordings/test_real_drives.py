@@ -11,7 +11,7 @@ from cable_envs.sim.replay import replay
 from diagnosis.data.recording import Quantity
 from diagnosis.fit.likelihood import refit_and_learn
 from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import resampled, rmse, settle
+from diagnosis.fit.weights import reweighted_refit, rmse, with_sandwich_covariance
 from diagnosis.real import band_brake, emps
 from diagnosis.real.sets import FOLDERS, imported
 from diagnosis.systems import prepare
@@ -87,7 +87,7 @@ def test_the_band_brake_slips_with_its_load_and_a_viscous_answer_fails_at_anothe
     assert last.heldout["force"] < 0.1 * first.heldout["force"]
     assert last.parameters["load_dependent_friction.coefficient"].value == pytest.approx(2.05, abs=0.1)
     assert 3e-3 < last.parameters["backlash.gap"].value < 5e-3
-    viscous = next(a for a in found.alone if a.name == band_brake.WRONG)
+    viscous = next(a for a in found.alone if a.hypothesis.name == band_brake.WRONG)
     assert viscous.fit["force"] < first.fit["force"]  # at 0.5 Hz it passes for an improvement
     assert viscous.heldout["force"] > 1.1 * first.heldout["force"] and viscous.gain < 0.0  # at 1 Hz it does not
 
@@ -97,11 +97,11 @@ def test_the_coupled_drives_sensor_rectifies_and_friction_explains_less(tmp_path
     recording = imported("coupled-drives", SHARED, tmp_path)
     records = tuple(r for r in recording.records if r.name.startswith("uniform_1"))
     question = prepare(replace(recording, records=records), Request(only=("sensor_rectification", "coulomb_friction")))
-    base, _ = settle(question.fit, Start("", question.nominals, {}))
+    base, _ = reweighted_refit(question.fit, Start("", question.nominals, {}))
     left = {"": rmse(question.heldout, base)["speed_reading"]}
     for h in question.hypotheses:
         start = {**base.values, **{k: v for d in h.probes[-1] for k, v in d.items()}}
-        fit, _ = settle(question.fit, Start(h.name, (*base.free, *h.names), start))
+        fit, _ = reweighted_refit(question.fit, Start(h.name, (*base.free, *h.names), start))
         left[h.name] = rmse(question.heldout, fit)["speed_reading"]
         if h.name == RECTIFIED:
             low, high = fit.interval(RECTIFIED)
@@ -133,10 +133,12 @@ def test_emps_intervals_from_parts_of_the_record_hold_what_was_published(tmp_pat
     nominal = {name: Quantity(value) for name, value in emps.STARTS.items()}
     thin = tuple(emps.thinned(record, 5) for record in recording.records)
     question = prepare(replace(recording, nominal=nominal, records=thin), Request(without=emps.WITHOUT))
-    fit, _ = settle(question.fit, Start("", question.nominals, {}))
+    fit, _ = reweighted_refit(question.fit, Start("", question.nominals, {}))
     for name, published in emps.PUBLISHED.items():
         low, high = fit.interval(name)
         assert low < published < high and high - low < 0.5 * abs(published)
     whitened = refit_and_learn(question.fit, [Start("", question.nominals, fit.values)]).fit
-    by_curvature, by_parts = (np.diff(f.interval("viscous"))[0] for f in (whitened, resampled(question.fit, whitened)))
+    by_curvature, by_parts = (
+        np.diff(f.interval("viscous"))[0] for f in (whitened, with_sandwich_covariance(question.fit, whitened))
+    )
     assert by_parts > 2.0 * by_curvature

@@ -12,8 +12,9 @@ from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
 from cablebench.pages.recordings import error, estimate, number, plain, render, write_set
 from cablebench.pages.recordings_sets import SETS, numbers
-from diagnosis.model.verdict import Estimate, Step
-from diagnosis.real.finding import Alone, Finding
+from diagnosis.model.hypotheses import Hypothesis
+from diagnosis.model.verdict import EffectGain, Estimate
+from diagnosis.real.finding import Finding
 from tests.support.svg_paths import points_of
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "recordings"
@@ -22,7 +23,10 @@ COMMITTED = Path(__file__).parents[2] / "docs" / "recordings"
 def step(name, force):
     parameters = {"backlash.gap": Estimate(0.004, 0.0035, 0.0045, "m")}
     errors = {"force": force, "band_tension_difference": force / 2}
-    return Step(name, 7.0, 0.98, ("cable_elongation",), errors, errors, parameters, {})
+    return EffectGain(
+        Hypothesis(name, (), ()), 7.0, alternatives=("cable_elongation",), confidence=0.98, parameters=parameters,
+        fit=errors, heldout=errors,
+    )  # fmt: skip
 
 
 def brake():
@@ -31,7 +35,7 @@ def brake():
         "band brake",
         "named",
         (step("", 6000.0), step("backlash", 350.0)),
-        (Alone("viscous_friction", worse, worse, -3.0),),
+        (EffectGain(Hypothesis("viscous_friction", (), ()), -3.0, fit=worse, heldout=worse),),
         {},
         (),
     )
