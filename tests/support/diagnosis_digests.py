@@ -2,7 +2,8 @@
 
 Recordings are made by the proof's generators, and every answer is reduced to one digest per field of its JSON: names
 and numbers (to twelve digits), and the numbers within its texts; no words, no seconds, no version. So a text may be
-said better without a new digest, and a number may not change. The committed ones are of the state before the rebuild of the folders.
+said better without a new digest, and a number may not change. The committed ones are of the state before the folders
+were rebuilt.
 
 ``python -m tests.support.diagnosis_digests [--write FILE] [--full FILE] [NAME ...]`` makes them.
 """
