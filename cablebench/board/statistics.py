@@ -6,6 +6,7 @@ has one run). Episodes of one run share its training, so they are not independen
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from statistics import fmean
 
 import numpy as np
 
@@ -80,10 +81,10 @@ def probability_of_improvement(x: Scores, y: Scores) -> float:
     x, y: {task: [runs, episodes]} with the same episodes in the same order. NaN when they share no task.
     """
     chances = []
-    for task in x.keys() & y.keys():
+    for task in (task for task in x if task in y):
         a, b = np.atleast_2d(x[task])[:, None, :], np.atleast_2d(y[task])[None, :, :]
-        chances.append(np.mean((a > b) + 0.5 * (a == b)))
-    return float(np.mean(chances)) if chances else float("nan")
+        chances.append(float(np.mean((a > b) + 0.5 * (a == b))))
+    return fmean(chances) if chances else float("nan")
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:

@@ -179,3 +179,13 @@ def test_performance_profile_counts_the_share_at_or_above():
     # the area under the profile of scores in [0, 1] is their mean; the grid of 1e-4 limits the agreement
     grid = np.linspace(0, 1, 10_001)
     assert np.trapezoid(performance_profile(x, grid), grid) == pytest.approx(x.mean(), abs=2e-4)
+
+
+def test_improvement_does_not_depend_on_the_order_of_the_tasks():
+    """Bit for bit: names in a set come in another order in every process, and a board must repeat exactly."""
+    rng = np.random.default_rng(0)
+    x, y = ({f"task {k}": rng.normal(size=(1, 7)) for k in range(9)} for _ in range(2))
+    wanted = probability_of_improvement(x, y)
+    for _ in range(20):
+        order = rng.permutation(list(x))
+        assert probability_of_improvement({str(k): x[str(k)] for k in order}, y) == wanted
