@@ -178,3 +178,9 @@ def test_what_the_changelog_says_has_moved_is_there_and_no_longer_where_it_was()
     assert len(now) > 40 and [name for name in now if not resolves(name)] == []
     packages = {"cablebench.entrants", "cablebench.board.build_board"}  # a package of that name is there now
     assert [name for name in before if resolves(name) and name not in packages] == []
+
+
+def test_the_page_of_the_diagnosis_lists_every_effect():
+    page = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
+    table = page[page.index("| group | effects |") : page.index("## The four answers")]
+    assert sorted(re.findall(r"`(\w+)`", table)) == sorted(EFFECTS)
