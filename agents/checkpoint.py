@@ -7,10 +7,11 @@ pickle: load only your own. What is handed to others is the policy file (`agents
 import io
 import random
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
+from sb3_contrib import RecurrentPPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack, VecNormalize
@@ -25,8 +26,10 @@ FILE = "checkpoint.pt"
 """Name of the file in a training's folder."""
 
 
-def layers(env: VecEnv) -> list[VecEnv]:
-    """The wrappers from the outside in, the adapter last."""
+def layers(model: BaseAlgorithm) -> list[VecEnv]:
+    """The wrappers around a model's environments from the outside in, the adapter last."""
+    env = model.get_env()
+    assert env is not None, "a model without environments"
     found = [env]
     while isinstance(found[-1], VecEnvWrapper):
         found.append(found[-1].venv)
@@ -43,7 +46,7 @@ def save_checkpoint(model: BaseAlgorithm, settings: Settings, seed: int, recorde
         "seed": seed,
         "model": buffer.getvalue(),
         "replay": _replay(model),
-        "env": [_layer_state(layer) for layer in layers(model.get_env())],
+        "env": [_layer_state(layer) for layer in layers(model)],
         "random": (random.getstate(), np.random.get_state(), torch.get_rng_state()),
         # these two are set anew when a model is loaded
         "action_space": model.action_space.np_random.bit_generator.state,
@@ -76,12 +79,12 @@ def restore_model(state: dict[str, Any], settings: Settings, env: VecEnv) -> Bas
     model = settings.algorithm().load(io.BytesIO(state["model"]), env=env, device="cpu", force_reset=False)
     if state["replay"] is not None:
         for name, value in state["replay"].items():
-            setattr(model.replay_buffer, name, value)
-    for layer, kept in zip(layers(model.get_env()), state["env"], strict=True):
+            setattr(cast(OffPolicyAlgorithm, model).replay_buffer, name, value)
+    for layer, kept in zip(layers(model), state["env"], strict=True):
         _restore_layer(layer, kept)
     model.action_space.np_random.bit_generator.state = state["action_space"]
     if state["memory"] is not None:
-        model._last_lstm_states = state["memory"]
+        cast(RecurrentPPO, model)._last_lstm_states = state["memory"]
     own, legacy, tensor = state["random"]
     random.setstate(own)
     np.random.set_state(legacy)
@@ -91,10 +94,11 @@ def restore_model(state: dict[str, Any], settings: Settings, env: VecEnv) -> Bas
 
 def _replay(model: BaseAlgorithm) -> dict[str, Any] | None:
     """What changes in a replay buffer: its arrays, and where it stands."""
-    if not isinstance(model, OffPolicyAlgorithm):
+    if not isinstance(model, OffPolicyAlgorithm) or model.replay_buffer is None:
         return None
-    changing = {k: v for k, v in vars(model.replay_buffer).items() if isinstance(v, np.ndarray)}
-    return {**changing, "pos": model.replay_buffer.pos, "full": model.replay_buffer.full}
+    buffer = model.replay_buffer
+    changing = {k: v for k, v in vars(buffer).items() if isinstance(v, np.ndarray)}
+    return {**changing, "pos": buffer.pos, "full": buffer.full}
 
 
 def _layer_state(layer: VecEnv) -> dict[str, Any]:

@@ -165,6 +165,7 @@ class Policy:
     @cached_property
     def _statistics(self) -> tuple[np.ndarray, np.ndarray, float]:
         n = self.metadata.normalization
+        assert n is not None, "asked for where nothing is normalised"
         return np.array(n["mean"]), np.sqrt(np.array(n["variance"]) + n["epsilon"]), n["clip"]
 
     @property
@@ -276,5 +277,5 @@ def read_policy(file: Path) -> tuple[bytes, Metadata]:
     metadata = Metadata(**data)
     require_known(f"key of the settings in {file}", metadata.settings, Settings.__dataclass_fields__)
     algorithm = metadata.settings.get("algorithm_name") or metadata.settings.get("algo")
-    require_known(f"algorithm in {file}", [algorithm], ALGORITHMS)
+    require_known(f"algorithm in {file}", [str(algorithm)], ALGORITHMS)
     return content, metadata

@@ -30,7 +30,7 @@ class Residual:
 
     controller: str
     share: float
-    gains: Mapping[str, float] = field(default_factory=dict)
+    gains: Mapping[str, Any] = field(default_factory=dict)
 
 
 class Shaping:

@@ -8,13 +8,14 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from importlib import metadata as packages
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
 from agents import checkpoint
@@ -186,7 +187,7 @@ class _Recorder(BaseCallback):
         self._started = self._saved = time.monotonic()
         self.asked_to_stop = False
         self.model = model
-        self._adapter: CableVecEnv = checkpoint.layers(model.get_env())[-1]
+        self._adapter = cast(CableVecEnv, checkpoint.layers(model)[-1])
         self._between = model.num_timesteps
         if kept is None:
             self._adapter.set_spread(settings.spread(0.0))  # before the first reset
@@ -246,11 +247,12 @@ class _Recorder(BaseCallback):
             state.unlink(missing_ok=True)
 
 
-def _statistics(env: VecEnv) -> dict[str, Any] | None:
+def _statistics(env: VecEnv | None) -> dict[str, Any] | None:
     """What `agents.policy.Policy` needs to normalise as VecNormalize does; None where nothing is normalised."""
     if not isinstance(env, VecNormalize) or not env.norm_obs:
         return None
+    observed = cast(RunningMeanStd, env.obs_rms)  # one for all channels: they are no dict
     return {
-        "mean": env.obs_rms.mean.tolist(), "variance": env.obs_rms.var.tolist(),
+        "mean": observed.mean.tolist(), "variance": observed.var.tolist(),
         "clip": env.clip_obs, "epsilon": env.epsilon,
     }  # fmt: skip

@@ -3,7 +3,7 @@
 import copy
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -47,7 +47,7 @@ class CableVecEnv(VecEnv):
             env_id, num_envs=num_envs, vectorization_mode="vector_entry_point",
             autoreset_mode=AutoresetMode.SAME_STEP, step_infos=False, **options,
         )  # fmt: skip
-        self.batch: CableVectorEnv = made.unwrapped
+        self.batch = cast(CableVectorEnv, made.unwrapped)
         self.env_id, self.render_mode = env_id, self.batch.render_mode
         self._shaping = Shaping(self.batch.setup, num_envs, smoothing, residual, first_frame)
         self.channel_names = (*(c.name for c in self.batch.channels), *self._shaping.extra_channels)
@@ -84,6 +84,7 @@ class CableVecEnv(VecEnv):
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        assert self._actions is not None, "step_wait() without step_async()"
         action = self._shaping.apply(self._actions)
         observation, rewards, terminated, truncated, batch_infos = self.batch.step(action)
         self._returns += rewards
@@ -146,6 +147,7 @@ class CableVecEnv(VecEnv):
 
     def _cut(self, observation: np.ndarray, dones: np.ndarray, infos: list[dict[str, Any]]) -> np.ndarray:
         """End first episodes that have reached their share (see ``stagger``); ``dones`` and ``infos`` are filled in."""
+        assert self._cuts is not None, "the first episodes are not cut"
         cut = self._lengths == self._cuts
         if cut.any():
             lanes = np.flatnonzero(cut)

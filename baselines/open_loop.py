@@ -45,7 +45,7 @@ class OpenLoop(Controller):
 
     def reset(self) -> None:
         self._drive: float | None = None
-        self._speed = 0.0
+        self._drive_speed = 0.0
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
         return self.limit(self._law(ref))
@@ -68,10 +68,10 @@ class OpenLoop(Controller):
         gentle = _APPROACH * hole.acceleration_limit
         catch_up = approach_speed(drive - self._drive, 0.5 / self.dt, gentle, hole.speed_limit)
         wanted = rate * (1.0 + hole.stiffness / hole.cable_stiffness) + catch_up
-        change = min(max(wanted - self._speed, -gentle * self.dt), gentle * self.dt)
-        self._speed = self.limit(self._speed + change)
-        self._drive += self._speed * self.dt
-        return self._speed
+        change = min(max(wanted - self._drive_speed, -gentle * self.dt), gentle * self.dt)
+        self._drive_speed = self.limit(self._drive_speed + change)
+        self._drive += self._drive_speed * self.dt
+        return self._drive_speed
 
     def _angle(self, ref: Reference) -> float:
         angle = self._circuit.grasp_angle(ref[0]) if self.task == "torque" else ref[0]

@@ -36,7 +36,7 @@ def cma_es(problem: RatioProblem, rng: np.random.Generator, settings: CmaSetting
         "randn": lambda *shape: rng.standard_normal(shape), "tolfun": s.tolerance, "tolfunhist": 0.0, "tolx": 1e-9,
     }  # fmt: skip
     strategy = cma.CMAEvolutionStrategy(rng.uniform(0.2, 0.8, len(problem.free)), s.step, options)
-    history, best, point = [], np.inf, None
+    history, best, point = [], np.inf, np.full(len(problem.free), np.nan)
     while not strategy.stop():
         asked = strategy.ask()
         costs = problem.costs(np.array(asked).T)

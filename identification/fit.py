@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ class Fit:
     """[2, steps]: evaluations so far, best cost so far"""
     at_bounds: tuple[str, ...] = ()
     """free parameters that ended on their bound"""
-    details: Mapping[str, object] = field(default_factory=dict)
+    details: Mapping[str, Any] = field(default_factory=dict)
 
 
 def at_bounds(problem: RatioProblem, unit: np.ndarray, tolerance: float = 1e-6) -> tuple[str, ...]:

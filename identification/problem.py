@@ -90,7 +90,8 @@ class RatioProblem:
     @cached_property
     def box(self) -> dict[str, tuple[float, float]]:
         """Bounds of every parameter."""
-        return {name: tuple(map(float, self.bounds.get(name, BOUNDS[name]))) for name in NAMES}
+        bounds = {name: self.bounds.get(name, BOUNDS[name]) for name in NAMES}
+        return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
 
     @cached_property
     def weight(self) -> np.ndarray:

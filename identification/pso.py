@@ -65,7 +65,7 @@ def growth(w: float, c1: float, c2: float) -> tuple[float, float]:
     a = 1.0 + w - mean
     first = np.array([[a, -w], [1.0, 0.0]])
     second = np.array([[a * a + variance, -2.0 * a * w, w * w], [a, -w, 0.0], [1.0, 0.0, 0.0]])
-    return tuple(float(np.max(np.abs(np.linalg.eigvals(m)))) for m in (first, second))
+    return float(np.max(np.abs(np.linalg.eigvals(first)))), float(np.max(np.abs(np.linalg.eigvals(second))))
 
 
 def typical_growth(w: float, c1: float, c2: float, rng: np.random.Generator, steps: int = 20000) -> float:

@@ -88,7 +88,7 @@ def ratio_samples(
     left_out, found, speed = dict.fromkeys(REASONS, 0), [], 0.0
     for first in range(0, len(time) - length + 1, length):
         block = slice(first, first + length)
-        arrays = [a[block] for a in (velocity, wrap, drive_tension, load_tension)]
+        arrays = (velocity[block], wrap[block], drive_tension[block], load_tension[block])
         reason = _unfit(*arrays, fastest, s)
         before, speed = speed, float(arrays[0].mean())
         if not reason and abs(speed - before) > s.settled * abs(
@@ -146,10 +146,9 @@ def _noise(values: np.ndarray) -> float:
 def together(parts: Sequence[Samples]) -> Samples:
     """Points of several records as one set. ConfigurationError where there is none, or where directions contradict."""
     left_out = {reason: sum(part.left_out.get(reason, 0) for part in parts) for reason in REASONS}
-    arrays = [
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("wrap", "speed", "ratio", "noise_std")
-    ]
-    whole = Samples(*arrays, left_out)
+    names = ("wrap", "speed", "ratio", "noise_std")
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    whole = Samples(**arrays, left_out=left_out)
     if not len(whole):
         why = (
             ", ".join(f"{count} {reason}" for reason, count in left_out.items() if count) or "records shorter than one"

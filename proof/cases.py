@@ -173,7 +173,7 @@ def _as_named(effect: Missing, source: str, value: float) -> float:
 
 def _claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tuple[float, float | None, str]]:
     """name -> (value, std or None for known ones, unit) as the recording has them; a decoy's are off by more."""
-    claimed = {}
+    claimed: dict[str, tuple[float, float | None, str]] = {}
     for told in rig.told:
         if not told.refitted:
             claimed[told.name] = (told.value, None, told.unit)

@@ -8,6 +8,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, nearest
@@ -44,10 +45,12 @@ class Row:
     @property
     def rel_error(self) -> float | None:
         """(computed - published) / |published|; None where either is no number or nothing but zero was printed."""
-        numbers = (self.published, self.computed)
-        if any(isinstance(v, str) or v is None or not math.isfinite(v) for v in numbers) or not self.published:
+        published, computed = self.published, self.computed
+        if isinstance(published, str) or isinstance(computed, str) or computed is None or not published:
             return None
-        return (self.computed - self.published) / abs(self.published)
+        if not (math.isfinite(published) and math.isfinite(computed)):
+            return None
+        return (computed - published) / abs(published)
 
     def as_json(self, item: str) -> dict[str, Any]:
         """The row of ``--json``; numbers that are not finite become null."""
@@ -195,7 +198,7 @@ def run(items: Sequence[Item], progress: Callable[[str, float, str], None], jobs
     """Results as they are done, from ``jobs`` processes; ``progress(item, share, text)`` is called in this one."""
     if jobs <= 1 or len(items) <= 1:
         for item in items:
-            yield item.reproduce(lambda share, text, name=item.name: progress(name, share, text))
+            yield item.reproduce(partial(progress, item.name))
         return
     context = multiprocessing.get_context("spawn")  # fork would copy numba's and matplotlib's threads
     with context.Manager() as manager:

@@ -21,7 +21,7 @@ PUBLISHED_LINE: Mapping[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "li
 MAP = "cividis"
 """colour map; its lightness grows monotonically, so it survives a grey print"""
 
-_RC = {
+_RC: dict[Any, Any] = {
     "font.family": "sans-serif", "font.size": 8, "mathtext.fontset": "dejavusans", "svg.fonttype": "none",
     "svg.hashsalt": "reproduction", "axes.edgecolor": INK, "axes.labelcolor": INK, "axes.titlesize": 8,
     "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.linewidth": 0.6, "axes.grid": True,

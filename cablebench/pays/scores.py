@@ -101,7 +101,7 @@ class Study:
         return {"sensor_noise": True, "observe": self.bench.observe, "duration": length}
 
 
-def controller_actor(name: str, gains: Mapping[str, float], believed: Setup, acting: Setup) -> Actor:
+def controller_actor(name: str, gains: Mapping[str, Any], believed: Setup, acting: Setup) -> Actor:
     """The controller with ``gains`` that believes the rig of one setup and acts in another."""
     from baselines import make_controller
 

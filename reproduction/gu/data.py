@@ -61,7 +61,8 @@ _TABLE_A1 = (
 )  # fmt: skip
 
 CABLES: Mapping[str, Cable] = {
-    name: Cable(name, d * 1e-3, tuple(1e-3 * c for c in eps), *map(float, rest)) for name, d, eps, *rest in _TABLE_A1
+    name: Cable(name, d * 1e-3, (1e-3 * eps[0], 1e-3 * eps[1], 1e-3 * eps[2]), *map(float, rest))
+    for name, d, eps, *rest in _TABLE_A1
 }
 TABLE_2 = CABLES["braided fibre 2 mm"]
 """Table 2 (0.02, 0.43, 6574, 2.03) is the row of this cable in Table A1."""
@@ -105,7 +106,9 @@ def simulated_ratios_exact_area(
     return found
 
 
-def measured(ratio: np.ndarray, rng: np.random.Generator | None, std: float = SENSOR_STD) -> tuple[np.ndarray, ...]:
+def measured(
+    ratio: np.ndarray, rng: np.random.Generator | None, std: float = SENSOR_STD
+) -> tuple[np.ndarray, np.ndarray]:
     """(measured ratio, its std) [points]: n = m g / T, Eq. (36), with noise on T = m g / n; none without rng."""
     noise = 0.0 if rng is None else std * rng.standard_normal(len(ratio))
     return WEIGHT / (WEIGHT / ratio + noise), ratio**2 * std / WEIGHT

@@ -54,7 +54,7 @@ def reproduce(progress: Progress) -> Result:
     """Three sweeps of five values and twenty seeds on data without noise."""
     data = problem(TABLE_2, PEAK_SPEED, None)
     total = sum(map(len, VALUES.values()))
-    settings = []
+    settings: list[Setting] = []
     for constant, values in VALUES.items():
         for value in values:
             progress(0.95 * len(settings) / total, f"{constant} = {value:g}, {SEEDS} seeds")
@@ -74,7 +74,7 @@ def reproduce(progress: Progress) -> Result:
 
 def sweep(data: RatioProblem, constant: str, value: float) -> Setting:
     """All seeds with ``constant`` at ``value`` and the others as in Table 1."""
-    chosen = {**TABLE_1, constant: value}
+    chosen: dict[str, Any] = {**TABLE_1, constant: value}
     fits = [swarm(data, np.random.default_rng((15, k)), SwarmSettings(**chosen, edge="open")) for k in range(SEEDS)]
     length = 1 + SwarmSettings().iterations
     curves = {name: np.array([_padded(fit.details[name], length) for fit in fits]) for name in ("best", "median")}

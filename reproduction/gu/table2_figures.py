@@ -79,7 +79,7 @@ def valley(slow: Any) -> str:
             shifted = slow.data.changed(fixed={"rho0": rho0}, bounds={"delta": (-0.1, 0.1)})
             curve = profile_interval(shifted, {**best, "rho0": rho0}, "delta", 0.99).curve
             smooth = np.linspace(curve[0, 0], curve[0, -1], 80)
-            fitted = np.polynomial.Polynomial.fit(*curve, min(4, curve.shape[1] - 1))
+            fitted = np.polynomial.Polynomial.fit(curve[0], curve[1], min(4, curve.shape[1] - 1))
             right.plot(
                 smooth, fitted(smooth), color=style.COLOURS[k], linestyle=style.DASHES[k], label=f"ρ₀ = {rho0:g}"
             )

@@ -1,7 +1,7 @@
 """The runs behind `gu_table2`: three methods on the data of ten experiments, swarms of other sizes and constants."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +26,9 @@ from reproduction.gu.data import (
 
 SEEDS = 20
 PAPER_ITERATIONS = 550
-METHODS = {"pso": swarm, "lsq": least_squares, "cma": cma_es}
+METHODS: Mapping[str, Callable[[RatioProblem, np.random.Generator], Fit]] = {
+    "pso": swarm, "lsq": least_squares, "cma": cma_es
+}  # fmt: skip
 NAMES = ("delta", "mu", "K", "omega")
 FOUND = 0.1
 """a fit counts as the optimum when its cost exceeds the best known one by less than this many variances of a residual:

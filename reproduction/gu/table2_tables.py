@@ -10,7 +10,7 @@ from cable_envs.core.text import number
 from identification.information import delta_experiments, fisher, profile_interval, speed_shares
 from reproduction.gu.data import PEAK_SPEED, TABLE_2, design
 from reproduction.gu.table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed
-from reproduction.registry import Extra
+from reproduction.registry import Extra, Number
 
 
 def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: dict[str, Any]) -> list[Extra]:
@@ -86,7 +86,7 @@ def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: d
 
 def information_tables(runs: Sequence[Runs], slow: Runs) -> list[Extra]:
     """Standard deviations for all cables at both speed ranges; correlations; what would separate delta and rho0."""
-    lines = []
+    lines: list[Sequence[Number]] = []
     for run in runs:
         for top in (run.top_speed, PEAK_SPEED):
             std = fisher(design(run.cable, top), run.cable.parameters).std
