@@ -76,7 +76,7 @@ def compact_path(data: str) -> str:
 def _followed(written: str, step: int) -> str:
     """Path data and a further number, parted by a space only where neither its sign nor its point begins it."""
     text = _short(step / STEPS_PER_POINT)
-    last = re.search(r"[\d.]*$", written[-12:])[0]
+    last = re.sub(r".*[^\d.]", "", written[-12:])
     parted = not last or text.startswith("-") or (text.startswith(".") and "." in last)
     return f"{written}{text}" if parted else f"{written} {text}"
 

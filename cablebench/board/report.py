@@ -77,8 +77,8 @@ def print_board(board: Board, console: Any) -> None:
             view.add_row(*(line[k] for k in kept), style="bold" if row.rank == 1 else "")
         console.print(view)
         console.print()
-    for line in legend(board):
-        console.print(line, style="dim", highlight=False)
+    for remark in legend(board):
+        console.print(remark, style="dim", highlight=False)
 
 
 def legend(board: Board) -> list[str]:

@@ -40,7 +40,7 @@ def dry_run(entrant: Entrant, protocol: Protocol, tasks: Sequence[str] = ()) -> 
     median) than a control period: such a controller could not run at this rate.
     """
     track = (protocol.run or tuple(t.name for t in protocol.tracks))[0]
-    found = []
+    found: list[Tried] = []
     for cell in protocol.cells(tuple(tasks), (track,)):
         options = cell.environment_options()
         needs = entrant.needs(cell.task.env, setup_of(cell.task.env, options))

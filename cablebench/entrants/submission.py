@@ -79,7 +79,7 @@ def controller_kind(path: str | Path) -> Any:
         for key in ("name", "information"):
             if not hasattr(derived[0], key):
                 raise ConfigurationError(f"{path}: class {derived[0].__name__} declares no '{key}'")
-        derived[0].source_hash = digest
+        setattr(derived[0], "source_hash", digest)  # noqa: B010 - of this file's class, none that all have
         return derived[0]
     return FileController(path, content, digest, module)
 

@@ -119,10 +119,10 @@ def _datasets_in(root: Path) -> Iterator[None]:
 
 
 def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:
-    setup = env.unwrapped.setup
+    setup = core_of(env).setup
     failed = sum(not t.episode.complete for t in traces)
     return (
-        f"{len(traces)} episodes of {entrant.title} on {env.spec.id} (rig {setup.rig.name}), {failed} of them "
+        f"{len(traces)} episodes of {entrant.title} on {env_id_of(env)} (rig {setup.rig.name}), {failed} of them "
         "cut short. Observations are SI values over the scale of their channel; actions in [-1, 1] are linear over the "
         "range of the command."
     )
@@ -130,7 +130,7 @@ def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str
 
 def _about(env: gym.Env, entrant: Entrant) -> dict[str, Any]:
     """Metadata beyond Minari's own, JSON types only."""
-    setup = env.unwrapped.setup
+    setup = core_of(env).setup
     units = {s.name: s.unit for s in setup.plant.signals}
     own = {"time": "s", "reference": setup.output_unit, "output": setup.output_unit, "error": setup.output_unit,
            "command": setup.action_mode.unit, "overload": "1"}  # fmt: skip

@@ -97,7 +97,7 @@ def write_recording(
     ``full``: the traces' environment made anew with ``observe="full"``. Raises ConfigurationError where the folder
     holds a recording, and for what `check_environment` names.
     """
-    setup: Setup = full.unwrapped.setup
+    setup = core_of(full).setup
     check_environment(setup)
     if table not in TABLES:
         raise ConfigurationError(f"unknown table format '{table}'; {nearest(table, TABLES)}")
@@ -187,19 +187,19 @@ def _rig_entry(rig: Rig) -> tuple[str, str | None]:
         parameters[p.name] = {"value": float(rig.values[p.name]), "unit": p.unit}
         if preset is not None and p.name in rig.sources and preset.values.get(p.name) == rig.values[p.name]:
             parameters[p.name]["source"] = rig.sources[p.name]
-    content = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
+    content: dict[str, Any] = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
     if rig.plant == "cable_hole":
         content["holes"] = rig.holes
     return "rig/rig.yaml", yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
 
 
 def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:
-    setup: Setup = env.unwrapped.setup
+    setup = core_of(env).setup
     late = f", measured {setup.sensor_delay} control steps late" if setup.sensor_delay else ""
     effects = ", ".join(f"{name} = {value:g}" for name, value in setup.rig.effects.items())
     more = f" The rig had effects that its entry here does not tell: {effects}." if effects else ""
     return (
-        f"Simulated: {len(traces)} episodes of {entrant.title} on {env.spec.id}{late}. "
+        f"Simulated: {len(traces)} episodes of {entrant.title} on {env_id_of(env)}{late}. "
         f"A row holds the command that acts from its time until the next row.{more}"
     )
 

@@ -52,7 +52,8 @@ class _Recorder(gym.Wrapper):
     def reset(self, **arguments: Any) -> tuple[np.ndarray, dict[str, float]]:
         observation, info = super().reset(**arguments)
         self.names = tuple(info)
-        self.observations, self.actions, self.infos = [observation], [], [list(info.values())]
+        self.observations, self.infos = [observation], [list(info.values())]
+        self.actions: list[np.ndarray] = []
         return observation, info
 
     def step(self, action: np.ndarray) -> Any:
@@ -87,7 +88,7 @@ def record(
     Raises ConfigurationError where the entrant answers with a number that is not finite: that is no data.
     """
     watched = _Recorder(env)
-    actor = entrant.make(env.unwrapped.setup)
+    actor = entrant.make(core_of(env).setup)
     traces = []
     for seed in seeds:
         episode = run_episode(watched, actor, seed, settings={"controller": entrant.title})
@@ -104,7 +105,7 @@ def record(
                 np.array(watched.observations),
                 np.array(watched.actions).reshape(-1, 1),
                 infos,
-                dict(env.unwrapped.true_rig),
+                dict(core_of(env).true_rig),
             )
         )
         if progress is not None:

@@ -7,7 +7,7 @@ yielded, and then `Backend.run` raises KeyboardInterrupt. A second Ctrl-C does n
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any, Protocol
 
@@ -47,7 +47,7 @@ class Crew(Protocol):
 class Backend(Protocol):
     """Runs jobs. A context manager."""
 
-    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Iterator[Done]:
+    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Generator[Done, None, None]:
         """Yield jobs as they end, in any order, each exactly once; ``progress`` hears what running jobs report.
 
         Raises KeyboardInterrupt after Ctrl-C, ValueError where two jobs have the same key.
@@ -90,7 +90,7 @@ class Here:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Iterator[Done]:
+    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Generator[Done, None, None]:
         for job in unique(jobs):
 
             def send(done: int, total: int, text: str, key: str = job.key) -> None:
@@ -115,7 +115,7 @@ class CrewBackend:
     def __exit__(self, *_: object) -> None:
         self._crew.close()
 
-    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Iterator[Done]:
+    def run(self, jobs: Iterable[Job], progress: ProgressReport | None = None) -> Generator[Done, None, None]:
         queue: deque[tuple[Job, int]] = deque((job, 1) for job in unique(jobs))
         running, stopping = 0, False
         with _ctrl_c() as asked:

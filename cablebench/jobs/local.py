@@ -84,12 +84,12 @@ class LocalCrew:
         return worker
 
     def events(self, timeout: float) -> Iterable[Event]:
-        busy = {w.pipe: w for w in self._workers if w.job is not None}
+        busy: dict[Any, tuple[_Worker, Job]] = {w.pipe: (w, w.job) for w in self._workers if w.job is not None}
         for pipe in connection.wait(list(busy), timeout):
-            worker = busy[pipe]
-            job, attempt = worker.job, worker.attempt
+            worker, job = busy[pipe]
+            attempt = worker.attempt
             try:
-                kind, content = pipe.recv()
+                kind, content = worker.pipe.recv()
             except (EOFError, OSError):
                 yield Died(job, attempt, self._remove(worker))
                 continue
@@ -101,7 +101,8 @@ class LocalCrew:
                     self._signal(worker)
             else:
                 worker.job, worker.listens = None, False
-                yield Done(job, *content, attempts=attempt)
+                result, error = content
+                yield Done(job, result, error, attempt)
 
     def _remove(self, worker: _Worker) -> str:
         """Forget a worker that has ended; how it ended, in words."""
@@ -163,8 +164,8 @@ def _run(content: bytes, pipe: Any) -> Any:
     pipe.send(("begun", None))
     try:
         job, attempt = pickle.loads(content)
-    except Exception as error:  # its module cannot be imported here
-        return None, portable(error)
+    except Exception as failure:  # its module cannot be imported here
+        return None, portable(failure)
     result, error = perform(job, Context(Reporter(send), job.folders, attempt))
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return result, portable(error)

@@ -47,7 +47,9 @@ class RayCrew:
             _connect(address, size)
         self._size = size or max(int(ray.cluster_resources().get("CPU", 1)), 1)
         here = NodeAffinitySchedulingStrategy(ray.get_runtime_context().get_node_id(), soft=False)
-        self._mailbox = ray.remote(_Mailbox).options(num_cpus=0, scheduling_strategy=here, max_concurrency=1).remote()
+        self._mailbox: Any = (
+            ray.remote(_Mailbox).options(num_cpus=0, scheduling_strategy=here, max_concurrency=1).remote()
+        )
         # tries are counted and files collected by the driver: Ray itself must not repeat a task
         self._task = ray.remote(_remote).options(num_cpus=1, max_retries=0)
         self._source, self._upload_every = source_hash(), upload_every
@@ -162,7 +164,9 @@ def _remote(
     with tempfile.TemporaryDirectory(prefix="cablebench-") as root:
         places = {name: Path(root) / name for name in folders}
         for name, path in files:
-            write_atomic(places[name] / path, files[name, path])
+            content = files[name, path]
+            assert content is not None, "nothing is removed before a job has begun"
+            write_atomic(places[name] / path, content)
         heart = _Heart(key, attempt, places, mailbox, every)
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # forgets what came meanwhile
         mask = signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # Ray starts its workers with it blocked

@@ -95,8 +95,9 @@ def ladder(steps: Sequence[tuple[str, Mapping[str, float], Mapping[str, float]]]
         axes = figure.subplots(1, len(panels), squeeze=False)[0]
         names = [name.split(".")[0].replace("_", " ") or "naive" for name, _, _ in steps]
         for ax, (channel, (title, factor)) in zip(axes, panels.items(), strict=True):
-            for k, colour, marker in ((2, NAMED, "o"), (1, "#aeb8bf", "s")):
-                ax.plot([factor * s[k][channel] for s in steps], color=colour, marker=marker, markersize=4.5)
+            heldout, fit = [s[2][channel] for s in steps], [s[1][channel] for s in steps]
+            for values, colour, marker in ((heldout, NAMED, "o"), (fit, "#aeb8bf", "s")):
+                ax.plot([factor * error for error in values], color=colour, marker=marker, markersize=4.5)
             ax.set(title=title, yscale="log")
             ax.set_xticks(range(len(steps)), names, rotation=22, ha="right")
             ax.yaxis.set_major_formatter(lambda v, _: f"{v:g}")

@@ -116,7 +116,7 @@ def errors(
     """RMSE of the true output, SI, in an episode of each seed; a failed one counts as the tuning counts it."""
     found = []
     with closing(gym.make(env_id, disable_env_checker=True, **options)) as env:
-        setup: Any = env.unwrapped.setup
+        setup = core_of(env).setup
         acting = actor(setup)
         for seed in seeds:
             record = {"metrics": measure(run_episode(env, acting, seed))}

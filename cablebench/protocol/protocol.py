@@ -96,6 +96,12 @@ class Cell:
     value: float | None = None
 
     @property
+    def level(self) -> float:
+        """`value`, where there is a sweep."""
+        assert self.value is not None, f"{self.key} has no sweep"
+        return self.value
+
+    @property
     def key(self) -> str:
         """A readable unique name within the protocol."""
         at = f" {self.sweep.name}={self.value:g}" if self.sweep else ""

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -28,6 +28,9 @@ from cablebench.protocol.metrics import measure
 from cablebench.protocol.protocol import Cell, Protocol
 from cablebench.run.store import ResultStore
 
+if TYPE_CHECKING:
+    from cable_envs.envs import CableEnv
+
 TRAJECTORY_POINTS = 400
 """Samples kept of the median and the worst episode of a run, for drawing."""
 
@@ -43,6 +46,17 @@ class Progress:
     text: str
 
 
+def core_of(env: gym.Env) -> "CableEnv":
+    """The environment within its wrappers, with its setup and true rig."""
+    return cast("CableEnv", env.unwrapped)
+
+
+def env_id_of(env: gym.Env) -> str:
+    """The id that the environment was made by."""
+    assert env.spec is not None, "an environment that was not made by gymnasium.make"
+    return env.spec.id
+
+
 def run_episode(
     env: gym.Env,
     actor: Actor,
@@ -54,8 +68,8 @@ def run_episode(
 
     An actor that answers with a number that is not finite ends the episode as failed, like a torn cable.
     """
-    core: Any = env.unwrapped
-    setup: Setup = core.setup
+    core = core_of(env)
+    setup = core.setup
     observation, info = env.reset(seed=seed, options=dict(options) if options else None)
     names, rows, rewards, spent = tuple(info), [], [], []
     actor.start(core)
@@ -70,7 +84,7 @@ def run_episode(
             rows.append(list(info.values()))
             break
         observation, reward, terminated, truncated, info = env.step(action)
-        rewards.append(reward)
+        rewards.append(float(reward))
         rows.append(list(info.values()))
     arrays = dict(zip(names, np.array(rows, float).T, strict=True))
     reference = (options or {}).get("reference") or setup.reference
@@ -119,7 +133,8 @@ def evaluate(
                 done += len(seeds)
                 continue
             env = environments.get(cell.task.env, options)
-            actor = entrant.make(env.unwrapped.setup)
+            setup = core_of(env).setup
+            actor = entrant.make(setup)
             kept: list[tuple[float, Episode]] = []
             for seed in seeds:
                 if progress is not None:

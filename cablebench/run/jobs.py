@@ -21,6 +21,7 @@ from cablebench.protocol.protocol import Cell, Protocol
 from cablebench.run.evaluate import (
     Progress,
     badness,
+    core_of,
     facts,
     known_seeds,
     make_plan,
@@ -94,7 +95,7 @@ def run_cell(
     entrant = _entrant(recipe)
     env = gym.make(cell.task.env, disable_env_checker=True, **options)
     try:
-        setup: Any = env.unwrapped.setup
+        setup = core_of(env).setup
         actor = entrant.make(setup)
         found: list[tuple[int, dict[str, Any]]] = []
         kept: list[tuple[float, Episode]] = []

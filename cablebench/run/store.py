@@ -117,7 +117,9 @@ class ResultStore:
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
         """Save arrays by name for each of ``episodes`` ("median", "worst") of a run; replaces what was there."""
         buffer = io.BytesIO()
-        flat = {f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()}
+        flat: dict[str, Any] = {
+            f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()
+        }
         np.savez_compressed(buffer, **flat)
         return write_atomic(self.folder / f"{run}.npz", buffer.getvalue())
 

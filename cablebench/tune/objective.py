@@ -8,7 +8,6 @@ none counts worse than, an RMSE of `WORST` times the scale of the reference in t
 import math
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from typing import Any
 
 import gymnasium as gym
 
@@ -50,7 +49,7 @@ def mean_loss(entrant: Entrant, cells: Sequence[Cell], seeds: Sequence[int], con
         if needs is None:
             raise ConfigurationError(f"'{entrant.title}' does not apply to {cell.task.env}")
         with closing(gym.make(cell.task.env, disable_env_checker=True, **{**options, **needs})) as env:
-            setup: Any = env.unwrapped.setup
+            setup = core_of(env).setup
             actor = entrant.make(setup)
             for seed in seeds:
                 episode = run_episode(env, actor, seed, cell.reset_options(setup))

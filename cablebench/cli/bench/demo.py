@@ -6,6 +6,7 @@ References are evaluated in this process while a second one trains the agents: o
 import multiprocessing
 import time
 import traceback
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -111,6 +112,10 @@ class _Training:
             self.listen(wait=0.2)
 
 
+def _send(pipe: Any, name: str, done: int, total: int, text: str) -> None:
+    pipe.send(("progress", name, done, total, text))
+
+
 def _train_all(jobs: list[tuple[Any, Path]], seed: int, pipe: Any) -> None:
     """Body of the second process."""
     from agents.train import Interrupted, train
@@ -120,7 +125,7 @@ def _train_all(jobs: list[tuple[Any, Path]], seed: int, pipe: Any) -> None:
             name = f"{settings.algo} on {short_name(settings.env_id)}"
             train(
                 settings, seed, folder, overwrite=True,
-                progress=lambda done, total, text, name=name: pipe.send(("progress", name, done, total, text)),
+                progress=partial(_send, pipe, name),
             )  # fmt: skip
         pipe.send(("done",))
     except (KeyboardInterrupt, Interrupted, BrokenPipeError):

@@ -1,6 +1,6 @@
 """``cablebench evaluate``: controllers and policies over a protocol's episodes, into a results store."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -58,17 +58,25 @@ def evaluate(
         out.print("Nothing was stored: --results FOLDER keeps the records.", style="dim")
 
 
-def _entering(recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]) -> list[Any]:
+def _entering(
+    recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]
+) -> tuple[Any, ...]:
     """The recipes whose entrants apply to at least one of the tasks."""
     from cable_envs.sim.registered import setup_of
 
     env_ids = dict.fromkeys(c.task.env for c in protocol.cells(tasks, tracks))
     setups = {env_id: setup_of(env_id, {}) for env_id in env_ids}
-    return [r for r in recipes if any(r().needs(env_id, setup) is not None for env_id, setup in setups.items())]
+    return tuple(r for r in recipes if any(r().needs(env_id, setup) is not None for env_id, setup in setups.items()))
 
 
 def evaluate_on(
-    backend: str, jobs: int | None, ray_address: str | None, protocol: Any, recipes: Any, conditions: Any, resume: bool
+    backend: str,
+    jobs: int | None,
+    ray_address: str | None,
+    protocol: Any,
+    recipes: Any,
+    conditions: tuple[tuple[str, ...], tuple[str, ...], Any],
+    resume: bool,
 ) -> list[dict[str, Any]]:
     """Evaluate what the recipes make, in this process or as jobs of a backend, under a progress bar; the new records.
 
@@ -94,7 +102,7 @@ def choose_entrants(controllers: Iterable[str], gains: Iterable[str], policies: 
     return tuple(recipe() for recipe in entrant_recipes(list(controllers), list(gains), list(policies)))
 
 
-def print_summary(records: list[Mapping[str, Any]], out: Any) -> None:
+def print_summary(records: Sequence[Mapping[str, Any]], out: Any) -> None:
     """Median RMSE of every entrant on every task and track."""
     import numpy as np
     from rich.table import Table

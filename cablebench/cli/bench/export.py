@@ -113,6 +113,7 @@ def _recording(
     import gymnasium as gym
 
     from cablebench.export.recording import TABLES, check_environment, check_folder, check_split, write_recording
+    from cablebench.run.evaluate import core_of
 
     if table not in TABLES:
         raise ConfigurationError(f"--table: unknown format '{table}'; {nearest(table, TABLES)}")
@@ -121,7 +122,7 @@ def _recording(
     made = gym.make(env_id, disable_env_checker=True, **options)
     full = gym.make(env_id, disable_env_checker=True, **{**options, "observe": "full"})
     try:
-        check_environment(full.unwrapped.setup)
+        check_environment(core_of(full).setup)
         traces = _record(made, entrant, seeds)
         return _writing(out, lambda: write_recording(traces, full, entrant, out, table=table, heldout=count)), traces
     finally:

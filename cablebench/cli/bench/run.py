@@ -57,6 +57,7 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
         from cablebench.cli.shared.policies import policy_entrant
 
         return policy_entrant(policy)
+    assert controller is not None
     require_ours("baselines")
     from cablebench.entrants.named import named_entrant
 
@@ -67,14 +68,14 @@ def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render:
     """(episode, frames): frames is empty unless a picture is wanted."""
     import gymnasium as gym
 
-    from cablebench.run.evaluate import run_episode
+    from cablebench.run.evaluate import core_of, run_episode
 
     options = options_for(entrant, env_id, options)
     made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)
     film: list[Any] = []
     watched = _watch(made, film, render is not None and render.suffix == ".gif", update)
     try:
-        actor = entrant.make(made.unwrapped.setup)
+        actor = entrant.make(core_of(made).setup)
         episode = run_episode(watched, actor, seed, settings={"controller": entrant.title, "options": options})
         if render is not None:
             film.append(made.render())

@@ -50,7 +50,7 @@ def tune(
         raise ConfigurationError("--name belongs to --controller" if name else "--algo needs --steps for its trials")
     from cablebench.protocol.protocol import load_protocol
 
-    plan = {
+    plan: dict[str, Any] = {
         "protocol": load_protocol(protocol), "track": track, "episodes": episodes, "seed": seed, "batch": batch
     }  # fmt: skip
     envs = tuple(dict.fromkeys(resolve_env(e) for e in env))

@@ -1,7 +1,7 @@
 """``cablebench identify``: the contact parameters of a cable in a hole from a recording, and how far to trust them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
@@ -82,6 +82,7 @@ def identify_recording(
 ) -> dict[str, Any]:
     """What ``--json`` prints. ConfigurationError for a recording that cannot answer."""
     from identification.cma_es import cma_es
+    from identification.fit import Fit
     from identification.least_squares import least_squares
     from identification.problem import RatioProblem
     from identification.pso import swarm
@@ -97,8 +98,10 @@ def identify_recording(
     problem = RatioProblem(
         fit_to.wrap, fit_to.speed, fit_to.ratio, fit_to.noise_std, fixed, model, weighted=True, bounds=bounds or {}
     )
-    run = {"pso": swarm, "lsq": least_squares, "cma": cma_es}[method]
-    fit = run(problem, np.random.default_rng(seed))
+    methods: dict[str, Callable[[RatioProblem, np.random.Generator], Fit]] = {
+        "pso": swarm, "lsq": least_squares, "cma": cma_es
+    }  # fmt: skip
+    fit = methods[method](problem, np.random.default_rng(seed))
     result = {
         "recording": str(recording.path), "method": method, "model": model, "seed": seed, "samples": len(fit_to),
         "left_out": dict(fit_to.left_out), "speed_m_per_s": [float(problem.speed.min()), float(problem.speed.max())],

@@ -141,7 +141,8 @@ def run(
     """
     from cablebench.pays.page import FIGURE, command, figure, page
 
-    answers, scores = {}, {}
+    answers: dict[str, Any] = {}
+    scores: dict[str, Any] = {}
     for study in studies:
         begin(study, out / study.rig)
         answers[study.rig] = augmented(study, out / study.rig, tell)

@@ -31,7 +31,7 @@ def reproduce(
         return
     if out is not None:
         report.prepare(out)  # before minutes of computing
-    results = []
+    results: list[registry.Result] = []
     with progress_bar() as update:
         workers = jobs or min(2, os.cpu_count() or 1)
         say = lambda name, share, text: update(name, round(100 * share), 100, text)  # noqa: E731
