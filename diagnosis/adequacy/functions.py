@@ -82,7 +82,7 @@ class Regression:
 
     def fall(self, channel: str, columns: Columns) -> float:
         """Of the channel's deviance when the functions are taken out and the noise is learnt from what is left."""
-        blocks, raw = ([pair[k] for pair in self.of(channel)] for k in (0, 1))
+        blocks, raw = [block for block, _ in self.of(channel)], [left for _, left in self.of(channel)]
         series = _of_blocks(blocks, columns)
         noise = Whitener({channel: self._whitener.noise[channel]})
         before = deviance(blocks, learn_whitener(blocks, raw))
@@ -227,8 +227,8 @@ def _families(regression: Regression, channel: str) -> Iterator[_Family]:
 
 def _along(own: Sequence[tuple[Block, np.ndarray]], name: str) -> dict[int, np.ndarray]:
     """A coordinate of every block; empty where one has none."""
-    found = {id(b): next((c.values for c in b.along if c.name == name), None) for b, _ in own}
-    return {} if any(values is None for values in found.values()) else found
+    found = {id(b): c.values for b, _ in own for c in reversed(b.along) if c.name == name}
+    return found if len(found) == len({id(b) for b, _ in own}) else {}
 
 
 def _waves(block: Block, count: int) -> np.ndarray:
@@ -267,7 +267,8 @@ def _at_one_place(regression: Regression) -> list[Leftover]:
     at = _places(np.concatenate([_along(first, _SHARP)[id(b)][b.good] for b, _ in first]), FINE)
     if len(at) < 3:
         return []
-    bumps, seen = {}, 0.0
+    bumps: dict[str, Columns] = {}
+    seen = np.zeros(())
     for channel in channels:
         bumps[channel] = _one_way_or_both(regression.of(channel), at)
         functions = regression.filtered(bumps[channel])

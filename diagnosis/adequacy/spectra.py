@@ -67,7 +67,8 @@ def by_block(blocks: Sequence[Block], flat: np.ndarray) -> list[tuple[Block, np.
 
 def _periodogram(series: Sequence[np.ndarray], width: int) -> np.ndarray:
     """Sum over whitened series, without the ends; 1 each for white noise."""
-    return sum(np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
+    parts = (np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
+    return sum(parts, np.zeros(()))
 
 
 def coherences(blocks: Sequence[Block], white: np.ndarray) -> list[Leftover]:
@@ -84,13 +85,13 @@ def coherences(blocks: Sequence[Block], white: np.ndarray) -> list[Leftover]:
             waves[block.channel, block.record] = np.fft.rfft(centred * np.hanning(len(centred) + 2)[1:-1])
     channels, records = (list(dict.fromkeys(key[k] for key in waves)) for k in (0, 1))
     period = float(np.median(np.diff(blocks[0].time)))
-    found = []
+    found: list[Leftover] = []
     for a, b in combinations(channels, 2):
         if sensors[a] == sensors[b]:
             continue
         both = [(waves[a, r], waves[b, r]) for r in records if (a, r) in waves and (b, r) in waves]
-        own = [_shared(f"{a} and {b}", both, octave, period) for octave in OCTAVES]
-        own = [leftover for leftover in own if leftover is not None]
+        tested = (_shared(f"{a} and {b}", both, octave, period) for octave in OCTAVES)
+        own = [leftover for leftover in tested if leftover is not None]
         found += own
         if len(own) > 1:
             found.append(summed(f"{a} and {b}", "all frequencies", own))

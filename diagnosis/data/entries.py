@@ -38,7 +38,7 @@ def read_conditions(entry: Any, where: str) -> dict[str, float | str]:
         if isinstance(given, Mapping):
             require_known(f"key in {where}: condition {name}", given, _CONDITION_KEYS)
             value, unit = given.get("value"), str(given.get("unit", "1"))
-            if not is_number(value):
+            if value is None or not is_number(value):
                 raise ConfigurationError(f"{where}: condition {name}: expected a number, got {value!r}")
             found[str(name)] = _in_si(value, unit, f"{where}: condition {name}")
         elif is_number(given):

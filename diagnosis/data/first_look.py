@@ -136,7 +136,8 @@ def _slopes(records: Sequence[Mapping[str, Any]]) -> dict[str, Any] | None:
         points = [(r["jaw_torque"][m].mean(), r["torque"][m].mean()) for r, m in chosen]
         if len(points) < 2:
             return None
-        lines[name] = np.polyfit(*np.transpose(points), 1)
+        drive, jaw = np.transpose(points)
+        lines[name] = np.polyfit(drive, jaw, 1)
     closing, opening = lines["closing"], lines["opening"]
     quotient = closing[0] / opening[0]
     return {

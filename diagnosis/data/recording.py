@@ -188,7 +188,9 @@ class Recording:
         """Names of the records that share a free offset of ``channel``, by a key; empty where its offset is known."""
         free = self.channels[channel].offset_free
         groups: dict[str, list[str]] = {}
-        for record in self.records if free is not None else ():
+        if free is None:
+            return {}
+        for record in self.records:
             key = {"record": record.name, "recording": "all"}.get(free) or str(record.conditions.get(free, record.name))
             groups.setdefault(key, []).append(record.name)
         return {key: tuple(names) for key, names in groups.items()}

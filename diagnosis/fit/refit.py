@@ -124,6 +124,7 @@ class _Run:
         matrix, gradient = self.jacobian.T @ self.jacobian, self.jacobian.T @ self.residual
         for k in self._weighed():
             j, p = self.rows.index(k), self.parameters[k]
+            assert p.std is not None
             matrix[j, j] += 1.0 / p.std**2
             gradient[j] -= (self.values[k] - p.start) / p.std**2
         return matrix, gradient

@@ -229,8 +229,10 @@ def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[st
     if scores[0].hypothesis.proportional:
         return None
     single = [s for s in scores if len(s.directions) == 1 and np.isfinite(s.visible)]
-    best = max(single, key=lambda s: s.gain, default=None)
-    sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls] if best else []
+    if not single:
+        return None
+    best = max(single, key=lambda s: s.gain)
+    sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls]
     if len(sizes) != 1 or sizes[0] in best.hypothesis.inverse:
         return None
     size, null, amount = sizes[0], best.hypothesis.nulls[sizes[0]], best.amount[0]
@@ -285,7 +287,7 @@ def basis(jacobian: np.ndarray) -> np.ndarray:
 
 
 def _score(hypothesis, probe, residual, change, left) -> tuple[Score, np.ndarray]:
-    size, rest = np.linalg.norm(change), np.linalg.norm(left)
+    size, rest = float(np.linalg.norm(change)), float(np.linalg.norm(left))
     angle = float(np.degrees(np.arcsin(min(rest / size, 1.0)))) if size > 0.0 else 0.0
     if size == 0.0 or rest < 1e-6 * size:
         return Score(hypothesis, probe, 0.0, (0.0,) * change.shape[1], angle, np.inf), np.zeros_like(left)

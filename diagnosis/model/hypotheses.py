@@ -137,6 +137,7 @@ def hypotheses_for(
         if effect.name in without or (only is not None and effect.name not in only):
             continue
         parameters = effect.parameters_on(plant.name)
+        groups: list[tuple[str, Sequence[EffectParameter]]]
         if effect.each_sensor:
             groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
         else:
@@ -163,7 +164,7 @@ def _hypothesis(
     if not sizes:
         return None  # the model has it already
     free = [_free(row, p, plant.name) for row, p in absent.items() if _searched(effect, p)]
-    probes = [(one,) for one in _probes(effect, sizes, absent, plant.name)]
+    probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent, plant.name)]
     if effect.wave and travel:
         period, phase = (f"{effect.name}.{name}" for name in effect.wave)
         free = [_within(f, travel) if f.name == period else f for f in free]

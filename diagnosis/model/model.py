@@ -66,8 +66,12 @@ class Block:
 class Model(Protocol):
     """A simulator with its records. ``parameters`` are rows of the columns that `predict` takes."""
 
-    blocks: Sequence[Block]
-    parameters: Sequence[Free]
+    blocks: list[Block]
+
+    @property
+    def parameters(self) -> Sequence[Free]:
+        """Everything that may be free."""
+        ...
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""

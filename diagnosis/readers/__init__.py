@@ -44,6 +44,7 @@ def _from_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise ConfigurationError(f"cannot read {path}: no such file")
     spec = importlib.util.spec_from_file_location(f"cable_format_{path.stem}", path)
+    assert spec is not None and spec.loader is not None, "a .py file has a loader"
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)

@@ -11,7 +11,7 @@ saturated  a force, torque, current or reading stays at its highest or lowest nu
 gap        more than one and a half sampling intervals without a row
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -55,7 +55,7 @@ class Clock:
         self._log, self.last, self._rows = log, -np.inf, 0
         self.first, self.interval = float("nan"), float("nan")
 
-    def filter(self, time: np.ndarray, lines: object) -> np.ndarray:
+    def filter(self, time: np.ndarray, lines: Sequence[int] | None) -> np.ndarray:
         """Rows [n] of bool with a finite time later than all before; ``time`` in s."""
         before = np.maximum.accumulate(np.concatenate(([self.last], np.where(np.isnan(time), -np.inf, time))))[:-1]
         good = time > before
@@ -66,7 +66,7 @@ class Clock:
                 text = f"time {time[k]:.9g} s again (printed with too few digits? declare sample_rate instead)"
             else:
                 text = f"time goes back from {before[k]:.9g} s to {time[k]:.9g} s"
-            self._log.add("clock", text, channel="time", place=_row(lines, k, self._rows), structural=True)
+            self._log.add("clock", text, channel="time", place=_row(lines, int(k), self._rows), structural=True)
         kept, rows = time[good], np.flatnonzero(good)
         if len(kept):
             if np.isnan(self.first):
@@ -76,7 +76,7 @@ class Clock:
         self._rows += len(time)
         return good
 
-    def _intervals(self, time: np.ndarray, rows: np.ndarray, lines: object) -> None:
+    def _intervals(self, time: np.ndarray, rows: np.ndarray, lines: Sequence[int] | None) -> None:
         steps = np.diff(time, prepend=self.last if np.isfinite(self.last) else time[0])
         if np.isnan(self.interval):
             if len(time) < 2:
@@ -86,7 +86,7 @@ class Clock:
             start = float(time[k] - steps[k])
             self._log.add(
                 "gap", f"{steps[k]:.6g} s without a row after {start:.6g} s; rows are {self.interval:.6g} s apart",
-                channel="time", place=_row(lines, rows[k], self._rows), start=start, end=float(time[k]),
+                channel="time", place=_row(lines, int(rows[k]), self._rows), start=start, end=float(time[k]),
             )  # fmt: skip
         usual = (steps > 0) & (steps <= GAP_INTERVALS * self.interval)
         far = np.abs(steps[usual] - self.interval).max(initial=0.0) / self.interval
@@ -94,7 +94,7 @@ class Clock:
             self._log.say("clock not uniform: intervals differ from their median by more than 5 %")
 
 
-def _row(lines: object, k: int, before: int) -> str:
+def _row(lines: Sequence[int] | None, k: int, before: int) -> str:
     return f"line {lines[k]}" if lines is not None else f"row {before + k + 1}"
 
 
@@ -111,7 +111,8 @@ class _Runs:
     """Stretches of one channel that stay at the same number, across chunks; only those of `STUCK_SAMPLES` are kept."""
 
     def __init__(self) -> None:
-        self.count, self.going = 0, None
+        self.count = 0
+        self.going: _Run | None = None
 
     def feed(self, values: np.ndarray, time: np.ndarray, first: int) -> list[_Run]:
         """Long runs that ended in this chunk (rows ``first`` and on)."""
@@ -151,12 +152,15 @@ class RecordCheck:
         self._rows = 0
         self._runs = {c: _Runs() for c in factors if c in POSITIONS or c in FORCES}
         self._long: dict[str, list] = {c: [] for c in self._runs}
-        self._extremes = {c: {+1: (-np.inf, []), -1: (-np.inf, [])} for c in self._runs if c in FORCES}
+        self._extremes: dict[str, dict[int, tuple[float, list]]] = {
+            c: {+1: (-np.inf, []), -1: (-np.inf, [])} for c in self._runs if c in FORCES
+        }
         self._resolution = dict.fromkeys(self._extremes, np.inf)
         self._low = dict.fromkeys(factors, np.inf)
         self._high = dict.fromkeys(factors, -np.inf)
         self._missing: dict[str, int] = {}
-        self._stride, self._thin = 1, {c: [] for c in ("time", *factors)}
+        self._stride = 1
+        self._thin: dict[str, list] = {c: [] for c in ("time", *factors)}
         self._sums = np.zeros(5)
         self._pair = next((p for p in PAIRS if set(p) <= set(factors)), None)
         self._previous: dict[str, float] = {}
@@ -180,7 +184,7 @@ class RecordCheck:
         self._thin_out(chunk, time)
         self._rows += len(time)
 
-    def _empty(self, name: str, values: np.ndarray, lines: object) -> None:
+    def _empty(self, name: str, values: np.ndarray, lines: Sequence[int] | None) -> None:
         if name not in self._missing:
             k = int(np.argmax(~np.isfinite(values)))
             self._log.say(f"channel {name}: empty cells, the first in {_row(lines, k, self._rows)}")
@@ -245,7 +249,7 @@ class RecordCheck:
     def _moved(self, name: str, thin: Mapping[str, np.ndarray]) -> Mapping[str, np.ndarray]:
         """``thin`` with the way that a recorded speed makes, in the position's raw unit, as a further motion."""
         speed = SPEEDS.get(name)
-        if speed not in thin:
+        if speed is None or speed not in thin:
             return thin
         values = np.nan_to_num(thin[speed]) * self._factors[speed] / self._factors[name]
         steps = 0.5 * (values[1:] + values[:-1]) * np.diff(thin["time"])

@@ -85,7 +85,8 @@ def load_mapping(path: Path | None, purpose: str, topics: bool = False) -> Mappe
         raise ConfigurationError(f"{path}: unknown system '{system}'; {nearest(system, CHANNELS)}")
     columns, channels, rate = _channels(data.get("channels"), system, path.name, topics)
     group = data.get("group")
-    general = {key: data[key] for key in ("description", "rig", "known", "nominal", "source") if key in data}
+    keys = ("description", "rig", "known", "nominal", "source")
+    general: dict[str, Any] = {key: data[key] for key in keys if key in data}
     records = _records(data.get("records"), path.name)
     layout = _layout(data.get("layout"), path.name)
     return Mapped(path, system, columns, channels, rate, layout, records, group and str(group), general)

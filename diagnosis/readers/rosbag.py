@@ -128,11 +128,11 @@ def _wanted(columns: Mapping[str, tuple[str, str]]) -> dict[str, dict[str, str]]
 def _stamp(message: Any, received: int, topic: str, log: Log) -> float:
     """s since 2000, which leaves a double a resolution of 0.2 us; a zero stamp was never set."""
     stamp = getattr(getattr(message, "header", None), "stamp", None)
-    seconds = getattr(stamp, "sec", 0)
-    if seconds == 0 and getattr(stamp, "nanosec", 0) == 0:
+    seconds, nanoseconds = getattr(stamp, "sec", 0), getattr(stamp, "nanosec", 0)
+    if seconds == 0 and nanoseconds == 0:
         log.say(f"{topic}: no stamps; times are those of reception, which jitter")
         return (received // 10**9 - _EPOCH) + received % 10**9 * 1e-9
-    return (seconds - _EPOCH) + stamp.nanosec * 1e-9
+    return (seconds - _EPOCH) + nanoseconds * 1e-9
 
 
 _EPOCH = 946_684_800

@@ -217,7 +217,8 @@ def _parse(lines: list[str], number: int, plan: _Plan, log: Log, last: bool) -> 
 
 
 def _parse_slowly(lines: list[str], number: int, plan: _Plan, log: Log, last: bool) -> Chunk:
-    kept, numbers = {channel: [] for channel in plan.places}, []
+    kept: dict[str, list[float]] = {channel: [] for channel in plan.places}
+    numbers = []
     for k, line in enumerate(lines):
         place = f"line {number + k}"
         if not line.strip():

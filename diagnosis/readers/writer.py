@@ -169,10 +169,10 @@ def _stream(
             time = time[keep]
             if not len(time):
                 continue
-            lines = None if chunk.lines is None else [chunk.lines[k] for k in np.flatnonzero(keep)]
+            lines = None if chunk.lines is None else [chunk.lines[int(k)] for k in np.flatnonzero(keep)]
             chunk = Chunk({n: v[keep] for n, v in chunk.columns.items()}, lines)
             check.feed(chunk, time)
-            later = time - clock.first >= after - 1e-9 if rest else np.zeros(len(time), bool)
+            later = np.zeros(len(time), bool) if after is None else time - clock.first >= after - 1e-9
             first.write({n: v[~later] for n, v in chunk.columns.items()})
             if rest and later.any():
                 rest.write({n: v[later] for n, v in chunk.columns.items()})
@@ -279,7 +279,7 @@ def _quality(fault: Fault, data: DataSet) -> dict[str, Any]:
     entry: dict[str, Any] = {"kind": fault.kind}
     if fault.channel in {c.name for c in data.channels}:
         entry["channel"] = fault.channel
-    if fault.start is not None:
+    if fault.start is not None and fault.end is not None:
         entry |= {"from_s": float(fault.start), "to_s": float(fault.end)}
     return entry | {"note": str(fault)}
 

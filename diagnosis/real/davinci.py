@@ -103,9 +103,9 @@ def located(model: Model, values: Mapping[str, float]) -> dict[str, dict[str, fl
         way = (along.pop("direction") > 0).astype(int)
         alone = _between(residual, way)
         shares = {"direction": alone}
-        for name, values in along.items():
-            edges = np.quantile(values, np.linspace(0, 1, BINS + 1)[1:-1])
-            shares[name] = _between(residual, np.searchsorted(edges, values) + BINS * way) - alone
+        for name, place in along.items():
+            edges = np.quantile(place, np.linspace(0, 1, BINS + 1)[1:-1])
+            shares[name] = _between(residual, np.searchsorted(edges, place) + BINS * way) - alone
         found[channel] = dict(sorted(shares.items(), key=lambda item: -item[1]))
     return found
 

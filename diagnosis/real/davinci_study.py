@@ -6,7 +6,7 @@ python -m diagnosis.real.davinci_study jaw docs/recordings/davinci.json.gz
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from cable_envs.core.files import packed_json
 from diagnosis.real.davinci import (
@@ -35,7 +35,8 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
     """
     recording = load(folder)
     whole = diagnosed(recording, tell)
-    steps, refused, heldout = whole.diagnosis.steps, dict(whole.selection.refused), whole.question.heldout
+    steps, refused = whole.diagnosis.steps, dict(whole.selection.refused)
+    heldout = cast(TransmissionModel, whole.question.heldout)
     naive, full = whole.selection.null.fit, whole.selection.final.fit
     uses = {"naive": naive.values, "augmented": full.values}
     known = {h.name: h for h in hypotheses()}

@@ -74,8 +74,10 @@ def coloured(recording: Recording) -> dict[str, Estimate]:
 def inverse_dynamics(recording: Recording) -> dict[str, Estimate]:
     """IDIM-LS over all records; intervals from white residuals at `EVERY` samples, as in the publications."""
     rows, target = [], []
+    per_volt = recording.value("force_per_volt")
+    assert per_volt is not None, "the reader of this data set says it"
     for record in recording.used_for("fit"):
-        table, force = _regressors(record, recording.value("force_per_volt"))
+        table, force = _regressors(record, per_volt)
         rows.append(table)
         target.append(force)
     table, force = np.concatenate(rows), np.concatenate(target)

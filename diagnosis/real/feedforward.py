@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from diagnosis.data.first_look import since_reversal
-from diagnosis.model.model import Model
 from diagnosis.real.davinci import DEG, MNM
 from diagnosis.systems.common import smooth_speed
 from diagnosis.systems.transmission import Run, TransmissionModel, zero_of
@@ -85,7 +84,9 @@ def replayed(model: TransmissionModel, uses: Mapping[str, Mapping[str, float]]) 
     return rows
 
 
-def traces(model: Model, values: Mapping[str, Mapping[str, float]], record: str, every: int = 2) -> dict[str, Any]:
+def traces(
+    model: TransmissionModel, values: Mapping[str, Mapping[str, float]], record: str, every: int = 2
+) -> dict[str, Any]:
     """One record for a figure: measured, predicted and commanded by the simulators in ``values``; deg and mN m."""
     number, run = next((k, r) for k, r in enumerate(model.runs) if r.blocks[0].record == record)
     cut = slice(None, None, every)

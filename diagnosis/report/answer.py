@@ -283,7 +283,7 @@ def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ..
     rows = []
     for h in question.hypotheses:
         score = first.best.get(h.name) if first else None
-        like = first.class_of(h.name) if score is not None and score.gain > 0.0 else ()
+        like = first.class_of(h.name) if first is not None and score is not None and score.gain > 0.0 else ()
         turned = wrong_way(score, question.fit, selection.rules.gain)
         rows.append({
             "name": h.name, "effect": h.canonical, "score": score.gain if score else 0.0,
@@ -297,7 +297,9 @@ def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ..
 
 def wrong_way(score: Score | None, model: Model, least: float) -> bool:
     """Whether the data want an effect on the side of its null where it has no values; least: gain that says so."""
-    sizes = [] if score is None else [n for n in score.directions[0] if n in score.hypothesis.nulls]
+    if score is None:
+        return False
+    sizes = [n for n in score.directions[0] if n in score.hypothesis.nulls]
     if len(sizes) != 1 or sizes[0] in score.hypothesis.inverse or score.gain < least:
         return False
     row, null = next(p for p in model.parameters if p.name == sizes[0]), score.hypothesis.nulls[sizes[0]]

@@ -144,9 +144,9 @@ def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:
     directions = score.directions
     wave = score.hypothesis.wave
     if wave and len(directions) == 2 and wave[1] in directions[0]:  # sine and cosine parts are a size and a phase
-        (sine, cosine), (size,) = score.amount, [n for n in directions[0] if n in score.hypothesis.nulls]
-        height = bounds[size].clip(directions[0][size] * float(np.hypot(sine, cosine)))
-        return {**directions[0], size: height, wave[1]: float(np.arctan2(cosine, sine))}
+        (sine, cosine), (row,) = score.amount, [n for n in directions[0] if n in score.hypothesis.nulls]
+        height = bounds[row].clip(directions[0][row] * float(np.hypot(sine, cosine)))
+        return {**directions[0], row: height, wave[1]: float(np.arctan2(cosine, sine))}
     for amount, direction in zip(score.amount, directions, strict=True):
         for name, value in direction.items():
             null = score.hypothesis.nulls.get(name)

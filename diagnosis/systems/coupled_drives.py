@@ -248,7 +248,9 @@ def _searched(
     size = float(np.std(np.concatenate([b.measured for b in model.blocks])))
     white = Whitener({"speed_reading": Noise(np.empty(0), size)})
     dynamics, wanted = _starts(model), []
-    for name, names, probes in [("", (), [{}]), *((h.name, h.names, [p[0] for p in h.probes]) for h in hypotheses)]:
+    asked: list[tuple[str, tuple[str, ...], list[Mapping[str, float]]]] = [("", (), [{}])]
+    asked += [(h.name, h.names, [p[0] for p in h.probes]) for h in hypotheses]
+    for name, names, probes in asked:
         tried = [{**start, **probe} for start in dynamics for probe in probes]
         columns = np.array([[t.get(p.name, p.start) for t in tried] for p in model.parameters])
         cost = np.sum(white.flat(model.blocks, residuals(model.blocks, model.predict(columns))) ** 2, axis=0)

@@ -140,7 +140,10 @@ def assemble(
     known = ("torque_constant",) if source == "drive_torque" else ("sensor_scale.output_torque",)
     parameters = [LIMITS[name].at(base[name], name) for name in ROWS if name not in known]
     parameters += [Free(zero_of(group), float(zero), -1e3, 1e3, 0.1) for group in seen]
-    return tuple(TransmissionModel(runs, parameters, base, period, seen) for runs in (fit, heldout))
+    return (
+        TransmissionModel(fit, parameters, base, period, seen),
+        TransmissionModel(heldout, parameters, base, period, seen),
+    )
 
 
 def _joined(run: Run) -> tuple[np.ndarray, ...]:
@@ -167,5 +170,5 @@ def run_of(record: Record, source: str, group: str, spacing: float = PERIOD) -> 
         *motion_coordinates(time, x, "rad"), Coordinate("travel since reversal", "rad", since),
         Coordinate("output torque", "N m", values["output_torque"], "output_torque"),
     )  # fmt: skip
-    blocks = tuple(Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
-    return Run(x, values[source], speed, way, group, blocks)
+    angle, wrench = (Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
+    return Run(x, values[source], speed, way, group, (angle, wrench))

@@ -96,7 +96,7 @@ def _effect(name: str) -> str:
 def _hypothesis(effect: str) -> Hypothesis:
     mine = {name: limit for name, limit in LIMITS.items() if "." in name and _effect(name) == effect}
     sizes = {name: limit for name, limit in mine.items() if not limit.shape}
-    shapes = [{}]
+    shapes: list[dict[str, float]] = [{}]
     for name, values in _SHAPES.items():
         if name in mine:
             shapes = [{**s, name: value} for s in shapes for value in values]

@@ -94,7 +94,7 @@ def _conditions(file: Path, table: np.ndarray) -> tuple[dict[str, object], tuple
     if not named:
         return {}, ()
     said = {key: float(value) for key, value in named.groupdict().items()}
-    doubts = ()
+    doubts: tuple[Fault, ...] = ()
     measured = measured_frequency(table[:, 0], table[:, 1])
     if abs(measured - said["frequency"]) > 0.05 * said["frequency"]:
         text = f"the name says {said['frequency']:g} Hz, the displacement has {measured:.3g} Hz: files swapped?"

@@ -5,6 +5,7 @@ CSV as vendored by R packages: voltage and position, no header, 1 kHz. MATLAB as
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -27,14 +28,15 @@ MATLAB = {"time": "t", "voltage": "vir", "position": "qm", "position_reference":
 def open_dataset(path: Path, asked: Request) -> DataSet:
     """CSV and ``.mat`` files at ``path``; the last quarter (from 18 s on) is held out."""
     require_known("option of emps", asked.options, OPTIONS)
-    records, names = [], None
+    records: list[RecordSpec] = []
+    names: tuple[str, ...] = ()
     for file in files_at(path, ".csv", ".mat"):
-        columns = _matlab(file) if file.suffix.lower() == ".mat" else {"voltage": 1, "position": 2}
+        columns: dict[str, Any] = _matlab(file) if _is_matlab(file) else {"voltage": 1, "position": 2}
         channels = ("time", *(n for n in UNITS if n in columns and n != "time"))
-        if names not in (None, channels):
+        if names not in ((), channels):
             raise ConfigurationError(f"{file.name} has {', '.join(channels)}, the files before {', '.join(names)}")
         names = channels
-        chunks = whole(columns) if file.suffix.lower() == ".mat" else partial(_chunks, file, columns)
+        chunks = whole(columns) if _is_matlab(file) else partial(_chunks, file, columns)
         records.append(RecordSpec(file.stem, file.name, chunks))
     return DataSet(
         system="linear_drive",
@@ -66,6 +68,10 @@ def _chunks(file: Path, columns, log):
         log.add("label", text, channel="position")
 
 
-def _matlab(file: Path) -> dict:
+def _is_matlab(file: Path) -> bool:
+    return file.suffix.lower() == ".mat"
+
+
+def _matlab(file: Path) -> dict[str, np.ndarray]:
     found = variables(file, MATLAB, optional=("position_reference",))
     return {channel: values.astype(float) for channel, values in found.items()}
