@@ -4,12 +4,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from cable_envs.drawing import charts
-from cable_envs.drawing.charts import INK
 
 COLUMN, PAGE = 3.4, 7.0
 """widths of a figure in one column and over the page, in"""
 
-GRID = "#e3e7ea"
+INK, SOFT, GRID = charts.INK, charts.SOFT, "#e3e7ea"
 COLOURS, DASHES = charts.COLOURS[:9], charts.DASHES
 PUBLISHED: Mapping[str, Any] = {
     "linestyle": "", "marker": "o", "markersize": 4.5, "markerfacecolor": "white", "markeredgecolor": INK,

@@ -111,7 +111,7 @@ class Cell:
         """The environment's options: the task's, the track's, and the swept one."""
         options = {**self.task.options, **self.track.options}
         if self.sweep is not None and self.sweep.option:
-            options[self.sweep.option] = int(self.value) if self.sweep.integer else self.value
+            options[self.sweep.option] = int(self.level) if self.sweep.integer else self.level
         return options
 
     def reset_options(self, setup: Setup) -> dict[str, Any] | None:
@@ -125,10 +125,10 @@ class Cell:
         changed = {}
         for name in self.sweep.scale.get(self.task.family, ()):
             declared = table[name]
-            changed[name] = min(max(setup.rig.values[name] * self.value, declared.low), declared.high)
+            changed[name] = min(max(setup.rig.values[name] * self.level, declared.low), declared.high)
         for name, size in self.sweep.add.get(self.task.family, {}).items():
             # an effect's parameter is absent where it is 0
-            changed[name] = setup.rig.values.get(name, 0.0) + size * self.value
+            changed[name] = setup.rig.values.get(name, 0.0) + size * self.level
         return {"rig": changed}
 
 

@@ -20,7 +20,6 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable
 from cable_envs.core.provenance import machine, versions
 from cable_envs.sim.registered import setup_of
-from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.protocol.actors import Actor
 from cablebench.protocol.episode import Episode
@@ -140,7 +139,7 @@ def evaluate(
                 if progress is not None:
                     progress(Progress(done, total, f"{entrant.title} on {cell.key}"))
                 done += 1
-                episode = run_episode(env, actor, seed, cell.reset_options(env.unwrapped.setup))
+                episode = run_episode(env, actor, seed, cell.reset_options(setup))
                 record = make_record(protocol, cell, entrant, options, run, seed, facts(episode))
                 records.append(record)
                 kept.append((badness(record), episode))

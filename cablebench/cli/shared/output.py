@@ -41,7 +41,7 @@ def progress_bar() -> Iterator[Any]:
     Where standard error is no terminal, a line now and then takes the place of the bars.
     """
     err = console(stderr=True)
-    bars = _bars(err) if err.is_terminal else None
+    bars: Any = _bars(err) if err.is_terminal else None
     known: dict[str, Any] = {}
 
     def draw(name: str, done: int, total: int, text: str = "") -> None:
