@@ -206,7 +206,7 @@ def from_json(data: Mapping[str, Any]) -> Diagnosis:
     if data.get("verdict") not in VERDICTS:
         raise ConfigurationError(f"verdict {data.get('verdict')!r} is none of {', '.join(VERDICTS)}")
     known = {f.name for f in fields(Diagnosis)}
-    given = {key: tuple(v) if isinstance(v, list) else v for key, v in data.items() if key in known}
+    given: dict[str, Any] = {key: tuple(v) if isinstance(v, list) else v for key, v in data.items() if key in known}
     for key, read in _READERS.items():
         given[key] = tuple(read(entry) for entry in given.get(key, ()))
     return Diagnosis(**given)
@@ -214,7 +214,8 @@ def from_json(data: Mapping[str, Any]) -> Diagnosis:
 
 def _read(entry: Mapping[str, Any]) -> EffectGain:
     parameters = {
-        name: Estimate(p["value"], *p["ci95"], p["unit"], p.get("row", "")) for name, p in entry["parameters"].items()
+        name: Estimate(p["value"], p["ci95"][0], p["ci95"][1], p["unit"], p.get("row", ""))
+        for name, p in entry["parameters"].items()
     }
     name = entry.get("hypothesis") or entry["name"]
     hypothesis = Hypothesis(name, (), (), entry["equation"], entry["separating_experiment"])

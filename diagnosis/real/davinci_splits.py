@@ -24,7 +24,7 @@ from diagnosis.fit.refit import Start
 from diagnosis.fit.weights import reweighted_refit, rmse
 from diagnosis.real.davinci import DEG, MNM, Tell, load_of
 from diagnosis.search.stepwise import stepwise
-from diagnosis.systems.transmission import TransmissionModel, assemble, nominals_of, run_of
+from diagnosis.systems.transmission import Run, TransmissionModel, assemble, nominals_of, run_of
 from diagnosis.systems.transmission_effects import hypotheses
 
 CLOSING = -0.25

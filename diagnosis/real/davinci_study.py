@@ -22,6 +22,7 @@ from diagnosis.real.davinci import (
 from diagnosis.real.davinci_splits import PUBLISHED, compare
 from diagnosis.real.feedforward import replayed, traces
 from diagnosis.search.stepwise import inside
+from diagnosis.systems.transmission import TransmissionModel
 from diagnosis.systems.transmission_effects import hypotheses
 
 SHOWN = "Tool_4_Maryland_L_4_24.csv"

@@ -80,8 +80,8 @@ def _alone(question: Question, null: Judged) -> tuple[EffectGain, ...]:
     known, found = {h.name: h for h in question.hypotheses}, []
     for name, fit in refits(question.fit, null.fit, scored, None).items():
         gain = before.gain(heldout_error(question.heldout, fit))
-        errors = {"fit": rmse(question.fit, fit), "heldout": rmse(question.heldout, fit)}
-        found.append(EffectGain(known[name], gain, gain, **errors))
+        of_fit, of_heldout = rmse(question.fit, fit), rmse(question.heldout, fit)
+        found.append(EffectGain(known[name], gain, gain, fit=of_fit, heldout=of_heldout))
     return tuple(sorted(found, key=lambda effect: -effect.gain))
 
 

@@ -68,8 +68,8 @@ def compare(
     """
     running = [s for s in scored.best.values() if s.hypothesis.name not in without]
     chosen = sorted(running, key=lambda s: -s.gain)[:RIVALS]
-    top = chosen[0].gain if chosen else 0.0
-    chosen = [s for s in chosen if s.gain >= max(OF_ASKED * least, OF_BEST * top)]
+    most = chosen[0].gain if chosen else 0.0
+    chosen = [s for s in chosen if s.gain >= max(OF_ASKED * least, OF_BEST * most)]
     starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
     if not starts:
         return []
@@ -134,7 +134,7 @@ def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[S
 def _believed(model: Model, base: Fit) -> dict[str, float]:
     """Nominal parameters at what the recording believes, where the refit has moved one far from it; else none."""
     known = {p.name: p for p in model.parameters if p.name in base.free and p.std}
-    far = any(abs(base.values[name] - p.start) > FAR * p.std for name, p in known.items())
+    far = any(p.std is not None and abs(base.values[name] - p.start) > FAR * p.std for name, p in known.items())
     return {name: p.start for name, p in known.items()} if far else {}
 
 

@@ -74,13 +74,15 @@ def select(  # noqa: C901, PLR0915
     spectra = Spectra(fit, stated)
     by_itself = limit_cycles.oscillates(spectra, rules.gain)
     if by_itself:
-        alone = limit_cycles.as_it_is(*keep("averaged", partial(limit_cycles.refitted, spectra, nominals, rng)), rules)
+        judged, bands = keep("averaged", partial(limit_cycles.refitted, spectra, nominals, rng))
+        alone = limit_cycles.as_it_is(judged, bands, rules)
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
     bare = null.deviance if plain is None or plain - null.deviance < rules.gain else plain
     chosen: list[tuple[Hypothesis, Judged]] = []
-    scored, tried, refused = [], [], {}
+    scored, tried = [], []
+    refused: dict[str, str] = {}
     best = null
     while len(chosen) < rules.most:
         left = [h for h in hypotheses if h.name not in {c.name for c, _ in chosen}]
@@ -137,7 +139,8 @@ def _compared(fit, heldout, base, scored, rules, so_far, refused, keep):
     A hypothesis that gains most and is refused must not hide the others, which were given up because of its gain: they
     are compared again without it.
     """
-    comparisons, out = [], set()
+    comparisons: list[tuple[Candidate, ...]] = []
+    out: set[str] = set()
     least = rules.least(None, so_far)
     while len(comparisons) < rules.again:
         candidates = keep("comparison", partial(compare, fit, base, scored, least, frozenset(out)))

@@ -204,8 +204,8 @@ def _forward(fit, heldout, best, whitener: Whitener, left, rng) -> Step:
     scored = score_tests(fit, known, left, rng, whitener)
     fits = refits(fit, best, scored)
     base = heldout_error(heldout, best)
-    near = _nearest(base, {name: heldout_error(heldout, one) for name, one in fits.items()})
-    fits |= _polished(fit, fits, near, whitener, rng)
+    nearest = _nearest(base, {name: heldout_error(heldout, one) for name, one in fits.items()})
+    fits |= _polished(fit, fits, nearest, whitener, rng)
     judged = {name: heldout_error(heldout, one) for name, one in fits.items()}
     sums = {name: base.gain(one, base.autocorrelation_time) for name, one in judged.items()}  # one scale for all rivals
     refused = {}
@@ -217,7 +217,7 @@ def _forward(fit, heldout, best, whitener: Whitener, left, rng) -> Step:
     open_to = {name: gain for name, gain in sums.items() if name not in refused}
     if not open_to:
         return Step(NOMINAL, rivals=sums, refit=best, refused=refused, score_tests=scored)
-    top = judged[max(open_to, key=open_to.get)]
+    top = judged[max(open_to, key=lambda name: open_to[name])]
     behind = {name: judged[name].gain(top) for name in fits}  # by what those two leave, not by what both have removed
     near = [h for h in left if h.name in open_to and behind[h.name] < MARGIN]
     penalised = {h.name: -behind[h.name] - 2.0 * len(h.free) for h in near}  # Akaike's information criterion
