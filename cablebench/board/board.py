@@ -27,11 +27,28 @@ from cablebench.protocol.protocol import Protocol
 
 
 def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = "", place: str = "") -> Board:
-    """The board of ``protocol`` from store records; those of other configurations are left out, counted in the notes.
+    """A ranked board from a store's records.
 
-    ``remarks`` (Markdown) and ``place`` (flags that name the store) are shown on it, see `Board`.
-    The intervals draw from ``default_rng(protocol.bootstrap_seed)``, so a board repeats exactly from the same records.
-    Raises ConfigurationError when no record belongs to the protocol.
+    Parameters
+    ----------
+    protocol : Protocol
+        Whose board it is; records of other configurations are left out and counted in the notes.
+    records : iterable of mapping
+        As `ResultStore.records` gives them. Of an episode that was run twice the newer record counts.
+    remarks : str
+        Shown on the board, Markdown.
+    place : str
+        Flags of the command line that name the store, for the commands that replay a row.
+
+    Returns
+    -------
+    Board
+        The same one for the same records: its intervals draw from ``default_rng(protocol.bootstrap_seed)``.
+
+    Raises
+    ------
+    ConfigurationError
+        When no whole run belongs to the protocol.
     """
     everything = list(records)
     configuration = protocol.hash()
@@ -159,7 +176,18 @@ def _typical_run(records: list[Record]) -> str:
 
 
 def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
-    """Rows by information class, then by interquartile mean score, without scores by raw RMSE; ranked in class."""
+    """Rows by information class, and within it by interquartile mean score; without scores by raw RMSE.
+
+    Parameters
+    ----------
+    rows : iterable of Row
+        In any order.
+
+    Returns
+    -------
+    tuple of Row
+        With their `rank` within the class, from 1.
+    """
 
     def place(row: Row) -> tuple[float, float, str]:
         rmse = row.raw.get("rmse", math.nan)

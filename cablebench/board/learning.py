@@ -28,7 +28,20 @@ class Curve:
 
 
 def learning_curves(folder: str | Path, records: Iterable[Mapping[str, Any]]) -> tuple[Curve, ...]:
-    """Curves of those policies below ``folder`` that ``records`` name by the hash of their file."""
+    """Learning curves of the agents on a board.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Policies are looked for below it.
+    records : iterable of mapping
+        They name policies by the hash of their file; other policies are left out.
+
+    Returns
+    -------
+    tuple of Curve
+        By task, entrant and training seed.
+    """
     wanted: dict[str, Mapping[str, Any]] = {}
     for r in records:
         digest = (r.get("settings") or {}).get("policy")

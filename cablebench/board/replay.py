@@ -48,7 +48,25 @@ class Comparison:
 
 
 def rows_of(records: Sequence[Record], protocol: Protocol, entrant: str, env_id: str, track: str) -> list[Record]:
-    """The records behind a row of the board; ConfigurationError with the nearest names where there is none."""
+    """The records behind a row of the board.
+
+    Parameters
+    ----------
+    records : sequence of mapping
+        Of the store.
+    protocol : Protocol
+    entrant, env_id, track : str
+        Name the row.
+
+    Returns
+    -------
+    list of mapping
+
+    Raises
+    ------
+    ConfigurationError
+        With the nearest names where there is no such row.
+    """
     own = [r for r in latest(records) if r["protocol_hash"] == protocol.hash()]
     if not own:
         raise ConfigurationError(f"no records of protocol '{protocol.name}' (configuration {protocol.hash()})")
@@ -107,7 +125,25 @@ def executed_by(words: str) -> list[str]:
 def compare(
     row: Sequence[Record], again: Sequence[Record], everything: Sequence[Record], protocol: Protocol
 ) -> Comparison:
-    """The row's records against those of its replay, number by number; scores on the references in ``everything``."""
+    """A row's records against those of its replay, number by number.
+
+    Parameters
+    ----------
+    row, again : sequence of mapping
+        The records, and what was run anew.
+    everything : sequence of mapping
+        All records of the store: the references among them score both.
+    protocol : Protocol
+
+    Returns
+    -------
+    Comparison
+
+    Raises
+    ------
+    ConfigurationError
+        Where an episode of the row was not run again.
+    """
     key: Callable[[Record], Any] = lambda r: (r["training_seed"], *episode_key(r))  # noqa: E731
     new = {key(r): r for r in again}
     differences = []

@@ -20,10 +20,22 @@ Trajectories = Callable[[str], Mapping[str, Mapping[str, Any]]]
 def write_board(
     board: Board, folder: str | Path, trajectories: Trajectories | None = None, curves: Sequence[Curve] = ()
 ) -> dict[str, Path]:
-    """Write board.json, board.md and board.html to ``folder``; each replaces its predecessor whole or not at all.
+    """Write board.json, board.md and board.html; each replaces its predecessor whole or not at all.
 
-    ``trajectories`` is `ResultStore.trajectories` of the store that the board was made from; ``curves`` are its agents'
-    learning curves.
+    Parameters
+    ----------
+    board : Board
+    folder : str or Path
+        Where to write.
+    trajectories : callable, optional
+        `ResultStore.trajectories` of the store that the board was made from.
+    curves : sequence of Curve
+        The agents' learning curves.
+
+    Returns
+    -------
+    dict of Path
+        "json", "markdown" and "html".
     """
     folder = Path(folder)
     return {

@@ -27,9 +27,21 @@ def latest(records: Iterable[Record]) -> list[Record]:
 
 
 def whole_runs(records: list[Record]) -> tuple[list[Record], list[str]]:
-    """Records of runs that have every episode their task and track was run on, and names of the runs that have not.
+    """Records of whole runs, and the names of the runs that lack episodes.
 
     An evaluation that was stopped leaves such a run; ranking it on fewer episodes would compare unlike things.
+
+    Parameters
+    ----------
+    records : list of mapping
+        Each episode once (`latest`).
+
+    Returns
+    -------
+    records : list of mapping
+        Of runs that have every episode their task and track was run on.
+    names : list of str
+        Of the others, with how much there is.
     """
     episodes: dict[tuple[str, str], set[tuple[Any, ...]]] = {}
     runs: dict[tuple[str, str, str, Any], list[Record]] = {}
@@ -51,7 +63,20 @@ def episode_key(record: Record) -> tuple[Any, ...]:
 
 
 def score_episodes(records: list[Record], protocol: Protocol) -> list[float]:
-    """The score of each record; NaN where a reference is missing or the oracle's median advantage is not positive."""
+    """The score of each record: 0 is the open loop, 1 the oracle, on the same episode.
+
+    Parameters
+    ----------
+    records : list of mapping
+        With those of both references.
+    protocol : Protocol
+        Names the references and the worst score.
+
+    Returns
+    -------
+    list of float
+        NaN where a reference is missing or the oracle's median advantage is not positive.
+    """
     worst = _reference_errors([r for r in records if r["entrant"] == protocol.open_loop])
     best = _reference_errors([r for r in records if r["entrant"] == protocol.oracle])
     gaps: dict[tuple[Any, ...], list[float]] = {}

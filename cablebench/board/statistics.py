@@ -18,9 +18,26 @@ Statistic = Callable[[np.ndarray], np.ndarray]
 
 
 def interquartile_mean(values: np.ndarray) -> np.ndarray:
-    """Mean of the middle half along the last axis [..., n] -> [...]: a quarter (rounded down) is cut at each end.
+    """Mean of the middle half: a quarter of the values (rounded down) is cut at each end.
 
-    Source: Agarwal et al. 2021, "Deep RL at the edge of the statistical precipice"; scipy.stats.trim_mean(x, 0.25).
+    Parameters
+    ----------
+    values : ndarray [..., n]
+        Scores.
+
+    Returns
+    -------
+    ndarray [...]
+
+    References
+    ----------
+    Agarwal et al. 2021, "Deep reinforcement learning at the edge of the statistical precipice"; the same as
+    ``scipy.stats.trim_mean(values, 0.25)``.
+
+    Examples
+    --------
+    >>> float(interquartile_mean(np.array([-100.0, 1.0, 2.0, 3.0, 4.0, 50.0, 60.0, 900.0])))
+    14.75
     """
     ordered = np.sort(np.asarray(values, float), axis=-1)
     n = ordered.shape[-1]
@@ -34,12 +51,46 @@ def median(values: np.ndarray) -> np.ndarray:
 
 
 def optimality_gap(values: np.ndarray, target: float = 1.0) -> np.ndarray:
-    """Mean shortfall below ``target`` along the last axis; values above it count as reached. Lower is better."""
+    """Mean shortfall below a target; values above it count as reached. Lower is better.
+
+    Parameters
+    ----------
+    values : ndarray [..., n]
+        Scores.
+    target : float
+        The score that is as good as wanted.
+
+    Returns
+    -------
+    ndarray [...]
+
+    Examples
+    --------
+    >>> float(optimality_gap(np.array([0.5, 1.0, 1.5, 0.0])))
+    0.375
+    """
     return np.maximum(target - np.asarray(values, float), 0.0).mean(axis=-1)
 
 
 def worst_tenth(values: np.ndarray, share: float = 0.1) -> np.ndarray:
-    """Mean of the worst ``share`` of the values along the last axis (CVaR, higher is better), at least one value."""
+    """Mean of the worst values: the conditional value at risk (CVaR). Higher is better.
+
+    Parameters
+    ----------
+    values : ndarray [..., n]
+        Scores.
+    share : float
+        Of the values that count, at least one.
+
+    Returns
+    -------
+    ndarray [...]
+
+    Examples
+    --------
+    >>> float(worst_tenth(np.arange(20.0)))
+    0.5
+    """
     ordered = np.sort(np.asarray(values, float), axis=-1)
     # the small subtraction keeps 0.1 * 30 = 3.0000000000000004 from becoming four values
     count = max(1, int(np.ceil(share * ordered.shape[-1] - 1e-9)))
@@ -57,11 +108,34 @@ class BootstrapInterval(Interval):
 def bootstrap(
     scores: Scores, statistic: Statistic, rng: np.random.Generator, resamples: int = 2000, level: float = 0.95
 ) -> BootstrapInterval:
-    """``statistic`` of all episodes' scores, with a percentile interval from a bootstrap stratified by task.
+    """A statistic of all episodes' scores with a percentile interval from a bootstrap stratified by task.
 
     In each resample every task's runs are drawn with replacement among themselves, each with all of its episodes. A
     task with a single run says nothing about training; its episodes are resampled instead, which measures the spread
-    over test episodes only. `BootstrapInterval.unit` says which it was.
+    over test episodes only.
+
+    Parameters
+    ----------
+    scores : mapping of str to ndarray [runs, episodes]
+        By task.
+    statistic : callable
+        Maps [..., n] to [...].
+    rng : numpy.random.Generator
+        Draws the resamples.
+    resamples : int
+        How many.
+    level : float
+        Of the interval.
+
+    Returns
+    -------
+    BootstrapInterval
+        Its `unit` says what was resampled.
+
+    Raises
+    ------
+    ValueError
+        Where a task has no episode.
     """
     tables = [np.atleast_2d(np.asarray(t, float)) for t in scores.values()]
     if not tables or any(t.size == 0 for t in tables):
@@ -76,9 +150,22 @@ def bootstrap(
 
 
 def probability_of_improvement(x: Scores, y: Scores) -> float:
-    """Chance that a run of x scores above a run of y on the same episode; ties count half; mean over common tasks.
+    """Chance that a run of one entrant scores above a run of another on the same episode.
 
-    x, y: {task: [runs, episodes]} with the same episodes in the same order. NaN when they share no task.
+    Parameters
+    ----------
+    x, y : mapping of str to ndarray [runs, episodes]
+        Scores by task, the episodes in the same order.
+
+    Returns
+    -------
+    float
+        Mean over the common tasks; ties count half. NaN when there is no common task.
+
+    Examples
+    --------
+    >>> probability_of_improvement({"a": np.array([[1.0, 2.0]])}, {"a": np.array([[0.0, 2.0]])})
+    0.75
     """
     chances = []
     for task in (task for task in x if task in y):
@@ -88,6 +175,21 @@ def probability_of_improvement(x: Scores, y: Scores) -> float:
 
 
 def performance_profile(values: np.ndarray, thresholds: np.ndarray) -> np.ndarray:
-    """Share of the values [n] that are at least each threshold [k] -> [k] (Dolan and More 2002, for scores)."""
+    """Share of the values that are at least a threshold.
+
+    Parameters
+    ----------
+    values : ndarray [n]
+        Scores.
+    thresholds : ndarray [k]
+
+    Returns
+    -------
+    ndarray [k]
+
+    References
+    ----------
+    Dolan and More 2002, "Benchmarking optimization software with performance profiles", for scores.
+    """
     ordered = np.sort(np.asarray(values, float).reshape(-1))
     return 1.0 - np.searchsorted(ordered, np.asarray(thresholds, float), side="left") / len(ordered)

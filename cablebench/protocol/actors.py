@@ -19,10 +19,18 @@ class Actor(Protocol):
 
 
 class ControllerActor:
-    """A controller of `baselines` (or any object with its ``reset``, ``act``, ``set_rig``) behind the observation.
+    """A controller in SI behind an environment's observation and action.
 
     Measurements are the observation times the channels' scales; the command is mapped linearly to the action, and what
     lies outside the action mode's range is clipped by the environment.
+
+    Parameters
+    ----------
+    controller : object
+        One of `baselines`, or any object with its ``reset()``, ``act(t, y, ref)`` and, where it is told the true
+        parameters of an episode's rig, ``set_rig(rig)``.
+    setup : Setup
+        The environment's: its channels, scales and the command's range.
     """
 
     def __init__(self, controller: Any, setup: Setup):
@@ -46,7 +54,13 @@ class ControllerActor:
 
 
 class PolicyActor:
-    """A trained policy: ``predict(observation, state, episode_start, deterministic) -> (action, state)``, as SB3's."""
+    """A trained policy, asked deterministically.
+
+    Parameters
+    ----------
+    policy : object
+        With ``predict(observation, state, episode_start, deterministic) -> (action, state)``, as stable-baselines3's.
+    """
 
     def __init__(self, policy: Any):
         self.policy = policy

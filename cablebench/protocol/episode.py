@@ -72,7 +72,18 @@ class Episode:
         return not self.terminated and len(self.time) >= self.horizon and bool(np.all(np.isfinite(self.output)))
 
     def thinned(self, points: int) -> dict[str, np.ndarray]:
-        """For drawing: at most ``points`` evenly spaced samples of every array, by name, and whether it ``failed``."""
+        """For drawing: fewer samples of every array.
+
+        Parameters
+        ----------
+        points : int
+            Samples to keep at most; they are evenly spaced, the first and the last among them.
+
+        Returns
+        -------
+        dict of ndarray
+            By name, float32 [points], and ``failed``, a bool.
+        """
         index = np.unique(np.linspace(0, len(self.time) - 1, min(points, len(self.time))).round().astype(int))
         arrays = {"time": self.time, "reference": self.reference, "output": self.output, "command": self.command}
         thin = {k: np.asarray(v)[index].astype(np.float32) for k, v in {**self.signals, **arrays}.items()}

@@ -184,7 +184,25 @@ class Protocol:
         return tuple(self.test.seed(i) for i in range(episodes))
 
     def cells(self, tasks: tuple[str, ...] = (), tracks: tuple[str, ...] = ()) -> tuple[Cell, ...]:
-        """Every condition to evaluate, for some tasks and tracks by name (default: all tasks, the tracks in `run`)."""
+        """Every condition to evaluate.
+
+        Parameters
+        ----------
+        tasks : tuple of str
+            Ids or short names; empty: all tasks.
+        tracks : tuple of str
+            Names; empty: the tracks that the protocol runs unless asked otherwise.
+
+        Returns
+        -------
+        tuple of Cell
+            Track by track; a track with sweeps has one cell for each swept value.
+
+        Raises
+        ------
+        ConfigurationError
+            For a task or track that the protocol does not have, with the nearest name.
+        """
         chosen = [self.task(t) for t in tasks] or list(self.tasks)
         names = tracks or self.run or tuple(t.name for t in self.tracks)
         cells = []
@@ -218,9 +236,27 @@ _KEYS = (
 
 
 def load_protocol(name: str | Path) -> Protocol:
-    """The protocol in configs/protocols/<name>.yaml, or in the YAML file at a path.
+    """A protocol by name, or from a file.
 
-    Raises ConfigurationError for unknown names and keys (with the nearest), wrong values and overlapping seed ranges.
+    Parameters
+    ----------
+    name : str or Path
+        Name of a file in configs/protocols (quick, full, demo), or path of a YAML file.
+
+    Returns
+    -------
+    Protocol
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown names and keys (with the nearest), wrong values and overlapping ranges of seeds.
+
+    Examples
+    --------
+    >>> protocol = load_protocol("quick")
+    >>> protocol.episodes, len(protocol.cells(tracks=("nominal",)))
+    (10, 8)
     """
     text = str(name)
     is_path = text.endswith((".yaml", ".yml")) and Path(text).exists()
@@ -229,7 +265,24 @@ def load_protocol(name: str | Path) -> Protocol:
 
 
 def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protocol:
-    """A checked `Protocol` from the mapping of its YAML file. Raises as `load_protocol`."""
+    """A checked protocol from the mapping of its YAML file.
+
+    Parameters
+    ----------
+    data : mapping
+        Content of the file; docs/read-the-board.md says what the keys mean.
+    source : str
+        What errors call it.
+
+    Returns
+    -------
+    Protocol
+
+    Raises
+    ------
+    ConfigurationError
+        As `load_protocol`.
+    """
     require_known(f"key in {source}", data, _KEYS)
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"{source}: schema {data.get('schema')!r}; this version reads schema {SCHEMA}")

@@ -39,5 +39,20 @@ def axis_label(name: str, table: Any) -> str:
 
 
 def shown(value: float | None, name: str, table: Any) -> str:
-    """SI ``value`` of a metric as text, in the table's shown unit, without the unit."""
+    """A metric as text in the unit in which a table shows it.
+
+    Parameters
+    ----------
+    value : float or None
+        SI; None and NaN are shown as a dash.
+    name : str
+        Of the metric.
+    table : Table
+        Says the units of output and command.
+
+    Returns
+    -------
+    str
+        Three significant digits, without the unit (`unit_of`).
+    """
     return number(None if value is None else display(value, name, table))

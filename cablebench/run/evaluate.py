@@ -63,9 +63,34 @@ def run_episode(
     options: Mapping[str, Any] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> Episode:
-    """One episode of ``actor`` in ``env`` from ``seed`` (with reset ``options``), as arrays.
+    """One episode, as arrays.
 
-    An actor that answers with a number that is not finite ends the episode as failed, like a torn cable.
+    Parameters
+    ----------
+    env : gymnasium.Env
+        One of `cable_envs`, wrapped or not.
+    actor : Actor
+        What decides. One that answers with a number that is not finite ends the episode as failed, like a torn cable.
+    seed : int
+        Of the reset; it decides rig, noise and initial state where these are drawn.
+    options : mapping, optional
+        Options of the reset: rig, reference, initial_state.
+    settings : mapping, optional
+        Further facts to keep in `Episode.settings`; JSON types.
+
+    Returns
+    -------
+    Episode
+        SI, one sample for each control step.
+
+    Examples
+    --------
+    >>> import cable_envs
+    >>> from cablebench.entrants.entrant import controller_entrant
+    >>> env = gym.make("cable_envs/CableHole-Position-Step-v0", duration=1.0)
+    >>> episode = run_episode(env, controller_entrant("pid").make(env.unwrapped.setup), seed=0)
+    >>> len(episode.time), episode.output_unit, episode.complete
+    (100, 'm', True)
     """
     core = core_of(env)
     setup = core.setup
@@ -113,13 +138,33 @@ def evaluate(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
 ) -> list[dict[str, Any]]:
-    """Run every entrant on every condition it enters; returns the new records and appends them to ``store`` one by one.
+    """Run every entrant on every condition that it enters.
 
-    tasks, tracks: names; empty means all tasks and the protocol's own choice of tracks. With ``resume``, runs that the
-    store holds whole (same configuration, same source) are not run again; one that was stopped half-way is run anew and
-    its newer records count. ``progress`` is called before each episode and once at the end.
+    Parameters
+    ----------
+    protocol : Protocol
+        Decides the episodes.
+    entrants : sequence of Entrant
+        All see the same episodes.
+    tasks, tracks : sequence of str
+        Names; empty means all tasks and the protocol's own choice of tracks.
+    store : ResultStore, optional
+        Gets each record as soon as its episode has ended, and the trajectories of each run's median and worst episode.
+    progress : callable, optional
+        Called with a `Progress` before each episode and once at the end.
+    resume : bool
+        Whether runs that the store holds whole (same configuration, same source) are left out. One that was stopped
+        half-way is run anew, and its newer records count.
 
-    Raises ConfigurationError for unknown names and where an entrant enters none of the chosen conditions.
+    Returns
+    -------
+    list of dict
+        The new records, one for each episode.
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown names, and where an entrant enters none of the chosen conditions.
     """
     plan = make_plan(protocol, entrants, tasks, tracks)
     known = known_seeds(store) if store is not None and resume else {}
@@ -163,7 +208,23 @@ def known_seeds(store: ResultStore) -> dict[str, set[int]]:
 def make_plan(
     protocol: Protocol, entrants: Sequence[Entrant], tasks: Sequence[str], tracks: Sequence[str]
 ) -> list[tuple[Cell, Entrant, dict[str, Any]]]:
-    """What is to run: (cell, entrant, environment options). Raises as `evaluate`."""
+    """What an evaluation has to run.
+
+    Parameters
+    ----------
+    protocol, entrants, tasks, tracks
+        As of `evaluate`.
+
+    Returns
+    -------
+    list of (Cell, Entrant, dict)
+        Condition, entrant, and the options of the environment.
+
+    Raises
+    ------
+    ConfigurationError
+        As `evaluate`.
+    """
     cells = protocol.cells(tuple(tasks), tuple(tracks))
     plan = []
     for cell in cells:
@@ -220,7 +281,26 @@ def make_record(
     seed: int,
     found: Mapping[str, Any],
 ) -> dict[str, Any]:
-    """The store's record of an episode from its `facts`."""
+    """The store's record of an episode.
+
+    Parameters
+    ----------
+    protocol, cell, entrant
+        What was run.
+    options : mapping
+        Of the environment.
+    run : str
+        `run_key` of these.
+    seed : int
+        Of the episode.
+    found : mapping
+        `facts` of the episode.
+
+    Returns
+    -------
+    dict
+        JSON types only.
+    """
     record = {
         "protocol": protocol.name,
         "protocol_version": protocol.version,
@@ -248,7 +328,18 @@ def make_record(
 
 
 def typical(kept: list[tuple[float, Episode]]) -> dict[str, dict[str, np.ndarray]]:
-    """The median and the worst episode by RMSE (a failed one is the worst), thinned for drawing."""
+    """The median and the worst episode of a run, thinned for drawing.
+
+    Parameters
+    ----------
+    kept : list of (float, Episode)
+        RMSE, infinite for a failed episode, and the episode.
+
+    Returns
+    -------
+    dict of dict
+        "median" and "worst" -> arrays by name (`Episode.thinned`).
+    """
     order = sorted(range(len(kept)), key=lambda i: kept[i][0])
     chosen = {"median": order[(len(order) - 1) // 2], "worst": order[-1]}
     return {kind: kept[i][1].thinned(TRAJECTORY_POINTS) for kind, i in chosen.items()}

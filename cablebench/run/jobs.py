@@ -46,9 +46,28 @@ def evaluate_in_jobs(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
 ) -> list[dict[str, Any]]:
-    """As `evaluate.evaluate`, of the entrants that ``recipes`` make, on ``backend``; records in its order.
+    """The same as `cablebench.run.evaluate.evaluate`, in several processes.
 
-    After Ctrl-C the store holds the runs that were finished; KeyboardInterrupt is raised.
+    Parameters
+    ----------
+    protocol, tasks, tracks, store, progress, resume
+        As of `evaluate`.
+    recipes : sequence of Recipe
+        Make the entrants, here and in the workers.
+    backend : Backend
+        Runs one job for each entrant on each condition.
+
+    Returns
+    -------
+    list of dict
+        The new records, in the order of `evaluate`.
+
+    Raises
+    ------
+    ConfigurationError
+        As `evaluate`.
+    KeyboardInterrupt
+        After Ctrl-C; the store then holds the runs that were finished.
     """
     entrants = [recipe() for recipe in recipes]
     plan = make_plan(protocol, entrants, tasks, tracks)

@@ -57,7 +57,13 @@ class ResultStore:
         """where the trajectories of median and worst episodes lie, one file for each run"""
 
     def append(self, records: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> None:
-        """Add one record, or several; they are on disk when this returns."""
+        """Add records; they are on disk when this returns.
+
+        Parameters
+        ----------
+        records : mapping or iterable of mappings
+            One record, or several. NaN and infinities become null.
+        """
         batch = [records] if isinstance(records, Mapping) else list(records)
         if not batch:
             return
@@ -80,7 +86,19 @@ class ResultStore:
     def records(self) -> list[dict[str, Any]]:
         """All readable records, oldest first.
 
-        Raises ConfigurationError when a record has a schema newer than this program knows.
+        Returns
+        -------
+        list of dict
+
+        Raises
+        ------
+        ConfigurationError
+            When a record has a schema newer than this program knows, and when the compressed part is damaged.
+
+        Warns
+        -----
+        StoreWarning
+            For each line that cannot be read.
         """
         found: list[dict[str, Any]] = []
         for path, content in ((self.packed, self._unpacked()), (self.path, self._plain())):
@@ -115,7 +133,20 @@ class ResultStore:
             raise ConfigurationError(f"{self.packed} is damaged ({error}): restore it from version control") from None
 
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
-        """Save arrays by name for each of ``episodes`` ("median", "worst") of a run; replaces what was there."""
+        """Save the trajectories of a run; they replace what was there.
+
+        Parameters
+        ----------
+        run : str
+            Key of the run, as in its records.
+        episodes : mapping
+            "median" and "worst" -> arrays by name.
+
+        Returns
+        -------
+        Path
+            The compressed file.
+        """
         buffer = io.BytesIO()
         flat: dict[str, Any] = {
             f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()
