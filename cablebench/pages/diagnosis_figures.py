@@ -57,7 +57,7 @@ def over_time(trace: Any, named: bool) -> str:
 
 
 def _thinned(trace: Any) -> tuple[np.ndarray, np.ndarray]:
-    """(times, samples): of each stretch the samples that lie lowest and highest, so that peaks stay."""
+    """(times, samples): of each span the samples that lie lowest and highest, so that peaks stay."""
     count = len(trace.time)
     if count <= _POINTS:
         return trace.time, np.arange(count)
@@ -159,7 +159,7 @@ def errors(fit: Mapping[str, Any], named: bool) -> str:
 
 
 def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:
-    """Smooth maps of what is left, the most surprising first; empty text without any."""
+    """Smooth maps of what is left, the smallest p-value first; empty text without any."""
     drawn = [row for row in leftover if row["at"] and row["height"]][:3]
     if not drawn:
         return ""

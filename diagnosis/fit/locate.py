@@ -104,18 +104,13 @@ def elapsed(block: Block) -> Coordinate:
 
 
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 180.0 / np.pi), "rad/s": ("deg/s", 180.0 / np.pi)}
-_WAYS = {
-    "cable_hole": ("lifting", "lowering"),
-    "linear_drive": ("moving forward", "moving backward"),
-    "pulley_circuit": ("turning counter-clockwise", "turning clockwise"),
-}
 
 
-def words(found: Regime | None, system: str, coordinates: Mapping[str, Coordinate]) -> str:  # noqa: PLR0911 - one for each sentence
+def words(found: Regime | None, ways: tuple[str, str], coordinates: Mapping[str, Coordinate]) -> str:  # noqa: PLR0911 - one for each sentence
     """A regime in words for a person: "within 0.3 s after each reversal", "moving forward, above 20 mm/s"."""
     if found is None:
         return "all over the motion"
-    forward, backward = _WAYS[system]
+    forward, backward = ways
     unit, factor = _SHOWN.get(found.unit, (found.unit, 1.0))
     unit = "" if unit == "1" else f" {unit}"
     low, high = (f"{factor * v:.3g}{unit}" for v in (found.low, found.high))

@@ -49,7 +49,7 @@ def answer(
     helped = selection.final if found and not named else None
     floors = _floors(recording, question.fit, selection)
     traces = _traces(question, selection.null, final, floors)
-    location, traces = located(recording.system, traces, selection, named, verdict == "no_detectable_mismatch")
+    location, traces = located(question.ways, traces, selection, named, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
     return Diagnosis(
         verdict,

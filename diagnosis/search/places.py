@@ -15,7 +15,7 @@ from diagnosis.search.selection import Selection
 
 
 def located(
-    system: str, traces: Sequence[Trace], selection: Selection, named: bool, nothing: bool
+    ways: tuple[str, str], traces: Sequence[Trace], selection: Selection, named: bool, nothing: bool
 ) -> tuple[list[dict[str, Any]], tuple[Trace, ...]]:
     """(entries of the verdict's location, the largest first; the traces with their shaded intervals).
 
@@ -36,7 +36,7 @@ def located(
         share = sum(float(energies[id(t)].sum()) for t in own) / total
         if share < locate.LEAST_CHANNEL:
             continue
-        found, text = _regime(system, own, np.concatenate([energies[id(t)] for t in own]))
+        found, text = _regime(ways, own, np.concatenate([energies[id(t)] for t in own]))
         for t in own:
             energy = energies[id(t)]
             spans, held = locate.intervals(t.time, energy)
@@ -69,13 +69,13 @@ def _energy(trace: Trace, named: bool, noise: AnyNoise) -> np.ndarray:
     return np.where(trace.good, np.maximum(d**2 - of_noise, 0.0), 0.0)
 
 
-def _regime(system: str, own: Sequence[Trace], energy: np.ndarray) -> tuple[locate.Regime | None, str]:
+def _regime(ways: tuple[str, str], own: Sequence[Trace], energy: np.ndarray) -> tuple[locate.Regime | None, str]:
     names = [n for n in own[0].along if all(n in t.along for t in own)]
     joined = {n: Coordinate(n, own[0].along[n][0], np.concatenate([t.along[n][1] for t in own])) for n in names}
     since = np.concatenate([t.time - t.time[0] for t in own])
     joined[locate.ELAPSED] = Coordinate(locate.ELAPSED, "s", since)
     found = locate.regime(list(joined.values()), energy)
-    return found, locate.words(found, system, joined)
+    return found, locate.words(found, ways, joined)
 
 
 def _sentence(channel: str, record: str, text: str, found: locate.Regime | None, share: float) -> str:

@@ -1,39 +1,51 @@
-"""Recordings as models: one module for each system, each with ``prepare(recording, request) -> Question``.
+"""Recordings as models: one module for each plant, found by its name.
 
-A module lays the records on an even clock, drives the system's kernel by what was recorded as its input, and predicts
-the other channels. Everything after that (refit, score tests, selection, localisation, verdict) knows no system.
+    prepare(recording, request) -> Question     what a recording asks
+    off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
+    WAYS                                        what moving up and moving down are called (else `Question.ways`)
+    VARIANT                                     of a plant with two forms, the one that is taken unless told otherwise
+
+The last three may be absent. ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
+recorded as its input, and predicts the other channels. Everything after that (refit, score tests, selection,
+localisation, verdict) knows no system.
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib import import_module
+from importlib.util import find_spec
+from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import Recording
+from diagnosis.data.recording import Record, Recording
 from diagnosis.systems import transmission
 from diagnosis.systems.question import Look, Question, Request
+from diagnosis.systems.units import Suspect
 
-_MODULES = {"linear_drive": "linear_drive", "cable_hole": "cable_hole", "pulley_circuit": "pulley_circuit"}
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
 
 
 def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
-    if recording.system not in _MODULES:
+    if _of_plant(recording.system) is None:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
     request = request or Request()
-    seen_as_a_whole = recording.system == "pulley_circuit" and transmission.fits(recording)
-    if request.variant and (recording.system != "pulley_circuit" or seen_as_a_whole):
+    plant, chosen = _of_plant(recording.system), _chosen(recording)
+    if request.variant and not (chosen is plant and hasattr(plant, "VARIANT")):
         raise ConfigurationError(
             f"{recording.path}: variant '{request.variant}' chooses between two models, and this recording has one: it "
             f"would have to be of a pulley_circuit, with a rig or the circuit's geometry in it"
         )
-    if seen_as_a_whole:
-        question = transmission.prepare(recording, request)
-    else:
-        question = import_module(f"diagnosis.systems.{_module(recording)}").prepare(recording, request)
+    question = chosen.prepare(recording, request)
     _stated_is_white(recording, question)
-    return question
+    return replace(question, ways=getattr(plant, "WAYS", question.ways))
+
+
+def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
+    """Channels whose unit cannot be right, by what the plant says of its forces; none where it says nothing."""
+    said = getattr(_of_plant(recording.system), "off_balance", None)
+    return said(recording, record) if said else iter(())
 
 
 def _stated_is_white(recording: Recording, question: Question) -> None:
@@ -49,13 +61,24 @@ def _stated_is_white(recording: Recording, question: Question) -> None:
 
 def looked_at(recording: Recording) -> Look:
     """What of the records the model uses."""
-    if recording.system == "pulley_circuit" and transmission.fits(recording):
+    if _of_plant(recording.system) is None:
+        return Look()
+    chosen = _chosen(recording)
+    if chosen is transmission:
         return Look(transmission.PERIOD, transmission.EDGE)
-    if recording.system in _MODULES and _module(recording) == "band_brake":
-        return Look(1.0 / import_module("diagnosis.systems.band_brake").RATE)
-    return Look()
+    return Look(1.0 / chosen.RATE) if hasattr(chosen, "RATE") else Look()
 
 
-def _module(recording: Recording) -> str:
+def _of_plant(name: str) -> ModuleType | None:
+    """The module of a plant; None where there is none."""
+    found = find_spec(f"{__name__}.{name}") if name.isidentifier() else None
+    return None if found is None else import_module(found.name)
+
+
+def _chosen(recording: Recording) -> ModuleType:
+    """The module that models a recording."""
+    plant = _of_plant(recording.system)
+    if plant is not None and hasattr(plant, "VARIANT") and transmission.fits(recording):
+        return transmission
     special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
-    return (special or [_MODULES[recording.system]])[0]
+    return import_module(f"{__name__}.{special[0]}") if special else plant

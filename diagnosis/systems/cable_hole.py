@@ -6,7 +6,7 @@ newton. Positions then follow from the command by integration, from a start that
 command the drive follows its recorded position, smoothed; what the smoothing leaves of its noise is in all residuals.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -36,6 +36,7 @@ from diagnosis.systems.common import (
 )
 from diagnosis.systems.question import Question, Request
 from diagnosis.systems.replayed import ReplayModel, Run
+from diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
 
 SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the
@@ -47,6 +48,7 @@ STIFF = 1.5e5
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
+WAYS = ("lifting", "lowering")
 REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
 
@@ -163,3 +165,17 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     if pull is None:
         return found
     return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0], pull))
+
+
+def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
+    """Where a tension is far from the load's weight: a wrong unit."""
+    weight = value_of(recording, "load_mass") * value_of(recording, "gravity") * value_of(recording, "load_gravity")
+    for channel in ("drive_tension", "load_tension"):
+        if channel in recording.channels and weight > 0.0:
+            ratio = float(np.median(np.abs(series_of(record, channel)))) / weight
+            if not 1.0 / OFF <= ratio <= OFF:
+                text = (
+                    f"{ratio:.3g} times the load's weight of {weight:.3g} N: the unit of {channel} or of load_mass "
+                    f"is wrong; {hint(recording, channel, ratio)}"
+                )
+                yield Suspect(channel, text)

@@ -13,7 +13,7 @@ Both are `replay(..., drive="observed")`: the servo feels the carriage, and the 
 reference goes between samples as a cubic, since straight lines would change the force by kp x'' dt^2 / 12.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,6 +41,7 @@ from diagnosis.systems.common import (
 )
 from diagnosis.systems.question import Question, Request
 from diagnosis.systems.replayed import delayed
+from diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
 
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
@@ -59,8 +60,8 @@ _DAMPED = 0.2
 """Damping ratio at which a belt is looked for."""
 _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
-_NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position", "load_dependent_friction", "slack")
-"""A position's zero says nothing; the others need a cable."""
+_NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position")
+"""A position's zero says nothing."""
 
 
 @dataclass(frozen=True)
@@ -372,3 +373,30 @@ def _rig(plant: Plant, values: Mapping[str, float], accepted: Sequence[str]) -> 
     if values.get(OFFSET):
         values["gravity_share"] = min(max(values["gravity_share"] + values[OFFSET] / weight, -1.0), 1.0)
     return augmented_rig(plant, values, accepted)
+
+
+def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
+    """Where the force is far from what mass, acceleration and the claimed friction take: a wrong unit."""
+    if not {"position", "force"} <= set(recording.channels):
+        return
+    if recording.rig is None and "mass" not in {**recording.known, **recording.nominal}:
+        return  # nobody says what mass is moved
+    speed = speed_of(record, "position")
+    period = float(np.median(np.diff(record.time)))
+    mass = value_of(recording, "mass") + (recording.value("motor_mass") or 0.0)
+    inertia = mass * np.abs(smooth_speed(speed, period))
+    friction = (recording.value("coulomb") or 0.0) + (recording.value("viscous") or 0.0) * np.abs(speed)
+    tilt = mass * 9.81 * abs(recording.value("gravity_share") or 0.0)
+    need = float(np.quantile(inertia + friction + tilt, 0.95))
+    have = float(np.quantile(np.abs(series_of(record, "force")), 0.95))
+    if need <= 0.0:
+        return
+    # a force far above the inertia may be friction of which the recording says nothing
+    most = 100.0 if float(np.max(friction)) > 0.0 else 3000.0
+    ratio = have / need
+    if ratio > most or ratio < 1.0 / 30.0:
+        text = (
+            f"{ratio:.3g} times what mass, acceleration and the claimed friction take: one of the units of force, "
+            f"position, time and mass is wrong; {hint(recording, 'force', ratio)}"
+        )
+        yield Suspect("force", text)

@@ -13,7 +13,7 @@ about the pretension T, which a rig shows:  EA (1 + c L) = EA sqrt(1 + 2 c T),  
 valley: a cable that grew 2.7 times as stiff by its pretension was answered with a scale of the torque.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -41,8 +41,10 @@ from diagnosis.systems.common import (
 )
 from diagnosis.systems.question import Question, Request
 from diagnosis.systems.replayed import ReplayModel, Run
+from diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
 
 VARIANT = "chain"
+WAYS = ("turning counter-clockwise", "turning clockwise")
 STEP = 1e-3
 """Largest step of integration, s, with `EASY` or less; shorter with stiffer cables: with longer ones the chain raises
 small inertias (`circuit_ends.resolve`), which shows in the torques."""
@@ -166,3 +168,24 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     if pull is None:
         return found
     return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period)[0], pull))
+
+
+def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
+    """Where tensions or the torque are far from what the pretension makes of them: a wrong unit."""
+    said = {**recording.known, **recording.nominal}
+    if "pretension_top" not in said and recording.rig is None:
+        return
+    pretension = 0.5 * (value_of(recording, "pretension_top") + value_of(recording, "pretension_bottom"))
+    for channel in ("tension_top", "tension_bottom"):
+        if channel in recording.channels:
+            ratio = float(np.median(series_of(record, channel))) / pretension
+            if not 1.0 / OFF <= ratio <= OFF:
+                yield Suspect(channel, f"{ratio:.3g} times the pretension; {hint(recording, channel, ratio)}")
+    if "drive_torque" in recording.channels:
+        ratio = float(np.quantile(np.abs(series_of(record, "drive_torque")), 0.95))
+        ratio /= pretension * value_of(recording, "drive_radius")
+        if ratio > OFF or ratio < 1e-5:
+            yield Suspect(
+                "drive_torque",
+                f"{ratio:.3g} times pretension and drive_radius; {hint(recording, 'drive_torque', ratio)}",
+            )

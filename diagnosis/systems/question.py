@@ -47,6 +47,7 @@ class Question:
     notes        | what a person should know of how the recording was read
     at_rest      | whether what a right model leaves is what the sensors show at rest; not where a recorded signal,
                  | noise and all, drives the simulator, or where the model's own error is expected
+    ways         | for people: what motion with a rising, and with a falling position is called
     """
 
     system: str
@@ -59,3 +60,4 @@ class Question:
     rig: Callable[[Mapping[str, float], Sequence[str]], dict[str, Any]]
     notes: tuple[str, ...] = field(default=())
     at_rest: bool = False
+    ways: tuple[str, str] = ("moving forward", "moving backward")

@@ -21,6 +21,7 @@ from diagnosis.fit.likelihood import refit_nominals
 from diagnosis.intake.gate import _still, gate
 from diagnosis.model.model import Coordinate
 from diagnosis.model.verdict import from_json
+from diagnosis.systems.question import Question
 from tests.support import drive_recording as drive
 
 LOOK_FOR = "position_dependent_load,actuator_lag"
@@ -376,7 +377,7 @@ def test_the_regime_is_where_the_energy_is():
     along = [Coordinate("position", "m", position), speed]
     found = locate.regime(along, np.where(speed.values > 0.5, 1.0, 0.001))
     assert found.coordinate == "speed" and 0.3 < found.low < 0.6 and found.energy >= 0.8
-    text = locate.words(found, "linear_drive", {c.name: c for c in along})
+    text = locate.words(found, Question.ways, {c.name: c for c in along})
     assert text.startswith("moving forward, above")
     assert locate.regime(along, np.ones(len(t))) is None
     spans, held = locate.intervals(t, np.where((t > 5.0) & (t < 6.0), 1.0, 0.0))
