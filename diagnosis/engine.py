@@ -74,15 +74,44 @@ def diagnose(
 ) -> Diagnosis:
     """What a recording shows that its simulator leaves out.
 
-    effects, without | canonical names to look for only, and not to look for
-    effect_file      | an effect of one's own (`cable_envs.plants.own_effects`), looked for beside the canonical ones
-    rig              | a rig (augmented.yaml) whose values and effects replace those of the recording
-    variant          | "analytic" or "chain": the form of a circuit that is held against it; "": the chain
-    judge            | what accepts effects: "noise" (likelihood under the sensors' noise), "unseen" (held-out records)
-    out              | folder in which finished steps are kept: an interrupted call goes on from there
-    tell             | called with what is being done
+    Parameters
+    ----------
+    recording : Recording, Path or str
+        A recording, its YAML file, or the folder that holds it.
+    effects, without : sequence of str, optional
+        Canonical names of effects to look for only, and not to look for.
+    effect_file : Path, str or Effect, optional
+        An effect of one's own (`cable_envs.plants.own_effects`), looked for beside the canonical ones.
+    rig : Path, str or Rig, optional
+        A rig (augmented.yaml) whose values and effects replace those of the recording.
+    variant : str
+        "analytic" or "chain": the form of a circuit that is held against it; "": the chain.
+    judge : str
+        What accepts effects: "noise" (likelihood under the sensors' noise) or "unseen" (held-out records).
+    seed : int
+        Of all draws; the same seed gives the same answer.
+    out : Path or str, optional
+        Folder in which finished steps are kept: an interrupted call goes on from there.
+    tell : callable
+        Called with what is being done.
 
-    Raises ConfigurationError for recordings that cannot answer, and for data that no simulator should be held against.
+    Returns
+    -------
+    Diagnosis
+        Verdict, effects with their gains and parameters, errors, places, notes, and the corrected rig.
+
+    Raises
+    ------
+    ConfigurationError
+        For recordings that cannot answer, and for data that no simulator should be held against.
+
+    Examples
+    --------
+    ::
+
+        found = diagnose("my-rig/", without=["position_ripple"])
+        found.write(Path("answer"))  # diagnosis.json and augmented.yaml
+        [(effect.name, effect.confidence) for effect in found.effects]
     """
     return examine(
         recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant, judge=judge,
@@ -103,7 +132,13 @@ def examine(
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Examined:
-    """`diagnose`, with what its answer rests on."""
+    """`diagnose`, with what its answer rests on.
+
+    Returns
+    -------
+    Examined
+        The question, the selected model, and the diagnosis.
+    """
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
     tell("looking at the data")
@@ -142,7 +177,13 @@ def request_of(
     rig: Path | str | Rig | None = None,
     variant: str = "",
 ) -> Request:
-    """What the caller wants looked for. Raises ConfigurationError for unknown names and a rig of another plant."""
+    """What the caller wants looked for, checked against the recording's plant; parameters as of `diagnose`.
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown names, nothing left to look for, and a rig of another plant.
+    """
     own = () if effect_file is None else (_own(effect_file),)
     if variant:
         require_known("variant", [variant], VARIANTS)

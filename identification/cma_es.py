@@ -23,7 +23,27 @@ class CmaSettings:
 
 
 def cma_es(problem: RatioProblem, rng: np.random.Generator, settings: CmaSettings | None = None) -> Fit:
-    """Identify with CMA-ES, started at a random point of the box. ConfigurationError where pycma is not installed."""
+    """Identify with the covariance matrix adaptation evolution strategy (Hansen 2016; pycma).
+
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points, model and bounds.
+    rng : numpy.random.Generator
+        Draws the random start in the box and pycma's seed.
+    settings : CmaSettings, optional
+        Other than the defaults.
+
+    Returns
+    -------
+    Fit
+        The best parameters.
+
+    Raises
+    ------
+    ConfigurationError
+        Where pycma is not installed.
+    """
     try:
         import cma
     except ModuleNotFoundError as error:

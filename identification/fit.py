@@ -11,7 +11,27 @@ from identification.problem import RatioProblem
 
 @dataclass(frozen=True)
 class Fit:
-    """The best parameters a method found."""
+    """The best parameters that a method found.
+
+    Parameters
+    ----------
+    method : str
+        Its name.
+    parameters : Mapping of str to float
+        All of `identification.model.NAMES`, SI.
+    cost : float
+        Sum of squares, Eq. (23), Gu 2024, weighted where the problem is.
+    evaluations : int
+        Of the model, each at all points.
+    seconds : float
+        Of the wall clock.
+    history : ndarray
+        Best cost so far [iterations].
+    at_bounds : tuple of str
+        Free parameters on the edge of the box: the data do not limit them there.
+    details : Mapping
+        What the method says besides.
+    """
 
     method: str
     parameters: Mapping[str, float]

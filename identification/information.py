@@ -23,7 +23,17 @@ _SINGULAR = 1e-12
 
 @dataclass(frozen=True)
 class Information:
-    """Fisher information at ``values``; everything else follows from it. Arrays in the order of ``names``."""
+    """Fisher information of points on parameters; covariance, correlation and confidence intervals follow from it.
+
+    Parameters
+    ----------
+    names : tuple of str
+        The parameters, in the order of all arrays.
+    values : ndarray
+        Where it is taken [names].
+    matrix : ndarray
+        The information matrix [names, names], over the noise's variance.
+    """
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -88,9 +98,23 @@ def fisher(
     names: Sequence[str] | None = None,
     prior_std: Mapping[str, float] | None = None,
 ) -> Information:
-    """Information of the problem's points on ``names`` (default: its free parameters) at ``parameters``.
+    """Information matrix of the problem's points on parameters, which says what they can identify.
 
-    ``prior_std``: standard deviations of separate measurements of some of them, in their units.
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points with their noise.
+    parameters : Mapping of str to float
+        Where slopes are taken: all of `identification.model.NAMES`, SI.
+    names : sequence of str, optional
+        Of which parameters; by default the problem's free ones.
+    prior_std : Mapping of str to float, optional
+        Standard deviations of separate measurements of some of them, in their units.
+
+    Returns
+    -------
+    Information
+        Its `std` and `correlation` are the limits of Cramer and Rao.
     """
     names = tuple(problem.free if names is None else names)
     slopes = scaled_slopes(problem, parameters)[:, [NAMES.index(name) for name in names]]
@@ -122,7 +146,27 @@ class ProfileInterval(Interval):
 def profile_interval(
     problem: RatioProblem, parameters: Mapping[str, float], name: str, level: float = 0.95
 ) -> ProfileInterval:
-    """All values of ``name`` for which the refitted others reach a chi-square within the quantile of ``level``."""
+    """Profile-likelihood interval of a parameter.
+
+    All values for which the refitted others reach a chi-square within the quantile of ``level`` (Venzon, Moolgavkar,
+    Appl. Statist. 37 (1988) 87).
+
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points, model and bounds.
+    parameters : Mapping of str to float
+        The best ones, from which the others are refitted.
+    name : str
+        The parameter, one of the problem's free ones.
+    level : float
+        Of confidence.
+
+    Returns
+    -------
+    ProfileInterval
+        With the curve; an end on a bound is open: the data do not limit the parameter there.
+    """
     problem = problem.changed(weighted=True, log_gain=True)
     best = refine(problem, problem.unit(parameters))
     values, floor = problem.named(best.x), 2.0 * best.cost
@@ -196,11 +240,26 @@ def delta_experiments(
     other_load: float = 2.0,
     other_hole: float = 2.0,
 ) -> list[Experiment]:
-    """Standard deviations of delta and rho0 after the problem's points and one more measurement each.
+    """What would separate delta from rho0, and how well.
 
-    cable_radius and camera_std in m (0.01 mm: the camera of section 5.1); ``other_load`` and ``other_hole`` are the
-    factors on load and hole radius of a second set of the same points. Always the exact ratio: Eq. (22) is a
-    truncation in which rho0 and delta seem to differ by terms of second order in delta.
+    Always with the exact ratio: Eq. (22) is a truncation in which rho0 and delta seem to differ by terms of second
+    order in delta.
+
+    Parameters
+    ----------
+    problem : RatioProblem
+        The points that there are.
+    parameters : Mapping of str to float
+        Where slopes are taken.
+    cable_radius, camera_std : float
+        m (0.01 mm: the camera of section 5.1).
+    other_load, other_hole : float
+        Factors on load and hole radius of a second set of the same points.
+
+    Returns
+    -------
+    list of Experiment
+        Standard deviations of delta and rho0 after the problem's points and one more measurement each.
     """
     names = NAMES
     problem = problem.changed(model="exact")

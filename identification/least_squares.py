@@ -28,7 +28,22 @@ class LeastSquaresSettings:
 
 
 def least_squares(problem: RatioProblem, rng: np.random.Generator, settings: LeastSquaresSettings | None = None) -> Fit:
-    """The best of several trust-region runs. ``details``: "costs" of all starts, "agree": how many reached the best."""
+    """Identify by nonlinear least squares: the best of several trust-region runs (multistart).
+
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points, model and bounds.
+    rng : numpy.random.Generator
+        Draws the starts.
+    settings : LeastSquaresSettings, optional
+        Other than the defaults.
+
+    Returns
+    -------
+    Fit
+        ``details``: "costs" of all starts, "agree": how many reached the best.
+    """
     s = settings or LeastSquaresSettings()
     begin = time.perf_counter()
     problem = problem.changed(log_gain=True)
@@ -51,7 +66,22 @@ def least_squares(problem: RatioProblem, rng: np.random.Generator, settings: Lea
 
 
 def refine(problem: RatioProblem, start: np.ndarray, tolerance: float = 1e-12, evaluations: int = 60):
-    """One trust-region run from a point of the unit box; scipy's result (its ``cost`` is half of ours)."""
+    """One trust-region run.
+
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points, model and bounds.
+    start : ndarray
+        Point of the unit box [free parameters].
+    tolerance, evaluations : float, int
+        When it ends.
+
+    Returns
+    -------
+    scipy.optimize.OptimizeResult
+        Its ``cost`` is half of ours.
+    """
     inside = np.clip(start, 1e-9, 1.0 - 1e-9)
     return trust_region(
         problem.residuals, inside, problem.jacobian, bounds=(0.0, 1.0), method="trf", x_scale="jac",

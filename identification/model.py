@@ -52,7 +52,22 @@ def _ratio(form, theta, j, wrap, speed):
 
 @jit
 def ratios(form, theta, wrap, speed):
-    """Tension ratio n >= 1 [sets, points] for theta [5, sets], wrap [points] rad, speed [points] m/s (>= 0)."""
+    """Tension ratio of many parameter sets at many points.
+
+    Parameters
+    ----------
+    form : int
+        Of `FORMS`.
+    theta : ndarray
+        Parameter sets [5, sets], rows as `NAMES`, SI.
+    wrap, speed : ndarray
+        [points]: rad, m/s (>= 0).
+
+    Returns
+    -------
+    ndarray
+        n >= 1 [sets, points].
+    """
     result = np.empty((theta.shape[1], wrap.shape[0]))
     for j in range(theta.shape[1]):
         for i in range(wrap.shape[0]):
@@ -62,7 +77,20 @@ def ratios(form, theta, wrap, speed):
 
 @jit
 def costs(form, theta, wrap, speed, measured, weight):
-    """Sum of squares of weight (n - measured) [sets].  Eq. (23), Gu 2024, with weight 1."""
+    """Sum of squares of weighted deviations of the tension ratio.  Eq. (23), Gu 2024, with weight 1.
+
+    Parameters
+    ----------
+    form, theta, wrap, speed
+        As of `ratios`.
+    measured, weight : ndarray
+        [points].
+
+    Returns
+    -------
+    ndarray
+        [sets].
+    """
     result = np.empty(theta.shape[1])
     points = wrap.shape[0]
     buffer = np.empty(points)

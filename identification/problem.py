@@ -165,7 +165,22 @@ class RatioProblem:
 
 
 def ratio_at(parameters: Mapping[str, float], wrap, speed, model: str = "exact") -> np.ndarray:
-    """Tension ratio for parameters by name (all of `model.NAMES`); wrap rad and speed m/s broadcast."""
+    """Tension ratio for parameters by name.
+
+    Parameters
+    ----------
+    parameters : Mapping of str to float
+        All of `identification.model.NAMES`, SI.
+    wrap, speed : array_like
+        rad, m/s; they broadcast.
+    model : str
+        Of `identification.model.FORMS`.
+
+    Returns
+    -------
+    ndarray
+        Drive-side over load-side tension where the drive hauls.
+    """
     wrap, speed = np.broadcast_arrays(np.asarray(wrap, float), np.abs(np.asarray(speed, float)))
     theta = np.array([[float(parameters[name])] for name in NAMES])
     return ratios(FORMS[model], theta, wrap.ravel().copy(), speed.ravel().copy())[0].reshape(wrap.shape)

@@ -84,9 +84,22 @@ def typical_growth(w: float, c1: float, c2: float, rng: np.random.Generator, ste
 
 
 def swarm(problem: RatioProblem, rng: np.random.Generator, settings: SwarmSettings | None = None) -> Fit:
-    """Identify with the swarm. ``details``: "best", "median" (cost of all particles now) and "spread" [iterations + 1].
+    """Identify with the particle swarm of Gu 2024, section 4.
 
-    spread is the root mean square distance of the particles from their mean, in units of the box.
+    Parameters
+    ----------
+    problem : RatioProblem
+        Points, model and bounds.
+    rng : numpy.random.Generator
+        Of the swarm.
+    settings : SwarmSettings, optional
+        Numbers of Table 1, and what the paper leaves open.
+
+    Returns
+    -------
+    Fit
+        ``details``: "best", "median" (cost of all particles now) and "spread" [iterations + 1], the root mean square
+        distance of the particles from their mean, in units of the box.
     """
     s = settings or SwarmSettings()
     start = time.perf_counter()

@@ -52,7 +52,20 @@ class BlockSettings:
 
 
 def derivative(time: np.ndarray, position: np.ndarray, seconds: float) -> np.ndarray:
-    """Speed [samples]: slope of a straight line through each window of ``seconds``; differences would be noise."""
+    """Speed from positions: the slope of a straight line through each window; differences would be noise.
+
+    Parameters
+    ----------
+    time, position : ndarray
+        [samples]: s, m.
+    seconds : float
+        Of a window.
+
+    Returns
+    -------
+    ndarray
+        m/s [samples].
+    """
     from scipy.signal import savgol_filter
 
     step = float(np.median(np.diff(time)))
@@ -77,10 +90,24 @@ def ratio_samples(
     radius: float = 1.0,
     settings: BlockSettings | None = None,
 ) -> Samples:
-    """Points of one record; arrays [samples], s, m/s, rad, N.
+    """Points of one record for the identification of the tension ratio: blocks of steady motion.
 
-    drive_std, load_std: noise of one tension sample in N (0 for a known weight); where one is None the noise is taken
-    from the scatter within blocks. rigidity B (N m^2) and bending radius R (m) reduce the wrap, Eq. (1), Gu 2024.
+    Parameters
+    ----------
+    time, velocity, wrap, drive_tension, load_tension : ndarray
+        [samples]: s, m/s, rad, N, N.
+    drive_std, load_std : float, optional
+        Noise of one tension sample, N (0 for a known weight); where one is None the noise is taken from the scatter
+        within blocks.
+    rigidity, radius : float
+        B, N m^2, and the bending radius R, m, which reduce the wrap, Eq. (1), Gu 2024.
+    settings : BlockSettings, optional
+        How the record is cut.
+
+    Returns
+    -------
+    Samples
+        Wrap, speed, ratio and its noise [points], and why blocks were left out.
     """
     s = settings or BlockSettings()
     length = max(round(s.seconds / float(np.median(np.diff(time)))), 4)
@@ -144,7 +171,13 @@ def _noise(values: np.ndarray) -> float:
 
 
 def together(parts: Sequence[Samples]) -> Samples:
-    """Points of several records as one set. ConfigurationError where there is none, or where directions contradict."""
+    """Points of several records as one set.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none, or where directions contradict.
+    """
     left_out = {reason: sum(part.left_out.get(reason, 0) for part in parts) for reason in REASONS}
     names = ("wrap", "speed", "ratio", "noise_std")
     arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}

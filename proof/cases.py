@@ -29,7 +29,25 @@ AT_REST = 120.0
 
 @dataclass(frozen=True)
 class Case:
-    """What is to be made. ``effects``: names; ``band``: one of `BANDS`, empty without effects; ``noise``: `NOISES`."""
+    """What is to be made.
+
+    Parameters
+    ----------
+    name : str
+        Of its folder; tells nothing.
+    seed : int
+        Of all that is drawn for it.
+    system : str
+        One of `proof.effects.SYSTEMS`.
+    kind : str
+        One of `KINDS`.
+    effects : tuple of str
+        Names of what is missing from the simulator.
+    band : str
+        One of `BANDS`: what the effect adds to the RMS; empty without effects.
+    noise : str
+        One of `proof.sensors.NOISES`.
+    """
 
     name: str
     seed: int
@@ -41,10 +59,23 @@ class Case:
 
 
 def plan(systems: Sequence[str] = SYSTEMS, per_effect: int = 20, nothing: int = 100, seed: int = 5) -> list[Case]:
-    """All cases of a proof: per effect and system ``per_effect`` over the bands; ``nothing`` recordings with nothing
-    wrong in white and as many in coloured noise, and as many decoys; pairs and strange effects in proportion.
+    """All cases of a proof, in an order that tells nothing.
 
-    Names and order tell nothing.
+    Parameters
+    ----------
+    systems : sequence of str
+        On which.
+    per_effect : int
+        Recordings of each effect and system, over the bands; pairs and strange effects in proportion.
+    nothing : int
+        Recordings with nothing wrong in white noise, as many in coloured noise, and as many decoys.
+    seed : int
+        Of the plan.
+
+    Returns
+    -------
+    list of Case
+        With names, and seeds of their own.
     """
     rng = np.random.default_rng([seed, 1])
     wanted: list[dict[str, Any]] = []
@@ -90,7 +121,20 @@ def _bars(system: str, first: str) -> tuple[str, ...]:
 
 
 def make(case: Case, folder: Path) -> dict[str, Any]:
-    """Write the recording of a case into ``folder``; returns its key. The same case gives the same files and key."""
+    """Write the recording of a case, and say what is in it.
+
+    Parameters
+    ----------
+    case : Case
+        The same case gives the same files and key.
+    folder : Path
+        Is made; recording.yaml and one table for each record.
+
+    Returns
+    -------
+    dict
+        The key, schema "cable-proof-key/1": effects with their true parameters, what they add, where they act.
+    """
     rng = np.random.default_rng([case.seed, 7])
     missing = tuple(find(case.system, name) for name in case.effects)
     rig = random_rig(case.system, rng, missing)

@@ -6,7 +6,22 @@ DESIGNS = ("sine", "multisine", "triangle", "steps", "staircase")
 
 
 def reference(design: str, rng: np.random.Generator, seconds: float, amplitude: float, clock: float) -> np.ndarray:
-    """Motion about zero within about +/- ``amplitude`` at every ``clock`` s, starting and staying 0.5 s at zero."""
+    """A reference motion about zero.
+
+    Parameters
+    ----------
+    design : str
+        One of `DESIGNS`.
+    rng : numpy.random.Generator
+        Draws its numbers.
+    seconds, amplitude, clock : float
+        Length, s; about the largest excursion; s between ticks.
+
+    Returns
+    -------
+    ndarray
+        [ticks]; it starts and stays 0.5 s at zero.
+    """
     ticks = round(seconds / clock)
     t = np.arange(ticks) * clock
     made = {"sine": _sine, "multisine": _multisine, "triangle": _triangle, "steps": _steps, "staircase": _staircase}

@@ -50,7 +50,22 @@ def _between(rng: np.random.Generator, low: float, high: float) -> float:
 
 
 def random_rig(system: str, rng: np.random.Generator, effects: tuple[Missing, ...] = ()) -> TrueRig:
-    """A rig on which the given effects can act; what it must leave out for them, others leave out too at times."""
+    """A rig on which effects can act.
+
+    Parameters
+    ----------
+    system : str
+        One of `proof.effects.SYSTEMS`.
+    rng : numpy.random.Generator
+        Draws its numbers.
+    effects : tuple of Missing
+        What it must leave out for them, others leave out too at times.
+
+    Returns
+    -------
+    TrueRig
+        Without any effect.
+    """
     made = {"linear_drive": _drive, "cable_hole": _hole, "pulley_circuit": _circuit}
     known = {name: value for effect in effects for name, value in effect.known.items()}
     return made[system](rng, {e.name for e in effects}, known)
@@ -171,10 +186,24 @@ def _circuit(rng, names, known) -> TrueRig:
 
 
 def observe(rig: TrueRig, changes: Mapping[str, float], reference: np.ndarray, at: np.ndarray) -> dict[str, np.ndarray]:
-    """Channels without noise at times ``at`` (s since the record's start) of the rig with ``changes``.
+    """Channels of a rig without noise.
 
-    changes: simulator's parameters, and sensor faults as "kind:channel". A late position sensor is late for the
-    controller too.
+    Parameters
+    ----------
+    rig : TrueRig
+        The rig.
+    changes : Mapping of str to float
+        Simulator's parameters, and sensor faults as "kind:channel". A late position sensor is late for the
+        controller too.
+    reference : ndarray
+        What the drive is told, at every tick of `CLOCK`.
+    at : ndarray
+        Times of the samples, s since the record's start [T].
+
+    Returns
+    -------
+    dict of str to ndarray
+        [T] by channel, SI.
     """
     faults = {k: v for k, v in changes.items() if ":" in k}
     values = {**rig.values, **{k: v for k, v in changes.items() if ":" not in k}}

@@ -63,7 +63,20 @@ def restored(case: Mapping[str, Any]) -> Result:
 
 
 def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
-    """Score one verdict against its key."""
+    """Score one verdict against its key.
+
+    Parameters
+    ----------
+    key : Mapping
+        Of `proof.cases.make`.
+    verdict : Mapping, optional
+        Of schema "cable-diagnosis/1"; None: the tool gave none.
+
+    Returns
+    -------
+    Result
+        Whether names, classes, intervals and places are right.
+    """
     case = key["case"]
     truth = tuple(e["name"] for e in key["effects"])
     named = [] if verdict is None else [e for e in verdict.get("effects", ()) if e.get("name") not in key["ambient"]]
@@ -163,7 +176,20 @@ def _heldout(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> float
 
 
 def limits(count: int, total: int, level: float = 0.95) -> tuple[float, float]:
-    """Clopper-Pearson limits of a share; (0, 1) without cases."""
+    """Clopper-Pearson limits of a share.
+
+    Parameters
+    ----------
+    count, total : int
+        So many of so many.
+    level : float
+        Of confidence.
+
+    Returns
+    -------
+    tuple of float
+        (low, high); (0, 1) without cases.
+    """
     from scipy.stats import beta
 
     if total == 0:
@@ -313,10 +339,20 @@ def calibration(
 
 
 def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
-    """The fail rules that the results break, in words; a rule without cases is not broken.
+    """The fail rules that results break, in words; a rule without cases is not broken.
 
-    sample: a few dozen cases, of which one more or less means nothing: a rule is broken where the 95 % limit of the
-    share is beyond it, not the share itself.
+    Parameters
+    ----------
+    results : sequence of Result
+        Of one method.
+    sample : bool
+        A few dozen cases, of which one more or less means nothing: a rule is broken where the 95 % limit of the
+        share is beyond it, not the share itself.
+
+    Returns
+    -------
+    list of str
+        Empty where none is broken.
     """
     quiet = [r for r in results if r.kind in ("nothing", "decoy")]
     alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in quiet)

@@ -19,7 +19,20 @@ def canonical(key: Mapping[str, Any]) -> str:
 
 
 def seal(key: Mapping[str, Any], salt: str | None = None) -> tuple[str, str]:
-    """(hash, content of the key's file). The salt keeps the few possible keys from being tried out against the hash."""
+    """Seal a key.
+
+    Parameters
+    ----------
+    key : Mapping
+        JSON types only.
+    salt : str, optional
+        By default drawn: it keeps the few possible keys from being tried out against the hash.
+
+    Returns
+    -------
+    tuple of str
+        (hash, content of the key's file).
+    """
     salt = secrets.token_hex(16) if salt is None else salt
     text = canonical(key)
     digest = hashlib.sha256((salt + text).encode()).hexdigest()
@@ -37,7 +50,13 @@ def state_of(*packages: ModuleType) -> str:
 
 
 def opened(path: Path, digest: str) -> dict[str, Any]:
-    """The key in a file. Raises ConfigurationError where it is not the one that was sealed."""
+    """The key in a file.
+
+    Raises
+    ------
+    ConfigurationError
+        Where it is not the one that was sealed.
+    """
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         found = seal(content["key"], content["salt"])[0]

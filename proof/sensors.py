@@ -9,7 +9,27 @@ NOISES = ("white", "ar1", "flicker")
 
 
 def distort(time: np.ndarray, signals: Mapping[str, np.ndarray], faults: Mapping[str, float]) -> dict[str, np.ndarray]:
-    """Signals [ticks] as faulty sensors give them; faults: "kind:channel" -> size (see `effects`)."""
+    """Signals as faulty sensors give them.
+
+    Parameters
+    ----------
+    time : ndarray
+        s [ticks].
+    signals : Mapping of str to ndarray
+        [ticks] by channel.
+    faults : Mapping of str to float
+        "kind:channel" -> size (`proof.effects`).
+
+    Returns
+    -------
+    dict of str to ndarray
+        The same channels.
+
+    Raises
+    ------
+    KeyError
+        For a kind that there is not.
+    """
     seen = dict(signals)
     for key, size in faults.items():
         kind, channel = key.split(":")
@@ -111,6 +131,21 @@ def quantise(values: np.ndarray, step: float) -> np.ndarray:
 
 
 def stamps(rng: np.random.Generator, first: float, seconds: float, period: float, jitter: float) -> np.ndarray:
-    """Times at which samples are taken, s: every ``period``, each off by a share ``jitter`` of it at most."""
+    """Times at which samples are taken.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Of the jitter.
+    first, seconds, period : float
+        s.
+    jitter : float
+        Share of the period by which each is off at most.
+
+    Returns
+    -------
+    ndarray
+        s, rising.
+    """
     regular = first + period * np.arange(round(seconds / period))
     return np.sort(regular + period * jitter * rng.uniform(-0.5, 0.5, len(regular)))

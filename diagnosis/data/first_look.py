@@ -31,7 +31,27 @@ _DEG, _MNM = 180 / np.pi, 1e3
 
 
 def first_look(recording: Recording, group: str = "series", load: str = "load_percent") -> dict[str, Any]:
-    """Findings by group of records (those that share a condition). Raises ConfigurationError for other recordings."""
+    """Findings of a circuit's recording that need no simulator, by group of records.
+
+    Parameters
+    ----------
+    recording : Recording
+        Of a pulley circuit, with drive and output.
+    group : str
+        Condition that records of one group share.
+    load : str
+        Condition that says the load.
+
+    Returns
+    -------
+    dict
+        Findings by group.
+
+    Raises
+    ------
+    ConfigurationError
+        For other recordings.
+    """
     if recording.system != "pulley_circuit":
         raise ConfigurationError(f"{recording.path}: this looks at pulley_circuit recordings, not {recording.system}")
     recording.require(*NEEDS, purpose="a first look")

@@ -93,7 +93,15 @@ def parameters_of(system: str) -> ParameterTable:
 
 @dataclass(frozen=True)
 class Quantity:
-    """A parameter's value and standard deviation in SI; the latter is None where none was given."""
+    """A parameter's value and standard deviation.
+
+    Parameters
+    ----------
+    value : float
+        SI.
+    std : float, optional
+        SI; None where none was given.
+    """
 
     value: float
     std: float | None = None
@@ -126,7 +134,18 @@ class Channel:
 class Record:
     """One data file: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time.
 
-    ``conditions`` and ``offsets`` are in SI too; the offsets are in the data already.
+    Parameters
+    ----------
+    name : str
+        Its file's name.
+    use : str
+        "fit", "heldout" or "rest".
+    data : Mapping of str to ndarray
+        [samples] by channel.
+    conditions, offsets : Mapping
+        In SI too; the offsets are in the data already.
+    quality : tuple of Doubt
+        Spans of time that are no measurements.
     """
 
     name: str
@@ -152,7 +171,25 @@ class Record:
 
 @dataclass(frozen=True)
 class Recording:
-    """A validated recording."""
+    """A validated recording of one rig: what is known of it, and its tables.
+
+    Parameters
+    ----------
+    path : Path
+        Its YAML file.
+    system : str
+        The plant: "cable_hole", "pulley_circuit" or "linear_drive".
+    rig : Rig, optional
+        A preset or file that gives its other numbers.
+    known, nominal : Mapping of str to Quantity
+        What was measured, and what is believed and may be refitted, SI.
+    channels : Mapping of str to Channel
+        How each column is read; "time" is one.
+    records : tuple of Record
+        Tables in SI, each with its use ("fit", "heldout", "rest").
+    description, source
+        For people.
+    """
 
     path: Path
     system: str
@@ -206,7 +243,30 @@ class Recording:
 
 
 def load_recording(path: Path | str) -> Recording:
-    """The recording in a YAML file, or in a folder that holds exactly one. Raises ConfigurationError."""
+    """The recording in a YAML file, or in a folder that holds exactly one.
+
+    Parameters
+    ----------
+    path : Path or str
+        File of schema "cable-recording/1", or its folder.
+
+    Returns
+    -------
+    Recording
+        Checked, all numbers in SI, tables read.
+
+    Raises
+    ------
+    ConfigurationError
+        For a key, name, unit or number that cannot be meant, naming file, channel and row, with the nearest valid name.
+
+    Examples
+    --------
+    ::
+
+        recording = load_recording("jaw/")
+        recording.records[0].data["drive_torque"]  # [samples], N m
+    """
     path = _yaml_of(Path(path))
     data = read_yaml(path)
     require_known(f"key in {path.name}", data, _KEYS)

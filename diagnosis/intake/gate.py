@@ -74,7 +74,20 @@ class Quality:
 
 
 def gate(recording: Recording, look: Look = _ALL) -> Quality:
-    """Look through every channel of every record; ``look``: what the model will use of it."""
+    """Look through every channel of every record for faults of the data.
+
+    Parameters
+    ----------
+    recording : Recording
+        As it was loaded.
+    look : Look
+        What the model will use of it: a jump at an end that is left out anyway is noted only.
+
+    Returns
+    -------
+    Quality
+        All faults, and what the recording visited; `Quality.require_usable` raises for the fatal ones.
+    """
     total = sum(len(r.time) for r in recording.records)
     if sum(_used(r, look) for r in recording.records if r.use != "rest") > MOST:
         last = recording.records[-1]

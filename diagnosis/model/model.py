@@ -12,7 +12,19 @@ from diagnosis.model.rest import AnyNoise, RestNoise
 
 @dataclass(frozen=True)
 class Free:
-    """A parameter that may be refitted, in SI. ``scale`` is a size at which it matters; ``std`` a prior's, or None."""
+    """A parameter that may be refitted, SI.
+
+    Parameters
+    ----------
+    name : str
+        Of the plant's table, or the model's own.
+    start, low, high : float
+        Where refits begin, and the bounds.
+    scale : float
+        A size at which it matters.
+    std : float, optional
+        Standard deviation of a normal prior about ``start``; None: no prior.
+    """
 
     name: str
     start: float
@@ -41,14 +53,26 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class Block:
-    """One channel of one record: time s, what was measured (SI), and where that counts, each [T].
+    """One channel of one record.
 
-    along: coordinates at which a mismatch is looked for, besides the elapsed time.
-    memory: samples over which its noise may be coloured; 0 where what a right model leaves is no sensor's noise, and
-    colour would explain a slow mismatch away. None: as many as asked for.
-    sensor: whose noise is in what a right model leaves. Empty where other sensors' noise is in it, too: a controller
-    that acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
-    noise: of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
+    Parameters
+    ----------
+    record, channel : str
+        Which one.
+    time, measured, good : ndarray
+        [T]: s, what was measured (SI), and where that counts.
+    unit : str
+        Of the measurements.
+    along : tuple of Coordinate
+        At which a mismatch is looked for, besides the elapsed time.
+    memory : int, optional
+        Samples over which its noise may be coloured; 0 where what a right model leaves is no sensor's noise, and colour
+        would explain a slow mismatch away. None: as many as asked for.
+    sensor : str
+        Whose noise is in what a right model leaves. Empty where other sensors' noise is in it, too: a controller that
+        acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
+    noise : RestNoise, optional
+        Of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
     """
 
     record: str

@@ -127,9 +127,20 @@ NOMINAL = Hypothesis("", (), ())
 
 @dataclass(frozen=True)
 class Trace:
-    """One channel of one record for figures, SI, each [T]: what was measured, and both predictions.
+    """One channel of one record for figures, SI: what was measured, and both predictions.
 
-    along: coordinate -> (unit, values); shaded: where the mismatch is, s on the recording's clock.
+    Parameters
+    ----------
+    record, channel, unit, use : str
+        Which one; use is "fit" or "heldout".
+    time, measured, good, refit, augmented : ndarray
+        [T]: s, the measurements and whether they count, the predictions of the refit and of the answer.
+    noise : float
+        Standard deviation of the channel's noise.
+    along : Mapping of str to (str, ndarray)
+        Coordinate -> (unit, values [T]).
+    shaded : tuple of (float, float)
+        Where the mismatch is, s on the recording's clock.
     """
 
     record: str
@@ -148,20 +159,48 @@ class Trace:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The whole answer. Fields as in the JSON; those from ``suspected`` on are beyond the specification.
+    """The whole answer. Fields as in the JSON (schema "cable-diagnosis/1").
 
-    suspected  | effects that helped, where what is left forbids naming them (verdict "unknown"); `fit` then has the
-               | errors with them as "suspected"
-    hypotheses | every hypothesis tried: gain, absorbability, what it is confused with, why it was refused
-    leftover   | smooth maps of what is left: channel, coordinate, places, height, error, p_value
-    clues      | channel and coordinate -> p-values of block permutation, before and after
-    visited    | what the recording visited: ranges by channel, reversals
-    about      | recording, system, options, seed, seconds
-    steps      | of the stepwise selection from the nominal refit up, where the held-out records judge; else empty
-    spectra    | where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it
-               | expects, over that of the noise
-    rig        | content of augmented.yaml
-    traces     | for figures; not in the JSON
+    Parameters
+    ----------
+    verdict : str
+        One of `VERDICTS`.
+    effects : tuple of EffectGain
+        What is named; empty with the verdicts "unknown" and "no_detectable_mismatch".
+    location : tuple of Mapping
+        Where the mismatch is: channel, record, intervals in s, regime, in words.
+    absorbed : Mapping
+        Nominal parameter -> value claimed, after the refit, and with the effects.
+    fit : Mapping
+        Channel -> RMS errors on fitted and held-out records, and the noise.
+    test : Mapping
+        p-values of the first score tests and of what is left, and the least size that could have been seen.
+    suspected : tuple of EffectGain
+        Effects that helped, where what is left forbids naming them (verdict "unknown"); `fit` then has the errors with
+        them as "suspected".
+    hypotheses : tuple of Mapping
+        Every hypothesis tried: gain, absorbability, what it is confused with, why it was refused.
+    leftover : tuple of Mapping
+        Smooth maps of what is left: channel, coordinate, places, height, error, p_value.
+    clues : tuple of Mapping
+        Channel and coordinate -> p-values of block permutation, before and after.
+    visited : Mapping
+        What the recording visited: ranges by channel, reversals.
+    notes : tuple of str
+        What a person should know beside it.
+    about : Mapping
+        Recording, system, options, seed, seconds.
+    augmented_rig : str
+        Name of the corrected rig's file.
+    steps : tuple of EffectGain
+        Of the stepwise selection from the nominal refit up, where the held-out records judge; else empty.
+    spectra : tuple of Mapping
+        Where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it expects, over
+        that of the noise.
+    rig : Mapping
+        Content of augmented.yaml.
+    traces : tuple of Trace
+        For figures; not in the JSON.
     """
 
     verdict: str
@@ -200,7 +239,13 @@ class Diagnosis:
 
 
 def from_json(data: Mapping[str, Any]) -> Diagnosis:
-    """The diagnosis in a JSON record, without rig and traces. Raises ConfigurationError for another schema."""
+    """The diagnosis in a JSON record, without rig and traces.
+
+    Raises
+    ------
+    ConfigurationError
+        For another schema or verdict.
+    """
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"expected a verdict of schema '{SCHEMA}', found {data.get('schema')!r}")
     if data.get("verdict") not in VERDICTS:

@@ -58,13 +58,35 @@ def select(  # noqa: C901, PLR0915
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:
-    """The best model with at most ``rules.most`` of the hypotheses over the refit of ``nominals``.
+    """The best model with at most ``rules.most`` of the hypotheses over the refit of the nominals.
 
-    stated: channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
-    (`diagnosis.model.model.Block.noise`). plain: deviance of the refit without the effects that the models have already
-    (of an augmented rig); what these explain counts as that of effects accepted here: a further one is asked for its
-    share, and as little may be left. keep(name, make) gives ``make()``, or what it gave before an interruption
-    (`diagnosis.search.steps`).
+    Parameters
+    ----------
+    fit, heldout : Model
+        The records to fit, and those that may object.
+    nominals : tuple of str
+        Parameters that every refit moves.
+    hypotheses : sequence of Hypothesis
+        What may be missing.
+    rng : numpy.random.Generator
+        Of the draws behind p-values and of the search for limit cycles.
+    rules : Rules, optional
+        What is asked of an answer.
+    stated : Mapping of str to float, optional
+        Channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
+        (`diagnosis.model.model.Block.noise`).
+    plain : float, optional
+        Deviance of the refit without the effects that the models have already (of an augmented rig); what these explain
+        counts as that of effects accepted here: a further one is asked for its share, and as little may be left.
+    tell : callable
+        Called with what is being done.
+    keep : callable
+        keep(name, make) gives ``make()``, or what it gave before an interruption (`diagnosis.search.steps`).
+
+    Returns
+    -------
+    Selection
+        The steps from the nominal refit to the last model, and the reasons.
     """
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)

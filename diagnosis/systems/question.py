@@ -13,10 +13,16 @@ from diagnosis.model.model import Model
 class Request:
     """What the caller wants looked for.
 
-    only, without | canonical names of effects to look for, and not to look for
-    own           | effects of the user's own, from `--effect-file`
-    rig           | values and effects of a rig file that replace those of the recording (an augmented rig)
-    variant       | "analytic" or "chain": which form of a circuit is held against the recording; "": the chain
+    Parameters
+    ----------
+    only, without : tuple of str
+        Canonical names of effects to look for (None: all), and not to look for.
+    own : tuple of Effect
+        Effects of the user's own, from `--effect-file`.
+    rig : Mapping of str to float, optional
+        Values and effects of a rig file that replace those of the recording (an augmented rig), SI.
+    variant : str
+        "analytic" or "chain": which form of a circuit is held against the recording; "": the chain.
     """
 
     only: tuple[str, ...] | None = None
@@ -38,16 +44,29 @@ class Look:
 class Question:
     """The models of the records to fit and of those held out, what is refitted, and what may be missing.
 
-    fit, heldout | models with the same ``parameters`` in the same order
-    nominals     | parameters that every refit moves
-    nuisance     | those of them that are no physics of the rig: offsets, the drive's own control
-    hypotheses   | what may be missing
-    units        | unit of every parameter, for people
-    rig          | (parameter values, names of accepted hypotheses) -> content of augmented.yaml
-    notes        | what a person should know of how the recording was read
-    at_rest      | whether what a right model leaves is what the sensors show at rest; not where a recorded signal,
-                 | noise and all, drives the simulator, or where the model's own error is expected
-    ways         | for people: what motion with a rising, and with a falling position is called
+    Parameters
+    ----------
+    system : str
+        The plant.
+    fit, heldout : Model
+        With the same ``parameters`` in the same order.
+    nominals : tuple of str
+        Parameters that every refit moves.
+    nuisance : tuple of str
+        Those of them that are no physics of the rig: offsets, the drive's own control.
+    hypotheses : tuple of Hypothesis
+        What may be missing.
+    units : Mapping of str to str
+        Unit of every parameter, for people.
+    rig : callable
+        (parameter values, names of accepted hypotheses) -> content of augmented.yaml.
+    notes : tuple of str
+        What a person should know of how the recording was read.
+    at_rest : bool
+        Whether what a right model leaves is what the sensors show at rest; not where a recorded signal, noise and all,
+        drives the simulator, or where the model's own error is expected.
+    ways : tuple of str
+        For people: what motion with a rising, and with a falling position is called.
     """
 
     system: str
