@@ -6,17 +6,14 @@ from typing import Any, ClassVar
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import ParameterTable
-from cable_envs.plants.circuit.parameters import CIRCUIT
-from cable_envs.plants.hole.plant import cable_hole
+from cable_envs.plants import family_of, plant_for
+from cable_envs.plants.base import Plant
 
 Reference = tuple[float, float, float]
 """r, r_dot, r_ddot in SI."""
 
 HOLE = "cable_hole"
 CIRCUITS = ("pulley_circuit", "pulley_chain")
-
-ACTION_MODES = {HOLE: ("tension", "speed"), **dict.fromkeys(CIRCUITS, ("position", "torque"))}
-TASKS = {HOLE: ("position", "tension"), **dict.fromkeys(CIRCUITS, ("position", "torque"))}
 
 INFORMATION = ("model-free", "nominal", "identified", "oracle")
 OBSERVE = ("drive", "output", "full")
@@ -70,9 +67,8 @@ class Controller:
     @classmethod
     def check_case(cls, plant: str, action_mode: str, task: str) -> None:
         """Raise ConfigurationError unless this controller works on that plant, action mode and task."""
-        require_known("plant", [plant], ACTION_MODES)
-        require_known(f"action mode of '{plant}'", [action_mode], ACTION_MODES[plant])
-        require_known(f"task of '{plant}'", [task], TASKS[plant])
+        require_known(f"action mode of '{plant}'", [action_mode], action_modes(plant))
+        require_known(f"task of '{plant}'", [task], tasks(plant))
         if plant not in cls.plants:
             raise ConfigurationError(f"controller '{cls.name}' is made for {', '.join(cls.plants)}, not for '{plant}'")
         if task not in cls.tasks:
@@ -117,25 +113,42 @@ class Controller:
         return self.low if u < self.low else self.high if u > self.high else u
 
 
+def action_modes(plant: str) -> tuple[str, ...]:
+    """Names of a plant's action modes. Raises ConfigurationError for an unknown plant, naming the nearest."""
+    return tuple(mode.name for mode in _plant(plant).action_modes)
+
+
+def tasks(plant: str) -> tuple[str, ...]:
+    """Kinds of tasks that a plant has. Raises ConfigurationError for an unknown plant, naming the nearest."""
+    return tuple(family_of(plant).outputs)
+
+
 def family(plant: str) -> str:
     """The two circuit plants share signals and parameters: both are "circuit"; the hole is "hole"."""
-    return "hole" if plant == HOLE else "circuit"
+    return {HOLE: "hole", **dict.fromkeys(CIRCUITS, "circuit")}.get(plant, plant)
 
 
 def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
     """All parameters of the plant in SI: ``rig`` over the plant's defaults, validated."""
-    if plant != HOLE:
-        return CIRCUIT.unpack(CIRCUIT.pack(rig))
     series = [k.removeprefix("wrap_angle_") for k in rig if k.startswith("wrap_angle_")]
-    if not all(s.isdigit() for s in series):
-        raise ConfigurationError(f"unknown parameter 'wrap_angle_{series[0]}'; {nearest('wrap_angle', rig)}")
-    table = cable_hole(max(map(int, series), default=1)).parameters
+    table = _plant(plant).parameters
+    if family_of(plant).series and series:
+        if not all(s.isdigit() for s in series):
+            raise ConfigurationError(f"unknown parameter 'wrap_angle_{series[0]}'; {nearest('wrap_angle', rig)}")
+        table = plant_for(plant, holes=max(map(int, series))).parameters
     return table.unpack(table.pack(rig))
 
 
 def command_range(plant: str, action_mode: str, rig: Mapping[str, float]) -> tuple[float, float]:
     """Commands a controller may give: the drive's own range, and never a tension beyond the safety limit."""
-    if action_mode == "tension":
-        return 0.0, min(rig["tension_command_limit"], rig["tension_limit"])
-    bound = rig[f"drive_{'angle' if action_mode == 'position' else action_mode}_limit"]
+    mode = next(mode for mode in _plant(plant).action_modes if mode.name == action_mode)
+    bound = rig[mode.bound]
+    if mode.one_sided:
+        return 0.0, min(bound, rig["tension_limit"]) if mode.unit == "N" else bound
     return -bound, bound
+
+
+def _plant(name: str) -> Plant:
+    """A plant by its own name, as "pulley_chain"."""
+    one = family_of(name)
+    return next(made for variant in one.variants if (made := plant_for(one.name, variant)).name == name)

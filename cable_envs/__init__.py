@@ -7,15 +7,12 @@ the first environment is made.
 
 from gymnasium.envs.registration import register
 
+from cable_envs.core.config import config_names
+
 __version__ = "0.1.0"
 
-ENV_IDS = tuple(
-    f"cable_envs/{plant}-{output}-{reference}-v0"
-    for plant, outputs in (("CableHole", ("Position", "Tension")), ("PulleyCircuit", ("Position", "Torque")))
-    for output in outputs
-    for reference in ("Step", "Sine")
-)
-"""Every registered environment id."""
+ENV_IDS = tuple(f"cable_envs/{task}-{reference}-v0" for task in config_names("tasks") for reference in ("Step", "Sine"))
+"""Every registered environment id: each task of configs/tasks with a step and with a sinusoid."""
 
 for _id in ENV_IDS:
     _task, _reference = _id.removeprefix("cable_envs/").removesuffix("-v0").rsplit("-", 1)

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.plants import family_of
 
 if TYPE_CHECKING:
     from cable_envs.sim.setup import Setup
 
 MODES = ("rgb_array", "human")
-PLANTS = ("cable_hole", "pulley_circuit", "pulley_chain")
 
 _DISPLAY = {  # SI unit of the reference -> unit shown, factor, quantity, least range of the trace in the unit shown
     "m": ("mm", 1e3, "load position", 1.0),
@@ -34,7 +34,7 @@ class Renderer:
     """Draws one mechanism.
 
     Arguments:
-        plant: "cable_hole", "pulley_circuit" or "pulley_chain".
+        plant: name of a plant: "cable_hole", "pulley_circuit", "pulley_chain", ...
         rig: parameter names to SI numbers; what is missing takes the plant's default look.
         task: a line for the title.
         reference_unit: "m", "N", "rad" or "N m", the SI unit of reference and output.
@@ -60,7 +60,6 @@ class Renderer:
         fps: float = 30.0,
     ):
         for kind, value, valid in (
-            ("plant", plant, PLANTS),
             ("reference unit", reference_unit, _DISPLAY),
             ("render mode", mode, MODES),
         ):
@@ -120,10 +119,7 @@ class Renderer:
 
 def _signals_of(plant: str) -> tuple[str, ...]:
     """The signals that a scene cannot do without; they are zero until something is pushed."""
-    if plant == "cable_hole":
-        return "drive_position", "drive_tension", "load_position", "load_tension", "sliding"
-    ends = (f"tension_{end}_{side}" for end in ("drive", "output") for side in ("top", "bottom"))
-    return "drive_angle", "drive_torque", "output_angle", "output_torque", *ends
+    return family_of(plant).shown
 
 
 class _History:
@@ -167,14 +163,14 @@ class _Picture:
         try:
             from cable_envs.drawing import draw as render_draw
             from cable_envs.drawing import widgets as render_widgets
-            from cable_envs.plants.circuit.scene import CircuitScene
-            from cable_envs.plants.hole.scene import HoleScene
+
+            scene = family_of(plant).draws()
         except ImportError as error:
             raise ImportError("rendering needs matplotlib: pip install 'cable-envs[render]'") from error
         self._draw, self._widgets = render_draw, render_widgets
-        self._scene = (HoleScene if plant == "cable_hole" else CircuitScene)(rig, unit)
+        self._scene = scene(rig, unit)
         self.curve_signals = self._scene.curve_signals
-        kind = f"{self._scene.title} (chain)" if plant == "pulley_chain" else self._scene.title
+        kind = self._scene.title if plant == family_of(plant).name else f"{self._scene.title} ({plant.split('_')[-1]})"
         self.caption = f"{kind}: {task}" if task else kind
         self._unit, self._factor, self._quantity, self._least = _DISPLAY[unit]
         self._sheet = render_draw.Sheet(scale)

@@ -21,7 +21,7 @@ import numpy as np
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.effects import Effect
-from cable_envs.plants import VARIANTS, plant_for
+from cable_envs.plants import plant_for, variants
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.rigs import Rig, load_rig
 from diagnosis.data.recording import Record, Recording, load_recording
@@ -186,7 +186,7 @@ def request_of(
     """
     own = () if effect_file is None else (_own(effect_file),)
     if variant:
-        require_known("variant", [variant], VARIANTS)
+        require_known("variant", [variant], variants())
     known = [*plant_for(recording.system).effects.effects, *(e.name for e in own)]
     for names in (effects or (), without):
         require_known("effect", names, known)

@@ -5,8 +5,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from cable_envs.core.errors import ConfigurationError, nearest
 
 _PACKAGE = Path(__file__).parents[1]
@@ -16,6 +14,11 @@ def config_root() -> Path:
     """The folder that holds rigs/, tasks/, agents/, protocols/."""
     installed = _PACKAGE / "configs"
     return installed if installed.is_dir() else _PACKAGE.parent / "configs"
+
+
+def config_names(kind: str) -> tuple[str, ...]:
+    """Names of the YAML files in ``configs/<kind>``, without their ending, in alphabetical order."""
+    return tuple(sorted(path.stem for path in (config_root() / kind).glob("*.yaml")))
 
 
 def config_path(kind: str, name: str) -> Path:
@@ -33,6 +36,8 @@ def config_path(kind: str, name: str) -> Path:
 
 def read_yaml(path: Path | str) -> dict[str, Any]:
     """The mapping in a YAML file; ConfigurationError when it cannot be read or is not a mapping."""
+    import yaml  # only where a file is read: importing the package stays quick
+
     path = Path(path)
     try:
         data = yaml.safe_load(path.read_text(encoding="utf-8"))

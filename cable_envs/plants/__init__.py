@@ -1,32 +1,81 @@
-"""One folder per plant; `plant_for` finds them by name."""
+"""One folder per plant; each says what it is in a ``FAMILY`` of its own, and is found by its name."""
+
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.plants.base import Plant
+from cable_envs.plants.family import Family
 
-NAMES = ("cable_hole", "pulley_circuit", "linear_drive")
-VARIANTS = ("analytic", "chain")
+
+@cache
+def families() -> Mapping[str, Family]:
+    """Every family of plants by its name, in the order of their folders."""
+    folders = sorted(module.name for module in iter_modules(__path__) if module.ispkg)
+    found = [import_module(f"{__name__}.{folder}").FAMILY for folder in folders]
+    return MappingProxyType({family.name: family for family in found})
+
+
+def family(name: str) -> Family:
+    """The family of that name. Raises ConfigurationError with the nearest name."""
+    if name not in families():
+        raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, families())}")
+    return families()[name]
+
+
+def variants() -> tuple[str, ...]:
+    """Names of all variants of all plants."""
+    return tuple(dict.fromkeys(variant for one in families().values() for variant in one.variants))
 
 
 def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
-    """The plant ``name``; ``variant`` chooses the circuit's closed form or its span-and-contact chain."""
-    if variant not in VARIANTS:
-        raise ConfigurationError(f"unknown plant variant '{variant}'; {nearest(variant, VARIANTS)}")
-    if name == "cable_hole":
-        from cable_envs.plants.hole.plant import cable_hole
+    """The plant ``name``.
 
-        return cable_hole(holes)
-    if name in NAMES and holes != 1:
-        raise ConfigurationError("'holes' belongs to cable_hole rigs only")
-    if name == "pulley_circuit":
-        if variant == "chain":
-            from cable_envs.plants.circuit import chain
+    Parameters
+    ----------
+    name : str
+        A family's name: "cable_hole", "pulley_circuit", "linear_drive", ...
+    variant : str
+        Which simulator of it: "chain" is the circuit's chain of spans and contacts beside its closed form.
+    holes : int
+        How many holes are in series, where the family has such.
 
-            return chain.PLANT
-        from cable_envs.plants.circuit import closed_form
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such plant or variant, naming the nearest.
 
-        return closed_form.PLANT
-    if name == "linear_drive":
-        from cable_envs.plants.drive import plant
+    Examples
+    --------
+    >>> plant_for("pulley_circuit").name
+    'pulley_circuit'
+    >>> plant_for("pulley_circuit", "chain").name
+    'pulley_chain'
+    """
+    if variant not in variants():
+        raise ConfigurationError(f"unknown plant variant '{variant}'; {nearest(variant, variants())}")
+    found = family(name)
+    if holes != 1 and not found.series:
+        series = " or ".join(one.name for one in families().values() if one.series)
+        raise ConfigurationError(f"'holes' belongs to {series} rigs only")
+    return found.build(variant if variant in found.variants else found.variants[0], holes)
 
-        return plant.PLANT
-    raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, NAMES)}")
+
+@cache
+def family_of(plant: str) -> Family:
+    """The family that a plant belongs to, by the plant's own name ("pulley_chain" is of "pulley_circuit").
+
+    Raises ConfigurationError with the nearest name.
+    """
+    built = {one.build(variant, 1).name: one for one in families().values() for variant in one.variants}
+    if plant not in built:
+        raise ConfigurationError(f"unknown plant '{plant}'; {nearest(plant, built)}")
+    return built[plant]
+
+
+def title_of(tasks: str) -> str:
+    """A family's title by the first part of its tasks' names ("CableHole"); that itself where it is of none."""
+    return next((one.title for one in families().values() if one.tasks == tasks), tasks)

@@ -12,6 +12,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import is_number
 from cable_envs.effects import Effect, dotted
+from cable_envs.plants import families
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.references import pack_signal
@@ -29,7 +30,6 @@ from cable_envs.sim.tasks import (
 )
 
 MAX_DELAY = 100
-_PLANT_OF_TASK = {"CableHole": "cable_hole", "PulleyCircuit": "pulley_circuit"}
 
 
 @dataclass(frozen=True)
@@ -164,10 +164,12 @@ def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None, own: tupl
         chosen = load_rig(task.rig, own).replace(rig)
     else:
         chosen = load_rig(task.rig if rig is None else rig, own)
-    wanted = _PLANT_OF_TASK[task.name.split("-")[0]]
-    if chosen.plant != wanted:
-        raise ConfigurationError(f"task {task.name} needs a rig of plant {wanted}; {chosen.name} is of {chosen.plant}")
-    for need in {"tension": ("load_stiffness",), "torque": ("contact_stiffness",)}.get(task.kind, ()):
+    wanted = next(one for one in families().values() if one.tasks == task.name.split("-")[0])
+    if chosen.plant != wanted.name:
+        raise ConfigurationError(
+            f"task {task.name} needs a rig of plant {wanted.name}; {chosen.name} is of {chosen.plant}"
+        )
+    for need in wanted.output(task.kind).needs:
         if chosen.values[need] <= 0.0:
             raise ConfigurationError(f"task {task.name} needs a rig with {need} above 0; '{chosen.name}' has 0")
     return chosen

@@ -11,6 +11,7 @@ from cable_envs.core.inputs import COMMAND, MODE
 from cable_envs.core.kernels import LANES
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
+from cable_envs.plants import family
 from cable_envs.sim import references, steppers
 from cable_envs.sim.references import evaluate, pack_signal
 from cable_envs.sim.setup import Setup
@@ -21,11 +22,7 @@ RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
 
 def proxy_gain(setup: Setup) -> float:
     """Value of the proxy signal for one unit of output if the cable were rigid and without friction."""
-    values = setup.rig.values
-    if setup.plant.name == "cable_hole":
-        return 1.0
-    ratio = values["output_radius"] / values["drive_radius"]
-    return ratio if setup.task.kind == "position" else 1.0 / ratio
+    return family(setup.rig.plant).output(setup.task.kind).rigid(setup.rig.values)
 
 
 class Simulation:
@@ -143,12 +140,8 @@ class Simulation:
                 raise ConfigurationError(f"reset option 'initial_position': expected a finite number, got {position!r}")
             return np.full(n, float(position))
         r = np.array([evaluate(reference, k, 0.0)[0] for k in range(n)])
-        index = self.setup.plant.parameters.index
-        if self.setup.task.kind == "tension":
-            return r / values[index("load_stiffness")]
-        if self.setup.task.kind == "torque":
-            return values[index("contact_angle")] + r / values[index("contact_stiffness")]
-        return r
+        named = dict(zip(self.setup.plant.parameters.names, values, strict=False))
+        return family(self.setup.rig.plant).output(self.setup.task.kind).start(named, r)
 
     def _hold_still(self, lanes: np.ndarray, x: np.ndarray) -> None:
         """The command, and the action, that keep mechanisms at rest with signals ``x``."""

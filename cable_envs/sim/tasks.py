@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.config import config_names, config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, MODE
 from cable_envs.core.kernels import clip, inline
@@ -24,7 +24,7 @@ from cable_envs.sim.references import signal
 
 SCHEMA = "cable-task/1"
 LEVELS = ("drive", "output", "full")
-TASKS = ("CableHole-Position", "CableHole-Tension", "PulleyCircuit-Position", "PulleyCircuit-Torque")
+TASKS = config_names("tasks")
 REFERENCES = ("Step", "Sine")
 OBSERVATION_LIMIT = 100.0
 """Observations are SI values over their scale, limited to +/- this many scales."""

@@ -7,6 +7,7 @@ from typing import Any
 
 from cable_envs.core.text import count, number
 from cable_envs.drawing import pages
+from cable_envs.plants import title_of
 from cablebench.board import figures, stress_figures
 from cablebench.board.cells import MAIN_METRICS, censored, seed_text
 from cablebench.board.learning import Curve
@@ -16,7 +17,6 @@ from cablebench.entrants.entrant import BUDGETS, INFORMATION
 from cablebench.protocol.metrics import METRICS
 from cablebench.protocol.units import shown, unit_of
 
-TITLES = {"CableHole": "Cable through a hole", "PulleyCircuit": "Closed pulley circuit"}
 _SHOWN_TRAJECTORIES = 4
 _RAW = tuple(m for m in METRICS if not m.name.endswith("_censored") and m.name not in ("failed", "peak_tension"))
 
@@ -41,8 +41,7 @@ def render_html(
         "level": f"{100 * board.protocol.level:g}",
         "worst": number(board.protocol.worst_score),
         "floor": number(100 * GAP_FLOOR),
-        "papers": ", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items())
-        or "none named",
+        "papers": ", ".join(f"{name} for {title_of(f)}" for f, name in board.protocol.paper.items()) or "none named",
         "bar_axis": Markup(_bar_axis()),
         "metrics": [{"label": m.label, "unit": m.unit.format(y="y", u="u"), "meaning": m.meaning} for m in METRICS],
         "seeds": seed_text(board.seeds),
@@ -58,7 +57,7 @@ def render_html(
 
 def _papers(board: Board) -> str:
     """The papers' controllers and their mechanisms, in words."""
-    return ", ".join(f"{name} for {TITLES.get(f, f)}" for f, name in board.protocol.paper.items()) or "none named"
+    return ", ".join(f"{name} for {title_of(f)}" for f, name in board.protocol.paper.items()) or "none named"
 
 
 def _anchor(task: str) -> str:
@@ -130,7 +129,7 @@ def _family(
     scored = [t for t in overall or tables if any(r.score for r in t.rows)]
     return {
         "name": family,
-        "title": TITLES.get(family, family),
+        "title": title_of(family),
         "overall": [_view(t, style, markup) for t in overall],
         "profile": markup(figures.profile(scored, style)) if scored else "",
         "tasks": tasks,

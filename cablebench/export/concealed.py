@@ -14,9 +14,10 @@ import yaml
 
 from cable_envs.core.errors import require_known
 from cable_envs.core.files import write_atomic
+from cable_envs.plants import family
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.setup import Setup
-from cablebench.export.recording import FILE, SIGNALS, channel_entry, check_folder
+from cablebench.export.recording import FILE, channel_entry, check_folder
 from diagnosis.data.recording import SCHEMA
 from proof.excitation import reference
 from proof.sensors import stamps
@@ -74,7 +75,7 @@ def write_concealed(
                 continue
             columns[name] = np.interp(at, signals["time"], signals[name])
             if name != COMMAND[system]:
-                noise = setup.noise[rows.index(SIGNALS.get(system, {}).get(name, name))]
+                noise = setup.noise[rows.index(family(system).signals.get(name, name))]
                 columns[name] += noise * rng.standard_normal(len(at))
         records.append(_write_table(folder, k, columns, k == len(motions) - 1))
     return _write_yaml(folder, believed, records, {name: channel_entry(setup, name) for name in columns})

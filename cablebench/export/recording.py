@@ -18,53 +18,17 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.files import write_atomic
+from cable_envs.plants import family
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
 from cablebench.run.evaluate import core_of, env_id_of
-from diagnosis.data.recording import CHANNELS, SCHEMA, parameters_of
+from diagnosis.data.recording import SCHEMA, channels_of, parameters_of
 
 FILE = "recording.yaml"
 TABLES = ("csv", "parquet")
-
-SIGNALS = {
-    "pulley_circuit": {"tension_top": "tension_drive_top", "tension_bottom": "tension_drive_bottom"},
-}
-"""Plant signal of a channel where their names differ; the circuit's tensions are those at the driving pulley."""
-
-COMMANDS = {
-    ("cable_hole", "tension"): "drive_tension_command",
-    ("cable_hole", "speed"): "drive_velocity_command",
-    ("pulley_circuit", "position"): "drive_angle_command",
-    ("pulley_circuit", "torque"): "drive_torque_command",
-}
-"""(system, action mode) -> channel of the command"""
-
-REFERENCES = {
-    ("cable_hole", "position"): "position_reference",
-    ("cable_hole", "tension"): "tension_reference",
-    ("pulley_circuit", "position"): "angle_reference",
-    ("pulley_circuit", "torque"): "torque_reference",
-}
-"""(system, kind of task) -> channel of the reference"""
-
-KNOWN = {
-    "cable_hole": ("load_mass", "gravity", "load_gravity", "wrap_angle", "radius_ratio", "cable_radius", "hole_radius"),
-    "pulley_circuit": ("drive_radius", "output_radius", "cable_radius", "shaft_radius", "payload_mass", "payload_arm",
-                       "gravity"),
-}  # fmt: skip
-"""What is measured on a rig before it runs, by system. What is neither here nor in `NOMINAL` stays in the rig."""
-
-NOMINAL = {
-    "cable_hole": ("friction_coefficient", "extrusion_delta", "extrusion_gain", "extrusion_exponent", "cable_stiffness",
-                   "cable_damping", "bending_rigidity", "load_stiffness", "load_damping"),
-    "pulley_circuit": ("cable_friction", "shaft_friction", "tensile_stiffness", "cable_damping", "pretension_top",
-                       "pretension_bottom", "drive_inertia", "drive_damping", "output_inertia", "output_damping",
-                       "contact_stiffness", "contact_damping", "brake_torque"),
-}  # fmt: skip
-"""What a simulator of the rig believes and a recording may correct, by system."""
 
 
 def check_environment(setup: Setup) -> None:
@@ -75,8 +39,9 @@ def check_environment(setup: Setup) -> None:
             "with --option rig={name: value}"
         )
     system = setup.rig.plant
-    if (system, setup.action_mode.name) not in COMMANDS:
-        known = [f"{s} in mode {m}" for s, m in COMMANDS]
+    commands = family(system).commands
+    if setup.action_mode.name not in commands:
+        known = [f"{system} in mode {mode}" for mode in commands]
         asked = f"{system} in mode {setup.action_mode.name}"
         raise ConfigurationError(f"recordings of {asked} are not known; {nearest(asked, known)}")
 
@@ -114,14 +79,14 @@ def write_recording(
         write_atomic(folder / rig, rig_file)
     system = setup.rig.plant
     channels = {name: channel_entry(setup, name) for name in columns}
-    channels[COMMANDS[system, setup.action_mode.name]]["hold"] = "step"
+    channels[family(system).commands[setup.action_mode.name]]["hold"] = "step"
     content = {
         "schema": SCHEMA,
         "description": _description(full, entrant, traces),
         "system": system,
         "rig": rig,
-        "known": _parameters(setup.rig, KNOWN[system]),
-        "nominal": _parameters(setup.rig, NOMINAL[system]),
+        "known": _parameters(setup.rig, family(system).known),
+        "nominal": _parameters(setup.rig, family(system).nominal),
         "records": records,
         "channels": channels,
     }
@@ -141,25 +106,25 @@ def channel_columns(setup: Setup, trace: Trace, sensors: Mapping[str, np.ndarray
     system = setup.rig.plant
     n = len(trace.infos["time"])
     columns = {"time": trace.infos["time"]}
-    for name in CHANNELS[system]:
-        signal = SIGNALS.get(system, {}).get(name, name)
+    told = family(system)
+    for name in channels_of(system):
+        signal = told.signals.get(name, name)
         if signal in sensors:
             columns[name] = sensors[signal]
-    if system == "cable_hole" and setup.rig.holes == 1:
+    if "wrap_angle" in channels_of(system) and setup.rig.holes == 1:
         columns["wrap_angle"] = np.full(n, trace.rig["wrap_angle"])
-    if (system, setup.task.kind) in REFERENCES:
-        columns[REFERENCES[system, setup.task.kind]] = trace.infos["reference"]
+    columns[told.output(setup.task.kind).reference] = trace.infos["reference"]
     # info["command"] is what acted in the step that ended; a row holds what acts from its time on
     command = trace.infos["command"]
-    columns[COMMANDS[system, setup.action_mode.name]] = np.append(command[1:], command[-1])
+    columns[told.commands[setup.action_mode.name]] = np.append(command[1:], command[-1])
     return columns
 
 
 def channel_entry(setup: Setup, name: str) -> dict[str, Any]:
     """A channel's entry in the YAML: in SI, with the noise that its sensor has."""
     system = setup.rig.plant
-    entry: dict[str, Any] = {"column": name, "unit": CHANNELS[system][name]}
-    signal = SIGNALS.get(system, {}).get(name, name)
+    entry: dict[str, Any] = {"column": name, "unit": channels_of(system)[name]}
+    signal = family(system).signals.get(name, name)
     rows = [s.name for s in setup.plant.signals]
     if signal in rows and setup.noise[rows.index(signal)] > 0.0:
         entry["noise_std"] = float(setup.noise[rows.index(signal)])
@@ -168,7 +133,7 @@ def channel_entry(setup: Setup, name: str) -> dict[str, Any]:
 
 def _parameters(rig: Rig, names: Sequence[str]) -> dict[str, Any]:
     values = dict(rig.values)
-    if rig.plant == "cable_hole":
+    if "radius_ratio" in values and "cable_radius" in values:
         values["hole_radius"] = values["radius_ratio"] * values["cable_radius"]
     table = parameters_of(rig.plant)
     return {name: {"value": float(values[name]), "unit": table[name].unit} for name in names}
@@ -189,7 +154,7 @@ def _rig_entry(rig: Rig) -> tuple[str, str | None]:
         if preset is not None and p.name in rig.sources and preset.values.get(p.name) == rig.values[p.name]:
             parameters[p.name]["source"] = rig.sources[p.name]
     content: dict[str, Any] = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
-    if rig.plant == "cable_hole":
+    if family(rig.plant).series:
         content["holes"] = rig.holes
     return "rig/rig.yaml", yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
 

@@ -38,7 +38,7 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.core.params import Parameter, ParameterTable, to_si
+from cable_envs.core.params import ParameterTable, to_si
 from cable_envs.sim.rigs import Rig, load_rig
 from diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
 from diagnosis.data.tables import read_columns
@@ -52,43 +52,25 @@ _CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free"
 _RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
 _VALUE_KEYS = ("value", "unit", "std", "source", "note")
 
-CHANNELS: Mapping[str, Mapping[str, str]] = {
-    "cable_hole": {
-        "time": "s", "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
-        "load_tension": "N", "wrap_angle": "rad", "drive_velocity_command": "m/s", "drive_tension_command": "N",
-        "position_reference": "m", "tension_reference": "N",
-    },
-    "pulley_circuit": {
-        "time": "s", "drive_angle": "rad", "drive_torque": "N m", "drive_current": "A", "output_angle": "rad",
-        "output_torque": "N m", "tension_top": "N", "tension_bottom": "N", "drive_angle_command": "rad",
-        "drive_torque_command": "N m", "angle_reference": "rad", "torque_reference": "N m",
-    },
-    "linear_drive": {
-        "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
-        "motor_position": "m", "speed_reading": "V", "band_tension_1": "N", "band_tension_2": "N",
-    },
-}  # fmt: skip
-"""SI unit of every channel, by system. Positive signs as in the plants: hauling in, lifting, counter-clockwise.
 
-Of linear_drive, ``speed_reading`` is what a speed sensor reads whose scale is not known and which may rectify (coupled
-drives), and the band tensions are those at the two ends of a band around a drum that ``position`` turns (band brake).
-"""
+def channels_of(system: str) -> Mapping[str, str]:
+    """SI unit of every channel of a system. Positive signs as in the plants: hauling in, lifting, counter-clockwise.
 
-_HOLE_RADIUS = Parameter("hole_radius", "m", 1.5e-3, 1e-6, 1.0, "radius R of the hole's edge")
-_LINEAR_DRIVE_SENSORS = (
-    Parameter("force_offset", "N", 0.0, -1e4, 1e4, "constant force: amplifier's offset, a tilted axis"),
-    Parameter("speed_scale", "V s/m", 1.0, 1e-9, 1e9, "reading of the speed sensor for 1 m/s"),
-)
-"""Beside the plant's: what a public drive benchmark has and the plant need not know."""
+    Raises ConfigurationError for an unknown system, naming the nearest, and for one that has no recordings.
+    """
+    from cable_envs.plants import families, family
+
+    if system not in families():
+        raise ConfigurationError(f"unknown system '{system}'; {nearest(system, families())}")
+    return family(system).records()
 
 
 @cache
 def parameters_of(system: str) -> ParameterTable:
     """Parameters that ``known`` and ``nominal`` of a recording may name: those of the plant and measured radii."""
-    from cable_envs.plants import plant_for
+    from cable_envs.plants import family, plant_for
 
-    more = {"cable_hole": (_HOLE_RADIUS,), "linear_drive": _LINEAR_DRIVE_SENSORS}
-    return ParameterTable(*plant_for(system).parameters, *more.get(system, ()))
+    return ParameterTable(*plant_for(system).parameters, *family(system).beside)
 
 
 @dataclass(frozen=True)
@@ -273,8 +255,10 @@ def load_recording(path: Path | str) -> Recording:
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"{path}: 'schema' must be '{SCHEMA}', found {data.get('schema')!r}")
     system = str(data.get("system"))
-    if system not in CHANNELS:
-        raise ConfigurationError(f"{path}: unknown system '{system}'; {nearest(system, CHANNELS)}")
+    try:
+        channels_of(system)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
     rig = _rig(data.get("rig"), system, path)
     known = _quantities(data.get("known"), system, f"{path.name}: known")
     nominal = _quantities(data.get("nominal"), system, f"{path.name}: nominal")
@@ -346,7 +330,7 @@ def _quantities(entries: Any, system: str, origin: str) -> dict[str, Quantity]:
 def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
     if not isinstance(entries, Mapping) or "time" not in entries:
         raise ConfigurationError(f"{origin}: 'channels' must be a mapping of name: {{column, unit}} and hold 'time'")
-    units, found = CHANNELS[system], {}
+    units, found = channels_of(system), {}
     require_known(f"channel in {origin}", entries, units)
     for name, entry in entries.items():
         where = f"{origin}: channel {name}"

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import to_si
-from diagnosis.data.recording import CHANNELS
+from diagnosis.data.recording import channels_of
 
 CHUNK_ROWS = 65_536
 """Rows that are held at once: some 10 MB of text."""
@@ -50,7 +50,7 @@ class ChannelSpec:
 
     def factor(self, system: str) -> float:
         """SI for one raw unit."""
-        return self.scale * to_si(1.0, self.unit, CHANNELS[system][self.name], self.name)
+        return self.scale * to_si(1.0, self.unit, channels_of(system)[self.name], self.name)
 
 
 @dataclass(frozen=True)

@@ -25,10 +25,10 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.config import read_yaml
-from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
 from diagnosis.data.entries import read_conditions
-from diagnosis.data.recording import CHANNELS, USES, hold, offset_free
+from diagnosis.data.recording import USES, channels_of, hold, offset_free
 from diagnosis.readers.base import ChannelSpec
 from diagnosis.readers.text import DELIMITERS, Layout
 
@@ -81,8 +81,10 @@ def load_mapping(path: Path | None, purpose: str, topics: bool = False) -> Mappe
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"{path}: 'schema' must be '{SCHEMA}', found {data.get('schema')!r}")
     system = str(data.get("system"))
-    if system not in CHANNELS:
-        raise ConfigurationError(f"{path}: unknown system '{system}'; {nearest(system, CHANNELS)}")
+    try:
+        channels_of(system)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
     columns, channels, rate = _channels(data.get("channels"), system, path.name, topics)
     group = data.get("group")
     keys = ("description", "rig", "known", "nominal", "source")
@@ -97,7 +99,7 @@ def _channels(
 ) -> tuple[dict[str, Any], tuple[ChannelSpec, ...], float | None]:
     if not isinstance(entries, Mapping) or "time" not in entries or len(entries) < 2:
         raise ConfigurationError(f"{origin}: 'channels' must map channels to columns and hold 'time'")
-    require_known(f"channel in {origin}", entries, CHANNELS[system])
+    require_known(f"channel in {origin}", entries, channels_of(system))
     columns, specs, rate = {}, [], None
     for name, entry in entries.items():
         where = f"{origin}: channel {name}"
@@ -129,9 +131,9 @@ def _column(entry: Mapping[str, Any], where: str, topics: bool, name: str) -> An
 
 def _spec(name: str, entry: Mapping[str, Any], system: str, where: str) -> ChannelSpec:
     if "unit" not in entry:
-        raise ConfigurationError(f"{where}: 'unit' is missing, {CHANNELS[system][name]} or one that converts to it")
+        raise ConfigurationError(f"{where}: 'unit' is missing, {channels_of(system)[name]} or one that converts to it")
     unit = str(entry["unit"])
-    to_si(1.0, unit, CHANNELS[system][name], where)
+    to_si(1.0, unit, channels_of(system)[name], where)
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
         raise ConfigurationError(f"{where}: sign must be 1 or -1, got {sign!r}")

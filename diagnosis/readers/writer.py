@@ -17,7 +17,7 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.data.recording import CHANNELS, SCHEMA
+from diagnosis.data.recording import SCHEMA, channels_of
 from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
 from diagnosis.readers.checks import Clock, RecordCheck, Summary
 from diagnosis.readers.compare import outliers
@@ -56,7 +56,7 @@ def write_data_set(
     Raises ConfigurationError for input that cannot be used; then nothing is left in ``out``.
     """
     require_known("table format", [table], TABLES)
-    require_known(f"channel of {data.system}", [c.name for c in data.channels], CHANNELS[data.system])
+    require_known(f"channel of {data.system}", [c.name for c in data.channels], channels_of(data.system))
     records = select(data.records, chosen, "--select") if chosen else list(data.records)
     after = data.after if after is None and heldout is None else after
     held = _heldout(data, records, heldout)

@@ -9,7 +9,7 @@ from scipy.signal import savgol_filter
 
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
-from diagnosis.data.recording import CHANNELS, Record, Recording
+from diagnosis.data.recording import Record, Recording, channels_of
 from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model.model import Block, Coordinate, Free
 from diagnosis.systems.question import Request
@@ -223,7 +223,7 @@ def blocks_of(
 
     sensors: channel -> whose noise it shows, where that is not the channel's own alone (`diagnosis.model.model.Block`).
     """
-    units = CHANNELS[recording.system]
+    units = channels_of(recording.system)
     return tuple(
         Block(
             record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along,

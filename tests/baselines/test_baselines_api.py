@@ -11,7 +11,7 @@ import pytest
 
 import baselines
 from baselines import CONTROLLERS, controller_class, make_controller
-from baselines.base import ACTION_MODES, INFORMATION, OBSERVE, TASKS
+from baselines.base import INFORMATION, OBSERVE, action_modes, tasks
 from cable_envs.core.errors import ConfigurationError
 from tests.support.baselines_support import DT, HANGING, PLANTS, REFERENCES, RIGS, simulate
 
@@ -19,8 +19,8 @@ CASES = [
     (name, plant, mode, task)
     for name, kind in CONTROLLERS.items()
     for plant in ("cable_hole", "pulley_circuit")
-    for mode in ACTION_MODES[plant]
-    for task in TASKS[plant]
+    for mode in action_modes(plant)
+    for task in tasks(plant)
     if kind.applies(plant, mode, task)
 ]
 
@@ -41,9 +41,9 @@ def test_registry_holds_the_papers_controllers_and_the_marker():
 
 
 def test_every_plant_task_and_mode_has_open_loop_and_oracle():
-    for plant, modes in ACTION_MODES.items():
-        for mode in modes:
-            for task in TASKS[plant]:
+    for plant in PLANTS:
+        for mode in action_modes(plant):
+            for task in tasks(plant):
                 assert CONTROLLERS["open-loop"].applies(plant, mode, task)
                 assert CONTROLLERS["oracle"].applies(plant, mode, task)
 
@@ -51,7 +51,7 @@ def test_every_plant_task_and_mode_has_open_loop_and_oracle():
 @pytest.mark.parametrize(("name", "plant", "mode", "task"), CASES)
 def test_command_stays_in_range_and_runs_repeat_exactly(name, plant, mode, task):
     controller = make(name, plant, mode, task)
-    bound = PLANTS[plant].PLANT.action_modes[ACTION_MODES[plant].index(mode)]
+    bound = PLANTS[plant].PLANT.action_modes[action_modes(plant).index(mode)]
     most = controller.rig[bound.bound]
     reference = REFERENCES[plant, task, "step"]
     first = simulate(controller, reference, 1.5)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants import families, family
 from cablebench.cli import main
 from cablebench.entrants.entrant import controller_entrant
-from cablebench.export.recording import COMMANDS, KNOWN, NOMINAL, REFERENCES, check_split, write_recording
+from cablebench.export.recording import check_split, write_recording
 from cablebench.export.trace import measured, random_entrant, record
-from diagnosis.data.recording import CHANNELS, load_recording, parameters_of
+from diagnosis.data.recording import load_recording, parameters_of
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 SHORT = {"duration": 0.3, "sensor_noise": True}
@@ -202,8 +203,9 @@ def test_a_recording_reads_back_to_the_bit_and_replays(tmp_path, make, name, tab
     assert [r.use for r in recording.records] == ["fit", "fit", "heldout"]
     assert recording.system == setup.rig.plant and dict(recording.rig.values) == dict(setup.rig.values)
     assert recording.rig.holes == setup.rig.holes
-    for quantities, names in ((recording.known, KNOWN), (recording.nominal, NOMINAL)):
-        assert set(quantities) == set(names[recording.system])
+    told = family(recording.system)
+    for quantities, names in ((recording.known, told.known), (recording.nominal, told.nominal)):
+        assert set(quantities) == set(names)
         for key, quantity in quantities.items():
             if key != "hole_radius":
                 assert quantity.value == setup.rig.values[key]
@@ -247,11 +249,13 @@ def test_an_unchanged_preset_is_named_a_changed_one_travels_along(tmp_path, make
 
 
 def test_names_of_channels_and_parameters_are_the_formats():
-    for (system, _), channel in {**COMMANDS, **REFERENCES}.items():
-        assert channel in CHANNELS[system]
-    for system, names in (*KNOWN.items(), *NOMINAL.items()):
-        assert set(names) <= set(parameters_of(system).names)
-    assert all(not set(KNOWN[system]) & set(NOMINAL[system]) for system in KNOWN)
+    recorded = [one for one in families().values() if one.commands]
+    assert len(recorded) >= 2
+    for one in recorded:
+        used = {*one.commands.values(), *(output.reference for output in one.outputs.values()), *one.signals}
+        assert used <= set(one.channels)
+        assert {*one.known, *one.nominal} <= set(parameters_of(one.name).names)
+        assert not set(one.known) & set(one.nominal)
 
 
 @pytest.mark.parametrize(

@@ -1,1 +1,27 @@
 """A one-axis drive with friction, rigid or behind a belt."""
+
+from cable_envs.core.params import Parameter
+from cable_envs.plants.family import Family
+
+
+def _build(variant: str, holes: int):
+    from cable_envs.plants.drive.plant import PLANT
+
+    return PLANT
+
+
+FAMILY = Family(
+    name="linear_drive",
+    title="Linear drive",
+    build=_build,
+    # speed_reading is what a speed sensor reads whose scale is not known and which may rectify (coupled drives); the
+    # band tensions are those at the two ends of a band around a drum that ``position`` turns (band brake)
+    channels={
+        "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
+        "motor_position": "m", "speed_reading": "V", "band_tension_1": "N", "band_tension_2": "N",
+    },
+    beside=(
+        Parameter("force_offset", "N", 0.0, -1e4, 1e4, "constant force: amplifier's offset, a tilted axis"),
+        Parameter("speed_scale", "V s/m", 1.0, 1e-9, 1e9, "reading of the speed sensor for 1 m/s"),
+    ),
+)  # fmt: skip

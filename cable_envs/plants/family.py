@@ -1,0 +1,130 @@
+"""What a folder of plants says of itself: all that others ask of it, without compiling anything.
+
+Every folder beside this file has a ``FAMILY`` in its ``__init__``; `cable_envs.plants` finds it there. A family that
+leaves something out does without it: what would need it refuses by name.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import Parameter
+
+Values = Mapping[str, Any]
+"""Parameters of a rig by name, SI: numbers, or arrays [n]."""
+
+
+def _as_asked(values: Values, wanted: np.ndarray) -> np.ndarray:
+    return wanted
+
+
+def _one(values: Values) -> float:
+    return 1.0
+
+
+@dataclass(frozen=True)
+class Output:
+    """A quantity that a task may control.
+
+    Attributes
+    ----------
+    reference : str
+        Channel of a recording that holds what it should follow.
+    start : callable
+        (values, wanted [n]) -> position of the output at rest [n] where the quantity is as wanted.
+    rigid : callable
+        values -> change of the task's proxy signal for one unit of it, were the mechanism rigid and frictionless.
+    needs : tuple of str
+        Parameters that must be above 0.
+    """
+
+    reference: str
+    start: Callable[[Values, np.ndarray], np.ndarray] = _as_asked
+    rigid: Callable[[Values], float] = _one
+    needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Family:
+    """A folder of plants that share parameters, signals and recordings.
+
+    Attributes
+    ----------
+    name : str
+        Its name in rig files and recordings.
+    title : str
+        For people.
+    build : callable
+        (variant, holes) -> `cable_envs.plants.base.Plant`; what it imports is imported when it is called.
+    variants : tuple of str
+        Simulators of the same rig; the first one is what is taken unless another is asked for.
+    series : bool
+        Whether a rig may say ``holes``: several of the same in series.
+    tasks : str
+        First part of the names of its tasks (configs/tasks), as "CableHole"; empty where it has none.
+    outputs : mapping of str to Output
+        What its tasks control, by the kind of task: "position", "tension", "torque".
+    observe : str
+        Observation level that a controller of it needs unless it says otherwise: "drive", "output" or "full".
+    scene : str
+        "module:class" that draws it; empty: it cannot be rendered.
+    shown : tuple of str
+        Signals that the scene cannot do without.
+    channels : mapping of str to str
+        Channels of its recordings with their SI units; empty: it has none.
+    signals : mapping of str to str
+        Channel -> signal of the plant, where their names differ.
+    commands : mapping of str to str
+        Action mode -> channel of the command.
+    known, nominal : tuple of str
+        Parameters that one measures on a rig before it runs; that a simulator believes and a recording may correct.
+    beside : tuple of Parameter
+        What a recording may state besides the plant's parameters.
+    ways : tuple of two str
+        Words for motion in the positive and in the negative direction.
+    """
+
+    name: str
+    title: str
+    build: Callable[[str, int], Any]
+    variants: tuple[str, ...] = ("analytic",)
+    series: bool = False
+    tasks: str = ""
+    outputs: Mapping[str, Output] = field(default_factory=dict)
+    observe: str = "output"
+    scene: str = ""
+    shown: tuple[str, ...] = ()
+    channels: Mapping[str, str] = field(default_factory=dict)
+    signals: Mapping[str, str] = field(default_factory=dict)
+    commands: Mapping[str, str] = field(default_factory=dict)
+    known: tuple[str, ...] = ()
+    nominal: tuple[str, ...] = ()
+    beside: tuple[Parameter, ...] = ()
+    ways: tuple[str, str] = ("moving forward", "moving backward")
+
+    def __hash__(self) -> int:
+        return hash(self.name)
+
+    def output(self, kind: str) -> Output:
+        """The controlled quantity of a kind of task. Raises ConfigurationError where the family has none such."""
+        if kind not in self.outputs:
+            known = ", ".join(self.outputs) or "none"
+            raise ConfigurationError(f"{self.name} has no {kind} task; its tasks control: {known}")
+        return self.outputs[kind]
+
+    def draws(self) -> Any:
+        """The class that draws it. Raises ConfigurationError where there is none."""
+        if not self.scene:
+            raise ConfigurationError(f"{self.name} has no scene: rgb_array and human are not available")
+        module, _, name = self.scene.partition(":")
+        return getattr(import_module(module), name)
+
+    def records(self) -> Mapping[str, str]:
+        """Its channels. Raises ConfigurationError where it has no recordings."""
+        if not self.channels:
+            raise ConfigurationError(f"{self.name} has no channels: recordings of it cannot be read or written")
+        return self.channels
