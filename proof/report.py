@@ -11,6 +11,21 @@ from proof.scoring import Result, Row, calibration, confusion, failures, restore
 
 SCHEMA = "cable-proof/1"
 
+WORDS = {
+    "adds 10 %": "the concealed effect raises the RMS of the residual by 10 % above the noise, after the nominal "
+    "parameters have been refitted",
+    "right name exactly": "the answer is the concealed effect and no other",
+    "right name or class": "that, or several effects that the recording cannot tell apart, the concealed one among "
+    "them and none that is not declared to look like it",
+    "stand out (gain 100)": "whoever knew the shape of the mismatch and the spectrum of the noise would gain 100 or "
+    "more in twice the log likelihood; the diagnosis knows neither",
+    "decoy": "a recording with wrong parameters and nothing else",
+    "effect in no library": "physics that the diagnosis has no equation for",
+    "absorbed, masked, brief, small, behind another": "why the effect is hard to see: a parameter can imitate it, a "
+    "control loop hides it, it acts for a short time, it is small in the RMS, or it stands beside a larger one",
+}
+"""Terms of the rows, for a reader who sees them for the first time."""
+
 
 def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> dict[str, Any]:
     """Everything that was measured: ``results`` by method; the fail rules apply to the first one."""
@@ -74,6 +89,7 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     broken = failures(results.get(first, ()), bool(about.get("sample")))
     if about.get("sample"):
         lines += ["", "A sample: a fail rule is broken where the 95 % limit of its share is beyond it."]
+    lines += ["", *(f"- *{word}*: {meaning}" for word, meaning in WORDS.items())]
     lines += ["", "Shares with 95 % Clopper-Pearson limits, and counts. A dash: no such case, or no such statement."]
     lines += ["", f"Fail rules broken by {first}: {'; '.join(broken)}." if broken else f"{first} breaks no fail rule."]
     return "\n".join(lines) + "\n"

@@ -5,6 +5,7 @@ from typing import Any
 
 from cable_envs.drawing import pages
 from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
+from proof.report import WORDS
 
 
 def render(record: Mapping[str, Any]) -> str:
@@ -20,7 +21,7 @@ def render(record: Mapping[str, Any]) -> str:
         }
         for name, method in methods.items()
     ]
-    content = {"record": record, "methods": methods, "rows": _rows(methods), "figures": figures}
+    content = {"record": record, "methods": methods, "rows": _rows(methods), "figures": figures, "words": WORDS}
     return pages.render("cablebench.pages", "templates/proof.html.j2", {**content, "broken": record["broken_rules"]})
 
 
