@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
@@ -13,6 +13,9 @@ from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup, make_setup
 from cable_envs.sim.simulation import Simulation
 from cable_envs.sim.tasks import OBSERVATION_LIMIT
+
+if TYPE_CHECKING:
+    from cable_envs.render import Renderer
 
 
 def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
@@ -132,7 +135,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         self._obs = self.simulation.buffers.obs[0]
         self._outcome = self.simulation.buffers.outcome[:, 0]
         self._read = _reader(self.simulation.info_names)
-        self._renderer = None
+        self._renderer: Renderer | None = None
         self._running = False
 
     @property
@@ -222,7 +225,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is None:
             from cable_envs.render import Renderer
 
-            self._renderer = Renderer.for_setup(self.setup, self.render_mode)
+            self._renderer = Renderer.for_setup(self.setup, str(self.render_mode))
         self._renderer.push(info, info["time"], info["reference"], info["output"])
         if self.render_mode == "human":
             self._renderer.show()

@@ -65,13 +65,13 @@ class Renderer:
         ):
             if value not in valid:
                 raise ConfigurationError(f"unknown {kind} '{value}'; {nearest(value, valid)}")
-        for name, value, low, high in (
+        for name, number, low, high in (
             ("window", window, 0.1, 3600.0),
             ("scale", scale, 0.25, 8.0),
             ("fps", fps, 1.0, 240.0),
         ):
-            if not low <= value <= high:
-                raise ConfigurationError(f"{name} = {value:g} is outside [{low:g}, {high:g}]")
+            if not low <= number <= high:
+                raise ConfigurationError(f"{name} = {number:g} is outside [{low:g}, {high:g}]")
         self.mode, self.fps = mode, fps
         self._picture = _Picture(plant, rig, task, reference_unit, window, scale)
         self._window: _Window | None = None

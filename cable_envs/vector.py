@@ -1,18 +1,21 @@
 """Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from cable_envs.core.team import WORTHWHILE, available_cores
+from cable_envs.core.team import WORTHWHILE, Team, available_cores
 from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.sim.setup import make_setup
 from cable_envs.sim.simulation import Simulation
 from cable_envs.sim.steppers import ask
+
+if TYPE_CHECKING:
+    from cable_envs.render import Renderer
 
 
 class CableVectorEnv(VectorEnv):
@@ -60,7 +63,7 @@ class CableVectorEnv(VectorEnv):
         if isinstance(size, bool) or not isinstance(size, int) or size < 1:
             raise ValueError(f"threads: expected a whole number >= 1, got {threads!r}")
         self._threads = size
-        self._team = None
+        self._team: Team | None = None
         self._take_kernel()
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds = [-1] * num_envs
@@ -74,23 +77,26 @@ class CableVectorEnv(VectorEnv):
         self._masks = tuple(f"_{name}" for name in self._names)
         self._obs, self._table = self.simulation.buffers.obs, self.simulation.buffers.table
         self._reward, *self._flags = self.simulation.buffers.outcome[:3]
-        self._renderer = None
+        self._renderer: Renderer | None = None
 
-    @property
-    def np_random(self) -> tuple[np.random.Generator, ...]:
+    # Gymnasium declares one generator and allows one for each environment; none of them is to be replaced from outside
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
         """The generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     @property
-    def np_random_seed(self) -> tuple[int, ...]:
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
         """The seed of each environment."""
         self.np_random  # noqa: B018 (draws the seeds that were not given)
         return tuple(self._seeds)
 
     def _generator(self, lane: int) -> np.random.Generator:
-        if self._generators[lane] is None:
-            self._generators[lane], self._seeds[lane] = gym.utils.seeding.np_random()
-        return self._generators[lane]
+        found = self._generators[lane]
+        if found is None:
+            found, self._seeds[lane] = gym.utils.seeding.np_random()
+            self._generators[lane] = found
+        return found
 
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
@@ -98,9 +104,13 @@ class CableVectorEnv(VectorEnv):
         """Start new episodes: everywhere, or where ``options["reset_mask"]`` (bool [num_envs]) is true."""
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
-        seeds = [None] * self.num_envs if seed is None else seed
-        if isinstance(seeds, (int, np.integer)):
-            seeds = [int(seeds) + i for i in range(self.num_envs)]
+        seeds: list[int | None]
+        if seed is None:
+            seeds = [None] * self.num_envs
+        elif isinstance(seed, (int, np.integer)):
+            seeds = [int(seed) + i for i in range(self.num_envs)]
+        else:
+            seeds = list(seed)
         if len(seeds) != self.num_envs:
             raise ValueError(f"expected {self.num_envs} seeds, got {len(seeds)}")
         lanes = self._all[mask]
@@ -193,8 +203,9 @@ class CableVectorEnv(VectorEnv):
         self._generators = [None] * self.num_envs
         for lane, found in enumerate(state["generators"]):
             if found is not None:
-                self._generators[lane], _ = gym.utils.seeding.np_random(0)
-                self._generators[lane].bit_generator.state = found
+                generator, _ = gym.utils.seeding.np_random(0)
+                generator.bit_generator.state = found
+                self._generators[lane] = generator
         self._seeds, self._finished = list(state["seeds"]), state["finished"].copy()
         self._any_finished, self._running = bool(self._finished.any()), state["running"]
 
@@ -212,7 +223,7 @@ class CableVectorEnv(VectorEnv):
         if self._renderer is None:
             from cable_envs.render import Renderer
 
-            self._renderer = Renderer.for_setup(self.setup, self.render_mode)
+            self._renderer = Renderer.for_setup(self.setup, str(self.render_mode))
         first = dict(zip(self._names, self._table[:, 0].tolist(), strict=True))
         if first["time"] == 0.0:
             self._renderer.reset()
@@ -220,7 +231,7 @@ class CableVectorEnv(VectorEnv):
         if self.render_mode == "human":
             self._renderer.show()
 
-    def render(self) -> np.ndarray | None:
+    def render(self) -> np.ndarray | None:  # type: ignore[override]  # one picture, not one of each
         """The first environment of the batch."""
         if self._renderer is None:
             raise gym.error.ResetNeeded("choose a render_mode and call reset() before render()")

@@ -130,7 +130,7 @@ def _function(digests: Digests, function: types.FunctionType) -> str:
 
 
 def _array(digests: Digests, array: np.ndarray) -> str:
-    return f"{array.dtype} {array.shape} {hashlib.sha256(np.ascontiguousarray(array)).hexdigest()}"
+    return f"{array.dtype} {array.shape} {hashlib.sha256(np.ascontiguousarray(array).data).hexdigest()}"
 
 
 _SAID: tuple[tuple[Any, Callable[[Digests, Any], str]], ...] = (
@@ -180,8 +180,9 @@ def is_ours(thing: Any) -> bool:
 
 def _folders() -> Iterator[Path]:
     """Where compiled kernels may lie; the first that can be written to is taken."""
-    if config.CACHE_DIR:
-        yield Path(config.CACHE_DIR) / FOLDER
+    asked = getattr(config, "CACHE_DIR", "")  # numba sets its options when it is imported
+    if asked:
+        yield Path(asked) / FOLDER
     else:
         yield _PACKAGE / "__pycache__" / FOLDER
         yield Path(AppDirs(appname="cable_envs", appauthor=False).user_cache_dir) / FOLDER
@@ -270,6 +271,7 @@ class KernelCache(_Cache):
 
     def _file(self, sig: Any, codegen: Any) -> Path:
         key = hashlib.sha256(repr((sig, codegen.magic_tuple())).encode()).hexdigest()
+        assert self._folder is not None
         return self._folder / f"{key[:24]}.bin"
 
     def _prepare(self) -> None:
@@ -297,5 +299,5 @@ class KernelCache(_Cache):
 
 def kept(dispatcher: Dispatcher) -> Dispatcher:
     """The same compiled function, with its versions kept on disk."""
-    dispatcher._cache = KernelCache(dispatcher)
+    setattr(dispatcher, "_cache", KernelCache(dispatcher))  # noqa: B010 - where numba keeps the one of cache=True
     return dispatcher

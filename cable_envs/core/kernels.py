@@ -27,7 +27,7 @@ from numba.core.dispatcher import Dispatcher
 
 from cable_envs.core.kernel_cache import KernelCache, is_ours, kept, names_read
 
-JIT_DISABLED = bool(numba.config.DISABLE_JIT)
+JIT_DISABLED = bool(getattr(numba.config, "DISABLE_JIT"))  # noqa: B009 - set when numba is imported
 
 LANES = 32
 """Columns of a tile: small enough for the first-level cache, a multiple of every vector width."""
@@ -199,7 +199,7 @@ else:
 
     @njit(forceinline=True, error_model="numpy")
     def rows_at(base, first, shape):
-        return numba.carray(_offset(base, first), shape)
+        return numba.carray(_offset(base, first), shape)  # type: ignore[call-arg]  # numba gives the context
 
     @njit(forceinline=True, error_model="numpy")
     def tile(rows):

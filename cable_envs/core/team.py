@@ -35,6 +35,7 @@ class Team:
         if self._process != os.getpid():  # the first call, or the first in a forked process: threads are not forked
             self._pool = ThreadPoolExecutor(max(len(self._others), 1), "cable_envs")
             self._process = os.getpid()
+        assert self._pool is not None
         waiting = [self._pool.submit(self._kernel, *self._arguments, lo, hi) for lo, hi in self._others]
         self._kernel(*self._arguments, *self._own)
         for part in waiting:

@@ -31,7 +31,7 @@ SCREEN: Mapping[str, Any] = {
 
 
 def svg(
-    draw: Callable[[Any], None], width: float, height: float, rc: Mapping[str, Any] = SCREEN, layout: str | None = None
+    draw: Callable[[Any], None], width: float, height: float, rc: Mapping[Any, Any] = SCREEN, layout: Any = None
 ) -> str:
     """A figure as an SVG element.
 

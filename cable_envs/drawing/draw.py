@@ -133,6 +133,12 @@ class Piece:
     radius: float = 0.0
     turn: float = 0.0
 
+    @property
+    def around(self) -> np.ndarray:
+        """The centre of an arc, [2]."""
+        assert self.centre is not None, "a straight span has no centre"
+        return self.centre
+
 
 class Turtle:
     """Walks along a cable: `line` straight on, `arc` around a pulley or hole edge (positive turn: to the left)."""
@@ -167,7 +173,12 @@ def straight(start: np.ndarray, end: np.ndarray, sag: float = 0.0) -> np.ndarray
     return start + s * (end - start) + 4.0 * sag * s * (1.0 - s) * (across if across[1] < 0 else -across)
 
 
-def arc_points(centre: Sequence[float], radius: float, start: float, end: float) -> np.ndarray:
+def pair(point: np.ndarray) -> tuple[float, float]:
+    """(x, y) of a point [2]."""
+    return float(point[0]), float(point[1])
+
+
+def arc_points(centre: Sequence[float] | np.ndarray, radius: float, start: float, end: float) -> np.ndarray:
     """Points [n, 2] on a circle between two angles (rad)."""
     angles = np.linspace(start, end, max(9, math.ceil(abs(end - start) / 0.18)))
     return np.asarray(centre) + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)

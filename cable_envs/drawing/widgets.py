@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -83,11 +84,13 @@ class Label:
         x, parts = 0.0, []
         for piece in [text] if "$" in text else text:
             path, advance = _glyph(piece, self._size, self._weight)
-            if len(path.vertices):
-                parts.append((path.vertices + np.array([x, 0.0]), path.codes))
+            vertices = np.asarray(path.vertices)
+            if len(vertices):
+                parts.append((vertices + np.array([x, 0.0]), np.asarray(path.codes)))
             x += advance
         self.width = x
-        self.patch.set_path(Path(*(np.concatenate(c) for c in zip(*parts, strict=True))) if parts else _EMPTY)
+        outlines, codes = [part[0] for part in parts], [part[1] for part in parts]
+        self.patch.set_path(Path(np.concatenate(outlines), np.concatenate(codes)) if parts else _EMPTY)
         self.move(*self._at)
 
     def move(self, x: float, y: float) -> None:
@@ -150,13 +153,13 @@ class ColourBar:
         sheet.add(PolyCollection(strips, facecolors=colours, edgecolors=colours, linewidths=0.3, zorder=2))
         corners = [self._at(0, 0), self._at(limit, 0), self._at(limit, 11), self._at(0, 11), self._at(0, 0)]
         sheet.stroke(np.array(corners), color=INK, lw=0.7, zorder=3)
-        below = {"ha": "right", "va": "center"} if upright else {"ha": "center", "va": "top"}
+        below: dict[str, Any] = {"ha": "right", "va": "center"} if upright else {"ha": "center", "va": "top"}
         for value in ticks(0.0, limit):
             sheet.stroke(np.array([self._at(value, -4), self._at(value, 0)]), color=INK, lw=0.7)
             Label(sheet, *self._at(value, -7), number(value), **below)
         place = (x - 30, y - 14) if upright else self._at(limit / 2, -22)
         Label(sheet, *place, "cable tension (N)", ha="left" if upright else "center", va="top")
-        beside = {"ha": "left", "va": "center"} if upright else {"ha": "center"}
+        beside: dict[str, Any] = {"ha": "left", "va": "center"} if upright else {"ha": "center"}
         marker = {"marker": "<" if upright else "v", "ms": 5.5, "color": INK, "zorder": 4}
         self.pointers = [(sheet.line(**marker), Label(sheet, 0.0, 0.0, n, moving=True, **beside)) for n in names]
         self.wanted = sheet.line(marker="D", ms=5, mfc="white", mec=REFERENCE, mew=1.3, zorder=4)

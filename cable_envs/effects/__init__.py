@@ -103,7 +103,7 @@ class Layout:
 
     def _find_switches(self) -> list[tuple[int, float]]:
         """(place among the effects' values, null) of what switches the kernel's effects on."""
-        found = []
+        found: list[tuple[int, float]] = []
         for effect in self.effects.values():
             if effect.seam == "sense":
                 continue

@@ -82,8 +82,9 @@ class EffectParameter:
 
     def typical_on(self, plant: str) -> float:
         """A typical size on a plant."""
-        turning = plant in CIRCUITS and self.typical_turning is not None
-        return self.typical_turning if turning else self.typical
+        if plant in CIRCUITS and self.typical_turning is not None:
+            return self.typical_turning
+        return self.typical
 
     def declared(self, effect: str, plant: str) -> Parameter:
         """As a row of a plant's parameter table, under the dotted name."""

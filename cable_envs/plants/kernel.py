@@ -13,7 +13,12 @@ from cable_envs.effects.lanes import STATES
 
 input_tile, state_tile = INPUTS.tile, STATES.tile
 # filled in for each plant
-signal_tile = coefficient_tile = scratch_tile = effect_tile = step_tile = solve = None
+signal_tile: Any = None
+coefficient_tile: Any = None
+scratch_tile: Any = None
+effect_tile: Any = None
+step_tile: Any = None
+solve: Any = None
 SIGNALS = COEFFICIENTS = EFFECTS = 0
 
 

@@ -57,6 +57,7 @@ def load_effect(path: str | Path) -> Effect:
     if not path.is_file():
         raise ConfigurationError(f"effect file {path}: there is no such file")
     spec = importlib.util.spec_from_file_location(f"own_effect_{path.stem}", path)
+    assert spec is not None and spec.loader is not None, "a .py file has a loader"
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -115,8 +116,9 @@ def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[str]]]) ->
     calls = [
         f"f{k}({', '.join([*given, *(f'e.{row}[i]' for row in rows)])})" for k, (_, rows) in enumerate(users)
     ]  # fmt: skip
-    if _JOIN[seam]:
-        body = [f"    return {_JOIN[seam].join(calls)}"]
+    between = _JOIN[seam]
+    if between is not None:
+        body = [f"    return {between.join(calls)}"]
     else:
         body = [*(f"    {given[0]} = {call}" for call in calls), f"    return {given[0]}"]
     exec("\n".join([f"def own({', '.join(given)}, e, i):", *body]), space)

@@ -6,6 +6,7 @@ steps in one compiled call.
 
 from collections.abc import Callable, Sequence
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ def _keep(x, rows, out, t, first, last):
             out[t, k, i] = x[rows[k], i]
 
 
-advance = None  # filled in for each plant
+advance: Any = None  # filled in for each plant
 
 
 def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):

@@ -84,7 +84,7 @@ def make_setup(
     task: str,
     reference: str | Mapping[str, Any],
     *,
-    rig: str | Mapping[str, Any] | Rig | None = None,
+    rig: str | Path | Mapping[str, Any] | Rig | None = None,
     effects: Mapping[str, Any] | None = None,
     effect_file: str | Path | Effect | None = None,
     plant: str = "analytic",
@@ -158,7 +158,7 @@ OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.ite
 """Names of the options of an environment."""
 
 
-def _choose_rig(task: Task, rig: str | Mapping[str, Any] | Rig | None, own: tuple[Effect, ...]) -> Rig:
+def _choose_rig(task: Task, rig: str | Path | Mapping[str, Any] | Rig | None, own: tuple[Effect, ...]) -> Rig:
     """The task's own rig, another one, or the task's own with some parameters changed."""
     if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig):
         chosen = load_rig(task.rig, own).replace(rig)

@@ -9,6 +9,7 @@ cached on disk.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
@@ -240,7 +241,9 @@ def begin_with_effects(block, obs, common, lanes):
     _begin(block, obs, common, lanes, 1)
 
 
-advance, distorted = None, None  # filled in for each plant
+# filled in for each plant
+advance: Any = None
+distorted: Any = None
 
 
 def _step(block, obs, common, lo, hi):

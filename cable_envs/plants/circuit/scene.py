@@ -112,7 +112,7 @@ class CircuitScene:
         self.wheels = [(_DRIVE, self.rig["drive_radius"]), (_OUTPUT, self.rig["output_radius"])]
         for side in SIDES:
             arcs = [p for p in self.paths[side] if p.centre is not None]
-            self.wheels += [(p.centre, p.radius / (_MM * 1e3)) for p in arcs]
+            self.wheels += [(p.around, p.radius / (_MM * 1e3)) for p in arcs]
             for i, arc in enumerate(arcs, 1):
                 self._draw_idler(sheet, arc, i)
             ends = self.paths[side][4].points
@@ -120,7 +120,7 @@ class CircuitScene:
             at = ends.mean(axis=0) + (15.0 if side == "top" else -15.0) * d.left_of(along)
             w.Label(
                 sheet,
-                *at,
+                *d.pair(at),
                 f"cable {side[0]}",
                 d.NORMAL,
                 _COLOURS[side],
@@ -138,13 +138,13 @@ class CircuitScene:
 
     @staticmethod
     def _draw_idler(sheet: d.Sheet, arc: d.Piece, number: int) -> None:
-        sheet.add(Circle(arc.centre, arc.radius - 3.0, fc=d.METAL, ec=d.METAL_EDGE, lw=1.0, zorder=2))
-        sheet.add(Circle(arc.centre, 6.5, fc="white", ec=d.METAL_EDGE, lw=0.8, zorder=4))
-        w.Label(sheet, *arc.centre, str(number), 7.0, ha="center", va="center")
+        sheet.add(Circle(d.pair(arc.around), arc.radius - 3.0, fc=d.METAL, ec=d.METAL_EDGE, lw=1.0, zorder=2))
+        sheet.add(Circle(d.pair(arc.around), 6.5, fc="white", ec=d.METAL_EDGE, lw=0.8, zorder=4))
+        w.Label(sheet, *d.pair(arc.around), str(number), 7.0, ha="center", va="center")
 
     def _draw_end_pulleys(self, sheet: d.Sheet) -> None:
         for centre, radius in ((_DRIVE, self.rig["drive_radius"]), (_OUTPUT, self.rig["output_radius"])):
-            sheet.add(Circle(centre, _MM * 1e3 * radius - 3.0, fc=d.BODY, ec=d.INK, lw=1.1, zorder=2))
+            sheet.add(Circle(d.pair(centre), _MM * 1e3 * radius - 3.0, fc=d.BODY, ec=d.INK, lw=1.1, zorder=2))
         w.Label(sheet, _DRIVE[0] + 66, _DRIVE[1] - 32, "driving pulley")
         w.Label(sheet, 934, 314, "driven pulley", ha="right")
         home = _OUTPUT + np.outer([34.0, _JAW + 34.0], [1.0, 0.0])
@@ -180,8 +180,8 @@ class CircuitScene:
         self.in_text = w.Label(sheet, _DRIVE[0] + 66, _DRIVE[1] - 50, "", d.NORMAL, _TORQUE, moving=True)
         self.out_text = w.Label(sheet, 934, 296, "", d.NORMAL, _TORQUE, ha="right", moving=True)
         for centre, name in ((_DRIVE, "0"), (_OUTPUT, "5")):
-            sheet.add(Circle(centre, 7.5, fc="white", ec=d.INK, lw=1.0, zorder=8.5), moving=True)
-            w.Label(sheet, *centre, name, d.TINY, weight="bold", ha="center", va="center", moving=True)
+            sheet.add(Circle(d.pair(centre), 7.5, fc="white", ec=d.INK, lw=1.0, zorder=8.5), moving=True)
+            w.Label(sheet, *d.pair(centre), name, d.TINY, weight="bold", ha="center", va="center", moving=True)
         places = (660, 584), (762, 584), (826, 584), (762, 556)
         self.pills = [w.Pill(sheet, *place) for place in places]
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.patches import Polygon
@@ -80,7 +81,7 @@ class HoleScene:
         back = self.drive_home - (self.travel / 2 + 40.0 + _MOTOR) * self.drive_axis
         ahead = self.load_home + (self.travel / 2 + (165.0 if self.sprung else 60.0)) * self.load_axis
         side = 44.0 * d.left_of(self.load_axis)
-        edges = [p.centre + s * 30.0 for p in self._arcs() for s in (np.array([-1, -1]), np.array([1, 1]))]
+        edges = [p.around + s * 30.0 for p in self._arcs() for s in (np.array([-1, -1]), np.array([1, 1]))]
         points = [back - 22.0, back + 22.0, ahead + side, ahead - 1.8 * side, *edges]
         return np.array([np.min(points, axis=0), np.max(points, axis=0)])
 
@@ -133,25 +134,25 @@ class HoleScene:
         sheet.add(d.block(motor, axis, _MOTOR, 36.0, fc=d.BODY, ec=d.METAL_EDGE, lw=1.0, zorder=3))
         turned = math.atan2(axis[1], axis[0])
         turned += math.pi if abs(turned) > math.radians(91.0) else 0.0
-        w.Label(sheet, *motor, "drive", ha="center", va="center", turn=turned)
+        w.Label(sheet, *d.pair(motor), "drive", ha="center", va="center", turn=turned)
         self._ruler(sheet, self.drive_home, -axis, 25.0 * normal, d.SOFT)
 
     def _draw_hole(self, sheet: d.Sheet, arc: d.Piece, wrap: float) -> None:
         """The edge that the cable bends over, its opposite edge pale, and the wrap angle between the contact ends."""
-        inward = arc.centre - arc.points[len(arc.points) // 2]
+        inward = arc.around - arc.points[len(arc.points) // 2]
         inward = inward / max(np.hypot(*inward), 1e-9)
-        style = {"closed": True, "ec": d.METAL_EDGE, "lw": 1.0, "hatch": "///", "zorder": 1}
-        sheet.add(Polygon(self._edge(arc.centre, inward, 58.0 if len(self.wraps) < 3 else 44.0), fc=d.BODY, **style))
+        style: dict[str, Any] = {"closed": True, "ec": d.METAL_EDGE, "lw": 1.0, "hatch": "///", "zorder": 1}
+        sheet.add(Polygon(self._edge(arc.around, inward, 58.0 if len(self.wraps) < 3 else 44.0), fc=d.BODY, **style))
         if len(self.wraps) == 1 and wrap < 2.2:  # else the opposite edge has no room
-            opposite = arc.centre - (2.0 * self.radius + 10.0) * inward
+            opposite = arc.around - (2.0 * self.radius + 10.0) * inward
             sheet.add(Polygon(self._edge(opposite, -inward, 26.0), fc=d.FILL, **style))
-        ends = np.stack([arc.points[0], arc.centre, arc.points[-1]])
+        ends = np.stack([arc.points[0], arc.around, arc.points[-1]])
         sheet.stroke(ends, color=d.INK, lw=0.8, ls=(0, (3, 2)), zorder=2)
-        angle = np.arctan2(*(arc.points - arc.centre).T[::-1])
-        small = d.arc_points(arc.centre, 0.45 * self.radius, angle[0], angle[0] + arc.turn)
+        angle = np.arctan2(*(arc.points - arc.around).T[::-1])
+        small = d.arc_points(arc.around, 0.45 * self.radius, angle[0], angle[0] + arc.turn)
         sheet.stroke(small, color=d.INK, lw=0.9, zorder=2)
-        at = arc.centre + (27.0 if len(self.wraps) < 3 else 24.0) * inward
-        text = w.Label(sheet, *at, f"\u03b8 = {math.degrees(wrap):.0f}\u00b0", ha="center", va="center")
+        at = arc.around + (27.0 if len(self.wraps) < 3 else 24.0) * inward
+        text = w.Label(sheet, *d.pair(at), f"\u03b8 = {math.degrees(wrap):.0f}\u00b0", ha="center", va="center")
         ground = w.rounded(at[0] - text.width / 2 - 3, at[1], text.width + 6, 14.0)
         sheet.add(Polygon(ground, closed=True, fc=d.BODY, ec="none", zorder=4))
 
@@ -173,7 +174,7 @@ class HoleScene:
             at = home + offset + axis * self._pixels(value)
             sheet.stroke(np.stack([at, at + 5.0 * outward]), color=colour, lw=0.9)
             text = w.number(float(f"{value:.6g}")) + (" mm" if value == marks[-1] else "")
-            w.Label(sheet, *(at + 8.0 * outward), text, d.TINY, d.SOFT, ha=ha, va=va)
+            w.Label(sheet, *d.pair(at + 8.0 * outward), text, d.TINY, d.SOFT, ha=ha, va=va)
 
     def _draw_load_side(self, sheet: d.Sheet) -> None:
         self.beside = 46.0 * d.left_of(self.load_axis)
@@ -193,7 +194,7 @@ class HoleScene:
         self.nut, self.load = sheet.shape(**body), sheet.shape(**body)
         self.nut_face = sheet.line(marker="o", ms=5, mfc="white", mec=d.INK, mew=1.0, zorder=8)
         self.wheels = sheet.line(ls="", marker="o", ms=8, mfc="white", mec=d.INK, mew=1.2, zorder=4)
-        style = {"weight": "bold", "ha": "center", "va": "center", "moving": True}
+        style: dict[str, Any] = {"weight": "bold", "ha": "center", "va": "center", "moving": True}
         self.label = w.Label(sheet, 0.0, 0.0, f"{self.mass:g} kg", d.NORMAL, "white", **style)
         self.spring = sheet.line(color=d.INK, lw=1.3, solid_joinstyle="round", zorder=3)
         self.wanted = sheet.line(color=d.REFERENCE, lw=1.4, ls=(0, (4, 2)), zorder=3)

@@ -1,5 +1,7 @@
 """Where the cable of the cable-hole plant ends: behind a gap, on an eccentric spool."""
 
+from typing import Any
+
 import numpy as np
 
 from cable_envs.core.kernels import inline, select
@@ -37,7 +39,7 @@ def moves_otherwise(e, i):
     return (e.backlash_gap[i] > 0.0) | (e.position_ripple_amplitude[i] != 0.0)
 
 
-def spool_at(end: np.ndarray, e: np.ndarray) -> np.ndarray:
+def spool_at(end: np.ndarray, e: Any) -> np.ndarray:
     """Position of the drive at which the cable's end is at ``end``, in the middle of the gap (m, [n])."""
     x = end.copy()
     if np.any(e.position_ripple_amplitude != 0.0):
