@@ -2,6 +2,7 @@
 
 import ast
 import importlib
+import importlib.util
 import re
 from functools import cache
 from pathlib import Path
@@ -184,3 +185,12 @@ def test_the_page_of_the_diagnosis_lists_every_effect():
     page = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
     table = page[page.index("| group | effects |") : page.index("## The four answers")]
     assert sorted(re.findall(r"`(\w+)`", table)) == sorted(EFFECTS)
+
+
+def test_the_catalogue_of_effects_is_what_they_declare():
+    spec = importlib.util.spec_from_file_location("catalogue_of_effects", ROOT / "docs" / "effects.py")
+    catalogue = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(catalogue)
+    written = catalogue.FILE.read_text(encoding="utf-8")
+    assert written == catalogue.page(), "run `python docs/effects.py`"
+    assert written.count("\n## ") == len(EFFECTS)

@@ -1,0 +1,62 @@
+"""The catalogue of effects, docs/effects.md, from what each effect declares.
+
+Run ``python docs/effects.py`` after a change of an effect.
+"""
+
+from pathlib import Path
+
+from cable_envs.effects import EFFECTS
+from cable_envs.effects.base import Effect, EffectParameter
+
+FILE = Path(__file__).with_name("effects.md")
+HEAD = """# Effects that a simulator may lack
+
+Made from the files in `cable_envs/effects/` by `python docs/effects.py`. Each effect is off unless it is asked for,
+and at its null value changes no bit of a result:
+
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effects={"backlash": {"gap": 0.0005}})
+
+The diagnosis looks for all of them ([diagnosis.md](diagnosis.md)). *Acts on* names the plants that have the effect;
+*confused with*, the effects that look alike in some motions; *isolated by*, the experiment in which they do not.
+"""
+
+
+def line(parameter: EffectParameter) -> str:
+    """A row of an effect's table."""
+    typical = f"{parameter.typical:g}"
+    if parameter.typical_turning not in (None, parameter.typical):
+        typical += f" (turning: {parameter.typical_turning:g})"
+    plain = parameter.meaning.replace("|", "/")
+    return f"| `{parameter.name}` | {parameter.unit or '-'} | {parameter.null:g} | {typical} | {plain} |"
+
+
+def section(effect: Effect) -> str:
+    """What the page says of one effect."""
+    confusable = ", ".join(f"`{name}`" for name in effect.confusable) or "none"
+    plants = ", ".join(f"`{name}`" for name in effect.plants)
+    return "\n".join(
+        (
+            f"## {effect.name}",
+            "",
+            f"Equation: {effect.equation}.",
+            "",
+            "| parameter | unit | null | typical | meaning |",
+            "|---|---|--:|--:|---|",
+            *map(line, effect.parameters),
+            "",
+            f"- Acts on: {plants}. Seam: {effect.seam}.",
+            f"- Confused with: {confusable}. Isolated by: {effect.experiment}.",
+            f"- Valid: {effect.validity}.",
+            f"- Source: {effect.source}.",
+        )
+    )
+
+
+def page() -> str:
+    """The whole page."""
+    return "\n".join([HEAD, *(section(effect) + "\n" for effect in EFFECTS.values())])
+
+
+if __name__ == "__main__":
+    FILE.write_text(page(), encoding="utf-8")
+    print(f"wrote {FILE}: {len(EFFECTS)} effects")
