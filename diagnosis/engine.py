@@ -1,4 +1,4 @@
-"""`diagnose`: from a recording to a verdict. Every step can be called by itself:
+"""`diagnose`: from a recording to a verdict, by steps that can be called by themselves.
 
     load_recording -> gate -> kept_back -> prepare -> told_at_rest
     -> select (refit, score tests, comparison of models, acceptance, goodness of fit) -> answer

@@ -171,7 +171,7 @@ def sparse(recording: Any, threshold: float = 0.03) -> dict[str, Any]:
 
 
 def black_box(recording: Any) -> dict[str, Any]:
-    """ "unknown" where boosted trees on the refitted residual lower its held-out error by 5 % or more."""
+    """The verdict "unknown" where boosted trees on the refitted residual lower its held-out error by 5 % or more."""
     from sklearn.ensemble import HistGradientBoostingRegressor
 
     fit, held = balances(recording, "fit"), balances(recording, "heldout")

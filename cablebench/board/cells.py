@@ -16,7 +16,7 @@ def heading(table: Table) -> str:
 
 
 def interval(row: Row) -> str:
-    """ "0.91 [0.88, 0.94]", with * where the interval is over episodes of a single run; a dash without score."""
+    """As "0.91 [0.88, 0.94]", with * where the interval is over episodes of a single run; a dash without score."""
     if row.score is None:
         return "–"
     s = row.score
@@ -68,7 +68,7 @@ def _percent(value: float | None) -> str:
 
 
 def seed_text(seeds: tuple[int, ...]) -> str:
-    """ "2000000-2000009" for a run of seeds, otherwise all of them; "none" for none."""
+    """As "2000000-2000009" for a run of seeds, otherwise all of them; "none" for none."""
     if not seeds:
         return "none"
     if len(seeds) > 1 and seeds[-1] - seeds[0] == len(seeds) - 1:

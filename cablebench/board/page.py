@@ -89,7 +89,7 @@ def _matrices(board: Board) -> list[dict[str, Any]]:
 
 
 def _lines(task: str) -> tuple[str, str]:
-    """ "CableHole-Position-Step" -> ("CableHole", "Position Step")."""
+    """``"CableHole-Position-Step"`` as ``("CableHole", "Position Step")``."""
     first, _, rest = task.partition("-")
     return first, rest.replace("-", " ")
 

@@ -1,4 +1,4 @@
-"""A few steps of a newcomer on each task it enters, before hours are spent on it: does it answer, finite, in time?"""
+"""A few steps of a newcomer on each task it enters, before hours are spent on it: it must answer, finite, in time."""
 
 import signal
 import statistics

@@ -88,8 +88,7 @@ def bars(rows: Sequence[tuple[str, float, float]], label: str, base: float, mark
 
 
 def ladder(steps: Sequence[tuple[str, Mapping[str, float], Mapping[str, float]]], panels: Mapping[str, Any]) -> str:
-    """Error over the steps, one panel for each channel of ``panels`` (channel -> (title, unit factor)): held out and
-    fit."""
+    """Error over the steps, held out and fit: a panel for each channel of ``panels``, channel -> (title, factor)."""
 
     def draw(figure: Any) -> None:
         axes = figure.subplots(1, len(panels), squeeze=False)[0]

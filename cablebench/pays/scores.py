@@ -64,7 +64,7 @@ class Study:
 
     @property
     def learners(self) -> tuple[str, str]:
-        """(controller, agent)"""
+        """(controller, agent)."""
         return self.bench.controller, self.bench.agent
 
     @property

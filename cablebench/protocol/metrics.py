@@ -67,8 +67,10 @@ def iae(e: Episode) -> float:
 
 
 def itae(e: Episode) -> float:
-    """Integral of time times absolute tracking error; time counts from the step where the reference steps (nothing
-    counts before it), else from the start."""
+    """Integral of time times absolute tracking error.
+
+    Time counts from the step where the reference steps (nothing counts before it), else from the start.
+    """
     t = np.maximum(e.time - (e.step_time or 0.0), 0.0)
     return float(np.sum(t * np.abs(e.error)) * e.dt)
 
@@ -90,8 +92,11 @@ def _step(e: Episode) -> tuple[np.ndarray, float] | None:
 
 
 def _settling(e: Episode, band: float) -> tuple[float, bool]:
-    """(settling time s, censored): censored when the error is still outside the band at the episode's end (or the
-    episode was cut short); the value is then the time that was watched, a lower bound."""
+    """(settling time s, censored).
+
+    It is censored when the error is still outside the band at the episode's end (or the episode was cut short); the
+    value is then the time that was watched, a lower bound.
+    """
     step = _step(e)
     if step is None:
         return math.nan, False

@@ -35,8 +35,11 @@ GAP_INTERVALS = 1.5
 
 @dataclass(frozen=True)
 class Summary:
-    """What is known of a record when it has gone by; times in s, ranges raw; of the pair of motions, in SI, the line
-    output = ``ratio`` drive + ``offset`` and the output's ``travel``."""
+    """What is known of a record when it has gone by.
+
+    Times in s, ranges raw; of the pair of motions, in SI, the line output = ``ratio`` drive + ``offset`` and the
+    output's ``travel``.
+    """
 
     rows: int
     start: float

@@ -77,8 +77,11 @@ def oscillates(spectra: Spectra, least: float) -> bool:
 
 
 def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generator) -> tuple[Judged, Bands]:
-    """A model that oscillates by itself refitted: by what can be predicted of it, then, where its spectrum is not that
-    of the recording, what is claimed in doubt by that; and its bands."""
+    """A model that oscillates by itself, refitted, and its bands.
+
+    It is refitted by what can be predicted of it; then, where its spectrum is not that of the recording, what is
+    claimed in doubt is refitted by the spectrum.
+    """
     null = refit_nominals(Averaged(spectra.model, RUNS), nominals)
     bands = spectra.at(null.fit.values, RUNS)
     doubted = [p.name for p in spectra.model.parameters if p.name in nominals and _doubt(p)]
@@ -96,8 +99,10 @@ def search(
     spectra: Spectra, heldout: Spectra, fit: Fit, hypotheses: Sequence[Hypothesis], least: float,
     rng: np.random.Generator,
 ) -> list[LimitCycle]:  # fmt: skip
-    """Hypotheses that make a refitted model oscillate and gain ``least`` by it, not at the held-out records' cost
-    (`AGAINST`); the best first."""
+    """Hypotheses that make a refitted model oscillate and gain ``least`` by it; the best first.
+
+    None of them is at the held-out records' cost (`AGAINST`).
+    """
     null = spectra.at(fit.values, RUNS) if spectra else None
     if null is None or null.excess < least or null.p_value > SIGNIFICANCE:
         return []

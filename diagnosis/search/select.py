@@ -267,8 +267,10 @@ def _apart(one: Hypothesis, other: Hypothesis, gain: float, rules: Rules) -> flo
 
 
 def _ends_as(candidate: Candidate, one: Hypothesis, gain: float) -> bool:
-    """Whether a refitted hypothesis has become ``one``, which gains so much: it looks like it, and what shapes it more
-    brings nothing. A Stribeck curve that does not fall below the fastest speed is Coulomb's friction by another name.
+    """Whether a refitted hypothesis has become ``one``, which gains so much.
+
+    It looks like it, and what shapes it more brings nothing: a Stribeck curve that does not fall below the fastest
+    speed is Coulomb's friction by another name.
     """
     other = candidate.hypothesis
     fuller = len(other.names) - len(other.nulls) > len(one.names) - len(one.nulls)

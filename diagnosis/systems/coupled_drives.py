@@ -154,8 +154,10 @@ def prepare(recording: Recording, request: Request) -> Question:
 
 
 def _series(recording: Recording, record: Record, period: float) -> tuple[tuple[np.ndarray, int], Block]:
-    """((voltage from rest on, samples before the record), its block); a record that goes on from another is run from
-    the other's start."""
+    """((voltage from rest on, samples before the record), its block).
+
+    A record that goes on from another is run from the other's start.
+    """
     time, found = resample(record, period, ("voltage", "speed_reading"))
     voltage, reading = found["voltage"], found["speed_reading"]
     before = [

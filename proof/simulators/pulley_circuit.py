@@ -89,8 +89,11 @@ def _hauled(p, angle):
 
 @jit
 def _run(p, logs, worn, length, reference, rate, start, out):
-    """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs, worn [2, 4]: ln lambda at first and when friction has drifted wholly;
-    length [2, 5] of the spans with what is wrapped, m."""
+    """Fill ``out`` [ticks, 6] (`OUTPUTS`).
+
+    logs, worn [2, 4]: ln lambda at first and when friction has drifted wholly; length [2, 5] of the spans with what is
+    wrapped, m.
+    """
     h = STEP
     ea = 1.0 / (1.0 / p[EA] + p[COMPLIANCE])
     pre = np.array([p[PRE_T], p[PRE_B]])

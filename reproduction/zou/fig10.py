@@ -1,5 +1,7 @@
-"""Fig. 10: output angle and output torque at three pretensions, free in one half cycle, against the sensor in the
-other."""
+"""Fig. 10: output angle and output torque at three pretensions.
+
+Free in one half cycle, against the sensor in the other.
+"""
 
 from typing import Any
 

@@ -171,12 +171,11 @@ def compensated(
     seed: int | None = 11,
     **gains: float,
 ) -> Run:
-    """The chain with every rig under a reference controller that knows ``nominal``; position servo, noisy drive
-    signals.
+    """The chain with every rig under a reference controller that knows ``nominal``.
 
-    ``name`` is "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid". The wanted output angle is added to the
-    signals as "reference". The torque saturator is set out of reach unless ``grasp_limit`` is given. ``seed`` None: no
-    noise.
+    A position servo with noisy drive signals. ``name`` is "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid".
+    The wanted output angle is added to the signals as "reference". The torque saturator is set out of reach unless
+    ``grasp_limit`` is given. ``seed`` None: no noise.
     """
     plant = plant_for("pulley_circuit", "chain")
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))

@@ -206,8 +206,10 @@ def misfits(fits: Fits) -> Extra:
 
 
 def shares(chain: Fitted) -> Extra:
-    """The stiffness that Table 4 implies, and the mean position error inside and outside the contact, measured and
-    from the chain."""
+    """The stiffness that Table 4 implies, and the mean position error inside and outside the contact.
+
+    Both as measured and from the chain.
+    """
     rows = []
     for pretension, printed, found in zip(PRETENSIONS, TABLE_4, chain.errors, strict=True):
         k = printed[2] / printed[0]

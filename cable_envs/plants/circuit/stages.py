@@ -69,6 +69,7 @@ def share_with(e, s, i, share):
 
 @inline
 def mix(share, a, b):
+    """From a at share 0 to b at share 1."""
     return a + share * (b - a)
 
 
@@ -158,6 +159,7 @@ def _faded(now, final, part):
 
 @inline
 def begin_step(x, p, w, e, s, i, dt):
+    """Before the substeps of a control step: peaks begin anew, friction has drifted, the output's gain is set."""
     x.slack_fraction[i] = 0.0
     x.peak_tension[i] = 0.0
     w.level[i] = 0.0

@@ -137,7 +137,7 @@ class Statics:
 
     @property
     def kappa3(self):
-        """Eq. (41): T_pre_t L_t + T_pre_b L_b, N m  [n]"""
+        """Eq. (41): T_pre_t L_t + T_pre_b L_b, N m  [n]."""
         return (self.pretension * self.length).sum(axis=0)
 
     def _direction(self, direction):

@@ -182,8 +182,11 @@ def _slip(w, e, s, g, i, dt, theta, last):
 
 @inline
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
-    """A block of columns. Short loops, one for each stage: the processor then works on several columns at once, which
-    the long chain of dependent operations of a whole step would prevent."""
+    """A block of columns, stage by stage.
+
+    Short loops, one for each stage: the processor then works on several columns at once, which the long chain of
+    dependent operations of a whole step would prevent.
+    """
     bends, holes = any_stiff(p, lanes), p.wrap_angle.shape[0]
     for i in range(lanes):
         closed_loop(p, w, i, p.cable_stiffness[i], dt)

@@ -120,6 +120,7 @@ def mobilised(n, inv_n, part):
 
 @inline
 def record(x, i, tension):
+    """The tension above and what the control step keeps of it: its peak, and the share of substeps without any."""
     x.drive_tension[i] = tension
     x.slack_fraction[i] += select(tension <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], tension)
@@ -192,6 +193,7 @@ def wrapped(p, w, lanes, bends):
 
 @inline
 def any_stiff(p, lanes):
+    """Whether a cable of the block has a bending stiffness."""
     found = False
     for i in range(lanes):
         found = found or p.bending_rigidity[i] > 0.0
