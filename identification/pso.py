@@ -84,7 +84,7 @@ def typical_growth(w: float, c1: float, c2: float, rng: np.random.Generator, ste
 
 
 def swarm(problem: RatioProblem, rng: np.random.Generator, settings: SwarmSettings | None = None) -> Fit:
-    """Identify with the particle swarm of Gu 2024, section 4.
+    """Identify with the particle swarm of Gu 2024, Eqs. (24)-(27).
 
     Parameters
     ----------

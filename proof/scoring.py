@@ -354,8 +354,8 @@ def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
     list of str
         Empty where none is broken.
     """
-    quiet = [r for r in results if r.kind in ("nothing", "decoy")]
-    alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in quiet)
+    without = [r for r in results if r.kind in ("nothing", "decoy")]
+    alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in without)
     covered = [hit for r in results for _, hit in r.intervals]
     claimed = [ok for r in results for c, ok in r.claims if c >= 0.9]
 
@@ -363,8 +363,8 @@ def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
         return limits(count, total)[1 if least else 0] if sample else count / total
 
     broken = []
-    if quiet and share(alarms, len(quiet), False) > LIMITS["false_alarms"]:
-        broken.append(f"false alarms: {alarms} of {len(quiet)}, more than 5 %")
+    if without and share(alarms, len(without), False) > LIMITS["false_alarms"]:
+        broken.append(f"false alarms: {alarms} of {len(without)}, more than 5 %")
     if covered and share(sum(covered), len(covered), True) < LIMITS["coverage"]:
         broken.append(f"95 % intervals cover {sum(covered)} of {len(covered)}, less than 90 %")
     if claimed and share(sum(claimed), len(claimed), True) < LIMITS["claimed_90"]:

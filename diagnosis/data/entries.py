@@ -8,7 +8,7 @@ from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
 
 DOUBTS = ("stuck", "saturated", "gap", "missing", "dropped", "clock", "label", "outlier", "other")
-"""Kinds of doubt. Samples of a channel within a "stuck" or "saturated" stretch are not measurements of it."""
+"""Kinds of doubt. Samples of a channel within a "stuck" or "saturated" span are not measurements of it."""
 
 UNUSABLE = ("stuck", "saturated")
 _DOUBT_KEYS = ("channel", "kind", "from_s", "to_s", "note")
@@ -18,7 +18,7 @@ _CONDITION_UNITS = ("m", "rad", "N", "N m", "m/s", "rad/s", "kg", "s", "Hz", "A"
 
 @dataclass(frozen=True)
 class Doubt:
-    """A stretch of a record, s, that is in doubt; ``channel`` is None where all of it is."""
+    """A span of a record, s, that is in doubt; ``channel`` is None where all of it is."""
 
     kind: str
     note: str

@@ -45,7 +45,7 @@ def autocorrelation_time(parts: Sequence[np.ndarray]) -> float:
     """Integrated autocorrelation time of series [T], samples: 1 + 2 sum of autocorrelations up to the first negative.
 
     A series of n samples has the effective sample size n over this (Sokal, Monte Carlo Methods in Statistical
-    Mechanics, 1997, sec. 2): so many independent ones would tell as much of its mean.
+    Mechanics, 1997): so many independent ones would tell as much of its mean.
     """
     longest = max(len(p) for p in parts)
     total = np.zeros(longest)

@@ -111,7 +111,7 @@ class _Run:
 
 
 class _Runs:
-    """Stretches of one channel that stay at the same number, across chunks; only those of `STUCK_SAMPLES` are kept."""
+    """Runs of one channel that stay at the same number, across chunks; only those of `STUCK_SAMPLES` are kept."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -288,9 +288,9 @@ class RecordCheck:
                 continue
             value = extreme if extreme == self._high[name] else -extreme
             for first, last, start, end, _ in flat:
-                stretch = f"{last - first + 1} rows, {start:.6g} to {end:.6g} s"
+                span = f"{last - first + 1} rows, {start:.6g} to {end:.6g} s"
                 self._log.add(
-                    "saturated", f"flat at its limit {value:.9g} for {stretch}", channel=name,
+                    "saturated", f"flat at its limit {value:.9g} for {span}", channel=name,
                     place=f"rows {first + 1} to {last + 1}", start=start, end=end,
                 )  # fmt: skip
 

@@ -140,11 +140,11 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
         if name in ("load_mass", "wrap_angle") and not isinstance(value, str)
     }
     weight = given.get("load_mass", values["load_mass"]) * values["gravity"] * values["load_gravity"]
-    quiet = time - time[0] <= SETTLING
+    settling = time - time[0] <= SETTLING
     if "load_position" in seen:
-        start = float(np.mean(seen["load_position"].values[quiet]))
+        start = float(np.mean(seen["load_position"].values[settling]))
     elif "drive_position" in seen:
-        start = float(np.mean(seen["drive_position"].values[quiet])) - weight / values["cable_stiffness"]
+        start = float(np.mean(seen["drive_position"].values[settling])) - weight / values["cable_stiffness"]
     else:
         start = 0.0
     along = _coordinates(time, seen, period)

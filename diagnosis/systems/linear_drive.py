@@ -214,10 +214,10 @@ def _run(time: np.ndarray, series: Mapping[str, Sampled], period: float, effort:
     samples = series["position_reference"].values if effort is None else position
     path, rate, rates = _middle(samples, period)
     pushed = np.zeros(len(path)) if effort is None else np.repeat(_halfway(series[effort].values), FINE)
-    quiet = max(int(0.3 / period), 1)
-    first = position[:quiet]
+    early = max(int(0.3 / period), 1)
+    first = position[:early]
     moving = smooth_speed(position, period)[0]
-    still = abs(moving) * quiet * period < 4.0 * max(float(np.std(np.diff(first))) if quiet > 2 else 0.0, 1e-12)
+    still = abs(moving) * early * period < 4.0 * max(float(np.std(np.diff(first))) if early > 2 else 0.0, 1e-12)
     start = float(first.mean()) if still else float(position[0])
     return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving))
 

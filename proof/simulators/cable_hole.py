@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, indices, jit, slipped, tension_ratio
+from proof.simulators.numerics import Table, jit, slipped, tension_ratio
 
 STEP = 1e-4
 CLOCK = 1e-3
@@ -23,7 +23,7 @@ what is left was found as a pre-sliding of 0.36 um beside other effects (gains o
 GUIDE = 8e-8
 GRAVITY = 9.81
 
-TABLE = Table({
+TABLE = Table(__name__, {
     "load_mass": 5.0, "load_stiffness": 0.0, "cable_stiffness": 6e4, "cable_damping": 100.0, "wrap_angle": 1.047,
     "radius_ratio": 1.5, "cable_radius": 1e-3, "friction_coefficient": 0.43, "extrusion_exponent": 2.03, "kp": 0.0,
     "acceleration_limit": 2.0,
@@ -43,10 +43,7 @@ TABLE = Table({
     "strand_slips.step": 0.0, "strand_slips.interval": 17.0,
     "ratchet.force": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.002,
 })  # fmt: skip
-(MASS, SPRING, CABLE, CABLE_C, WRAP, RHO, RADIUS, MU, OMEGA, KP, A_MAX, GUIDE_F, GUIDE_C, STR_F, STR_V, ASYM, SOFT,
- LOAD_EXP, GAIN, RIGIDITY, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, RIP_A, RIP_P, RIP_PH, GAP, EXTRA_K, CUBIC,
- LAG, SHEATH, THERMAL, THERMAL_T, LEAK, FLOOR_A, FLOOR_F, STRAND, STRAND_T, RAT_F, RAT_X, RAT_W) = indices(
-    TABLE.names, *TABLE.names)  # fmt: skip
+Parameters = TABLE.kind
 
 OUTPUTS = (
     "drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension", "drive_velocity_command"
@@ -56,38 +53,42 @@ OUTPUTS = (
 @jit
 def _friction(p, y, v, z, tension, t):
     """M: what multiplies the pressure in the hole."""
-    m = p[MU]
-    if p[STR_F] != 0.0:
-        m *= 1.0 + p[STR_F] * np.exp(-((v / p[STR_V]) ** 2))
-    if p[ASYM] != 0.0:
-        m *= 1.0 + p[ASYM] * z
-    if p[LOAD_EXP] != 0.0:
-        m *= (max(tension, 0.1) / (p[MASS] * GRAVITY)) ** p[LOAD_EXP]
-    if p[DRIFT] != 0.0:
-        m *= 1.0 + p[DRIFT] * (1.0 - np.exp(-t / p[DRIFT_T]))
-    if p[SHEATH] != 0.0:
-        m *= 1.0 + p[SHEATH] * y * y
-    if p[GAIN] != 0.0:
-        m += p[GAIN] * abs(v) ** p[OMEGA]
+    m = p.friction_coefficient
+    if p.stribeck_friction_excess != 0.0:
+        m *= 1.0 + p.stribeck_friction_excess * np.exp(-((v / p.stribeck_friction_speed) ** 2))
+    if p.asymmetric_friction_difference != 0.0:
+        m *= 1.0 + p.asymmetric_friction_difference * z
+    if p.load_dependent_friction_exponent != 0.0:
+        m *= (max(tension, 0.1) / (p.load_mass * GRAVITY)) ** p.load_dependent_friction_exponent
+    if p.friction_drift_change != 0.0:
+        m *= 1.0 + p.friction_drift_change * (1.0 - np.exp(-t / p.friction_drift_time))
+    if p.sheath_rubbing_curvature != 0.0:
+        m *= 1.0 + p.sheath_rubbing_curvature * y * y
+    if p.lateral_extrusion_gain != 0.0:
+        m += p.lateral_extrusion_gain * abs(v) ** p.extrusion_exponent
     return max(m, 1e-6)
 
 
 @jit
 def _log_ratio(p, y, v, z, t1, t2, t):
-    wrap = p[WRAP]
-    if p[RIGIDITY] != 0.0:
+    wrap = p.wrap_angle
+    if p.bending_stiffness_rigidity != 0.0:
         roots = 1.0 / np.sqrt(max(t1, 1e-3)) + 1.0 / np.sqrt(max(t2, 1e-3))
-        wrap = max(wrap - np.sqrt(p[RIGIDITY]) * roots / (2.0 * p[RHO] * p[RADIUS]), 0.0)
-    return np.log(tension_ratio(p[RHO], _friction(p, y, v, z, t1, t), wrap))
+        wrap = max(wrap - np.sqrt(p.bending_stiffness_rigidity) * roots / (2.0 * p.radius_ratio * p.cable_radius), 0.0)
+    return np.log(tension_ratio(p.radius_ratio, _friction(p, y, v, z, t1, t), wrap))
 
 
 @jit
 def _loads(p, y, v, t, armed):
-    force = -(p[MASS] - p[LEAK] * t) * GRAVITY - (p[SPRING] + p[EXTRA_K] + p[CUBIC] * y * y) * y - p[GUIDE_C] * v
-    if p[FLOOR_A] != 0.0:
-        force += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
-    if p[RAT_F] != 0.0:
-        force -= armed * p[RAT_F] * np.exp(-(((y - p[RAT_X]) / p[RAT_W]) ** 2))
+    force = (
+        -(p.load_mass - p.leaking_load_rate * t) * GRAVITY
+        - (p.load_stiffness + p.position_dependent_load_stiffness + p.position_dependent_load_cubic * y * y) * y
+        - p.viscous_friction_coefficient * v
+    )
+    if p.floor_vibration_amplitude != 0.0:
+        force += p.floor_vibration_amplitude * np.sin(2.0 * np.pi * p.floor_vibration_frequency * t)
+    if p.ratchet_force != 0.0:
+        force -= armed * p.ratchet_force * np.exp(-(((y - p.ratchet_place) / p.ratchet_width) ** 2))
     return force
 
 
@@ -95,69 +96,75 @@ def _loads(p, y, v, t, armed):
 def _lengthened(p, t):
     """Length that the cable has gained, m."""
     gained = 0.0
-    if p[THERMAL] != 0.0:
-        gained += 0.5 * p[THERMAL] * (1.0 - np.cos(2.0 * np.pi * t / p[THERMAL_T]))
-    if p[STRAND] != 0.0:
-        gained += p[STRAND] * np.floor(t / p[STRAND_T])
+    if p.thermal_length_amplitude != 0.0:
+        gained += 0.5 * p.thermal_length_amplitude * (1.0 - np.cos(2.0 * np.pi * t / p.thermal_length_period))
+    if p.strand_slips_step != 0.0:
+        gained += p.strand_slips_step * np.floor(t / p.strand_slips_interval)
     return gained
 
 
 @jit
 def _run(p, reference, rate, start, out):
     """Fill ``out`` [ticks, 6] (`OUTPUTS`)."""
-    h, mass = STEP, p[MASS]
-    k = 1.0 / (1.0 / p[CABLE] + p[COMPLIANCE])
+    h, mass = STEP, p.load_mass
+    k = 1.0 / (1.0 / p.cable_stiffness + p.cable_elongation_compliance)
     weight = mass * GRAVITY
-    follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
-    relax = 1.0 - np.exp(-h / p[CREEP_T])
+    follow = 1.0 - np.exp(-h / p.actuator_lag_time) if p.actuator_lag_time > 0.0 else 1.0
+    relax = 1.0 - np.exp(-h / p.viscoelastic_creep_time)
     y, v, t, mean, held, rub, armed = reference[0], 0.0, start, 0.0, 0.0, 0.0, 1.0
     pulled = -_loads(p, y, 0.0, start, 0.0)  # at rest friction has nothing to hold
     x, vx, wanted = y + pulled / k, 0.0, 0.0
-    if p[RIP_A] != 0.0:
-        x -= p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
-    nut, bristle = x, max(STIFF, p[SOFT])
+    if p.position_ripple_amplitude != 0.0:
+        x -= p.position_ripple_amplitude * np.sin(2.0 * np.pi * x / p.position_ripple_period + p.position_ripple_phase)
+    nut, bristle = x, max(STIFF, p.presliding_hysteresis_distance)
     stretch, crept, t1, t2 = pulled / k, pulled / k, pulled, pulled
     gained = _lengthened(p, start)
     for tick in range(len(reference)):
         ahead, out[tick, 0], out[tick, 1], out[tick, 2] = min(tick + 1, len(reference) - 1), x, vx, t1
         out[tick, 3], out[tick, 4] = y, t2
-        out[tick, 5] = rate[tick] + p[KP] * (reference[tick] - y)
+        out[tick, 5] = rate[tick] + p.kp * (reference[tick] - y)
         for n in range(_SUBSTEPS):
-            late = 0.5 if p[LAG] > 0.0 else 1.0  # a lag takes the command's mean over the step
+            late = 0.5 if p.actuator_lag_time > 0.0 else 1.0  # a lag takes the command's mean over the step
             part = (n + late) / _SUBSTEPS
             feed = rate[tick] + part * (rate[ahead] - rate[tick])
             asked = reference[tick] + part * (reference[ahead] - reference[tick])
-            wanted += follow * (feed + p[KP] * (asked - y - late * h * v) - wanted)
+            wanted += follow * (feed + p.kp * (asked - y - late * h * v) - wanted)
             before_v = vx
-            vx += min(max(wanted - vx, -p[A_MAX] * h), p[A_MAX] * h)
+            vx += min(max(wanted - vx, -p.acceleration_limit * h), p.acceleration_limit * h)
             for stage in range(2):
                 if stage == 1:
                     dy, before = h * v, mean
                     x, y, t = x + 0.5 * h * (before_v + vx), y + dy, t + h
-                    mean = slipped(mean, dy, STIFF, p[SOFT])
+                    mean = slipped(mean, dy, STIFF, p.presliding_hysteresis_distance)
                     held = slipped(held, dy, GUIDE, 0.0)
-                    fade = 1.0 - mean * mean if p[SOFT] > 0.0 else min(50.0 * (1.0 - abs(mean)), 1.0)
+                    fade = (
+                        1.0 - mean * mean
+                        if p.presliding_hysteresis_distance > 0.0
+                        else min(50.0 * (1.0 - abs(mean)), 1.0)
+                    )
                     rub = 0.0
                     if abs(mean) < 1.0 and mean != before:
                         rub = 0.7 * np.sqrt(0.3 * weight * mass / bristle) * fade * v
-                    nut = min(max(nut, x - 0.5 * p[GAP]), x + 0.5 * p[GAP])
+                    nut = min(max(nut, x - 0.5 * p.backlash_gap), x + 0.5 * p.backlash_gap)
                     hauled = nut
-                    if p[RIP_A] != 0.0:
-                        hauled += p[RIP_A] * np.sin(2.0 * np.pi * nut / p[RIP_P] + p[RIP_PH])
+                    if p.position_ripple_amplitude != 0.0:
+                        hauled += p.position_ripple_amplitude * np.sin(
+                            2.0 * np.pi * nut / p.position_ripple_period + p.position_ripple_phase
+                        )
                     stretch = hauled - y + gained - _lengthened(p, t)
                     crept += relax * (stretch - crept)
-                t1 = k * stretch + p[CABLE_C] * (vx - v)
-                if p[HARD] != 0.0:
-                    t1 += k * p[HARD] * stretch * (stretch - weight / k)
-                if p[CREEP] != 0.0:
-                    t1 += p[CREEP] * k * (stretch - crept)
+                t1 = k * stretch + p.cable_damping * (vx - v)
+                if p.stiffness_hardening_coefficient != 0.0:
+                    t1 += k * p.stiffness_hardening_coefficient * stretch * (stretch - weight / k)
+                if p.viscoelastic_creep_share != 0.0:
+                    t1 += p.viscoelastic_creep_share * k * (stretch - crept)
                 t1 = max(t1, 0.0) if stretch > 0.0 else 0.0
                 t2 = t1 * np.exp(-mean * _log_ratio(p, y, v, mean, t1, t2, t)) - rub
-                v += 0.5 * h * (t2 - p[GUIDE_F] * held + _loads(p, y, v, t, armed)) / mass
-            if p[RAT_F] != 0.0:
-                if y > p[RAT_X] + 2.5 * p[RAT_W]:
+                v += 0.5 * h * (t2 - p.coulomb_friction_force * held + _loads(p, y, v, t, armed)) / mass
+            if p.ratchet_force != 0.0:
+                if y > p.ratchet_place + 2.5 * p.ratchet_width:
                     armed = 0.0
-                elif y < p[RAT_X] - 2.5 * p[RAT_W]:
+                elif y < p.ratchet_place - 2.5 * p.ratchet_width:
                     armed = 1.0
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, indices, jit, slipped
+from proof.simulators.numerics import Table, jit, slipped
 
 STEP = 2e-4
 """s, of the integration; the controller and the log run at `CLOCK`."""
@@ -21,7 +21,7 @@ _SUBSTEPS = round(CLOCK / STEP)
 STIFF = 2e-7
 """m: the bristles that stand for true sticking; far below any position noise."""
 
-TABLE = Table({
+TABLE = Table(__name__, {
     "mass": 5.0, "viscous": 0.0, "coulomb": 0.0, "motor_share": 0.3, "kp": 4e3, "kv": 150.0, "kd": 150.0,
     "coulomb_friction.force": 0.0, "viscous_friction.coefficient": 0.0,
     "stribeck_friction.excess": 0.0, "stribeck_friction.speed": 0.01,
@@ -35,9 +35,7 @@ TABLE = Table({
     "supply_sag.share": 0.0, "supply_sag.time": 1.0, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
     "ratchet.force": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.004,
 })  # fmt: skip
-(MASS, VISCOUS, COULOMB, SHARE, KP, KV, KD, ADD_C, ADD_V, STR_F, STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, GAP, DRIFT,
- DRIFT_T, RIP_A, RIP_P, RIP_PH, SPRING, CUBIC, LAG, DELAY, PEN_M, PEN_L, DRAG, WIND, SAG, SAG_T, FLOOR_A, FLOOR_F,
- RAT_F, RAT_X, RAT_W) = indices(TABLE.names, *TABLE.names)  # fmt: skip
+Parameters = TABLE.kind
 
 OUTPUTS = ("position", "velocity", "force", "motor_position")
 
@@ -45,27 +43,32 @@ OUTPUTS = ("position", "velocity", "force", "motor_position")
 @jit
 def _limit(p, v, f, t):
     """Level of the dry friction, N."""
-    level = p[COULOMB] + p[ADD_C] + p[LOAD_MU] * abs(f)
-    if p[STR_F] != 0.0:
-        level += p[STR_F] * np.exp(-((v / p[STR_V]) ** 2))
-    if p[DRIFT] != 0.0:
-        level *= 1.0 + p[DRIFT] * (1.0 - np.exp(-t / p[DRIFT_T]))
+    level = p.coulomb + p.coulomb_friction_force + p.load_dependent_friction_coefficient * abs(f)
+    if p.stribeck_friction_excess != 0.0:
+        level += p.stribeck_friction_excess * np.exp(-((v / p.stribeck_friction_speed) ** 2))
+    if p.friction_drift_change != 0.0:
+        level *= 1.0 + p.friction_drift_change * (1.0 - np.exp(-t / p.friction_drift_time))
     return max(level, 0.0)
 
 
 @jit
 def _loads(p, x, v, t, armed):
     """What acts on the carriage beside friction and drive, N."""
-    force = -(p[VISCOUS] + p[ADD_V]) * v - (p[SPRING] + p[CUBIC] * x * x) * x
-    if p[RIP_A] != 0.0:
-        force -= p[RIP_A] * np.sin(2.0 * np.pi * x / p[RIP_P] + p[RIP_PH])
-    if p[DRAG] != 0.0:
-        wind = v - p[WIND] * np.sin(0.9 * t) * np.sin(0.37 * t + 1.0)
-        force -= p[DRAG] * abs(wind) * wind
-    if p[FLOOR_A] != 0.0:
-        force += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
-    if p[RAT_F] != 0.0:
-        force -= armed * p[RAT_F] * np.exp(-(((x - p[RAT_X]) / p[RAT_W]) ** 2))
+    force = (
+        -(p.viscous + p.viscous_friction_coefficient) * v
+        - (p.position_dependent_load_stiffness + p.position_dependent_load_cubic * x * x) * x
+    )
+    if p.position_ripple_amplitude != 0.0:
+        force -= p.position_ripple_amplitude * np.sin(
+            2.0 * np.pi * x / p.position_ripple_period + p.position_ripple_phase
+        )
+    if p.gusty_drag_coefficient != 0.0:
+        wind = v - p.gusty_drag_wind * np.sin(0.9 * t) * np.sin(0.37 * t + 1.0)
+        force -= p.gusty_drag_coefficient * abs(wind) * wind
+    if p.floor_vibration_amplitude != 0.0:
+        force += p.floor_vibration_amplitude * np.sin(2.0 * np.pi * p.floor_vibration_frequency * t)
+    if p.ratchet_force != 0.0:
+        force -= armed * p.ratchet_force * np.exp(-(((x - p.ratchet_place) / p.ratchet_width) ** 2))
     return force
 
 
@@ -82,15 +85,15 @@ def _run(p, reference, rate, hum, start, out):
     hum: what the controller's position sensor adds, m [ticks].
     """
     h = STEP
-    two = p[COMPLIANCE] > 0.0 or p[GAP] > 0.0
-    motor = p[SHARE] * p[MASS]
-    load = p[MASS] - motor if two else p[MASS]
-    belt = 1.0 / p[COMPLIANCE] if p[COMPLIANCE] > 0.0 else 2e5
-    damping, half = 2.0 * 0.1 * np.sqrt(belt * motor * load / p[MASS]), 0.5 * p[GAP]
-    bristle = max(STIFF, p[SOFT])
-    follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
-    late = int(np.floor(p[DELAY] / CLOCK))
-    mix = p[DELAY] / CLOCK - late
+    two = p.cable_elongation_compliance > 0.0 or p.backlash_gap > 0.0
+    motor = p.motor_share * p.mass
+    load = p.mass - motor if two else p.mass
+    belt = 1.0 / p.cable_elongation_compliance if p.cable_elongation_compliance > 0.0 else 2e5
+    damping, half = 2.0 * 0.1 * np.sqrt(belt * motor * load / p.mass), 0.5 * p.backlash_gap
+    bristle = max(STIFF, p.presliding_hysteresis_distance)
+    follow = 1.0 - np.exp(-h / p.actuator_lag_time) if p.actuator_lag_time > 0.0 else 1.0
+    late = int(np.floor(p.sensor_delay_time / CLOCK))
+    mix = p.sensor_delay_time / CLOCK - late
     x, v, t, mean, rub = reference[0], 0.0, start, 0.0, 0.0
     xm, vm = x, 0.0
     f, heat, swing, turn, armed = 0.0, 0.0, 0.0, 0.0, 1.0
@@ -98,21 +101,21 @@ def _run(p, reference, rate, hum, start, out):
         out[k, 0], out[k, 1], out[k, 3] = x, v, xm
         a, b = max(k - late, 0), max(k - late - 1, 0)  # the delayed position, linearly between ticks
         seen = out[a, 0] + mix * (out[b, 0] - out[a, 0]) + hum[k]
-        u = p[KP] * (reference[k] - seen) + p[KV] * rate[k] - p[KD] * v
+        u = p.kp * (reference[k] - seen) + p.kv * rate[k] - p.kd * v
         out[k, 2] = u
         for _ in range(_SUBSTEPS):
             f += follow * (u - f)
             drive = f
-            if p[SAG] != 0.0:
-                heat += h / p[SAG_T] * (abs(f * v) - heat)
-                drive *= 1.0 - min(p[SAG] * heat, 0.9)
+            if p.supply_sag_share != 0.0:
+                heat += h / p.supply_sag_time * (abs(f * v) - heat)
+                drive *= 1.0 - min(p.supply_sag_share * heat, 0.9)
             for stage in range(2):
                 if stage == 1:  # the displacement of the whole step, between two half kicks
                     dx, before = h * v, mean
                     x += dx
                     xm += h * vm
                     t += h
-                    mean = slipped(mean, dx, STIFF, p[SOFT])
+                    mean = slipped(mean, dx, STIFF, p.presliding_hysteresis_distance)
                     # keeps a stuck mass from ringing on its bristles; vanishes where it slides
                     rub = 0.0
                     if abs(mean) < 1.0 and mean != before:
@@ -122,15 +125,21 @@ def _run(p, reference, rate, hum, start, out):
                     over = _over(xm - x, half)
                     pull = belt * over + (damping * (vm - v) if over != 0.0 else 0.0)
                     vm += 0.5 * h * (drive - pull) / motor
-                net = pull - _limit(p, v, f, t) * mean - p[ASYM] * abs(mean) - rub + _loads(p, x, v, t, armed)
-                v += 0.5 * h * (net + p[PEN_M] * 9.81 * swing) / load
-            if p[RAT_F] != 0.0:  # a pawl: acts on the way up, is set again below
-                if x > p[RAT_X] + 2.5 * p[RAT_W]:
+                net = (
+                    pull
+                    - _limit(p, v, f, t) * mean
+                    - p.asymmetric_friction_difference * abs(mean)
+                    - rub
+                    + _loads(p, x, v, t, armed)
+                )
+                v += 0.5 * h * (net + p.pendulum_sway_mass * 9.81 * swing) / load
+            if p.ratchet_force != 0.0:  # a pawl: acts on the way up, is set again below
+                if x > p.ratchet_place + 2.5 * p.ratchet_width:
                     armed = 0.0
-                elif x < p[RAT_X] - 2.5 * p[RAT_W]:
+                elif x < p.ratchet_place - 2.5 * p.ratchet_width:
                     armed = 1.0
-            if p[PEN_M] > 0.0:
-                turn += h * (-(9.81 * swing + net / load) / p[PEN_L] - 0.4 * turn)
+            if p.pendulum_sway_mass > 0.0:
+                turn += h * (-(9.81 * swing + net / load) / p.pendulum_sway_length - 0.4 * turn)
                 swing += h * turn
 
 

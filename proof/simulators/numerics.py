@@ -6,7 +6,8 @@ element (stop operator) with a very short spring; pre-sliding is Dahl's equation
 step of any length dissipates and never produces energy.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import namedtuple
+from collections.abc import Mapping
 
 import numpy as np
 from numba import njit
@@ -39,20 +40,30 @@ def tension_ratio(rho, mu, phi):
 
 
 class Table:
-    """Names of a simulator's parameters in the order of its vector, with the values that switch their physics off."""
+    """Names of a simulator's parameters, with the values that switch their physics off.
 
-    def __init__(self, nulls: Mapping[str, float]):
+    Parameters
+    ----------
+    module : str
+        Of the simulator, which has ``Parameters = TABLE.kind``: compiled kernels are found again by that name.
+    nulls : Mapping of str to float
+        Dotted names of effects' parameters, "backlash.gap"; the kernels have them as ``p.backlash_gap``.
+    """
+
+    def __init__(self, module: str, nulls: Mapping[str, float]):
         self.nulls = dict(nulls)
         self.names = tuple(nulls)
+        self.kind = namedtuple("Parameters", [name.replace(".", "_") for name in nulls], module=module)
 
-    def pack(self, values: Mapping[str, float]) -> np.ndarray:
-        """The vector of ``values`` over the nulls; KeyError for a name that the simulator does not have."""
+    def pack(self, values: Mapping[str, float]) -> tuple[float, ...]:
+        """``values`` over the nulls, as a named tuple for a kernel.
+
+        Raises
+        ------
+        KeyError
+            For a name that the simulator does not have.
+        """
         for name in values:
             if name not in self.nulls:
                 raise KeyError(f"the simulator has no parameter '{name}'")
-        return np.array([float(values.get(name, null)) for name, null in self.nulls.items()])
-
-
-def indices(names: Sequence[str], *wanted: str) -> tuple[int, ...]:
-    """Places of ``wanted`` in ``names``."""
-    return tuple(list(names).index(name) for name in wanted)
+        return self.kind(*(float(values.get(name, null)) for name, null in self.nulls.items()))

@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, indices, jit, slipped, tension_ratio
+from proof.simulators.numerics import Table, jit, slipped, tension_ratio
 
 STEP = 5e-5
 CLOCK = 1e-3
@@ -33,7 +33,7 @@ RADII = np.array([[4e-3, 8e-3, 5e-3, 8e-3], [4e-3, 5e-3, 8e-3, 5e-3]])
 SPANS = np.array([[38.5e-3, 185e-3, 85e-3, 85e-3, 39.9e-3], [38.5e-3, 185e-3, 85e-3, 85e-3, 38.7e-3]])
 R0, R5, ROPE_RADIUS, SHAFT_RADIUS = 7e-3, 5e-3, 0.56e-3, 2.5e-3
 
-TABLE = Table({
+TABLE = Table(__name__, {
     "tensile_stiffness": 1.684e4, "pretension_top": 50.0, "pretension_bottom": 50.0, "shaft_friction": 0.157,
     "cable_friction": 0.54, "output_inertia": 2e-5, "output_damping": 2e-4, "contact_stiffness": 0.2,
     "contact_angle": 0.0, "contact_damping": 2e-3, "payload_mass": 0.0, "payload_arm": 15e-3,
@@ -50,10 +50,7 @@ TABLE = Table({
     "pendulum_sway.frequency": 1.5, "floor_vibration.amplitude": 0.0, "floor_vibration.frequency": 3.0,
     "ratchet.torque": 0.0, "ratchet.place": 0.0, "ratchet.width": 0.06, "sheath_rubbing.curvature": 0.0,
 })  # fmt: skip
-(EA, PRE_T, PRE_B, MU_S, MU_C, J, B, CONTACT_K, CONTACT, CONTACT_C, PAYLOAD, ARM, SERVO, ZETA, BRAKE, ADD_B, STR_F,
- STR_V, ASYM, SOFT, LOAD_MU, COMPLIANCE, HARD, CREEP, CREEP_T, DRIFT, DRIFT_T, GAP, RIP_A, RIP_N, RIP_PH,
- EXTRA_K, CUBIC, LAG, THERMAL, THERMAL_T, PEN_J, PEN_W, FLOOR_A, FLOOR_F, RAT_M, RAT_X, RAT_W, SHEATH) = indices(
-    TABLE.names, *TABLE.names)  # fmt: skip
+Parameters = TABLE.kind
 
 OUTPUTS = ("drive_angle", "drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom")
 _COUPLING, _PULLEY = 1500.0, 2e-5
@@ -75,16 +72,23 @@ def contact_logs(mu_cable: float, mu_shaft: float) -> tuple[np.ndarray, np.ndarr
 @jit
 def _dry(p, omega, held, both, warm):
     """Level of the output's dry friction, N m; ``both``: sum of the tensions at the driven pulley."""
-    level = p[BRAKE] * (1.0 + p[ASYM] * held) + p[LOAD_MU] * R5 * both
-    if p[STR_F] != 0.0:
-        level += p[STR_F] * np.exp(-((omega / p[STR_V]) ** 2))
+    level = (
+        p.coulomb_friction_torque * (1.0 + p.asymmetric_friction_difference * held)
+        + p.load_dependent_friction_coefficient * R5 * both
+    )
+    if p.stribeck_friction_excess != 0.0:
+        level += p.stribeck_friction_excess * np.exp(-((omega / p.stribeck_friction_speed) ** 2))
     return level * warm
 
 
 @jit
 def _hauled(p, angle):
     """Angle by which a driving pulley at ``angle`` has hauled the cables, rad: with its ripple."""
-    return angle + p[RIP_A] * np.sin(p[RIP_N] * angle + p[RIP_PH]) if p[RIP_A] != 0.0 else angle
+    return (
+        angle + p.position_ripple_amplitude * np.sin(p.position_ripple_number * angle + p.position_ripple_phase)
+        if p.position_ripple_amplitude != 0.0
+        else angle
+    )
 
 
 @jit
@@ -95,10 +99,10 @@ def _run(p, logs, worn, length, reference, rate, start, out):
     wrapped, m.
     """
     h = STEP
-    ea = 1.0 / (1.0 / p[EA] + p[COMPLIANCE])
-    pre = np.array([p[PRE_T], p[PRE_B]])
-    follow = 1.0 - np.exp(-h / p[LAG]) if p[LAG] > 0.0 else 1.0
-    relax = 1.0 - np.exp(-h / p[CREEP_T])
+    ea = 1.0 / (1.0 / p.tensile_stiffness + p.cable_elongation_compliance)
+    pre = np.array([p.pretension_top, p.pretension_bottom])
+    follow = 1.0 - np.exp(-h / p.actuator_lag_time) if p.actuator_lag_time > 0.0 else 1.0
+    relax = 1.0 - np.exp(-h / p.viscoelastic_creep_time)
     s, v = np.zeros((2, 4)), np.zeros((2, 4))
     crept, tension = np.zeros((2, 5)), np.zeros((2, 5))
     stiffness, damping = np.empty((2, 5)), np.empty((2, 5))
@@ -106,7 +110,11 @@ def _run(p, logs, worn, length, reference, rate, start, out):
         for j in range(5):
             stiffness[a, j] = ea / length[a, j]
             damping[a, j] = CABLE_DAMPING / length[a, j]
-    dry = p[BRAKE] != 0.0 or p[LOAD_MU] != 0.0 or p[STR_F] != 0.0
+    dry = (
+        p.coulomb_friction_torque != 0.0
+        or p.load_dependent_friction_coefficient != 0.0
+        or p.stribeck_friction_excess != 0.0
+    )
     settle = int(0.3 / h + 0.5)
     angle, speed, lagged = reference[0], 0.0, reference[0]
     pulley, turning, feed = angle, 0.0, 0.0
@@ -124,14 +132,17 @@ def _run(p, logs, worn, length, reference, rate, start, out):
             part = n / _SUBSTEPS if tick >= 0 else 0.0  # the command goes in straight lines from tick to tick
             lagged += follow * (reference[now] + part * (reference[ahead] - reference[now]) - lagged)
             feed += follow * (rate[now] + part * (rate[ahead] - rate[now]) - feed)
-            speed += h * (p[SERVO] ** 2 * (lagged - angle) + 2.0 * p[ZETA] * p[SERVO] * (feed - speed))
-            hauled = _hauled(p, pulley if p[GAP] > 0.0 else angle)
-            done = 1.0 - np.exp(-t / p[DRIFT_T]) if p[DRIFT] != 0.0 else 0.0
-            rough = 1.0 + p[SHEATH] * theta * theta
+            speed += h * (
+                p.servo_frequency**2 * (lagged - angle)
+                + 2.0 * p.servo_damping_ratio * p.servo_frequency * (feed - speed)
+            )
+            hauled = _hauled(p, pulley if p.backlash_gap > 0.0 else angle)
+            done = 1.0 - np.exp(-t / p.friction_drift_time) if p.friction_drift_change != 0.0 else 0.0
+            rough = 1.0 + p.sheath_rubbing_curvature * theta * theta
             strain = 0.0
-            if p[THERMAL] != 0.0:
-                strain = p[THERMAL] * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / p[THERMAL_T]))
-            wheel = turning if p[GAP] > 0.0 else speed
+            if p.thermal_length_strain != 0.0:
+                strain = p.thermal_length_strain * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / p.thermal_length_period))
+            wheel = turning if p.backlash_gap > 0.0 else speed
             for a in range(2):
                 side = 1.0 - 2.0 * a
                 for j in range(5):
@@ -141,11 +152,11 @@ def _run(p, logs, worn, length, reference, rate, start, out):
                     back_v = side * R5 * omega if j == 4 else v[a, j]
                     e = front - back - strain * length[a, j]
                     pull = pre[a] + stiffness[a, j] * e + damping[a, j] * (front_v - back_v)
-                    if p[HARD] != 0.0:
-                        pull += ea * p[HARD] * (e / length[a, j]) ** 2
-                    if p[CREEP] != 0.0:
+                    if p.stiffness_hardening_coefficient != 0.0:
+                        pull += ea * p.stiffness_hardening_coefficient * (e / length[a, j]) ** 2
+                    if p.viscoelastic_creep_share != 0.0:
                         crept[a, j] += relax * (e - crept[a, j])
-                        pull += p[CREEP] * stiffness[a, j] * (e - crept[a, j])
+                        pull += p.viscoelastic_creep_share * stiffness[a, j] * (e - crept[a, j])
                     tension[a, j] = max(pull, 0.0)
                 for i in range(4):
                     both = tension[a, i] + tension[a, i + 1]
@@ -158,41 +169,50 @@ def _run(p, logs, worn, length, reference, rate, start, out):
                 out[tick, 0], out[tick, 1], out[tick, 2] = angle, torque, theta
                 out[tick, 3] = R5 * (tension[0, 4] - tension[1, 4])
                 out[tick, 4], out[tick, 5] = tension[0, 0], tension[1, 0]
-            if p[GAP] > 0.0:
+            if p.backlash_gap > 0.0:
                 twist = angle - pulley
-                half = 0.5 * p[GAP]
+                half = 0.5 * p.backlash_gap
                 over = twist - half if twist > half else (twist + half if twist < -half else 0.0)
                 push = _COUPLING * over + (0.02 * (speed - turning) if over != 0.0 else 0.0)
                 turning += h * (push - torque - 1e-4 * turning) / _PULLEY
                 pulley += h * turning
-            load = (p[B] + p[ADD_B]) * omega + (p[EXTRA_K] + p[CUBIC] * theta * theta) * theta
-            depth = theta - p[CONTACT]
+            load = (p.output_damping + p.viscous_friction_coefficient) * omega + (
+                p.position_dependent_load_stiffness + p.position_dependent_load_cubic * theta * theta
+            ) * theta
+            depth = theta - p.contact_angle
             if depth > 0.0:
-                load += max(p[CONTACT_K] * depth + p[CONTACT_C] * omega, 0.0)
-            load += p[PAYLOAD] * p[ARM] * GRAVITY * np.cos(theta) if p[PAYLOAD] != 0.0 else 0.0
+                load += max(p.contact_stiffness * depth + p.contact_damping * omega, 0.0)
+            load += p.payload_mass * p.payload_arm * GRAVITY * np.cos(theta) if p.payload_mass != 0.0 else 0.0
             if dry:
-                level = _dry(p, omega, held, tension[0, 4] + tension[1, 4], 1.0 + p[DRIFT] * done)
+                level = _dry(p, omega, held, tension[0, 4] + tension[1, 4], 1.0 + p.friction_drift_change * done)
                 load += level * held
                 if abs(held) < 1.0:
-                    load += 0.5 * np.sqrt(level / max(STIFF, p[SOFT]) * p[J]) * (1.0 - held * held) * omega
-            if p[FLOOR_A] != 0.0:
-                load += p[FLOOR_A] * np.sin(2.0 * np.pi * p[FLOOR_F] * t)
-            if p[RAT_M] != 0.0:
-                load += armed * p[RAT_M] * np.exp(-(((theta - p[RAT_X]) / p[RAT_W]) ** 2))
-                if theta > p[RAT_X] + 2.5 * p[RAT_W]:
+                    load += (
+                        0.5
+                        * np.sqrt(level / max(STIFF, p.presliding_hysteresis_distance) * p.output_inertia)
+                        * (1.0 - held * held)
+                        * omega
+                    )
+            if p.floor_vibration_amplitude != 0.0:
+                load += p.floor_vibration_amplitude * np.sin(2.0 * np.pi * p.floor_vibration_frequency * t)
+            if p.ratchet_torque != 0.0:
+                load += armed * p.ratchet_torque * np.exp(-(((theta - p.ratchet_place) / p.ratchet_width) ** 2))
+                if theta > p.ratchet_place + 2.5 * p.ratchet_width:
                     armed = 0.0
-                elif theta < p[RAT_X] - 2.5 * p[RAT_W]:
+                elif theta < p.ratchet_place - 2.5 * p.ratchet_width:
                     armed = 1.0
-            if p[PEN_J] != 0.0:
-                back = p[PEN_J] * p[PEN_W] ** 2 * (theta - swing) + 0.05 * p[PEN_J] * p[PEN_W] * (omega - sway)
+            if p.pendulum_sway_inertia != 0.0:
+                back = p.pendulum_sway_inertia * p.pendulum_sway_frequency**2 * (
+                    theta - swing
+                ) + 0.05 * p.pendulum_sway_inertia * p.pendulum_sway_frequency * (omega - sway)
                 load += back
-                sway += h * back / p[PEN_J]
+                sway += h * back / p.pendulum_sway_inertia
                 swing += h * sway
-            omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p[J]
+            omega += h * (R5 * (tension[0, 4] - tension[1, 4]) - load) / p.output_inertia
             theta += h * omega
             angle += h * speed  # all positions after all forces: else the drive is half a step ahead of the output
             if dry:
-                held = slipped(held, h * omega, STIFF, p[SOFT])
+                held = slipped(held, h * omega, STIFF, p.presliding_hysteresis_distance)
             for a in range(2):
                 for i in range(4):
                     s[a, i] += h * v[a, i]
@@ -207,8 +227,10 @@ def simulate(values: Mapping[str, float], reference: np.ndarray, start: float = 
     first tick, s. The circuit first settles for 0.3 s at the first reference.
     """
     p = TABLE.pack(values)
-    logs, slip = contact_logs(p[MU_C], p[MU_S])
-    worn, _ = contact_logs(p[MU_C] * (1.0 + p[DRIFT]), p[MU_S] * (1.0 + p[DRIFT]))
+    logs, slip = contact_logs(p.cable_friction, p.shaft_friction)
+    worn, _ = contact_logs(
+        p.cable_friction * (1.0 + p.friction_drift_change), p.shaft_friction * (1.0 + p.friction_drift_change)
+    )
     wrapped = RADII * slip
     length = SPANS + 0.5 * (np.pad(wrapped, ((0, 0), (1, 0))) + np.pad(wrapped, ((0, 0), (0, 1))))
     reference = np.ascontiguousarray(reference, dtype=np.float64)
