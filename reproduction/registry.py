@@ -78,9 +78,34 @@ def compare(
     differs: str = "",
     absolute: bool = False,
 ) -> Row:
-    """A row that is reproduced within ``tolerance`` (relative, or in ``unit`` if ``absolute``) and differs beyond it.
+    """A number of a paper beside the computed one.
 
-    ``why`` explains a reproduced number, ``differs`` one that is not (a general sentence is used without it).
+    Parameters
+    ----------
+    quantity : str
+        What it is, in words.
+    published, computed : float
+        In ``unit``.
+    unit : str
+        SI, "1" for a ratio.
+    tolerance : float
+        Relative, or in ``unit`` if ``absolute``.
+    why : str
+        Explains a reproduced number.
+    differs : str
+        Explains one that is not reproduced; without it a general sentence does.
+    absolute : bool
+        What ``tolerance`` means.
+
+    Returns
+    -------
+    Row
+        Reproduced within the tolerance, differing beyond it.
+
+    Examples
+    --------
+    >>> compare("slip angle", 1.20, 1.21, "rad", 0.02).status
+    'reproduced'
     """
     error = abs(computed - published)
     if error <= tolerance * (1.0 if absolute else abs(published)):
@@ -90,12 +115,48 @@ def compare(
 
 
 def claim(quantity: str, published: str, computed: Number, holds: bool, why: str, unit: str = "") -> Row:
-    """A statement of the paper in words, and whether the computation bears it out."""
+    """A statement of a paper in words, and whether the computation bears it out.
+
+    Parameters
+    ----------
+    quantity : str
+        What the statement is about.
+    published : str
+        The statement.
+    computed : float, str or None
+        What was computed.
+    holds : bool
+        Whether the statement holds.
+    why : str
+        How that is seen.
+    unit : str
+        Of the computed number.
+
+    Returns
+    -------
+    Row
+    """
     return Row(quantity, published, computed, unit, REPRODUCED if holds else DIFFERS, why)
 
 
 def not_reproducible(quantity: str, published: Number, computed: Number, unit: str, why: str) -> Row:
-    """A row whose inputs the paper does not tell; ``why`` says which."""
+    """A number whose inputs the paper does not tell.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is, in words.
+    published, computed : float, str or None
+        As printed, and with the inputs that were assumed.
+    unit : str
+        Of both.
+    why : str
+        Which inputs are missing.
+
+    Returns
+    -------
+    Row
+    """
     return Row(quantity, published, computed, unit, NOT_REPRODUCIBLE, why)
 
 
@@ -136,7 +197,10 @@ class Result:
 
     @property
     def status(self) -> str:
-        """One row that differs makes the item differ; it is not reproducible when none of its rows is."""
+        """Verdict of the whole item.
+
+        One row that differs makes the item differ; it is not reproducible when none of its rows is.
+        """
         found = [row.status for row in self.rows]
         return DIFFERS if DIFFERS in found else REPRODUCED if REPRODUCED in found else NOT_REPRODUCIBLE
 
@@ -186,7 +250,28 @@ ITEMS: tuple[Item, ...] = (
 
 
 def find(names: Sequence[str] = ()) -> list[Item]:
-    """The items called ``names`` in registry order, or all. ConfigurationError with the nearest for an unknown name."""
+    """Items of the registry by name.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Names of items; empty: all.
+
+    Returns
+    -------
+    list of Item
+        In the order of the registry.
+
+    Raises
+    ------
+    ConfigurationError
+        With the nearest name for an unknown one.
+
+    Examples
+    --------
+    >>> [item.paper for item in find(("zou-table3", "gu-fig12"))]
+    ['gu', 'zou']
+    """
     known = {item.name: item for item in ITEMS}
     for name in names:
         if name not in known:
@@ -195,7 +280,21 @@ def find(names: Sequence[str] = ()) -> list[Item]:
 
 
 def run(items: Sequence[Item], progress: Callable[[str, float, str], None], jobs: int = 1) -> Iterator[Result]:
-    """Results as they are done, from ``jobs`` processes; ``progress(item, share, text)`` is called in this one."""
+    """Results of items as they are done.
+
+    Parameters
+    ----------
+    items : sequence of Item
+    progress : callable
+        Called with (item's name, share done, text) in this process.
+    jobs : int
+        Processes.
+
+    Yields
+    ------
+    Result
+        In any order; an item that raised has its traceback in ``error``.
+    """
     if jobs <= 1 or len(items) <= 1:
         for item in items:
             yield item.reproduce(partial(progress, item.name))

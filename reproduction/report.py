@@ -26,7 +26,25 @@ def in_order(results: Sequence[Result]) -> list[Result]:
 
 
 def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
-    """``rows.json``, ``tables.json`` (beyond the paper), ``index.html``, ``figures/<item>-<name>.svg``; the paths."""
+    """Write the report of a run.
+
+    Parameters
+    ----------
+    results : sequence of Result
+    folder : Path or str
+        It is made. ``rows.json`` gets every row, ``tables.json`` the tables beyond the papers, ``index.html`` the page,
+        ``figures/<item>-<name>.svg`` each figure.
+
+    Returns
+    -------
+    dict of Path
+        "json", "tables", "html", "figures".
+
+    Raises
+    ------
+    ConfigurationError
+        Where the folder cannot be made.
+    """
     folder = prepare(folder)
     for result in results:
         for figure in result.figures:
@@ -71,7 +89,18 @@ def standalone(svg: str) -> str:
 
 
 def render_html(results: Sequence[Result]) -> str:
-    """The page as text: every item with its verdict, figures and tables inline."""
+    """The page of a run: every item with its verdict, figures and tables inline.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        In any order.
+
+    Returns
+    -------
+    str
+        HTML that needs nothing else.
+    """
     from markupsafe import Markup
 
     from cable_envs.core.provenance import machine, versions
@@ -116,7 +145,13 @@ def _wordy(cell: Any) -> bool:
 
 
 def percent(value: float | None) -> str:
-    """A relative error in per cent; a dash for none."""
+    """A relative error in per cent.
+
+    Examples
+    --------
+    >>> percent(0.0123), percent(-0.5), percent(0.0), percent(None)
+    ('+1.2 %', '−50 %', '0 %', '–')
+    """
     if value is None:
         return "–"
     return "0 %" if abs(value) < 5e-7 else f"{100 * value:+.2g} %".replace("-", "−")

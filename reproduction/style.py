@@ -34,9 +34,19 @@ _RC: dict[Any, Any] = {
 
 
 def svg(draw: Callable[[Any], None], width: float, height: float) -> str:
-    """The SVG element that ``draw(figure)`` makes on an empty matplotlib Figure of ``width`` x ``height`` inches.
+    """A figure in the style of a journal.
 
-    Same input, same text: no date, ids from a hash, so that a committed figure changes only when its numbers do.
+    Parameters
+    ----------
+    draw : callable
+        Draws on the empty `matplotlib.figure.Figure` that it is given; its layout is constrained.
+    width, height : float
+        As printed, inches; `COLUMN` and `PAGE` are usual widths.
+
+    Returns
+    -------
+    str
+        SVG element, the same for the same drawing (`cable_envs.drawing.charts.svg`).
     """
     from cycler import cycler
 

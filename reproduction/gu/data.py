@@ -75,9 +75,22 @@ def grid_points(top_speed: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def simulated_ratios(cable: Cable, top_speed: float) -> np.ndarray:
-    """Ratios [75] by the numerical solution of Eq. (13) with area proportional to line force, as C = K v^omega assumes.
+    """Tension ratios of a cable by the numerical solution of Eq. (13).
 
-    The modulus drops out then, and one solution up to 90 degrees serves all wraps.
+    The area is proportional to the line force, as C = K v^omega assumes. The modulus drops out then, and one solution
+    up to 90 degrees serves all wraps.
+
+    Parameters
+    ----------
+    cable : Cable
+        Row of Table A1.
+    top_speed : float
+        Highest speed of the experiment, m/s.
+
+    Returns
+    -------
+    ndarray [75]
+        Ratio of the high to the low tension at `grid_points`.
     """
     found = []
     for v in np.unique(grid_points(top_speed)[1]):
@@ -92,7 +105,24 @@ def simulated_ratios(cable: Cable, top_speed: float) -> np.ndarray:
 def simulated_ratios_exact_area(
     cable: Cable, contact: ExtrudedContact, wrap: np.ndarray, speed: np.ndarray, accuracy: float = 1e-5
 ) -> np.ndarray:
-    """Ratios [points] of Eq. (13) with the area of Eq. (6): they depend on the tension, whose high end is the load."""
+    """Tension ratios of Eq. (13) with the area of Eq. (6): they depend on the tension, whose high end is the load.
+
+    Parameters
+    ----------
+    cable : Cable
+    contact : ExtrudedContact
+        The cable in its hole, `lateral_contact`.
+    wrap : ndarray [points]
+        rad.
+    speed : ndarray [points]
+        m/s.
+    accuracy : float
+        Change of the ratio below which the iteration ends.
+
+    Returns
+    -------
+    ndarray [points]
+    """
     found, n = np.empty(len(wrap)), 1.3
     for i, (phi, v) in enumerate(zip(wrap, speed, strict=True)):
         for _ in range(12):
@@ -109,13 +139,41 @@ def simulated_ratios_exact_area(
 def measured(
     ratio: np.ndarray, rng: np.random.Generator | None, std: float = SENSOR_STD
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(measured ratio, its std) [points]: n = m g / T, Eq. (36), with noise on T = m g / n; none without rng."""
+    """Ratios as the experiment measures them: n = m g / T, Eq. (36), with the noise of the tension sensor.
+
+    Parameters
+    ----------
+    ratio : ndarray [points]
+        True ratios.
+    rng : numpy.random.Generator or None
+        Draws the noise; None: no noise.
+    std : float
+        Of the sensor, N.
+
+    Returns
+    -------
+    ratio, std : ndarray [points]
+        Measured, and its standard deviation to first order.
+    """
     noise = 0.0 if rng is None else std * rng.standard_normal(len(ratio))
     return WEIGHT / (WEIGHT / ratio + noise), ratio**2 * std / WEIGHT
 
 
 def problem(cable: Cable, top_speed: float, rng: np.random.Generator | None) -> RatioProblem:
-    """Identification of one cable from its 75 points, made by the numerical solution of Eq. (13)."""
+    """Identification of one cable from its 75 points, made by the numerical solution of Eq. (13).
+
+    Parameters
+    ----------
+    cable : Cable
+    top_speed : float
+        Highest speed of the experiment, m/s.
+    rng : numpy.random.Generator or None
+        Draws the sensor's noise; None: no noise.
+
+    Returns
+    -------
+    RatioProblem
+    """
     wrap, speed = grid_points(top_speed)
     return RatioProblem(wrap, speed, *measured(simulated_ratios(cable, top_speed), rng))
 

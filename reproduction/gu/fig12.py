@@ -104,15 +104,41 @@ def quiet_speed(share: float, wrap: float = math.pi / 3) -> float:
 
 
 def friction(speed: np.ndarray, drop: float, stribeck_speed: float, exponent: float) -> np.ndarray:
-    """M(v) = mu + drop (e^{-(v/v_s)^exponent} - 1) + K v^omega: Table 2 with a friction that falls by ``drop``."""
+    """Friction of Table 2 with a Stribeck term: M(v) = mu + drop (e^{-(v/v_s)^exponent} - 1) + K v^omega.
+
+    Parameters
+    ----------
+    speed : ndarray
+        m/s.
+    drop : float
+        By how much the friction falls from rest.
+    stribeck_speed : float
+        v_s, m/s.
+    exponent : float
+        Of the speed.
+
+    Returns
+    -------
+    ndarray
+        Friction coefficient, like ``speed``.
+    """
     decay = np.exp(-((speed / stribeck_speed) ** exponent)) - 1.0
     return TABLE_2.mu + drop * decay + TABLE_2.K * speed**TABLE_2.omega
 
 
 def stribeck_search(exponent: float = 4.0) -> dict[str, float]:
-    """The Stribeck term (drop at most 0.4, so that mu stays positive) with the largest fall of M after a rise.
+    """The Stribeck term with the largest fall of the friction after a rise.
 
-    Returns its drop, its speed in m/s, and the relative fall of the ratio at 30, 60 and 90 degrees.
+    Parameters
+    ----------
+    exponent : float
+        Of (v / v_s) in the law of `friction`.
+
+    Returns
+    -------
+    dict of float
+        drop (at most 0.4, so that mu stays positive), its speed in m/s, and the relative fall of the tension ratio at
+        wraps of 30, 60 and 90 degrees.
     """
     speeds = np.linspace(0.0, PEAK_SPEED, 201)
     best, top, low = (0.0, PEAK_SPEED), 1.0, 1.0

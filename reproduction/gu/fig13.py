@@ -23,9 +23,24 @@ FIG_13_DIAMETER, FIG_13_MOST = 1.5e-3, 0.125e-3
 
 
 def largest_line_force(cable: Cable, wrap: float, speed: float = 0.0, raised: bool = True) -> float:
-    """N' at the outlet, where it is largest, N/rad.  N' = T'(1 + rho)/(rho M) of Eqs. (8), (14) with C = K v^omega.
+    """Line force at the hole's outlet, where it is largest.
 
-    ``raised``: the load hangs on the low-tension side, and the outlet carries n times its weight.
+    N' = T' (1 + rho) / (rho M) of Eqs. (8), (14) with C = K v^omega.
+
+    Parameters
+    ----------
+    cable : Cable
+    wrap : float
+        rad.
+    speed : float
+        m/s.
+    raised : bool
+        Whether the load hangs on the low-tension side, so that the outlet carries n times its weight.
+
+    Returns
+    -------
+    float
+        N/rad.
     """
     rho, m = PAPER_RHO0 * (1 + cable.delta), cable.mu + extrusion_coefficient(cable.K, cable.omega, speed)
     step = 1e-5
@@ -54,7 +69,19 @@ class Fitted:
 
 
 def fit_modulus(cable: Cable, raised: bool = True) -> Fitted:
-    """Least squares over the modulus; below the smallest, the cable would be flattened beyond its half at 90°."""
+    """Modulus of a cable fitted to its three measured compressions by least squares.
+
+    Parameters
+    ----------
+    cable : Cable
+    raised : bool
+        As of `largest_line_force`.
+
+    Returns
+    -------
+    Fitted
+        Not below the modulus at which the cable would be flattened beyond its half at 90 degrees.
+    """
     forces = np.array([largest_line_force(cable, math.radians(a), raised=raised) for a in ANGLES])
     measured = np.array(cable.compression)
     unit = lateral_contact(cable, 1.0)  # the modulus is 1 Pa: the limit of the line force is proportional to it

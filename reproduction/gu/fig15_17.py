@@ -73,7 +73,21 @@ def reproduce(progress: Progress) -> Result:
 
 
 def sweep(data: RatioProblem, constant: str, value: float) -> Setting:
-    """All seeds with ``constant`` at ``value`` and the others as in Table 1."""
+    """All seeds of the particle swarm with one constant at one value.
+
+    Parameters
+    ----------
+    data : RatioProblem
+        What is identified.
+    constant : str
+        Of the swarm, as in Table 1; the others stay as printed.
+    value : float
+        Of that constant.
+
+    Returns
+    -------
+    Setting
+    """
     chosen: dict[str, Any] = {**TABLE_1, constant: value}
     fits = [swarm(data, np.random.default_rng((15, k)), SwarmSettings(**chosen, edge="open")) for k in range(SEEDS)]
     length = 1 + SwarmSettings().iterations
@@ -98,7 +112,18 @@ def _padded(curve: np.ndarray, length: int) -> np.ndarray:
 
 
 def growth_of(spread: np.ndarray) -> float:
-    """Factor of the spread in an iteration, after the first fifth of a run, until it collapses or leaves all bounds."""
+    """Growth of a swarm: by what factor its spread changes in an iteration.
+
+    Parameters
+    ----------
+    spread : ndarray [iterations]
+        Of the particles.
+
+    Returns
+    -------
+    float
+        After the first fifth of a run, until the swarm collapses or leaves all bounds.
+    """
     inside = np.flatnonzero((spread > 1e-11) & (spread < 1e6))
     first, last = inside[-1] // 5, inside[-1]
     return float((spread[last] / spread[first]) ** (1.0 / max(last - first, 1)))

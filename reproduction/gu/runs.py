@@ -83,7 +83,22 @@ class Runs:
 
 
 def run(cases: Sequence[Case], duration: float = DURATION, seed: int = 2) -> Runs:
-    """All cases side by side, from rest at 0; tension mode through the inner loop of Eq. (35)."""
+    """Cases side by side, from rest at 0; in tension mode through the inner loop of Eq. (35).
+
+    Parameters
+    ----------
+    cases : sequence of Case
+        A controller on a true rig each.
+    duration : float
+        s.
+    seed : int
+        Of the sensors' noise.
+
+    Returns
+    -------
+    Runs
+        Signals [samples, cases].
+    """
     preset = load_rig("gu-inferred").values
     plant = cable_hole()
     rigs = [{**preset, **case.rig} for case in cases]
@@ -128,7 +143,20 @@ def run(cases: Sequence[Case], duration: float = DURATION, seed: int = 2) -> Run
 
 
 def chatter(values: np.ndarray, dt: float = DT, cutoff: float = 10.0) -> np.ndarray:
-    """RMS of what lies above ``cutoff`` Hz: root of the metric `chatter`  [samples, cases] -> [cases]."""
+    """RMS of what lies above a frequency: the root of the benchmark's metric of the same name.
+
+    Parameters
+    ----------
+    values : ndarray [samples, cases]
+    dt : float
+        Sampling period, s.
+    cutoff : float
+        Hz.
+
+    Returns
+    -------
+    ndarray [cases]
+    """
     n = len(values)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
     spectrum = np.abs(np.fft.rfft((values - values.mean(axis=0)) * window[:, None], axis=0)) ** 2

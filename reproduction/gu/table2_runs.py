@@ -62,7 +62,20 @@ class Runs:
 
 
 def identify(cable: Cable, top_speed: float, seed: int) -> Runs:
-    """One noisy data set, every method from `SEEDS` seeds."""
+    """One noisy data set of a cable, and every method from `SEEDS` seeds on it.
+
+    Parameters
+    ----------
+    cable : Cable
+    top_speed : float
+        Highest speed of the experiment, m/s.
+    seed : int
+        Of the noise.
+
+    Returns
+    -------
+    Runs
+    """
     data = problem(cable, top_speed, np.random.default_rng((2024, seed)))
     fits = {name: [run(data, np.random.default_rng((seed, k))) for k in range(SEEDS)] for name, run in METHODS.items()}
     return Runs(cable, top_speed, data, fits)

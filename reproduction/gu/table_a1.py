@@ -40,7 +40,24 @@ def parameters(cable: Cable) -> dict[str, float]:
 def largest_errors(
     frequency: float, noise: float = 1.0, amplitude: float = AMPLITUDE, seeds: tuple[int, ...] = SEEDS
 ) -> np.ndarray:
-    """Largest error of each cable over a settled period, mm: median over the seeds  [9]."""
+    """Largest tracking error of each cable over a settled period.
+
+    Parameters
+    ----------
+    frequency : float
+        Of the sinusoid, Hz.
+    noise : float
+        Factor on the sensors' noise.
+    amplitude : float
+        m.
+    seeds : tuple of int
+        Of the noise.
+
+    Returns
+    -------
+    ndarray [9]
+        mm, the median over the seeds.
+    """
     cases = [Case("g22", Sine(amplitude, frequency), parameters(c), noise=noise) for c in CABLES.values()]
     found = [
         1e3 * np.max(np.abs(run(cases, 1.5 / frequency, seed).late(0.5 / frequency).error), axis=0) for seed in seeds

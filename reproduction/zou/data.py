@@ -39,9 +39,21 @@ RADII = {"1t": 4e-3, "1b": 4e-3, "2t": 8e-3, "2b": 5e-3, "3t": 5e-3, "3b": 8e-3,
 
 
 def idler(name: str, support: str = "shaft", wrap: float | None = None) -> Pulley:
-    """An idler of Table 2 on its shaft, or "fixed"; ``wrap`` (rad) replaces its own.
+    """An idler of Table 2.
 
-    The cable's 0.56 mm are taken as a radius.
+    Parameters
+    ----------
+    name : str
+        As in the table.
+    support : str
+        "shaft", or "fixed".
+    wrap : float, optional
+        rad; without it its own.
+
+    Returns
+    -------
+    Pulley
+        The cable's 0.56 mm are taken as a radius.
     """
     printed = TABLE_3[name].wrap if wrap is None else wrap
     return Pulley(RADII[name], 0.56e-3, EXACT_WRAPS.get(printed, printed), 0.54, support, 2.5e-3, 0.157)

@@ -29,7 +29,18 @@ def characteristic(variant: str, dt: float = 0.005) -> Run:
 
 
 def dead_band(output_torque: float) -> float:
-    """Drive angle (rad) between the ccw and the cw working line at one output torque: Eq. (45) in both directions."""
+    """Drive angle between the working lines of both directions at one output torque: Eq. (45) twice.
+
+    Parameters
+    ----------
+    output_torque : float
+        N m.
+
+    Returns
+    -------
+    float
+        rad.
+    """
     statics = Statics.from_rig(RIG)
     angle = [float(statics.inverse(0.0, output_torque, direction).drive_angle[0]) for direction in (1, -1)]
     return angle[0] - angle[1]
@@ -45,7 +56,20 @@ def strokes(run: Run) -> list[np.ndarray]:
 
 
 def slopes(run: Run, stroke: np.ndarray) -> dict[str, float]:
-    """Mean slope d theta_out / d theta_in of each phase within a stroke, in units of R0 / R5."""
+    """Mean slope of the output angle over the drive angle in each phase of a stroke.
+
+    Parameters
+    ----------
+    run : Run
+        One mechanism.
+    stroke : ndarray of int
+        Samples of the stroke (`strokes`).
+
+    Returns
+    -------
+    dict of float
+        By phase, in units of R0 / R5: 1 is a rigid cable.
+    """
     found = {}
     for number, name in PHASES.items():
         inside = stroke[1:][run["phase"][stroke[1:], 0] == number]

@@ -74,7 +74,23 @@ def uncompensated(rigs: Sequence[Mapping[str, float]]) -> Run:
 
 
 def truths(nominal: Mapping[str, float], spread: float, count: int = TRUTHS, seed: int = 7) -> list[dict[str, float]]:
-    """``count`` rigs whose uncertain parameters are drawn uniformly within +/- ``spread`` of the nominal ones."""
+    """Rigs around a nominal one.
+
+    Parameters
+    ----------
+    nominal : mapping of float
+        Parameters, SI.
+    spread : float
+        Uncertain parameters are drawn uniformly within +/- this share of the nominal ones.
+    count : int
+        Rigs.
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    list of dict
+    """
     rng = np.random.default_rng(seed)
     factors = 1.0 + spread * rng.uniform(-1.0, 1.0, (count, len(UNCERTAIN)))
     return [
@@ -118,11 +134,23 @@ class Estimate(NamedTuple):
 
 
 def estimate(nominal: Mapping[str, float], run: Run, hold: str = "band") -> Estimate:
-    """Eqs. (44)-(47) with nominal parameters on recorded drive signals.
+    """Output angle and torque as Eqs. (44)-(47) estimate them from recorded drive signals.
 
-    ``hold``: how delay and transition end. "printed": flag of Eq. (47) as it stands, which never holds; "minus": with
-    its lost minus, which holds until the drive's torque changes sign; "band": for the drive's distance between the two
-    working lines, Eq. (45) in both directions, as both plants do (`zou_fig6`).
+    Parameters
+    ----------
+    nominal : mapping of float
+        Parameters that the estimate believes in.
+    run : Run
+        Drive angle and torque.
+    hold : str
+        How delay and transition end. "printed": flag of Eq. (47) as it stands, which never holds; "minus": with its
+        lost minus, which holds until the drive's torque changes sign; "band": for the drive's distance between the two
+        working lines, Eq. (45) in both directions, as both plants do (`reproduction.zou.fig6`).
+
+    Returns
+    -------
+    Estimate
+        [samples, mechanisms].
     """
     statics = Statics.from_rig(nominal)
     columns = range(run["drive_angle"].shape[1])
@@ -171,11 +199,28 @@ def compensated(
     seed: int | None = 11,
     **gains: float,
 ) -> Run:
-    """The chain with every rig under a reference controller that knows ``nominal``.
+    """The chain under a reference controller with a position servo and noisy drive signals.
 
-    A position servo with noisy drive signals. ``name`` is "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid".
-    The wanted output angle is added to the signals as "reference". The torque saturator is set out of reach unless
-    ``grasp_limit`` is given. ``seed`` None: no noise.
+    Parameters
+    ----------
+    name : str
+        "feedforward-pid" (Eq. (49), Fig. 7) or "uncompensated-pid".
+    nominal : mapping of float
+        Parameters that the controller believes in.
+    rigs : sequence of mapping
+        True parameters.
+    reference : Sine
+        Wanted output angle; it is added to the signals as "reference".
+    cycles : float
+        Length of the run in periods of the reference.
+    seed : int or None
+        Of the noise; None: no noise.
+    **gains : float
+        Of the controller; the torque saturator is set out of reach unless ``grasp_limit`` is given.
+
+    Returns
+    -------
+    Run
     """
     plant = plant_for("pulley_circuit", "chain")
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
@@ -216,7 +261,27 @@ def tracking_errors(run: Run) -> Estimate:
 
 
 def within(quantity: str, published: float, values: np.ndarray, unit: str, what: str, differs: str = "") -> Row:
-    """A printed number against an ensemble: reproduced when between its 5 and 95 % quantiles; computed: the median."""
+    """A printed number against an ensemble.
+
+    Parameters
+    ----------
+    quantity : str
+        What it is, in words.
+    published : float
+        In ``unit``.
+    values : ndarray
+        Of the ensemble.
+    unit : str
+    what : str
+        What the ensemble is.
+    differs : str
+        Why the number may lie outside.
+
+    Returns
+    -------
+    Row
+        Reproduced when between the ensemble's 5 and 95 % quantiles; computed is its median.
+    """
     low, high = np.quantile(values, (0.05, 0.95))
     inside = bool(low <= published <= high)
     why = f"{what}: 5 to 95 % of {len(values)} truths are {low:.3g} to {high:.3g} {unit}"

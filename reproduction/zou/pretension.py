@@ -136,7 +136,22 @@ def rig(conditions: Mapping[str, float], pretension: float) -> dict[str, float]:
 
 
 def simulate(model: Model, conditions: Sequence[Mapping[str, float]], dt: float = COARSE) -> Run:
-    """One settled cycle for each of the conditions at the three pretensions: mechanisms [3 * conditions]."""
+    """One settled cycle for each of some conditions at the three pretensions of Table 4.
+
+    Parameters
+    ----------
+    model : Model
+        How to run it.
+    conditions : sequence of mapping
+        What the model frees, by name.
+    dt : float
+        Sampling period, s.
+
+    Returns
+    -------
+    Run
+        Mechanisms [3 x conditions].
+    """
     rigs = [rig(c, pretension) for c in conditions for pretension in PRETENSIONS]
     angle = sinusoid(1.25, dt)
     run = printed_equations(rigs, angle, dt) if model.variant == "printed" else follow(model.variant, rigs, angle, dt)
@@ -157,7 +172,21 @@ def errors_of(
 
 
 def fit(model: Model, reading: Reading, generations: int = 30, seed: int = 1) -> Fitted:
-    """The conditions with the smallest misfit: differential evolution, a generation simulated at once."""
+    """Conditions with the smallest misfit to Table 4: differential evolution, a generation simulated at once.
+
+    Parameters
+    ----------
+    model : Model
+    reading : Reading
+        What the words of the table mean.
+    generations : int
+    seed : int
+        Of the draws.
+
+    Returns
+    -------
+    Fitted
+    """
     bounds = model.bounds(reading.expected)
     names = list(bounds)
 
@@ -190,10 +219,23 @@ def landscape(model: Model, reading: Reading, stiffness: np.ndarray, angle: np.n
 
 
 def printed_equations(rigs: Sequence[Mapping[str, Any]], angle: np.ndarray, dt: float) -> Run:
-    """Eqs. (37)-(45) with the hold of Eq. (47), massless, tensions of either sign: the paper's theory of the circuit.
+    """The paper's theory of the circuit: Eqs. (37)-(45) with the hold of Eq. (47), massless, tensions of either sign.
 
     At a D the output carries M_ccw(D) moving ccw and M_cw(D) moving cw; between both it holds. The contact's answer is
     piecewise linear, so the angle at which it balances each branch is explicit.
+
+    Parameters
+    ----------
+    rigs : sequence of mapping
+        Parameters of the mechanisms, SI.
+    angle : ndarray [samples + 1]
+        Of the drive, rad.
+    dt : float
+        Sampling period, s.
+
+    Returns
+    -------
+    Run
     """
     s = Statics.from_values(np.stack([CIRCUIT.pack(r) for r in rigs], axis=1))
     stiffness, touch = (np.array([r[name] for r in rigs]) for name in ("contact_stiffness", "contact_angle"))

@@ -80,16 +80,48 @@ class Run:
 
 
 def sinusoid(cycles: float = 1.25, dt: float = DT, amplitude: float = AMPLITUDE, period: float = PERIOD) -> np.ndarray:
-    """Samples of amplitude sin(2 pi t / period) at t = 0, dt, ...  [samples + 1]."""
+    """A sinusoidal drive angle: amplitude sin(2 pi t / period) at t = 0, dt, ...
+
+    Parameters
+    ----------
+    cycles : float
+        Length in periods.
+    dt : float
+        Sampling period, s.
+    amplitude : float
+        rad.
+    period : float
+        s.
+
+    Returns
+    -------
+    ndarray [samples + 1]
+    """
     return amplitude * np.sin(2 * np.pi / period * dt * np.arange(round(cycles * period / dt) + 1))
 
 
 def follow(
     variant: str, rigs: Sequence[Mapping[str, float]], angle: np.ndarray, dt: float = DT, substeps: int = SUBSTEPS
 ) -> Run:
-    """Drive every mechanism along ``angle`` (rad, [samples + 1], the first is the start) through its position servo.
+    """Drive mechanisms along an angle through their position servos.
 
-    ``variant`` "analytic" or "chain". A mechanism starts at rest at output angle 0 unless its contact is below that.
+    Parameters
+    ----------
+    variant : str
+        Plant, "analytic" or "chain".
+    rigs : sequence of mapping
+        Parameters of the mechanisms, SI.
+    angle : ndarray [samples + 1]
+        Of every drive, rad; the first is the start.
+    dt : float
+        Sampling period, s.
+    substeps : int
+        Integration steps in a sample.
+
+    Returns
+    -------
+    Run
+        From rest at output angle 0, unless the contact is below that.
     """
     plant = plant_for("pulley_circuit", variant)
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
@@ -112,9 +144,21 @@ def last_cycle(run: Run, period: float = PERIOD) -> Run:
 def four_errors(
     run: Run, expected: str = "contact", half: bool = False, bearing_arm: float | np.ndarray = 0.0
 ) -> np.ndarray:
-    """Max and mean of position error (rad) and torque error (N m), the columns of Table 4  [mechanisms, 4].
+    """The columns of Table 4: maximum and mean of the position error (rad) and of the torque error (N m).
 
-    ``half``: only over the half cycle in which the drive is on the contact's side (theta_in > 0).
+    Parameters
+    ----------
+    run : Run
+    expected : str
+        Where the expected torque comes from, one of `EXPECTED`.
+    half : bool
+        Only over the half cycle in which the drive is on the contact's side (theta_in > 0).
+    bearing_arm : float or ndarray
+        As of `Run.torque_error`, m.
+
+    Returns
+    -------
+    ndarray [mechanisms, 4]
     """
     found = (np.abs(run.position_error), np.abs(run.torque_error(expected, bearing_arm)))
     used = (run.expected_angle > 0.0) if half else np.ones_like(found[0], dtype=bool)

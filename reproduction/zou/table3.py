@@ -17,7 +17,20 @@ COLUMNS = {"slip": ("slip angle", "rad"), "rotatable": ("ratio, rotatable", "1")
 
 
 def computed(name: str, wrap: float | None = None) -> dict[str, float]:
-    """The three computed columns of an idler, with its own or another wrap (rad)."""
+    """The three computed columns of an idler: Eqs. (12), (30) and the capstan's slip angle.
+
+    Parameters
+    ----------
+    name : str
+        As in the table.
+    wrap : float, optional
+        rad; without it its own.
+
+    Returns
+    -------
+    dict of float
+        By column.
+    """
     pulley, fixed = idler(name, wrap=wrap), idler(name, "fixed", wrap)
     return {"slip": pulley.slip_angle, "rotatable": pulley.ratio_over_slip, "fixed": fixed.ratio}
 
