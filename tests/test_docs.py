@@ -13,7 +13,7 @@ import yaml
 from cablebench.cli.app import app
 from cablebench.entrants.named import named_entrant
 from cablebench.protocol.metrics import measure
-from cablebench.run.evaluate import run_episode
+from cablebench.run.evaluation import run_episode
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

@@ -21,7 +21,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.provenance import versions
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace
-from cablebench.run.evaluate import core_of, env_id_of
+from cablebench.run.evaluation import core_of, env_id_of
 
 ROOT_VARIABLE = "MINARI_DATASETS_PATH"
 """Where Minari looks for datasets; its functions know no argument for it."""

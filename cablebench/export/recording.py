@@ -24,7 +24,7 @@ from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
-from cablebench.run.evaluate import core_of, env_id_of
+from cablebench.run.evaluation import core_of, env_id_of
 from diagnosis.data.recording import SCHEMA, channels_of, parameters_of
 
 FILE = "recording.yaml"

@@ -10,7 +10,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cablebench.entrants.entrant import Entrant
 from cablebench.protocol.episode import Episode
-from cablebench.run.evaluate import core_of, run_episode
+from cablebench.run.evaluation import core_of, run_episode
 
 RANDOM_STREAM = 0x5EED
 """Second word of the random policy's seed: its numbers are not those that the environment draws from the same seed."""

@@ -1,4 +1,4 @@
-"""The evaluation of `cablebench.run.evaluate` as jobs: one for each entrant on each condition, the same numbers.
+"""The evaluation of `cablebench.run.evaluation` as jobs: one for each entrant on each condition, the same numbers.
 
 Every episode is seeded by itself, so it does not matter which process runs it. An `Entrant` holds closures and cannot
 travel; a recipe does: a picklable call without arguments that makes the entrant again in the worker. Records are made
@@ -18,7 +18,7 @@ from cablebench.jobs import Backend, Context, Job
 from cablebench.jobs import Progress as JobProgress
 from cablebench.protocol.episode import Episode
 from cablebench.protocol.protocol import Cell, Protocol
-from cablebench.run.evaluate import (
+from cablebench.run.evaluation import (
     Progress,
     badness,
     core_of,
@@ -46,7 +46,7 @@ def evaluate_in_jobs(
     progress: Callable[[Progress], None] | None = None,
     resume: bool = False,
 ) -> list[dict[str, Any]]:
-    """The same as `cablebench.run.evaluate.evaluate`, in several processes.
+    """The same as `cablebench.run.evaluate`, in several processes.
 
     Parameters
     ----------

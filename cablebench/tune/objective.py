@@ -18,7 +18,7 @@ from cable_envs.sim.tasks import REFERENCE
 from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.jobs import Context
 from cablebench.protocol.protocol import Cell, Protocol
-from cablebench.run.evaluate import badness, core_of, facts, run_episode
+from cablebench.run.evaluation import badness, core_of, facts, run_episode
 
 WORST = 10.0
 BEST = 1e-9

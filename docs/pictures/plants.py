@@ -10,7 +10,7 @@ import numpy as np
 from PIL import Image
 
 from cablebench.entrants.named import named_entrant
-from cablebench.run.evaluate import run_episode
+from cablebench.run.evaluation import run_episode
 
 FILE = Path(__file__).with_name("plants.webp")
 SHOWN = (

@@ -18,7 +18,7 @@ from baselines import make_controller
 from cable_envs import ENV_IDS
 from cable_envs.core.errors import ConfigurationError
 from cablebench.protocol.actors import ControllerActor, PolicyActor
-from cablebench.run.evaluate import run_episode
+from cablebench.run.evaluation import run_episode
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Position-Sine-v0"

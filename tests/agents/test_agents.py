@@ -285,7 +285,7 @@ def test_train_save_load_predict(tmp_path):
 def test_policy_acts_in_an_evaluation_as_in_training(tmp_path):
     """The smoothing that training did in the batch is done by the loaded policy: same rewards over an episode."""
     from cablebench.protocol.actors import PolicyActor
-    from cablebench.run.evaluate import run_episode
+    from cablebench.run.evaluation import run_episode
 
     policy = train(_settings(400, env_options={}), 0, tmp_path)
     options = {"duration": 0.5}
@@ -386,7 +386,7 @@ def test_ppo_learns_to_track(env_id, share, tmp_path):
     """
     from cablebench.entrants.entrant import controller_entrant
     from cablebench.protocol.actors import PolicyActor
-    from cablebench.run.evaluate import run_episode
+    from cablebench.run.evaluation import run_episode
 
     policy = train(load_settings("ppo", env_id), 0, tmp_path)
     env = gym.make(env_id, sensor_noise=True)

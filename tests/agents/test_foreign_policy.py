@@ -16,7 +16,7 @@ from cablebench.cli import main
 from cablebench.cli.shared.policies import policy_file_entrant
 from cablebench.protocol.actors import PolicyActor
 from cablebench.protocol.episode import Episode
-from cablebench.run.evaluate import run_episode
+from cablebench.run.evaluation import run_episode
 from tests.cablebench.test_submit import TINY
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"

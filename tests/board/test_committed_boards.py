@@ -7,7 +7,7 @@ import pytest
 from cable_envs.core.files import read_json
 from cablebench.board.board import build_board
 from cablebench.board.replay import TIMED
-from cablebench.protocol.protocol import load_protocol
+from cablebench.protocol.files import load_protocol
 from cablebench.run.store import ResultStore
 
 BOARDS = Path(__file__).parents[2] / "boards"
@@ -52,7 +52,7 @@ def test_a_row_scores_as_recorded(entrant):
     from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import named_entrant
     from cablebench.protocol.metrics import measure
-    from cablebench.run.evaluate import run_episode
+    from cablebench.run.evaluation import run_episode
 
     protocol = load_protocol("quick")
     cell = next(c for c in protocol.cells(("CableHole-Position-Sine",), ("randomised",)))

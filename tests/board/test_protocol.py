@@ -8,7 +8,8 @@ import yaml
 import cable_envs
 from cable_envs.core.config import config_path, config_root
 from cable_envs.core.errors import ConfigurationError
-from cablebench.protocol.protocol import Protocol, SeedRange, load_protocol, parse_protocol
+from cablebench.protocol.files import load_protocol, parse_protocol
+from cablebench.protocol.protocol import Protocol, SeedRange
 
 FILES = sorted(p.stem for p in (config_root() / "protocols").glob("*.yaml"))
 

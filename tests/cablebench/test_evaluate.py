@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-import cablebench.run.evaluate as evaluation
+import cablebench.run.evaluation as evaluation
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
 from cablebench.board.board import build_board
@@ -13,7 +13,7 @@ from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entra
 from cablebench.entrants.named import reference_entrants
 from cablebench.protocol.actors import ControllerActor, PolicyActor
 from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
-from cablebench.run.evaluate import evaluate, run_episode
+from cablebench.run.evaluation import evaluate, run_episode
 from cablebench.run.store import ResultStore
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"

@@ -12,7 +12,7 @@ from cable_envs.core.errors import ConfigurationError
 from cablebench.entrants.entrant import controller_entrant
 from cablebench.jobs import Job, JobError, open_backend
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
-from cablebench.run.evaluate import evaluate
+from cablebench.run.evaluation import evaluate
 from cablebench.run.jobs import evaluate_in_jobs
 from cablebench.run.store import ResultStore
 from tests.support import jobs_support as support

@@ -11,7 +11,7 @@ from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.training import RUN, training_job
 from cablebench.jobs import Job, JobError
 from cablebench.jobs.driver import CrewBackend
-from cablebench.run.evaluate import evaluate
+from cablebench.run.evaluation import evaluate
 from cablebench.run.jobs import evaluate_in_jobs
 from cablebench.run.store import ResultStore
 from tests.cablebench.test_jobs import HOLE, RECIPES, numbers, protocol

@@ -12,7 +12,7 @@ from cablebench.entrants.dry_run import dry_run, within
 from cablebench.entrants.named import named_entrant
 from cablebench.entrants.submission import submission_entrant
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
-from cablebench.run.evaluate import evaluate
+from cablebench.run.evaluation import evaluate
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 GOOD = """

@@ -12,7 +12,7 @@ from cable_envs.core.params import Parameter, ParameterTable
 from cablebench.cli import main
 from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.jobs import Job, open_backend
-from cablebench.protocol.protocol import load_protocol
+from cablebench.protocol.files import load_protocol
 from cablebench.tune.objective import training_seed, tuning_cells, tuning_seeds
 from cablebench.tune.space import gain_space, nested, parse_space
 from cablebench.tune.study import Search, best, read_trials, tune

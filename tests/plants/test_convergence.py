@@ -16,7 +16,7 @@ import cable_envs
 from cable_envs.sim.registered import setup_of
 from cablebench.entrants.named import reference_entrants
 from cablebench.protocol.metrics import measure
-from cablebench.run.evaluate import run_episode
+from cablebench.run.evaluation import run_episode
 
 ENTRANTS = {e.name: e for e in reference_entrants()}
 CASES = [

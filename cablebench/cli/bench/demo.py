@@ -37,8 +37,8 @@ def demo(
     from agents.settings import load_settings
     from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import reference_entrants
-    from cablebench.protocol.protocol import load_protocol
-    from cablebench.run.evaluate import evaluate
+    from cablebench.protocol.files import load_protocol
+    from cablebench.run.evaluation import evaluate
     from cablebench.run.store import ResultStore
 
     chosen = load_protocol(protocol)

@@ -34,7 +34,7 @@ def evaluate(
     as_json: Annotated[bool, typer.Option("--json", help="All records as JSON on standard output.")] = False,
 ) -> None:
     """Evaluate controllers (default: all references) and trained policies over the protocol's test episodes."""
-    from cablebench.protocol.protocol import load_protocol
+    from cablebench.protocol.files import load_protocol
     from cablebench.run.store import ResultStore
 
     if resume and results is None:
@@ -88,7 +88,7 @@ def evaluate_on(
             update("episodes", p.done, p.total, p.text)
 
         if backend == "local" and jobs in (None, 1) and ray_address is None:
-            from cablebench.run.evaluate import evaluate as run
+            from cablebench.run.evaluation import evaluate as run
 
             return run(protocol, [recipe() for recipe in recipes], *conditions, report, resume)
         from cablebench.run.jobs import evaluate_in_jobs

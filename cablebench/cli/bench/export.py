@@ -113,7 +113,7 @@ def _recording(
     import gymnasium as gym
 
     from cablebench.export.recording import TABLES, check_environment, check_folder, check_split, write_recording
-    from cablebench.run.evaluate import core_of
+    from cablebench.run.evaluation import core_of
 
     if table not in TABLES:
         raise ConfigurationError(f"--table: unknown format '{table}'; {nearest(table, TABLES)}")

@@ -62,7 +62,7 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
 
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
     """(results folder, the flags that name it and the protocol). ConfigurationError when nothing names a folder."""
-    from cablebench.protocol.protocol import load_protocol
+    from cablebench.protocol.files import load_protocol
 
     if board is None and results is None:
         raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
@@ -81,7 +81,7 @@ def board_folder(name: str) -> Path:
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
     """The protocol of that name, or that of the newest record."""
-    from cablebench.protocol.protocol import load_protocol
+    from cablebench.protocol.files import load_protocol
 
     return load_protocol(name or records[-1]["protocol"])
 

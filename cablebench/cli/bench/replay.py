@@ -62,7 +62,7 @@ def replay(
 
 def _again(protocol: Any, words: str, records: list[Any], update: Any) -> list[Any]:
     """The records' episodes run anew by the entrant that the flags name."""
-    from cablebench.run.evaluate import evaluate
+    from cablebench.run.evaluation import evaluate
 
     flags = dict.fromkeys(("--controller", "--gain", "--policy"))
     given: dict[str, list[str]] = {flag: [] for flag in flags}

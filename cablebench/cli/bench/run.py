@@ -68,7 +68,7 @@ def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render:
     """(episode, frames): frames is empty unless a picture is wanted."""
     import gymnasium as gym
 
-    from cablebench.run.evaluate import core_of, run_episode
+    from cablebench.run.evaluation import core_of, run_episode
 
     options = options_for(entrant, env_id, options)
     made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)

@@ -39,7 +39,7 @@ def submit(
     require_ours("baselines")
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run
-    from cablebench.protocol.protocol import load_protocol
+    from cablebench.protocol.files import load_protocol
     from cablebench.run.store import ResultStore
 
     folder, flags = results_folder(board or (None if results else "quick"), results, protocol)

@@ -48,7 +48,7 @@ def tune(
         raise ConfigurationError("--steps belongs to --algo: a controller is not trained")
     if algo is not None and (steps is None or name is not None):
         raise ConfigurationError("--name belongs to --controller" if name else "--algo needs --steps for its trials")
-    from cablebench.protocol.protocol import load_protocol
+    from cablebench.protocol.files import load_protocol
 
     plan: dict[str, Any] = {
         "protocol": load_protocol(protocol), "track": track, "episodes": episodes, "seed": seed, "batch": batch

@@ -14,7 +14,7 @@ from cable_envs.sim.registered import setup_of
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import scores as pays
 from cablebench.pays.scores import SIMULATORS, Study
-from cablebench.protocol.protocol import load_protocol
+from cablebench.protocol.files import load_protocol
 
 Progress = Callable[[str, int, int, str], None]
 RECORDING_SEED = 0

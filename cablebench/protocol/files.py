@@ -1,0 +1,203 @@
+"""Protocols as YAML files in configs/protocols/: read, and checked key by key."""
+
+import itertools
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from cable_envs.core.config import config_path, read_yaml
+from cable_envs.core.errors import ConfigurationError, require_known
+from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
+
+SCHEMA = 1
+
+_KEYS = (
+    "schema",
+    "name",
+    "version",
+    "title",
+    "note",
+    "tasks",
+    "tracks",
+    "run",
+    "seeds",
+    "episodes",
+    "training_seeds",
+    "budgets",
+    "score",
+    "bootstrap",
+)
+
+
+def load_protocol(name: str | Path) -> Protocol:
+    """A protocol by name, or from a file.
+
+    Parameters
+    ----------
+    name : str or Path
+        Name of a file in configs/protocols (quick, full, demo), or path of a YAML file.
+
+    Returns
+    -------
+    Protocol
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown names and keys (with the nearest), wrong values and overlapping ranges of seeds.
+
+    Examples
+    --------
+    >>> protocol = load_protocol("quick")
+    >>> protocol.episodes, len(protocol.cells(tracks=("nominal",)))
+    (10, 8)
+    """
+    text = str(name)
+    is_path = text.endswith((".yaml", ".yml")) and Path(text).exists()
+    path = Path(text) if is_path else config_path("protocols", text.removesuffix(".yaml") + ".yaml")
+    return parse_protocol(read_yaml(path), str(path.name))
+
+
+def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protocol:
+    """A checked protocol from the mapping of its YAML file.
+
+    Parameters
+    ----------
+    data : mapping
+        Content of the file; docs/read-the-board.md says what the keys mean.
+    source : str
+        What errors call it.
+
+    Returns
+    -------
+    Protocol
+
+    Raises
+    ------
+    ConfigurationError
+        As `load_protocol`.
+    """
+    require_known(f"key in {source}", data, _KEYS)
+    if data.get("schema") != SCHEMA:
+        raise ConfigurationError(f"{source}: schema {data.get('schema')!r}; this version reads schema {SCHEMA}")
+    for key in ("name", "tasks", "tracks", "seeds"):
+        if not data.get(key):
+            raise ConfigurationError(f"{source}: '{key}' is missing")
+    budgets = _section(data, "budgets", ("environment_steps", "tuning_trials"), source)
+    score = _section(data, "score", ("worst", "open_loop", "oracle", "paper"), source)
+    bootstrap = _section(data, "bootstrap", ("resamples", "level", "seed"), source)
+    protocol = Protocol(
+        name=str(data["name"]),
+        title=str(data.get("title", data["name"])),
+        version=_count(data.get("version", 1), "version", source),
+        note=" ".join(str(data.get("note", "")).split()),
+        tasks=tuple(_task(t, source) for t in data["tasks"]),
+        tracks=tuple(_track(n, t or {}, source) for n, t in data["tracks"].items()),
+        run=tuple(data.get("run", ())),
+        **_seeds(data["seeds"], source),
+        episodes=_count(data.get("episodes", 10), "episodes", source),
+        training_seeds=_count(data.get("training_seeds", 3), "training_seeds", source),
+        environment_steps=_count(budgets.get("environment_steps", 0), "environment_steps", source, 0),
+        tuning_trials=_count(budgets.get("tuning_trials", 0), "tuning_trials", source, 0),
+        worst_score=_number(score.get("worst", -1.0), "score.worst", source),
+        open_loop=str(score.get("open_loop", "open-loop")),
+        oracle=str(score.get("oracle", "oracle")),
+        paper=dict(score.get("paper", {})),
+        resamples=_count(bootstrap.get("resamples", 2000), "bootstrap.resamples", source),
+        level=_number(bootstrap.get("level", 0.95), "bootstrap.level", source),
+        bootstrap_seed=_count(bootstrap.get("seed", 0), "bootstrap.seed", source, 0),
+    )
+    return _check(protocol, source)
+
+
+def _check(protocol: Protocol, source: str) -> Protocol:
+    if protocol.worst_score >= 0:
+        raise ConfigurationError(f"{source}: score.worst = {protocol.worst_score:g} must be below 0 (the open loop)")
+    if not 0 < protocol.level < 1:
+        raise ConfigurationError(f"{source}: bootstrap.level = {protocol.level:g} must lie between 0 and 1")
+    for name in protocol.run:
+        protocol.track(name)
+    ids = [t.env for t in protocol.tasks]
+    for env in ids:
+        if ids.count(env) > 1:
+            raise ConfigurationError(f"{source}: task '{env}' is listed twice")
+    most = max([protocol.episodes, *(t.episodes for t in protocol.tracks)])
+    protocol.seeds(most)
+    return protocol
+
+
+def _section(data: Mapping[str, Any], name: str, keys: tuple[str, ...], source: str) -> Mapping[str, Any]:
+    section = data.get(name) or {}
+    if not isinstance(section, Mapping):
+        raise ConfigurationError(f"{source}: '{name}' must be a mapping with keys {', '.join(keys)}")
+    require_known(f"key under '{name}' in {source}", section, keys)
+    return section
+
+
+def _count(value: Any, name: str, source: str, least: int = 1) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < least:
+        raise ConfigurationError(f"{source}: {name} = {value!r}; expected a whole number of at least {least}")
+    return value
+
+
+def _number(value: Any, name: str, source: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
+        raise ConfigurationError(f"{source}: {name} = {value!r}; expected a number")
+    return float(value)
+
+
+def _seeds(data: Mapping[str, Any], source: str) -> dict[str, SeedRange]:
+    kinds = ("train", "tune", "test")
+    require_known(f"key under 'seeds' in {source}", data, kinds)
+    ranges = {}
+    for kind in kinds:
+        given = data.get(kind)
+        if not isinstance(given, Mapping):
+            raise ConfigurationError(f"{source}: seeds.{kind} must be a mapping with 'first' and 'count'")
+        require_known(f"key under 'seeds.{kind}' in {source}", given, ("first", "count"))
+        first = _count(given.get("first"), f"seeds.{kind}.first", source, 0)
+        ranges[kind] = SeedRange(first, _count(given.get("count"), f"seeds.{kind}.count", source))
+    ordered = sorted(ranges.items(), key=lambda item: item[1].first)
+    for (name, a), (other, b) in itertools.pairwise(ordered):
+        if b.first in a:
+            raise ConfigurationError(f"{source}: seeds.{name} and seeds.{other} overlap; they must be disjoint")
+    return ranges
+
+
+def _task(data: Any, source: str) -> Task:
+    if isinstance(data, str):
+        return Task(data)
+    if not isinstance(data, Mapping) or "env" not in data:
+        raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', not {data!r}")
+    require_known(f"key in a task of {source}", data, ("env", "options"))
+    return Task(str(data["env"]), dict(data.get("options") or {}))
+
+
+def _track(name: str, data: Mapping[str, Any], source: str) -> Track:
+    require_known(f"key in track '{name}' of {source}", data, ("options", "episodes", "sweeps"))
+    sweeps = tuple(_sweep(n, s, f"{source}, track '{name}'") for n, s in (data.get("sweeps") or {}).items())
+    episodes = _count(data.get("episodes", 0), f"tracks.{name}.episodes", source, 0)
+    return Track(str(name), dict(data.get("options") or {}), episodes, sweeps)
+
+
+def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
+    keys = ("from", "to", "points", "scale", "add", "option", "integer", "unit")
+    require_known(f"key in sweep '{name}' of {source}", data, keys)
+    if sum(bool(data.get(key)) for key in ("scale", "add", "option")) != 1:
+        raise ConfigurationError(f"{source}: sweep '{name}' needs one of 'scale', 'add' (rig parameters) and 'option'")
+    add = {
+        str(mechanism): {n: _number(v, f"{name}.add.{mechanism}.{n}", source) for n, v in sizes.items()}
+        for mechanism, sizes in (data.get("add") or {}).items()
+    }
+    return Sweep(
+        name=str(name),
+        low=_number(data.get("from"), f"{name}.from", source),
+        high=_number(data.get("to"), f"{name}.to", source),
+        points=_count(data.get("points", 21), f"{name}.points", source, 2),
+        scale={str(k): tuple(v) for k, v in (data.get("scale") or {}).items()},
+        add=add,
+        option=str(data.get("option", "")),
+        integer=bool(data.get("integer", False)),
+        unit=str(data.get("unit", "1")),
+    )
