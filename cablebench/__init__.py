@@ -24,6 +24,6 @@ How a command line calls it (nothing here imports torch; rich, jinja2 and matplo
     values = measure(episode)                                                #   {name: SI value}
 
 Folders, each importing only those after it: ``cli`` (one file a command), ``pays`` (what a diagnosis saves a
-controller), ``export`` (datasets and recordings), ``pages`` (HTML about diagnoses), ``tune``, ``board`` (ranking), ``run``
-(episodes and their records), ``entrants`` (who takes part), ``jobs`` (processes, Ray), ``protocol``.
+controller), ``export`` (datasets and recordings), ``pages`` (HTML about diagnoses), ``tune``, ``board`` (ranking),
+``run`` (episodes and their records), ``entrants`` (who takes part), ``jobs`` (processes, Ray), ``protocol``.
 """

@@ -13,7 +13,7 @@ _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.295779513082
 
 
 HARDLY = 0.03
-"""Share of an RMS error below which its fall is not worth a number."""
+"""Share of an RMS error below which its fall needs no number."""
 
 
 def plain(name: str) -> str:

@@ -16,7 +16,7 @@ POLICY = "policy.zip"
 
 @dataclass(frozen=True)
 class NamedEntrant:
-    """Called, it makes the entrant that ``--controller`` or ``--policy`` NAME means (a `Recipe` of `cablebench.run.jobs`).
+    """Called, it makes the entrant that ``--controller`` or ``--policy`` NAME means (`cablebench.run.jobs.Recipe`).
 
     Where the files it was named by are not there, or are others, as on another machine, they are put into a temporary
     folder first; what a .py file imports beside itself is not among them.
