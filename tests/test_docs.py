@@ -106,6 +106,13 @@ def test_links_lead_somewhere(page):
     assert missing == []
 
 
+def test_the_first_example_of_the_readme_runs(capsys):
+    (source,) = [text for kind, text in FENCE.findall((ROOT / "README.md").read_text()) if kind == "python"]
+    exec(compile(source, "README.md", "exec"), {})
+    channels, last = capsys.readouterr().out.splitlines()
+    assert "'load_position [m]'" in channels and last.endswith("(640, 960, 3)")
+
+
 @pytest.fixture
 def example(tmp_path):
     """A folder with the two files of "Add your controller"."""
