@@ -21,7 +21,29 @@ def nearest(name: str, valid: Iterable[str]) -> str:
 
 
 def require_known(kind: str, names: Iterable[str], valid: Iterable[str]) -> None:
-    """Raise ConfigurationError for the first of ``names`` that is not in ``valid``."""
+    """Raise ConfigurationError for the first of ``names`` that is not in ``valid``.
+
+    Parameters
+    ----------
+    kind : str
+        What the names are, for the error.
+    names : iterable of str
+        What was given.
+    valid : iterable of str
+        What there is.
+
+    Raises
+    ------
+    ConfigurationError
+        With the nearest valid name.
+
+    Examples
+    --------
+    >>> require_known("effect", ["backlsh"], ["backlash", "bias"])
+    Traceback (most recent call last):
+        ...
+    cable_envs.core.errors.ConfigurationError: unknown effect 'backlsh'; did you mean 'backlash'? Valid: backlash, bias
+    """
     valid = list(valid)
     for name in names:
         if name not in valid:

@@ -46,9 +46,33 @@ _UNITS: dict[str, tuple[str, float]] = {  # unit -> (SI unit, factor)
 
 
 def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
-    """``value`` given in ``unit``, converted to ``si_unit``.
+    """A number given in one unit, converted to another of the same kind.
 
-    Raises ConfigurationError when the unit is unknown or of another kind.
+    Parameters
+    ----------
+    value : float
+        The number.
+    unit : str
+        Its unit.
+    si_unit : str
+        SI unit that is wanted.
+    name : str
+        What it is, for the error.
+
+    Returns
+    -------
+    float
+        The number in ``si_unit``.
+
+    Raises
+    ------
+    ConfigurationError
+        When the unit is unknown or of another kind.
+
+    Examples
+    --------
+    >>> to_si(0.2, "mm", "m")
+    0.0002
     """
     if unit == si_unit:
         return float(value)
@@ -60,7 +84,13 @@ def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Whether ``value`` is a finite real number, of Python or NumPy (a bool is none)."""
+    """Whether ``value`` is a finite real number, of Python or NumPy (a bool is none).
+
+    Examples
+    --------
+    >>> is_number(1.5), is_number(True), is_number(float("nan")), is_number("1.5")
+    (True, False, False, False)
+    """
     number = isinstance(value, (int, float, np.floating, np.integer)) and not isinstance(value, bool)
     return number and math.isfinite(value)
 

@@ -22,6 +22,27 @@ def tension_ratio(rho, mu, phi):
 
     With D = sqrt((1 + rho)^2 + 4 mu^2 rho), a, b = (-(1 + rho) +/- D) / (2 mu):
     lambda = (a e^(b phi) - b e^(a phi)) / (a - b). Limit rho -> infinity: e^(mu phi); always below it.
+
+    Parameters
+    ----------
+    rho : float
+        Radius of the edge over the cable's, 1.
+    mu : float
+        Friction coefficient, 1.
+    phi : float
+        Wrap angle, rad.
+
+    Returns
+    -------
+    float
+        The larger tension over the smaller.
+
+    Examples
+    --------
+    A thin cable over half a turn is close to the capstan's e^(mu phi) = 1.874, a thick one is not.
+
+    >>> round(tension_ratio(1e6, 0.2, 3.14159), 3), round(tension_ratio(1.5, 0.2, 3.14159), 3)
+    (1.874, 1.439)
     """
     return tension_ratio_and_slope(rho, mu, phi)[0]
 
@@ -82,6 +103,11 @@ def extrusion_coefficient(gain, exponent, speed):
     """C = K |v|^omega, the speed-dependent part of the friction coefficient.  Eq. (17), Gu 2024.
 
     gain K in (s/m)^omega, speed in m/s (its absolute value is used).
+
+    Examples
+    --------
+    >>> round(extrusion_coefficient(0.5, 0.5, -0.04), 6)
+    0.1
     """
     return gain * power(abs(speed), exponent)
 

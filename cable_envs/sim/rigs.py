@@ -123,8 +123,27 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
 def load_rig(rig: str | Path | Mapping[str, Any] | Rig, own: tuple[Effect, ...] = ()) -> Rig:
     """A rig by preset name (configs/rigs), by path of a YAML file, or from a mapping.
 
-    own: a user's own effects (`plants.own_effects`), that the rig may name. Raises ConfigurationError with the
-    nearest preset when the name is unknown.
+    Parameters
+    ----------
+    rig : str, path, mapping or Rig
+        What names or holds it.
+    own : tuple of Effect
+        A user's own effects (`plants.own_effects`), that the rig may name.
+
+    Returns
+    -------
+    Rig
+        The parameters of one test rig, checked, in SI.
+
+    Raises
+    ------
+    ConfigurationError
+        With the nearest preset when the name is unknown, and for a file that is no rig.
+
+    Examples
+    --------
+    >>> load_rig("gu-inferred").values["load_mass"]
+    5.0
     """
     if isinstance(rig, Rig):
         return replace(rig, own=(*rig.own, *own))

@@ -81,4 +81,7 @@ def _chosen(recording: Recording) -> ModuleType:
     if plant is not None and hasattr(plant, "VARIANT") and transmission.fits(recording):
         return transmission
     special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
-    return import_module(f"{__name__}.{special[0]}") if special else plant
+    if special:
+        return import_module(f"{__name__}.{special[0]}")
+    assert plant is not None, "a recording without channels of a special module is of a known plant"
+    return plant
