@@ -7,7 +7,8 @@ step of any length dissipates and never produces energy.
 """
 
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -39,6 +40,10 @@ def tension_ratio(rho, mu, phi):
     return np.exp((root - half) * phi) * 0.5 * ((1.0 + fade) + half / root * (1.0 - fade))
 
 
+def _named(names: Sequence[str], module: str) -> Any:
+    return namedtuple("Parameters", names, module=module)  # its fields are known at run time
+
+
 class Table:
     """Names of a simulator's parameters, with the values that switch their physics off.
 
@@ -53,9 +58,9 @@ class Table:
     def __init__(self, module: str, nulls: Mapping[str, float]):
         self.nulls = dict(nulls)
         self.names = tuple(nulls)
-        self.kind = namedtuple("Parameters", [name.replace(".", "_") for name in nulls], module=module)
+        self.kind: Any = _named([name.replace(".", "_") for name in nulls], module)
 
-    def pack(self, values: Mapping[str, float]) -> tuple[float, ...]:
+    def pack(self, values: Mapping[str, float]) -> Any:
         """``values`` over the nulls, as a named tuple for a kernel.
 
         Raises
