@@ -246,7 +246,7 @@ def without_its_effects(recording: Recording, request: Request) -> float | None:
     """
     plant = plant_for(recording.system)
     effects = (*plant.effects.effects.values(), *request.own)
-    rows = {p.aliases.get(plant.name, f"{e.name}.{p.name}") for e in effects for p in e.parameters_on(plant.name)}
+    rows = {e.row(p) for e in effects for p in e.parameters}
     rest = {name: value for name, value in (request.rig or {}).items() if name not in rows}
     if len(rest) == len(request.rig or {}):
         return None

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cable_envs.effects import EFFECTS
 from cable_envs.effects.base import Effect, EffectParameter
+from cable_envs.plants import plants_with
 
 FILE = Path(__file__).with_name("effects.md")
 HEAD = """# Effects that a simulator may lack
@@ -33,7 +34,7 @@ def line(parameter: EffectParameter) -> str:
 def section(effect: Effect) -> str:
     """What the page says of one effect."""
     confusable = ", ".join(f"`{name}`" for name in effect.confusable) or "none"
-    plants = ", ".join(f"`{name}`" for name in effect.plants)
+    plants = ", ".join(f"`{name}`" for name in plants_with(effect.name))
     return "\n".join(
         (
             f"## {effect.name}",

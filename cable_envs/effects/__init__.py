@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.lanes import Field, Lanes
-from cable_envs.core.params import Parameter, ParameterTable
+from cable_envs.core.params import ParameterTable
 from cable_envs.effects import (
     actuator_lag,
     asymmetric_friction,
@@ -38,10 +38,10 @@ from cable_envs.effects import (
     viscoelastic_creep,
     viscous_friction,
 )  # fmt: skip
-from cable_envs.effects.base import MEASURED, PLANTS, SEAMS, Effect, EffectParameter
+from cable_envs.effects.base import SEAMS, Acting, Effect, EffectParameter
 from cable_envs.effects.lanes import SENSE
 
-__all__ = ["EFFECTS", "MEASURED", "PLANTS", "SEAMS", "Effect", "EffectParameter", "Layout", "dotted", "lane_of"]
+__all__ = ["EFFECTS", "SEAMS", "Acting", "Effect", "EffectParameter", "Layout", "dotted", "lane_of"]
 
 EFFECTS: Mapping[str, Effect] = MappingProxyType({
     module.EFFECT.name: module.EFFECT
@@ -72,58 +72,63 @@ def dotted(effects: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 class Layout:
     """The effects of one plant: what a rig may say about them, and the rows that they become behind the plant's own.
 
-    ``own``: a user's effects, beside the canonical ones. ``worn``: rows that the plant adds for itself.
+    Parameters
+    ----------
+    plant : str
+        Its name, for messages.
+    parameters : ParameterTable
+        The plant's own.
+    acting : Acting
+        What of the library acts on it.
+    own : tuple of Effect
+        A user's effects beside the canonical ones.
+    worn : tuple of Field
+        Rows that the plant adds for itself.
+
+    Attributes
+    ----------
+    effects : dict of str to Effect
+        Every effect as it is on this plant: with its parameters, units and sizes there; without any where it does not
+        act.
+    table : ParameterTable
+        The plant's parameters, then those of the effects under dotted names.
+    lanes : Lanes
+        Names of the coefficients that kernels know as ``e``.
+    count : int
+        Rows of coefficients that the effects add, sensors included.
     """
 
     def __init__(
-        self, plant: str, parameters: ParameterTable, own: tuple[Effect, ...] = (), worn: tuple[Field, ...] = ()
-    ):
-        self.plant, self.base, self.worn = plant, len(parameters), worn
-        self.effects = {**EFFECTS, **{effect.name: effect for effect in own}}
-        self.measured = tuple(MEASURED[plant])
-        declared, self.aliases = self._declare(parameters)
+        self, plant: str, parameters: ParameterTable, acting: Acting, own: tuple[Effect, ...] = (),
+        worn: tuple[Field, ...] = (),
+    ):  # fmt: skip
+        self.plant, self.base, self.acting, self.worn = plant, len(parameters), acting, worn
+        library = {**EFFECTS, **{effect.name: effect for effect in own}}
+        for name in acting.effects:
+            require_known(f"effect that acts on {plant}", [name], EFFECTS)
+        self.effects = {name: acting.bound(effect) for name, effect in library.items()}
+        self.measured = tuple(acting.sensors)
+        known = [(effect, p) for effect in self.effects.values() for p in effect.parameters]
+        self.aliases = {f"{effect.name}.{p.name}": p.alias for effect, p in known if p.alias}
+        declared = [p.declared(effect.name) for effect, p in known if not p.alias]
         self.table = ParameterTable(*parameters, *declared, aliases=self.aliases)
         self.null = np.array([p.default for p in declared])
-        self.lanes = Lanes("Effects", ["on", *self._fields(), *worn])
-        """names of the coefficients that kernels know as e"""
-        self._places = [(self._row(p.name), k) for k, p in enumerate(declared)]
-        self._switches = self._find_switches()
-        self.count = self.lanes.count + SENSE.count * len(self.measured)
-        """Rows of coefficients that the effects add."""
-
-    def _declare(self, parameters: ParameterTable) -> tuple[list[Parameter], dict[str, str]]:
-        declared, aliases = [], {}
-        for effect in self.effects.values():
-            for p in effect.parameters_on(self.plant):
-                if self.plant in p.aliases:
-                    aliases[f"{effect.name}.{p.name}"] = p.aliases[self.plant]
-                else:
-                    declared.append(p.declared(effect.name, self.plant))
-        return declared, aliases
-
-    def _find_switches(self) -> list[tuple[int, float]]:
-        """(place among the effects' values, null) of what switches the kernel's effects on."""
-        found: list[tuple[int, float]] = []
-        for effect in self.effects.values():
-            if effect.seam == "sense":
-                continue
-            found.extend(
-                (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null)
-                for p in effect.parameters_on(self.plant)
-                if not p.shape and self.plant not in p.aliases
-            )
-        return found
-
-    def _fields(self) -> list[str]:
-        """A row for every parameter of every effect, in use here or not, but those that are parameters of the plant."""
-        names = [
-            lane_of(effect, p)
-            for effect in self.effects.values()
-            if not effect.each_sensor
+        fields = {
+            lane_of(effect, p): p.null
+            for effect in library.values()
             for p in effect.parameters
-            if self.plant not in p.aliases
+            if not effect.each_sensor and f"{effect.name}.{p.name}" not in self.aliases
+        }
+        self.lanes = Lanes("Effects", ["on", *fields, *worn])
+        self._nulls = {self.lanes.row(name): null for name, null in fields.items()}
+        self._places = [(self._row(p.name), k) for k, p in enumerate(declared)]
+        self._switches = [
+            (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null)
+            for effect, p in known
+            if effect.seam != "sense" and not p.shape and not p.alias
         ]
-        return list(dict.fromkeys(names))
+        """(place among the effects' values, null) of what switches the kernel's effects on"""
+        self.count = self.lanes.count + SENSE.count * len(self.measured)
 
     def _row(self, name: str) -> int:
         effect, parameter = name.split(".", 1)
@@ -136,24 +141,22 @@ class Layout:
         """Raise ConfigurationError with the nearest name where no effect's parameter of this plant is called so."""
         effect, _, parameter = name.partition(".")
         require_known("effect", [effect], self.effects)
-        known = [p.name for p in self.effects[effect].parameters_on(self.plant)]
+        known = [p.name for p in self.effects[effect].parameters]
         if not known:
-            where = " or ".join(self.effects[effect].plants)
-            raise ConfigurationError(f"effect '{effect}' does not act on {self.plant}; it acts on {where}")
+            acting = ", ".join(name for name, one in self.effects.items() if one.parameters)
+            raise ConfigurationError(f"effect '{effect}' does not act on {self.plant}; these do: {acting}")
         if parameter not in known:
             raise ConfigurationError(f"effect '{effect}' has no parameter '{parameter}'; {nearest(parameter, known)}")
 
     def present(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Names of the effects that a rig with these values has."""
-        return tuple(name for name, e in self.effects.items() if e.present(self.plant, values))
+        return tuple(name for name, effect in self.effects.items() if effect.present(values))
 
     def coefficients(self, values: np.ndarray) -> np.ndarray:
         """Rows [count, n] of the effects' values [len(table) - base, n]; the plant's own rows (`worn`) are zero."""
         out = np.zeros((self.count, values.shape[1]))
-        for effect in self.effects.values():
-            for p in effect.parameters:
-                if not effect.each_sensor and lane_of(effect, p) in self.lanes:
-                    out[self.lanes.row(lane_of(effect, p))] = p.null
+        for row, null in self._nulls.items():
+            out[row] = null
         out[self.lanes.count + SENSE.row("sensor_scale") :: SENSE.count] = 1.0
         for row, k in self._places:
             out[row] = values[k]

@@ -1,7 +1,7 @@
 """The drive's amplifier follows the command with a first-order lag."""
 
 from cable_envs.core.kernels import exp, inline, select
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="actuator_lag",
@@ -9,7 +9,6 @@ EFFECT = Effect(
     equation="time c' = command - c; the drive sees c, and its rate likewise",
     source="first-order actuator: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems",
     parameters=(EffectParameter("time", "s", 0.0, 0.0, 10.0, "time constant", 0.03),),
-    plants=PLANTS,
     validity="small against the periods of the motion; solved exactly for a command that is held",
     experiment="a chirp: the phase of a lag bends, that of a delay is straight",
     confusable=("sensor_delay", "viscous_friction"),

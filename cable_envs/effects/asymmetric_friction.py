@@ -1,7 +1,7 @@
 """Friction in one direction only: the difference between both directions."""
 
 from cable_envs.core.kernels import inline, maximum
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="asymmetric_friction",
@@ -16,10 +16,9 @@ EFFECT = Effect(
         ),
         EffectParameter(
             "contact", "1", 0.0, -0.9, 0.9, "share by which the hole rubs more hauling in than paying out", 0.2,
-            plants=("cable_hole",), signed=True,
+            signed=True,
         ),
     ),
-    plants=PLANTS,
     validity="as Coulomb's friction; with it, it is Coulomb friction of half the size and a constant force; contact: "
     "the lay of the strands, an edge that is rounder on one side; at rest that of "
     "the way it would go",

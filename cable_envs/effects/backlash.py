@@ -1,7 +1,7 @@
 """Lost motion between the drive (where it is measured) and what it moves."""
 
 from cable_envs.core.kernels import clip, inline, maximum, minimum
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="backlash",
@@ -15,7 +15,6 @@ EFFECT = Effect(
             probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion: a refit from far away ends elsewhere
         ),
     ),
-    plants=PLANTS,
     validity="the part between gear and cable has no inertia; linear_drive needs a belt (belt_stiffness above 0)",
     experiment="reversals of growing amplitude with the output locked: a gap's lost motion does not grow",
     confusable=("presliding_hysteresis", "cable_elongation", "slack"),

@@ -7,24 +7,6 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import Parameter
 
 SEAMS = ("actuate", "cable", "contact", "load", "sense")
-PLANTS = ("cable_hole", "pulley_circuit", "pulley_chain", "linear_drive")
-CIRCUITS = ("pulley_circuit", "pulley_chain")
-STRAIGHT = ("cable_hole", "linear_drive")
-
-_CIRCUIT_SENSORS = {
-    "drive_angle": "rad", "drive_torque": "N m", "output_angle": "rad", "output_torque": "N m",
-    "tension_drive_top": "N", "tension_drive_bottom": "N",
-}  # fmt: skip
-MEASURED: Mapping[str, Mapping[str, str]] = {
-    "cable_hole": {
-        "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
-        "load_velocity": "m/s", "load_tension": "N",
-    },
-    "pulley_circuit": _CIRCUIT_SENSORS,
-    "pulley_chain": _CIRCUIT_SENSORS,
-    "linear_drive": {"position": "m", "velocity": "m/s", "force": "N", "motor_position": "m"},
-}  # fmt: skip
-"""Signals of each plant that a sensor may measure wrongly, with their units."""
 
 _TURNING = {
     "m": "rad", "m/s": "rad/s", "N": "N m", "N s/m": "N m s", "N/m": "N m/rad", "kg": "kg m^2", "1/m": "1/rad",
@@ -44,8 +26,7 @@ class EffectParameter:
     null       | value that leaves the effect out, to the bit
     typical    | size at which it is plainly seen, where the plant moves straight and where it turns
     shape      | it only shapes the effect: `null` is its default, and does not say whether the effect is there
-    aliases    | plant -> name of the plant's own parameter that this number is
-    plants     | plants that have this parameter; empty: all of the effect's
+    alias      | of an effect on a plant: name of the plant's own parameter that this number is; empty: it has none
     lane       | name of the parameter whose row in kernels it shares: one number in another unit; empty: its own
 
     What a search for the effect has to know (`diagnosis.model.hypotheses`):
@@ -67,8 +48,7 @@ class EffectParameter:
     typical: float
     typical_turning: float | None = None
     shape: bool = False
-    aliases: Mapping[str, str] = field(default_factory=dict)
-    plants: tuple[str, ...] = ()
+    alias: str = ""
     probes: tuple[float, ...] | None = None
     signed: bool = False
     search_low: float | None = None
@@ -76,19 +56,16 @@ class EffectParameter:
     complete: bool = False
     lane: str = ""
 
-    def unit_on(self, plant: str) -> str:
-        """The unit on a plant."""
-        return _TURNING.get(self.unit, self.unit) if plant in CIRCUITS else self.unit
+    def on(self, turning: bool, alias: str = "") -> "EffectParameter":
+        """The parameter on a plant: ``turning`` where its motion is an angle; ``alias``: see above."""
+        if not turning:
+            return replace(self, alias=alias)
+        typical = self.typical if self.typical_turning is None else self.typical_turning
+        return replace(self, unit=_TURNING.get(self.unit, self.unit), typical=typical, alias=alias)
 
-    def typical_on(self, plant: str) -> float:
-        """A typical size on a plant."""
-        if plant in CIRCUITS and self.typical_turning is not None:
-            return self.typical_turning
-        return self.typical
-
-    def declared(self, effect: str, plant: str) -> Parameter:
+    def declared(self, effect: str) -> Parameter:
         """As a row of a plant's parameter table, under the dotted name."""
-        return Parameter(f"{effect}.{self.name}", self.unit_on(plant), self.null, self.low, self.high, self.meaning)
+        return Parameter(f"{effect}.{self.name}", self.unit, self.null, self.low, self.high, self.meaning)
 
 
 @dataclass(frozen=True)
@@ -106,7 +83,6 @@ class Effect:
     equation: str
     source: str
     parameters: tuple[EffectParameter, ...]
-    plants: tuple[str, ...]
     validity: str
     experiment: str
     """what isolates it"""
@@ -117,6 +93,8 @@ class Effect:
     proportional: bool = False
     over_time: str = ""
     wave: tuple[str, str] | None = None
+    plants: tuple[str, ...] = ()
+    """of a user's own effect: the plants that it acts on; empty: every one that asks at its seams"""
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     """of a user's own effect: seam -> plain scalar function, compiled into the kernel on first use"""
 
@@ -130,19 +108,44 @@ class Effect:
             known = f"{CONSTANT}, {DRIFT}"
             raise ConfigurationError(f"effect '{self.name}': over_time '{self.over_time}' is none of {known}")
 
-    def parameters_on(self, plant: str) -> tuple[EffectParameter, ...]:
-        """The parameters it has on a plant; none where it does not act."""
-        if plant not in self.plants:
-            return ()
-        if self.each_sensor:
-            one = self.parameters[0]
-            return tuple(replace(one, name=signal, unit=one.unit or u) for signal, u in MEASURED[plant].items())
-        return tuple(p for p in self.parameters if plant in (p.plants or self.plants))
+    def row(self, p: EffectParameter) -> str:
+        """Name of a parameter in a plant's table: the plant's own, or the dotted one."""
+        return p.alias or f"{self.name}.{p.name}"
 
-    def present(self, plant: str, values: Mapping[str, float]) -> bool:
-        """Whether a rig's ``values`` (of the whole table, by name) have the effect."""
-        return any(
-            values[p.aliases.get(plant, f"{self.name}.{p.name}")] != p.null
-            for p in self.parameters_on(plant)
-            if not p.shape
-        )
+    def present(self, values: Mapping[str, float]) -> bool:
+        """Whether a rig's ``values`` (of the whole table, by name) have the effect; of an effect on a plant."""
+        return any(values[self.row(p)] != p.null for p in self.parameters if not p.shape)
+
+
+@dataclass(frozen=True)
+class Acting:
+    """What of the library acts on a plant.
+
+    Attributes
+    ----------
+    effects : mapping of str to tuple of str
+        Effect -> its parameters there, in their order. Those of sensors act on every sensor.
+    sensors : mapping of str to str
+        Signals that a sensor may measure wrongly, with their units.
+    aliases : mapping of str to str
+        "effect.parameter" -> the plant's own parameter that this number is. The null of the effect then is the value
+        that leaves the physics out.
+    turning : bool
+        Whether its motion is an angle: units become rad and N m.
+    """
+
+    effects: Mapping[str, tuple[str, ...]]
+    sensors: Mapping[str, str]
+    aliases: Mapping[str, str] = field(default_factory=dict)
+    turning: bool = False
+
+    def bound(self, effect: Effect) -> Effect:
+        """The effect as it is on the plant; without parameters where it does not act."""
+        if effect.each_sensor:
+            one = effect.parameters[0]
+            own = tuple(replace(one, name=signal, unit=one.unit or unit) for signal, unit in self.sensors.items())
+            return replace(effect, parameters=own)
+        names = tuple(p.name for p in effect.parameters) if effect.hooks else self.effects.get(effect.name, ())
+        found = {p.name: p for p in effect.parameters}
+        own = tuple(found[n].on(self.turning, self.aliases.get(f"{effect.name}.{n}", "")) for n in names)
+        return replace(effect, parameters=own)

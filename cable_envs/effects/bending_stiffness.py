@@ -10,10 +10,8 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "rigidity", "N m^2", 0.0, 0.0, 10.0, "flexural rigidity B of the cable", 2e-5,
-            aliases={"cable_hole": "bending_rigidity"},
         ),
     ),
-    plants=("cable_hole",),
     validity="free spans l with l sqrt(T / B) > 1.83",
     experiment="tension ratio at four tensions and two cable diameters",
     confusable=("coulomb_friction", "load_dependent_friction"),

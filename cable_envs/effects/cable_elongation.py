@@ -1,6 +1,6 @@
 """The cable stretches in proportion to its tension; without the effect it is nearly rigid."""
 
-from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 _PROBES = (1.0, 5.0, 25.0)
 
@@ -11,21 +11,17 @@ EFFECT = Effect(
     source="Hooke; Zou 2022, section 2.2",
     parameters=(
         EffectParameter(
-            "stiffness", "N/m", 1e7, 1.0, 1e9, "EA / L of the span at the drive", 6e4,
-            aliases={"cable_hole": "cable_stiffness"}, plants=("cable_hole",), probes=_PROBES, inverse=True,
+            "stiffness", "N/m", 1e7, 1.0, 1e9, "EA / L of the span at the drive", 6e4, probes=_PROBES, inverse=True,
         ),
         EffectParameter(
             "tensile_stiffness", "N", 1e6, 1.0, 1e8, "EA of the cable", 1.684e4, 1.684e4,
-            aliases=dict.fromkeys(CIRCUITS, "tensile_stiffness"), plants=CIRCUITS,
             probes=_PROBES, inverse=True,
         ),
         EffectParameter(
             "belt_stiffness", "N/m", 0.0, 0.0, 1e9, "spring between motor and carriage; 0: rigid", 1e5,
-            aliases={"linear_drive": "belt_stiffness"}, plants=("linear_drive",),
             probes=_PROBES, inverse=True,
         ),
     ),
-    plants=PLANTS,
     validity="strains below a percent, no waves. The null of a cable is a stiffness a hundred times the usual one: a "
     "rigid one would leave the tension undetermined",
     experiment="output locked, force ramped up and down: the slope of drive motion over tension",

@@ -1,6 +1,6 @@
 """Dry friction of constant size: at the contact of the cable, and at the load or output."""
 
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="coulomb_friction",
@@ -10,16 +10,11 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "level", "N", 0.0, 0.0, 1e4, "dry friction at the load or output", 2.0, 0.01,
-            aliases={"pulley_circuit": "brake_torque", "pulley_chain": "brake_torque", "linear_drive": "coulomb"},
         ),
         EffectParameter(
             "contact", "1", 0.0, 0.0, 5.0, "friction coefficient of the cable where it is wrapped", 0.4,
-            aliases={"cable_hole": "friction_coefficient", "pulley_circuit": "cable_friction",
-                     "pulley_chain": "cable_friction"},
-            plants=("cable_hole", "pulley_circuit", "pulley_chain"),
         ),
     ),
-    plants=PLANTS,
     validity="rigid bodies, sliding distances far above those of pre-sliding",
     experiment="constant slow speeds both ways, at two loads: the part that does not change with the load is the level",
     confusable=("stribeck_friction", "load_dependent_friction", "presliding_hysteresis"),

@@ -1,7 +1,7 @@
 """Friction that changes as the rig runs: with time, with travel (wear, lubricant, temperature)."""
 
 from cable_envs.core.kernels import exp, inline, select
-from cable_envs.effects.base import CIRCUITS, DRIFT, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import DRIFT, Effect, EffectParameter
 
 EFFECT = Effect(
     name="friction_drift",
@@ -18,9 +18,8 @@ EFFECT = Effect(
         ),
         EffectParameter("travel", "m", 1e9, 1e-6, 1e9, "travel constant; 1e9: not with travel", 1.0, 50.0, shape=True),
     ),
-    plants=PLANTS,
-    validity=f"slow against a control step; {' and '.join(CIRCUITS)}: tension ratios go in a straight line from the "
-    "present to the final friction coefficients",
+    validity="slow against a control step; pulley_circuit and pulley_chain: tension ratios go in a straight line from "
+    "the present to the final friction coefficients",
     experiment="the same motion at the beginning, in the middle and at the end of a long run; rest; once more",
     confusable=("viscoelastic_creep", "sensor_scale"),
     over_time=DRIFT,

@@ -9,18 +9,15 @@ EFFECT = Effect(
     source="Eq. (13)-(22), Gu 2024",
     parameters=(
         EffectParameter(
-            "gain", "SI", 0.0, 0.0, 1e7, "K in C = K v^omega", 6574.0, aliases={"cable_hole": "extrusion_gain"}
+            "gain", "SI", 0.0, 0.0, 1e7, "K in C = K v^omega", 6574.0
         ),
         EffectParameter(
             "delta", "1", 0.0, -0.5, 1.0, "relative change of the radius ratio", 0.02,
-            aliases={"cable_hole": "extrusion_delta"},
         ),
         EffectParameter(
             "exponent", "1", 2.03, 0.2, 10.0, "omega in C = K v^omega", 2.03, shape=True,
-            aliases={"cable_hole": "extrusion_exponent"},
         ),
     ),
-    plants=("cable_hole",),
     validity="braided and stranded cables, 30 to 90 degrees, up to about 11 mm/s (Gu 2024, Table A1)",
     experiment="tension ratio over speed at three wrap angles and two clearances",
     confusable=("viscous_friction", "stribeck_friction"),

@@ -1,6 +1,6 @@
 """Friction in proportion to the cable's tension: bearings that carry it, guides that it presses."""
 
-from cable_envs.effects.base import CIRCUITS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="load_dependent_friction",
@@ -14,14 +14,12 @@ EFFECT = Effect(
         EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension at the load or output", 0.03, 0.02),
         EffectParameter(
             "exponent", "1", 0.0, -2.0, 2.0, "growth of the hole's friction coefficient with the tension", 0.3,
-            plants=("cable_hole",), signed=True,
+            signed=True,
         ),
         EffectParameter(
             "shaft", "1", 0.0, 0.0, 2.0, "friction coefficient of the idlers on their shafts, mu_s", 0.15,
-            aliases=dict.fromkeys(CIRCUITS, "shaft_friction"), plants=CIRCUITS,
         ),
     ),
-    plants=("cable_hole", *CIRCUITS),
     validity="Amontons; coefficient mu r_s / R of a plain bearing. On the hole a friction in proportion to T1 is what "
     "the coefficient of friction does, too; the weight is that of the load at rest at y = 0",
     experiment="constant slow speed at four loads or pretensions: the slope of friction over tension",

@@ -10,7 +10,6 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("angle", "m", 0.0, 0.0, 1.0, "output motion over which the friction turns round", 1e-3, 0.05),
     ),
-    plants=("pulley_circuit",),
     validity="closed form only: the chain has the mechanism itself (its slip fronts), whatever this number is",
     experiment="small reversals under a constant output torque: the slope of output over drive angle",
     confusable=("presliding_hysteresis", "backlash", "cable_elongation"),

@@ -1,6 +1,6 @@
 """A spring or a weight that the nominal load lacks: return springs, wiring, gravity."""
 
-from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="position_dependent_load",
@@ -10,18 +10,14 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "stiffness", "N/m", 0.0, 0.0, 1e7, "spring between load or output and ground", 500.0, 0.05,
-            aliases={"cable_hole": "load_stiffness"},
         ),
         EffectParameter(
             "neutral", "m", 0.0, -100.0, 100.0, "position at which that spring is relaxed", 0.0, 0.0, shape=True,
-            plants=("linear_drive", *CIRCUITS),
         ),
         EffectParameter(
             "mass", "kg", 0.0, 0.0, 1e3, "point mass carried by the driven pulley", 0.2, 0.2,
-            aliases=dict.fromkeys(CIRCUITS, "payload_mass"), plants=CIRCUITS,
         ),
     ),
-    plants=PLANTS,
     validity="the hole's spring is relaxed at y = 0; a mass also adds inertia",
     experiment="hold at eight positions, approached from both sides",
     confusable=("position_ripple", "cable_elongation", "asymmetric_friction"),

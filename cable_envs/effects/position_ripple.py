@@ -1,7 +1,7 @@
 """A periodic error over position: eccentric pulleys and screws (motion), cogging (force)."""
 
 from cable_envs.core.kernels import inline, sine_cosine
-from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 _TAU = 6.283185307179586
 
@@ -13,16 +13,14 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "amplitude", "m", 0.0, -1.0, 1.0, "amplitude of the transmission error", 2e-4, 0.01,
-            plants=("cable_hole", *CIRCUITS),
         ),
         EffectParameter(
-            "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, plants=("linear_drive",), signed=True,
+            "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, signed=True,
             lane="amplitude",
         ),
         EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
         EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),
     ),
-    plants=PLANTS,
     validity="amplitude below period / 2 pi, else the drive would move the cable backwards",
     experiment="slow motion over several periods, both ways and at two speeds: the same over position, not over time",
     confusable=("position_dependent_load",),

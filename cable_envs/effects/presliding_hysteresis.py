@@ -1,7 +1,7 @@
 """Dry friction that builds up over a distance after each reversal: asperities bend before they slide."""
 
 from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 from cable_envs.effects.lanes import ELEMENTS
 
 EFFECT = Effect(
@@ -24,7 +24,6 @@ EFFECT = Effect(
             probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion
         ),
     ),
-    plants=PLANTS,
     validity="takes the place of the set-valued dry friction of the load or output (cable_hole: the hole's too)",
     experiment="reversals of growing amplitude around one position with the output free; loops within loops",
     confusable=("backlash", "cable_elongation", "partial_slip"),

@@ -1,6 +1,6 @@
 """A measurement with a wrong zero."""
 
-from cable_envs.effects.base import CONSTANT, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import CONSTANT, Effect, EffectParameter
 
 EFFECT = Effect(
     name="sensor_bias",
@@ -8,7 +8,6 @@ EFFECT = Effect(
     equation="y = x + bias",
     source="ISO/IEC Guide 98-3 (GUM), systematic error",
     parameters=(EffectParameter("signal", "", 0.0, -1e6, 1e6, "error of the sensor's zero, in its unit", 0.05),),
-    plants=PLANTS,
     validity="constant over the record",
     experiment="unload and read; turn the sensor round",
     confusable=("asymmetric_friction", "sensor_scale", "position_dependent_load", "slack"),

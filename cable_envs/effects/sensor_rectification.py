@@ -1,6 +1,6 @@
 """A sensor that does not see negative values, or takes them as positive."""
 
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="sensor_rectification",
@@ -10,7 +10,6 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("signal", "1", 0.0, 0.0, 2.0, "share of negative values that is lost", 1.0, complete=True),
     ),
-    plants=PLANTS,
     validity="acts after scale and bias",
     experiment="the same motion mirrored",
     confusable=("asymmetric_friction", "slack"),

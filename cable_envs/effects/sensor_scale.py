@@ -1,6 +1,6 @@
 """A measurement with a wrong scale."""
 
-from cable_envs.effects.base import CONSTANT, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import CONSTANT, Effect, EffectParameter
 
 EFFECT = Effect(
     name="sensor_scale",
@@ -8,7 +8,6 @@ EFFECT = Effect(
     equation="y = scale x",
     source="ISO/IEC Guide 98-3 (GUM), systematic error",
     parameters=(EffectParameter("signal", "1", 1.0, -100.0, 100.0, "factor on what is measured", 1.1),),
-    plants=PLANTS,
     validity="linear sensors; counts, gains and gear ratios taken wrongly",
     experiment="two known weights or lengths",
     confusable=("asymmetric_friction", "sensor_bias", "friction_drift", "load_dependent_friction", "cable_elongation"),

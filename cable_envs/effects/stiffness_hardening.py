@@ -1,7 +1,7 @@
 """A rope whose stiffness grows with its tension: strands and braids settle."""
 
 from cable_envs.core.kernels import inline, sqrt
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="stiffness_hardening",
@@ -14,7 +14,6 @@ EFFECT = Effect(
             probes=(0.1, 0.5, 2.0, 6.0),
         ),
     ),
-    plants=PLANTS,
     validity="first order in tension; the chain takes each span's secant stiffness from the step before",
     experiment="output locked, force ramped over the whole range: drive motion over tension bends",
     confusable=("cable_elongation", "slack"),

@@ -1,7 +1,7 @@
 """Friction that falls from its value at breakaway to the sliding one as the speed grows."""
 
 from cable_envs.core.kernels import exp, inline
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="stribeck_friction",
@@ -12,14 +12,12 @@ EFFECT = Effect(
         EffectParameter("excess", "N", 0.0, 0.0, 1e4, "friction at v = 0 above Coulomb's, load or output", 2.0, 0.01),
         EffectParameter(
             "contact", "1", 0.0, 0.0, 5.0, "excess of the hole's friction coefficient at v = 0", 0.15,
-            plants=("cable_hole",),
         ),
         EffectParameter(
             "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True,
             probes=(0.3, 1.0, 4.0, 16.0),
         ),
     ),
-    plants=PLANTS,
     validity="steady sliding; below a few pre-sliding lengths the excess is not yet lost",
     experiment="eight constant speeds from far below to far above `velocity`, both ways",
     confusable=("coulomb_friction", "viscous_friction", "presliding_hysteresis"),

@@ -1,7 +1,7 @@
 """The cable goes on stretching under load, and recovers: a standard linear solid."""
 
 from cable_envs.core.kernels import exp, inline, select
-from cable_envs.effects.base import PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="viscoelastic_creep",
@@ -15,7 +15,6 @@ EFFECT = Effect(
             search_low=0.2,  # creep that is over in 0.1 s is a cable's damping
         ),
     ),
-    plants=PLANTS,
     validity="linear; one time constant (a rope has several: the one within the record counts)",
     experiment="hold a load, unload, hold, repeat: creep comes back, drift does not",
     confusable=("friction_drift", "cable_elongation", "actuator_lag"),

@@ -1,6 +1,6 @@
 """Friction that grows with speed: load, output, carriage, and the drive of a circuit."""
 
-from cable_envs.effects.base import CIRCUITS, PLANTS, Effect, EffectParameter
+from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
     name="viscous_friction",
@@ -10,15 +10,11 @@ EFFECT = Effect(
     parameters=(
         EffectParameter(
             "coefficient", "N s/m", 0.0, 0.0, 1e5, "viscous friction of the load, output or carriage", 50.0, 2e-3,
-            aliases={"cable_hole": "load_damping", "pulley_circuit": "output_damping",
-                     "pulley_chain": "output_damping", "linear_drive": "viscous"},
         ),
         EffectParameter(
             "drive", "N s/m", 0.0, 0.0, 100.0, "viscous friction of the drive (felt in torque mode)", 5e-3, 5e-3,
-            aliases=dict.fromkeys(CIRCUITS, "drive_damping"), plants=CIRCUITS,
         ),
     ),
-    plants=PLANTS,
     validity="laminar lubrication, constant temperature",
     experiment="eight constant speeds both ways at one load: the slope of friction over speed",
     confusable=("lateral_extrusion", "stribeck_friction", "actuator_lag"),

@@ -65,15 +65,25 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
 
 
 @cache
+def _built() -> Mapping[str, tuple[Family, Plant]]:
+    """Every plant by its own name, with its family."""
+    made = ((one, one.build(variant, 1)) for one in families().values() for variant in one.variants)
+    return {plant.name: (one, plant) for one, plant in made}
+
+
+def plants_with(effect: str) -> tuple[str, ...]:
+    """Names of the plants that an effect of the library acts on."""
+    return tuple(name for name, (_, plant) in _built().items() if plant.effects.effects[effect].parameters)
+
+
 def family_of(plant: str) -> Family:
     """The family that a plant belongs to, by the plant's own name ("pulley_chain" is of "pulley_circuit").
 
     Raises ConfigurationError with the nearest name.
     """
-    built = {one.build(variant, 1).name: one for one in families().values() for variant in one.variants}
-    if plant not in built:
-        raise ConfigurationError(f"unknown plant '{plant}'; {nearest(plant, built)}")
-    return built[plant]
+    if plant not in _built():
+        raise ConfigurationError(f"unknown plant '{plant}'; {nearest(plant, _built())}")
+    return _built()[plant][0]
 
 
 def title_of(tasks: str) -> str:

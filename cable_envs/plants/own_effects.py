@@ -94,18 +94,18 @@ def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
     if not own:
         return plant
     for effect in own:
-        if not effect.parameters_on(plant.name):
+        if effect.plants and plant.name not in effect.plants:
             raise ConfigurationError(f"effect '{effect.name}' does not act on {plant.name}")
     hooks = {}
     for seam in ARGUMENTS:
-        users = [(e.hooks[seam], [lane_of(e, p) for p in e.parameters_on(plant.name)]) for e in own if seam in e.hooks]
+        users = [(e.hooks[seam], [lane_of(e, p) for p in e.parameters]) for e in own if seam in e.hooks]
         if users:
             hooks[f"own_{seam}"] = _hook(seam, users)
     asked = names_within(plant.solve)
     missing = [name for name in hooks if name not in asked]
     if missing:
         raise ConfigurationError(f"{plant.name} has no seam '{missing[0].removeprefix('own_')}' for own effects")
-    effects = Layout(plant.name, plant.parameters, own, plant.effects.worn)
+    effects = Layout(plant.name, plant.parameters, plant.effects.acting, own, plant.effects.worn)
     return replace(plant, effects=effects, own=own, hooks=hooks)
 
 

@@ -93,8 +93,7 @@ class Hypothesis:
         if self.effect is None:
             return frozenset()
         e = self.effect
-        rows = ((f"{e.name}.{p.name}", *p.aliases.values()) for p in e.parameters if p.inverse)
-        return frozenset(row for names in rows for row in names)
+        return frozenset(name for p in e.parameters if p.inverse for name in (f"{e.name}.{p.name}", e.row(p)))
 
     @property
     def wave(self) -> tuple[str, str] | None:
@@ -130,13 +129,13 @@ def hypotheses_for(
     known = plant.effects.effects
     for name in (*(only or ()), *without):
         require_known("effect", [name], known)
-        if not known[name].parameters_on(plant.name):
+        if not known[name].parameters:
             raise ConfigurationError(f"effect '{name}' does not act on {plant.name}")
     found: list[Hypothesis] = []
     for effect in known.values():
         if effect.name in without or (only is not None and effect.name not in only):
             continue
-        parameters = effect.parameters_on(plant.name)
+        parameters = effect.parameters
         groups: list[tuple[str, Sequence[EffectParameter]]]
         if effect.each_sensor:
             groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
@@ -157,18 +156,18 @@ def _hypothesis(
     modelled: Collection[str],
     travel: float | None,
 ) -> Hypothesis | None:
-    rows = {p.aliases.get(plant.name, f"{effect.name}.{p.name}"): p for p in parameters}
+    rows = {effect.row(p): p for p in parameters}
     # what a recording claims to know as absent is what may be missing
     absent = {row: p for row, p in rows.items() if row not in modelled and values[row] == p.null}
     sizes = {row: p for row, p in absent.items() if not p.shape}
     if not sizes:
         return None  # the model has it already
-    free = [_free(row, p, plant.name) for row, p in absent.items() if _searched(effect, p)]
-    probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent, plant.name)]
+    free = [_free(row, p) for row, p in absent.items() if _searched(effect, p)]
+    probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent)]
     if effect.wave and travel:
         period, phase = (f"{effect.name}.{name}" for name in effect.wave)
         free = [_within(f, travel) if f.name == period else f for f in free]
-        probes = _waves(next(iter(sizes)), sizes, plant.name, period, phase, travel)
+        probes = _waves(next(iter(sizes)), sizes, period, phase, travel)
     nulls = {row: p.null for row, p in sizes.items()}
     return Hypothesis(
         name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls, effect
@@ -180,28 +179,28 @@ def _searched(effect: Effect, p: EffectParameter) -> bool:
     return not p.shape or bool(p.probes) or p.name in (effect.wave or ())
 
 
-def _free(row: str, p: EffectParameter, plant: str) -> Free:
-    typical = p.typical_on(plant)
+def _free(row: str, p: EffectParameter) -> Free:
+    typical = p.typical
     scale = abs(typical - p.null) or abs(p.null) or 1.0
     return Free(row, p.null, p.low if p.search_low is None else p.search_low, p.high, scale)
 
 
 def _probes(
-    effect: Effect, sizes: Mapping[str, EffectParameter], absent: Mapping[str, EffectParameter], plant: str
+    effect: Effect, sizes: Mapping[str, EffectParameter], absent: Mapping[str, EffectParameter]
 ) -> Iterator[dict[str, float]]:  # fmt: skip
     """Every size with every shape, one direction each."""
     shapes = {
-        row: [factor * p.typical_on(plant) for factor in p.probes]
+        row: [factor * p.typical for factor in p.probes]
         for row, p in absent.items()
         if p.shape and p.probes
     }  # fmt: skip
     for row, p in sizes.items():
-        for value, *shape in product(_sizes(effect, p, plant), *shapes.values()):
+        for value, *shape in product(_sizes(effect, p), *shapes.values()):
             yield {row: min(max(value, p.low), p.high), **dict(zip(shapes, shape, strict=True))}
 
 
-def _sizes(effect: Effect, p: EffectParameter, plant: str) -> list[float]:
-    typical = p.typical_on(plant)
+def _sizes(effect: Effect, p: EffectParameter) -> list[float]:
+    typical = p.typical
     factors = PROBES if p.probes is None else p.probes
     if p.inverse:
         return [factor * typical for factor in factors]
@@ -216,10 +215,10 @@ def _within(free: Free, travel: float) -> Free:
 
 
 def _waves(
-    size: str, sizes: Mapping[str, EffectParameter], plant: str, period: str, phase: str, travel: float
+    size: str, sizes: Mapping[str, EffectParameter], period: str, phase: str, travel: float
 ) -> list[tuple[dict[str, float], ...]]:  # fmt: skip
     """Sine and cosine together for every number of waves over the travel; steps of half a wave miss none."""
-    height = 0.1 * sizes[size].typical_on(plant)
+    height = 0.1 * sizes[size].typical
     found = []
     for waves in np.arange(*WAVES):
         length = travel / waves

@@ -137,7 +137,7 @@ def _beside_its_effects(selection: Selection) -> list[str]:
 def parameter_name(row: str, hypothesis: Hypothesis) -> str:
     """What the effect calls a parameter that the plant may have under a name of its own."""
     for p in hypothesis.effect.parameters if hypothesis.effect else ():
-        if row in p.aliases.values():
+        if row == p.alias:
             return p.name
     return row.partition(".")[2] or row
 

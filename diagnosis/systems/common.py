@@ -202,7 +202,7 @@ def missing(
     others those at their null do. places: channels that tell the travel, the best first.
     """
     effects = plant.effects.effects.values()
-    rows = {p.aliases[plant.name]: p for e in effects for p in e.parameters_on(plant.name) if plant.name in p.aliases}
+    rows = {p.alias: p for e in effects for p in e.parameters if p.alias}
     absent = dict(soft) | {name: values[name] == p.null for name, p in rows.items() if name not in soft}
     modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
     as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}

@@ -9,9 +9,9 @@ import pytest
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
-from cable_envs.effects import EFFECTS, MEASURED, PLANTS, SEAMS, lane_of
+from cable_envs.effects import EFFECTS, SEAMS, lane_of
 from cable_envs.effects.lanes import SENSE
-from cable_envs.plants import plant_for
+from cable_envs.plants import families, plant_for
 from cable_envs.sim.rigs import load_rig
 from tests.support.golden_kernels import FILE, KEYS, fingerprint
 
@@ -32,23 +32,32 @@ def test_null_is_bit_equal_to_absence(case, mode, effects):
     assert fingerprint(case, mode, effects) == json.loads(FILE.read_text())[f"{case}, {mode}"]
 
 
-VARIANT = {"pulley_chain": ("pulley_circuit", "chain")}
+PLANTS = {
+    made.name: made
+    for one in families().values()
+    for made in (plant_for(one.name, variant) for variant in one.variants)
+}
 
 
 def test_every_canonical_effect_is_declared():
     assert set(NAMES) <= set(EFFECTS)
     for name, effect in EFFECTS.items():
-        assert effect.name == name and effect.seam in SEAMS and effect.plants and set(effect.plants) <= set(PLANTS)
+        assert effect.name == name and effect.seam in SEAMS
         assert effect.equation and effect.source and effect.validity and effect.experiment
         assert set(effect.confusable) <= set(EFFECTS) - {name}
-        for plant in effect.plants:
-            for p in effect.parameters_on(plant):
-                assert p.unit and p.meaning and p.low <= p.null <= p.high and p.low <= p.typical_on(plant) <= p.high
-                if not p.shape:
-                    assert p.typical_on(plant) != p.null
-                if name not in SENSE and plant not in p.aliases:
-                    layout = plant_for(*VARIANT.get(plant, (plant,))).effects
-                    assert lane_of(effect, p) in layout.lanes
+        assert any(plant.effects.effects[name].parameters for plant in PLANTS.values()), f"{name} acts on no plant"
+
+
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_effects_of_a_plant_have_rows_units_and_sizes(plant):
+    acting = [effect for effect in plant.effects.effects.values() if effect.parameters]
+    assert len(acting) > 5
+    for effect in acting:
+        for p in effect.parameters:
+            assert p.unit and p.meaning and p.low <= p.null <= p.high and p.low <= p.typical <= p.high
+            assert p.shape or p.typical != p.null
+            assert effect.row(p) in plant.table
+            assert effect.name in SENSE or p.alias or lane_of(effect, p) in plant.effects.lanes
 
 
 @pytest.mark.parametrize("variant", ["cable_hole", "pulley_circuit", "pulley_chain"])
@@ -60,7 +69,7 @@ def test_aliases_are_parameters_of_the_plant_and_nulls_leave_the_physics_out(var
     values = plant.table.unpack(plant.table.pack({}))
     assert not set(plant.effects.present(values)) & {"backlash", "actuator_lag", "sensor_bias", "slack"}
     assert "backlash" in plant.effects.present({**values, "backlash.gap": 0.1})
-    assert set(MEASURED[variant]) <= {s.name for s in plant.signals}
+    assert set(plant.effects.measured) <= {s.name for s in plant.signals}
 
 
 MISTAKES = [
@@ -70,7 +79,7 @@ MISTAKES = [
     ({"backlash": {"gap": -0.1}}, "outside its physical range"),
     ({"backlash": {"gap": {"value": 1, "unit": "N"}}}, "does not fit; expected rad"),
     ({"backlash": 0.1}, "expected a mapping of parameters"),
-    ({"lateral_extrusion": {"gain": 1.0}}, "does not act on pulley_circuit; it acts on cable_hole"),
+    ({"lateral_extrusion": {"gain": 1.0}}, "does not act on pulley_circuit; these do: coulomb_friction"),
     ("backlash", "expected a mapping of effect"),
 ]
 

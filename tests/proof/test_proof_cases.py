@@ -78,14 +78,14 @@ def test_strange_effects_are_in_no_library():
 
 
 def test_effects_and_their_parameters_are_those_of_the_tool():
-    from cable_envs.effects import EFFECTS
+    from cable_envs.plants import plant_for
 
     for system, effects in LIBRARY.items():
         for effect in effects:
-            theirs = EFFECTS[effect.name]
-            assert system in theirs.plants, (system, effect.name)
+            theirs = plant_for(system).effects.effects[effect.name]
+            assert theirs.parameters, (system, effect.name)
             if not theirs.each_sensor:
-                assert set(effect.compare) <= {p.name for p in theirs.parameters_on(system)}, (system, effect.name)
+                assert set(effect.compare) <= {p.name for p in theirs.parameters}, (system, effect.name)
 
 
 def test_baselines_give_verdicts(tmp_path):

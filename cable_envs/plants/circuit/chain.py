@@ -39,7 +39,7 @@ from cable_envs.physics.chain import (
 )  # fmt: skip
 from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.circuit.effects import moves_otherwise, output_step, pulley, spring
+from cable_envs.plants.circuit.effects import ACTING, moves_otherwise, output_step, pulley, spring
 from cable_envs.plants.circuit.ends import (
     ACTION_MODES,
     COEFFICIENTS,
@@ -405,6 +405,6 @@ PLANT = Plant(
     derive=_derive,
     settle=_settle,
     solve=_solve,
-    effects=Layout("pulley_chain", CIRCUIT, worn=OF_EFFECTS),
+    effects=Layout("pulley_chain", CIRCUIT, ACTING, worn=OF_EFFECTS),
     step_rows=STEP_ROWS,
 )

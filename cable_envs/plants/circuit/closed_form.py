@@ -20,6 +20,8 @@ Limits: tensions follow D without waves; friction inside the hold is stored as i
 (the chain plant does); with a slack cable the other one carries on, ``out_of_range`` says so.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from cable_envs.core.inputs import INPUTS
@@ -30,7 +32,7 @@ from cable_envs.effects.seams import actuate, begin, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import Plant, rows_of
-from cable_envs.plants.circuit.effects import pulley, rise, spring
+from cable_envs.plants.circuit.effects import ACTING, pulley, rise, spring
 from cable_envs.plants.circuit.ends import (
     ACTION_MODES,
     SIGNALS,
@@ -256,6 +258,8 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     x.rows[:] = np.where(plain, seen, x.rows)
 
 
+_ACTING = replace(ACTING, effects={**ACTING.effects, "partial_slip": ("angle",)})
+
 PLANT = Plant(
     name="pulley_circuit",
     parameters=CIRCUIT,
@@ -267,5 +271,5 @@ PLANT = Plant(
     derive=derive,
     settle=_settle,
     solve=_solve,
-    effects=Layout("pulley_circuit", CIRCUIT, worn=WORN),
+    effects=Layout("pulley_circuit", CIRCUIT, _ACTING, worn=WORN),
 )

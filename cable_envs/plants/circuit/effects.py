@@ -3,10 +3,36 @@
 import numpy as np
 
 from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
+from cable_envs.effects.base import Acting
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import begin, damping, follow
 from cable_envs.effects.seams import elastic
 from cable_envs.physics.friction import stick_slip_step
+
+ACTING = Acting(
+    effects={
+        "coulomb_friction": ("level", "contact"), "viscous_friction": ("coefficient", "drive"),
+        "stribeck_friction": ("excess", "velocity"), "asymmetric_friction": ("difference",),
+        "presliding_hysteresis": ("displacement",), "load_dependent_friction": ("coefficient", "shaft"),
+        "cable_elongation": ("tensile_stiffness",), "stiffness_hardening": ("coefficient",),
+        "viscoelastic_creep": ("share", "time"), "friction_drift": ("change", "time", "travel"),
+        "backlash": ("gap",), "slack": ("length",), "position_ripple": ("amplitude", "period", "phase"),
+        "position_dependent_load": ("stiffness", "neutral", "mass"), "actuator_lag": ("time",),
+    },
+    sensors={
+        "drive_angle": "rad", "drive_torque": "N m", "output_angle": "rad", "output_torque": "N m",
+        "tension_drive_top": "N", "tension_drive_bottom": "N",
+    },
+    aliases={
+        "coulomb_friction.level": "brake_torque", "coulomb_friction.contact": "cable_friction",
+        "viscous_friction.coefficient": "output_damping", "viscous_friction.drive": "drive_damping",
+        "load_dependent_friction.shaft": "shaft_friction", "cable_elongation.tensile_stiffness": "tensile_stiffness",
+        "position_dependent_load.mass": "payload_mass",
+    },
+    turning=True,
+)  # fmt: skip
+"""What acts on both circuit plants. The slip front of the closed form alone may take an angle (`partial_slip`): the
+chain's is what its contacts make it."""
 
 _TAU = 2.0 * np.pi
 

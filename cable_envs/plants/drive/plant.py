@@ -23,7 +23,7 @@ from cable_envs.core.inputs import OBSERVED
 from cable_envs.core.kernels import clip, inline, maximum, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
-from cable_envs.effects import Layout
+from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.lanes import STEP
@@ -68,6 +68,23 @@ SIGNALS = (
     Signal("slack_fraction", "1", "0: a belt pushes and pulls"),
     Signal("peak_tension", "N", "largest size of the belt's force within the last control step"),
 )
+
+ACTING = Acting(
+    effects={
+        "coulomb_friction": ("level",), "viscous_friction": ("coefficient",),
+        "stribeck_friction": ("excess", "velocity"), "asymmetric_friction": ("difference",),
+        "presliding_hysteresis": ("displacement",), "cable_elongation": ("belt_stiffness",),
+        "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
+        "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
+        "actuator_lag": ("time",),
+    },
+    sensors={"position": "m", "velocity": "m/s", "force": "N", "motor_position": "m"},
+    aliases={
+        "coulomb_friction.level": "coulomb", "viscous_friction.coefficient": "viscous",
+        "cable_elongation.belt_stiffness": "belt_stiffness",
+    },
+)  # fmt: skip
 
 COEFFICIENTS = Lanes("Coefficients", [
     "mass", "motor_mass", "belt_stiffness", "belt_damping", "viscous", "coulomb", "weight", "force_limit",
@@ -305,7 +322,7 @@ PLANT = Plant(
     derive=_derive,
     settle=_settle,
     solve=_solve,
-    effects=Layout("linear_drive", PARAMETERS),
+    effects=Layout("linear_drive", PARAMETERS, ACTING),
     step_rows=STEP_ROWS,
     plain=False,
 )

@@ -9,6 +9,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
+from cable_envs.effects import Acting
 from cable_envs.plants.base import Signal
 
 MAX_HOLES = 4
@@ -127,3 +128,27 @@ def derive(value: Mapping[str, np.ndarray], e: Any) -> dict[str, Any]:
         "guide_mass": value.get("guide_mass", 0.0), "wrap_angle": wrap, "friction_coefficient": mu,
         "radius_ratio": rho * (1.0 + value["extrusion_delta"]), "edge_radius": rho * value["cable_radius"],
     }  # fmt: skip
+
+
+ACTING = Acting(
+    effects={
+        "coulomb_friction": ("level", "contact"), "viscous_friction": ("coefficient",),
+        "stribeck_friction": ("excess", "contact", "velocity"), "asymmetric_friction": ("difference", "contact"),
+        "presliding_hysteresis": ("displacement",), "load_dependent_friction": ("coefficient", "exponent"),
+        "lateral_extrusion": ("gain", "delta", "exponent"), "bending_stiffness": ("rigidity",),
+        "cable_elongation": ("stiffness",), "stiffness_hardening": ("coefficient",),
+        "viscoelastic_creep": ("share", "time"), "friction_drift": ("change", "time", "travel"),
+        "backlash": ("gap",), "slack": ("length",), "position_ripple": ("amplitude", "period", "phase"),
+        "position_dependent_load": ("stiffness",), "actuator_lag": ("time",),
+    },
+    sensors={
+        "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
+        "load_velocity": "m/s", "load_tension": "N",
+    },
+    aliases={
+        "coulomb_friction.contact": "friction_coefficient", "viscous_friction.coefficient": "load_damping",
+        "lateral_extrusion.gain": "extrusion_gain", "lateral_extrusion.delta": "extrusion_delta",
+        "lateral_extrusion.exponent": "extrusion_exponent", "bending_stiffness.rigidity": "bending_rigidity",
+        "cable_elongation.stiffness": "cable_stiffness", "position_dependent_load.stiffness": "load_stiffness",
+    },
+)  # fmt: skip

@@ -32,6 +32,7 @@ from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import (
+    ACTING,
     MAX_HOLES,
     coefficient_rows,
     derive,
@@ -288,7 +289,7 @@ def cable_hole(holes: int = 1) -> Plant:
         derive=derive,
         settle=_settle,
         solve=_solve,
-        effects=Layout("cable_hole", parameters),
+        effects=Layout("cable_hole", parameters, ACTING),
     )
 
 
