@@ -12,23 +12,34 @@ The API is described in `baselines.base.Controller`.
 """
 
 from collections.abc import Mapping
+from importlib import import_module
+from pkgutil import iter_modules
+from types import MappingProxyType
 from typing import Any
 
 from baselines.base import Controller
-from baselines.feedforward import FeedforwardPid, UncompensatedPid
-from baselines.mrac import MracG9, MracG22
-from baselines.open_loop import OpenLoop
-from baselines.oracle import Oracle
-from baselines.pid import PidController
 from cable_envs.core.errors import ConfigurationError, nearest
 
 CABLE_BENCHMARK = True
 """Marks this package: other distributions also install a top-level `baselines`, and callers check for this name."""
 
-CONTROLLERS: Mapping[str, type[Controller]] = {
-    c.name: c for c in (OpenLoop, PidController, MracG22, MracG9, FeedforwardPid, UncompensatedPid, Oracle)
-}
-"""Registry: name -> class."""
+SHOWN = ("open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompensated-pid", "oracle")
+"""The order in which controllers are listed to people; what is not named here comes behind, by name."""
+
+
+def _found() -> dict[str, type[Controller]]:
+    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    kinds = {
+        kind.name: kind
+        for module in modules
+        for kind in vars(module).values()
+        if isinstance(kind, type) and issubclass(kind, Controller) and "name" in vars(kind)
+    }
+    return {name: kinds[name] for name in sorted(kinds, key=lambda n: (SHOWN.index(n) if n in SHOWN else 99, n))}
+
+
+CONTROLLERS: Mapping[str, type[Controller]] = MappingProxyType(_found())
+"""Every controller of every file in this folder, by name."""
 
 
 def controller_class(name: str) -> type[Controller]:

@@ -94,9 +94,9 @@ class Effect:
     over_time: str = ""
     wave: tuple[str, str] | None = None
     plants: tuple[str, ...] = ()
-    """of a user's own effect: the plants that it acts on; empty: every one that asks at its seams"""
+    """of an effect with hooks: the plants that it acts on; empty: every one that asks at its seams"""
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
-    """of a user's own effect: seam -> plain scalar function, compiled into the kernel on first use"""
+    """seam -> plain scalar function that is compiled into the kernels at that seam (`cable_envs.effects.own`)"""
 
     def __hash__(self) -> int:
         return hash(self.name)
@@ -117,6 +117,11 @@ class Effect:
         return any(values[self.row(p)] != p.null for p in self.parameters if not p.shape)
 
 
+def lane_of(effect: Effect, parameter: EffectParameter) -> str:
+    """Name of the row of an effect's parameter in a kernel."""
+    return f"{effect.name}_{parameter.lane or parameter.name}"
+
+
 @dataclass(frozen=True)
 class Acting:
     """What of the library acts on a plant.
@@ -132,20 +137,25 @@ class Acting:
         that leaves the physics out.
     turning : bool
         Whether its motion is an angle: units become rad and N m.
+    seams : tuple of str
+        Where its kernel asks for effects that bring a function of their own (`Effect.hooks`).
     """
 
     effects: Mapping[str, tuple[str, ...]]
     sensors: Mapping[str, str]
     aliases: Mapping[str, str] = field(default_factory=dict)
     turning: bool = False
+    seams: tuple[str, ...] = ("actuate", "cable", "load")
 
-    def bound(self, effect: Effect) -> Effect:
+    def bound(self, effect: Effect, plant: str) -> Effect:
         """The effect as it is on the plant; without parameters where it does not act."""
         if effect.each_sensor:
             one = effect.parameters[0]
             own = tuple(replace(one, name=signal, unit=one.unit or unit) for signal, unit in self.sensors.items())
             return replace(effect, parameters=own)
-        names = tuple(p.name for p in effect.parameters) if effect.hooks else self.effects.get(effect.name, ())
+        names = self.effects.get(effect.name, ())
+        if effect.hooks and set(effect.hooks) <= set(self.seams) and plant in (effect.plants or (plant,)):
+            names = tuple(p.name for p in effect.parameters)
         found = {p.name: p for p in effect.parameters}
         own = tuple(found[n].on(self.turning, self.aliases.get(f"{effect.name}.{n}", "")) for n in names)
         return replace(effect, parameters=own)

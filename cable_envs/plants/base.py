@@ -1,7 +1,7 @@
 """What every plant offers to the layers above it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -15,6 +15,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
 from cable_envs.effects.lanes import STATES, STEP
+from cable_envs.effects.own import joined
 from cable_envs.plants.kernel import kernels
 
 STEP_ROWS = Lanes("Step", STEP)
@@ -79,8 +80,6 @@ class Plant:
 
     own: tuple[Effect, ...] = ()
     """a user's own effects (`cable_envs.plants.own_effects`)"""
-    hooks: Mapping[str, Any] = field(default_factory=dict, compare=False)
-    """what a user's effects put at the seams, by the names in `cable_envs.effects.own`"""
 
     def __post_init__(self) -> None:
         if self.signal_rows.count != len(self.signals):
@@ -104,7 +103,7 @@ class Plant:
         """Without and with effects, see `advance`; compiled on first use."""
         made = kernels(
             f"{self.name}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
-            self.effects.lanes, self.step_rows, self.solve, dict(self.hooks),
+            self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], made[1])
 

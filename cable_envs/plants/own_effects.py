@@ -29,26 +29,14 @@ They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions o
 
 import importlib.util
 import inspect
-from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.kernels import inline, names_within
-from cable_envs.effects import EFFECTS, Effect, Layout, lane_of
+from cable_envs.effects import EFFECTS, Effect, Layout
+from cable_envs.effects.own import ARGUMENTS
 from cable_envs.plants.base import Plant
-
-ARGUMENTS = {
-    "actuate": ("command",),
-    "cable": ("tension",),
-    "contact": ("speed", "tension"),
-    "load": ("position", "velocity", "tension"),
-}
-"""What a hook is given before the numbers."""
-
-_JOIN = {"actuate": None, "cable": None, "contact": " + ", "load": " + "}  # None: one after the other
 
 
 def load_effect(path: str | Path) -> Effect:
@@ -96,30 +84,8 @@ def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
     for effect in own:
         if effect.plants and plant.name not in effect.plants:
             raise ConfigurationError(f"effect '{effect.name}' does not act on {plant.name}")
-    hooks = {}
-    for seam in ARGUMENTS:
-        users = [(e.hooks[seam], [lane_of(e, p) for p in e.parameters]) for e in own if seam in e.hooks]
-        if users:
-            hooks[f"own_{seam}"] = _hook(seam, users)
-    asked = names_within(plant.solve)
-    missing = [name for name in hooks if name not in asked]
-    if missing:
-        raise ConfigurationError(f"{plant.name} has no seam '{missing[0].removeprefix('own_')}' for own effects")
+        missing = [seam for seam in effect.hooks if seam not in plant.effects.acting.seams]
+        if missing:
+            raise ConfigurationError(f"{plant.name} has no seam '{missing[0]}' for own effects")
     effects = Layout(plant.name, plant.parameters, plant.effects.acting, own, plant.effects.worn)
-    return replace(plant, effects=effects, own=own, hooks=hooks)
-
-
-def _hook(seam: str, users: Sequence[tuple[Callable[..., float], list[str]]]) -> Callable[..., float]:
-    """One scalar piece of all hooks at a seam; it is written out, as the kernels' pieces cannot take a list."""
-    given = ARGUMENTS[seam]
-    space: dict[str, Any] = {f"f{k}": inline(function) for k, (function, _) in enumerate(users)}
-    calls = [
-        f"f{k}({', '.join([*given, *(f'e.{row}[i]' for row in rows)])})" for k, (_, rows) in enumerate(users)
-    ]  # fmt: skip
-    between = _JOIN[seam]
-    if between is not None:
-        body = [f"    return {between.join(calls)}"]
-    else:
-        body = [*(f"    {given[0]} = {call}" for call in calls), f"    return {given[0]}"]
-    exec("\n".join([f"def own({', '.join(given)}, e, i):", *body]), space)
-    return inline(space["own"])
+    return replace(plant, effects=effects, own=own)

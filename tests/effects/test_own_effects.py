@@ -6,7 +6,10 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants import plant_for
+from cable_envs.core.kernels import names_within
+from cable_envs.effects import Effect, EffectParameter
+from cable_envs.effects.own import joined
+from cable_envs.plants import families, plant_for
 from cable_envs.plants.own_effects import load_effect, with_own_effects
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
@@ -106,3 +109,22 @@ def test_mistakes_are_named(tmp_path, text, message):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigurationError, match="there is no such file"):
         load_effect(tmp_path / "none.py")
+
+
+@pytest.mark.parametrize("plant", [p for f in families().values() for p in (plant_for(f.name, v) for v in f.variants)])
+def test_a_plant_asks_at_the_seams_that_it_says(plant):
+    asked = {name.removeprefix("own_") for name in names_within(plant.solve) if name.startswith("own_")}
+    assert asked == set(plant.effects.acting.seams)
+
+
+def test_an_effect_of_the_library_with_a_hook_needs_no_other_file():
+    """What `cable_envs.effects.library` would find: it acts on every plant that asks at its seam, and on no other."""
+    parameter = EffectParameter("stiffness", "N/m^3", 0.0, 0.0, 1e8, "spring to ground", typical=5e3)
+    effect = Effect(
+        name="cubic_spring", seam="contact", equation="mu += stiffness v^3", source="made up", parameters=(parameter,),
+        validity="any", experiment="push", hooks={"contact": lambda speed, tension, stiffness: stiffness * speed**3},
+    )  # fmt: skip
+    hole, circuit = plant_for("cable_hole").effects.acting, plant_for("pulley_circuit").effects.acting
+    assert hole.bound(effect, "cable_hole").parameters and not circuit.bound(effect, "pulley_circuit").parameters
+    assert set(joined([hole.bound(effect, "cable_hole")])) == {"own_contact"}
+    assert joined([circuit.bound(effect, "pulley_circuit")]) == {}

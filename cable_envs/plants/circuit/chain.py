@@ -17,6 +17,8 @@ phase: 0 rest: the drive stands and no contact next to the output slid within th
 reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from cable_envs.core.kernels import inline, maximum, minimum, select
@@ -405,6 +407,6 @@ PLANT = Plant(
     derive=_derive,
     settle=_settle,
     solve=_solve,
-    effects=Layout("pulley_chain", CIRCUIT, ACTING, worn=OF_EFFECTS),
+    effects=Layout("pulley_chain", CIRCUIT, replace(ACTING, seams=("actuate", "load")), worn=OF_EFFECTS),
     step_rows=STEP_ROWS,
 )

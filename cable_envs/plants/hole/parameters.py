@@ -151,4 +151,5 @@ ACTING = Acting(
         "lateral_extrusion.exponent": "extrusion_exponent", "bending_stiffness.rigidity": "bending_rigidity",
         "cable_elongation.stiffness": "cable_stiffness", "position_dependent_load.stiffness": "load_stiffness",
     },
+    seams=("actuate", "cable", "contact", "load"),
 )  # fmt: skip
