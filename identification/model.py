@@ -17,7 +17,7 @@ from cable_envs.plants.hole.statics import EXACT, G22
 
 NAMES = ("delta", "mu", "K", "omega", "rho0")
 """Row order of ``theta``; K in (s/m)^omega, all others are pure numbers."""
-DELTA, MU, GAIN, OMEGA, RHO0 = range(5)
+DELTA, MU, GAIN, OMEGA, RHO0 = (NAMES.index(name) for name in ("delta", "mu", "K", "omega", "rho0"))
 FORMS = {"exact": EXACT, "g22": G22}
 """How n follows from the parameters: the exact solution of Eq. (17), or its expansion Eq. (22), Gu 2024."""
 

@@ -61,10 +61,10 @@ class Oscillating:
             for i in range(COUNT):
                 x = 3.99 * x * (1.0 - x)
                 drive[i] = x - 0.5
-            swing = np.empty_like(drive)
+            cycle = np.empty_like(drive)
             for n in range(len(mass)):
-                swing[:, n] = lfilter([1.0], [1.0, -1.96 * np.cos(np.pi * pitch[n]), 0.96], drive[:, n])
-            found.append(0.1 * mass * motion[:, None] + lag * np.gradient(motion)[:, None] / PERIOD + 0.1 * gap * swing)
+                cycle[:, n] = lfilter([1.0], [1.0, -1.96 * np.cos(np.pi * pitch[n]), 0.96], drive[:, n])
+            found.append(0.1 * mass * motion[:, None] + lag * np.gradient(motion)[:, None] / PERIOD + 0.1 * gap * cycle)
         return found
 
 
@@ -75,7 +75,7 @@ def _oscillations(model, held, seed=0):
     return null, found
 
 
-def test_a_swing_of_another_phase_is_found_by_its_spectrum():
+def test_a_limit_cycle_of_another_phase_is_found_by_its_spectrum():
     for seed, size in ((1, 1.0), (2, 0.5)):
         model, held = (Oscillating({"gap": size}, s) for s in (seed, seed + 100))
         null, found = _oscillations(model, held)
@@ -95,7 +95,7 @@ def test_a_pitch_that_the_refit_cannot_know_is_found_along():
     assert found[0].values["pitch"] == pytest.approx(0.34, abs=0.005)
 
 
-def test_neither_noise_nor_a_hum_is_a_swing():
+def test_neither_noise_nor_a_hum_is_a_limit_cycle():
     def hum(t):
         return 0.15 * np.sin(2 * np.pi * 7.3 * t)
 
@@ -139,7 +139,7 @@ def test_the_mean_of_runs_has_what_can_be_predicted():
     assert mean[200:].std() == pytest.approx(one[200:].std() / 4.0, rel=0.35)
 
 
-def test_what_swings_is_named_and_a_rig_that_has_it_is_left_alone():
+def test_a_limit_cycle_is_named_and_a_rig_that_has_it_is_left_alone():
     model, held = (Oscillating({"gap": 1.0}, s) for s in (1, 101))
     told = {"stated": {"force": STD}}
     found = select(model, held, ("mass", "pitch"), [GAP, LAG], np.random.default_rng(0), **told)
