@@ -123,6 +123,29 @@ def read_json(path: str | Path) -> Any:
     return json.loads(content)
 
 
+def json_text(value: Any) -> str:
+    """A value as the text of a JSON file, for people to read.
+
+    Parameters
+    ----------
+    value : Any
+        As of `jsonable`: NaN and infinities become null.
+
+    Returns
+    -------
+    str
+        Indented by one, with a line's end.
+
+    Examples
+    --------
+    >>> print(json_text({"rms": math.nan}), end="")
+    {
+     "rms": null
+    }
+    """
+    return json.dumps(jsonable(value), indent=1, allow_nan=False) + "\n"
+
+
 def packed_json(value: Any) -> bytes:
     """``value`` as compressed JSON: the same value gives the same bytes. Raises ValueError for NaN and infinities."""
     return gzip.compress((json.dumps(value, indent=1, allow_nan=False) + "\n").encode(), 9, mtime=0)

@@ -1,12 +1,11 @@
 """A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from cable_envs.core.files import jsonable, write_atomic
+from cable_envs.core.files import json_text, write_atomic
 from cablebench.board.cells import cells, heading, seed_text
 from cablebench.board.learning import Curve
 from cablebench.board.page import render_html
@@ -54,7 +53,7 @@ def render_json(board: Board) -> str:
         "metrics": [{"name": m.name, "unit": m.unit, "better": m.better, "meaning": m.meaning} for m in METRICS],
         **asdict(board),
     }
-    return json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n"
+    return json_text(data)
 
 
 def fitting(head: list[str], body: list[list[str]], width: int) -> list[int]:

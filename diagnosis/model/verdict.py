@@ -1,6 +1,5 @@
 """The answer as data: what `cable-diagnosis/1` holds, to JSON and back."""
 
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
@@ -10,7 +9,7 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import jsonable, write_atomic
+from cable_envs.core.files import json_text, jsonable, write_atomic
 from cable_envs.core.intervals import Interval
 from diagnosis.model.hypotheses import Hypothesis
 
@@ -234,7 +233,7 @@ class Diagnosis:
 
     def write(self, out: Path) -> None:
         """diagnosis.json and augmented.yaml into a folder, which is made; each file is replaced whole."""
-        write_atomic(out / "diagnosis.json", json.dumps(self.as_json(), indent=1, allow_nan=False) + "\n")
+        write_atomic(out / "diagnosis.json", json_text(self.as_json()))
         write_atomic(out / self.augmented_rig, yaml.safe_dump(jsonable(self.rig), sort_keys=False))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import jsonable, packed_json, write_atomic
+from cable_envs.core.files import json_text, jsonable, packed_json, write_atomic
 from cable_envs.sim.registered import setup_of
 from cablebench.jobs import Job, open_backend
 from cablebench.pays import scores as pays
@@ -30,7 +30,7 @@ def begin(study: Study, out: Path) -> None:
         if begun.get("hash") != study.hash():
             raise ConfigurationError(f"{out} holds a study with other settings: choose another folder")
         return
-    write_atomic(file, json.dumps(jsonable(asked), indent=1) + "\n")
+    write_atomic(file, json_text(asked))
 
 
 def recorded(study: Study, folder: Path) -> Path:

@@ -1,6 +1,5 @@
 """What a command says: JSON and tables on standard output, progress and remarks on standard error."""
 
-import json
 import os
 import sys
 import time
@@ -8,12 +7,12 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from cable_envs.core.files import jsonable
+from cable_envs.core.files import json_text
 
 
 def print_json(data: Any) -> None:
     """``data`` as JSON on standard output, and nothing else there."""
-    sys.stdout.write(json.dumps(jsonable(data), indent=1, allow_nan=False) + "\n")
+    sys.stdout.write(json_text(data))
 
 
 FILE_WIDTH = 160
