@@ -1,6 +1,6 @@
 """The HTML page of the real recordings, from the JSON and SVG files that each set has left in a folder."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +9,7 @@ from cable_envs.core.files import packed_json, read_json
 from cable_envs.drawing import pages
 
 FIGURES = "figures"
+PAGE, SUMMARY = "index.html", "README.md"
 JAW = "da-vinci-jaw"
 FILES = {JAW: "davinci"}
 """Sets whose file of numbers has another name."""
@@ -41,10 +42,7 @@ def render(out: Path, names: Sequence[str]) -> str:
 
     from cablebench.pages.recordings_jaw import figures_of
 
-    sets = {name: _read(path) for name in names if (path := numbers_of(out, name)).is_file()}
-    if not sets:
-        raise ConfigurationError(f"{out} holds no set's numbers; leave out --page-only, or name another folder")
-
+    sets = _sets(out, names)
     jaw = figures_of(sets[JAW]) if JAW in sets else {}  # the jaw's numbers hold the curves
 
     def drawn(name: str, which: str) -> Any:
@@ -57,10 +55,46 @@ def render(out: Path, names: Sequence[str]) -> str:
     return pages.render(
         "cablebench.pages",
         "templates/recordings.html.j2",
-        {"sets": sets, "missing": missing},
+        {"sets": sets, "missing": missing, "glance": glance(sets)},
         filters={"plain": plain, "number": number, "estimate": estimate, "error": error},
         helpers={"drawn": drawn},
     )
+
+
+def summary(out: Path, names: Sequence[str]) -> str:
+    """The first table of the page as Markdown, for readers of the repository."""
+    lines = [
+        "# Recordings of real rigs, diagnosed",
+        "",
+        f"[index.html]({PAGE}) is the page with all figures; this is its first table.",
+        "",
+    ]
+    lines += [
+        "| recording | named, in order | naive simulator, held-out error | with what was named |",
+        "|---|---|--:|--:|",
+    ]
+    for row in glance(_sets(out, names)):
+        lines.append(f"| {row['title']} | {', '.join(row['named'])} | {row['naive']} | {row['final']} |")
+    return "\n".join(lines) + "\n"
+
+
+def glance(sets: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """A row for each set: what was named, and the error on held-out records before and after."""
+    rows = []
+    for name, (title, anchor, steps_of, shown) in _GLANCE.items():
+        if name in sets:
+            steps = steps_of(sets[name])
+            named = [plain(step.get("effect") or step["name"]) for step in steps[1:]]
+            rows.append({"title": title, "anchor": anchor, "named": named})
+            rows[-1] |= {"naive": shown(steps[0]), "final": shown(steps[-1])}
+    return rows
+
+
+def _sets(out: Path, names: Sequence[str]) -> dict[str, Any]:
+    sets = {name: _read(path) for name in names if (path := numbers_of(out, name)).is_file()}
+    if not sets:
+        raise ConfigurationError(f"{out} holds no set's numbers; leave out --page-only, or name another folder")
+    return sets
 
 
 def _read(path: Path) -> Any:
@@ -97,3 +131,24 @@ def estimate(found: Mapping[str, Any]) -> str:
         factor, prefix = (1e6, "u") if abs(value) < 1e-4 else (1e3, "m")
     shown = "" if unit == "1" else f" {prefix}{unit}"
     return f"{number(factor * value)} [{number(factor * low)}, {number(factor * high)}]{shown}"
+
+
+_GLANCE: Mapping[str, tuple[str, str, Callable[[Any], Any], Callable[[Any], str]]] = {
+    JAW: (
+        "da Vinci jaw", "jaw", lambda numbers: numbers["ladder"],
+        lambda step: f"{number(step['heldout_deg'])} deg, {number(step['heldout_mnm'])} mN m",
+    ),
+    "band-brake": (
+        "band brake", "brake", lambda numbers: numbers["finding"]["steps"],
+        lambda step: f"{number(step['heldout']['force'])} N",
+    ),
+    "emps": (
+        "EMPS", "emps", lambda numbers: numbers["finding"]["steps"],
+        lambda step: error(step["heldout"]["position"], "m"),
+    ),
+    "coupled-drives": (
+        "coupled drives", "drives", lambda numbers: numbers["findings"]["uniform"]["steps"],
+        lambda step: f"{number(step['heldout']['speed_reading'])} V",
+    ),
+}  # fmt: skip
+"""Of each set: its title, its place on the page, its accepted steps, and how an error is shown."""

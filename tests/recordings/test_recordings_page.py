@@ -10,7 +10,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
 from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
-from cablebench.pages.recordings import error, estimate, number, plain, render, write_set
+from cablebench.pages.recordings import error, estimate, number, plain, render, summary, write_set
 from cablebench.pages.recordings_sets import SETS, numbers
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.verdict import EffectGain, Estimate
@@ -102,6 +102,7 @@ def test_what_cannot_be_run_is_said(tmp_path, monkeypatch, capsys, words, said):
 def test_the_committed_page_is_made_of_its_numbers_and_needs_nothing_else():
     page = (COMMITTED / "index.html").read_text(encoding="utf-8")
     assert render(COMMITTED, list(SETS)) == page
+    assert summary(COMMITTED, list(SETS)) == (COMMITTED / "README.md").read_text(encoding="utf-8")
     assert not re.search(r"<(?:script|link|img)\b|url\(\s*http", page)
     coupled = read_json(COMMITTED / "coupled-drives.json.gz")
     for finding in coupled["findings"].values():

@@ -22,7 +22,7 @@ def recordings(
 ) -> None:
     """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 20 minutes."""
     from cable_envs.core.files import write_atomic
-    from cablebench.pages.recordings import render, write_set
+    from cablebench.pages.recordings import PAGE, SUMMARY, render, summary, write_set
     from cablebench.pages.recordings_sets import SETS
 
     names = list(dict.fromkeys(only or SETS))
@@ -40,5 +40,6 @@ def recordings(
             command = shlex.join(["cablebench", "recordings", "--only", name, "--out", str(out)])
             write_set(out, name, {"command": command, "seconds": round(took), **numbers}, figures)
             say.print(f"{name}: {took:.0f} s", markup=False)
-    write_atomic(out / "index.html", render(out, list(SETS)))
-    say.print(f"wrote {out / 'index.html'}", markup=False)
+    write_atomic(out / PAGE, render(out, list(SETS)))
+    write_atomic(out / SUMMARY, summary(out, list(SETS)))
+    say.print(f"wrote {out / PAGE} and {SUMMARY}", markup=False)
