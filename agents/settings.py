@@ -26,30 +26,41 @@ search: {...}                       # what `cablebench tune` varies
 """
 
 import inspect
+import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import sb3_contrib
+import stable_baselines3
 import torch
-from sb3_contrib import TQC, CrossQ, RecurrentPPO
-from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
 from agents.shaping import Residual, Shaping
 from baselines import controller_class
 from cable_envs import ENV_IDS
-from cable_envs.core.config import config_path, config_root, configuration_hash, read_yaml
+from cable_envs.core.config import config_names, config_path, config_root, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 
-ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = {
-    "ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC, "recurrent-ppo": RecurrentPPO, "crossq": CrossQ,
-}  # fmt: skip
-"""Name in a settings file -> class; another algorithm is one entry here and a file in configs/agents/."""
+
+def _algorithms() -> dict[str, type[BaseAlgorithm]]:
+    kinds = {**vars(stable_baselines3), **vars(sb3_contrib)}.values()
+    found = {_settings_name(kind): kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseAlgorithm)}
+    return {name: found[name] for name in config_names("agents") if name in found}
+
+
+def _settings_name(kind: type[BaseAlgorithm]) -> str:
+    """What an algorithm is called in files: "recurrent-ppo" for RecurrentPPO, "crossq" for CrossQ."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z]{2})", "-", kind.__name__).lower()
+
+
+ALGORITHMS: Mapping[str, type[BaseAlgorithm]] = _algorithms()
+"""Name in a settings file -> class of stable-baselines3 or sb3-contrib: all that have a file in configs/agents/."""
 
 NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 

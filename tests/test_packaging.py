@@ -92,8 +92,10 @@ def test_only_export_and_its_command_know_recordings_and_minari():
     assert _offences(pages, "minari", "cablebench.export", "agents", "baselines") == []
     others = [f for package in PACKAGES for f in _files(package) if _module(f) != "cablebench.export.minari"]
     assert _offences(others, "minari") == []
-    assert _offences([f for f in others if _module(f) != "diagnosis.readers.mat"], "h5py") == []  # MATLAB 7.3 is HDF5
-    bags = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.readers.rosbag"]
+    assert (
+        _offences([f for f in others if _module(f) != "diagnosis.readers.formats.mat"], "h5py") == []
+    )  # MATLAB 7.3 is HDF5
+    bags = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.readers.formats.rosbag"]
     assert _offences(bags, "rosbags") == []
 
 

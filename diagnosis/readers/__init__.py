@@ -5,23 +5,24 @@ A format is a module with
     SUMMARY: str                                      one line for the help text
     open_dataset(path: Path, asked: Request) -> DataSet
 
-(`base` has the classes, `emps` is the shortest example). Name it in `FORMATS`, or give its file to
-`cablebench import`: a file of a user's own is as good as one here.
+(`base` has the classes, `sets.emps` is the shortest example). Every file in ``sets`` and ``formats`` is one, and so is
+a file of a user's own that is given to `cablebench import`.
 """
 
 import importlib
 import importlib.util
 from pathlib import Path
+from pkgutil import iter_modules
 from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError, nearest
 
 FORMATS = {
-    "da-vinci-jaw": "sets.davinci_jaw", "band-brake": "sets.band_brake", "emps": "sets.emps",
-    "coupled-drives": "sets.coupled_drives",
-    "table": "table", "mat": "mat", "rosbag": "rosbag",
-}  # fmt: skip
-"""Format -> module in this package."""
+    module.name.replace("_", "-"): f"{folder}.{module.name}"
+    for folder in ("sets", "formats")
+    for module in iter_modules([str(Path(__file__).parent / folder)])
+}
+"""Format -> module in this package: every file of ``sets`` (published data) and ``formats``, a hyphen for a bar."""
 
 
 def reader(name: str) -> ModuleType:

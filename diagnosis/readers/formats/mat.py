@@ -13,8 +13,8 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
+from diagnosis.readers.formats.table import data_set, of_entry
 from diagnosis.readers.mapping import load_mapping
-from diagnosis.readers.table import data_set, of_entry
 
 SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
 OPTIONS = ()

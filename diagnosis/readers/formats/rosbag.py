@@ -17,8 +17,8 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, whole
+from diagnosis.readers.formats.table import data_set, of_entry
 from diagnosis.readers.mapping import load_mapping
-from diagnosis.readers.table import data_set, of_entry
 
 SUMMARY = "ROS 1 and ROS 2 bags, with --mapping FILE.yaml (topic and field for each channel)"
 OPTIONS = ()

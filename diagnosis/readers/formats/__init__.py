@@ -1,0 +1,1 @@
+"""Readers of files that anybody may have: tables, MATLAB files, ROS bags."""
