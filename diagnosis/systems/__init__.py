@@ -2,10 +2,9 @@
 
     prepare(recording, request) -> Question     what a recording asks
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
-    WAYS                                        what moving up and moving down are called (else `Question.ways`)
-    VARIANT                                     of a plant with two forms, the one that is taken unless told otherwise
 
-The last three may be absent. ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
+The second may be absent. What a recording's channels are, and what motion is called, the plant says itself
+(`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
 recorded as its input, and predicts the other channels. Everything after that (refit, score tests, selection,
 localisation, verdict) knows no system.
 """
@@ -17,6 +16,7 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants import family
 from diagnosis.data.recording import Record, Recording
 from diagnosis.systems import transmission
 from diagnosis.systems.question import Look, Question, Request
@@ -32,14 +32,14 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
         raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
     request = request or Request()
     plant, chosen = _of_plant(recording.system), _chosen(recording)
-    if request.variant and not (chosen is plant and hasattr(plant, "VARIANT")):
+    if request.variant and not (chosen is plant and _has_variants(recording.system)):
         raise ConfigurationError(
             f"{recording.path}: variant '{request.variant}' chooses between two models, and this recording has one: it "
             f"would have to be of a pulley_circuit, with a rig or the circuit's geometry in it"
         )
     question = chosen.prepare(recording, request)
     _stated_is_white(recording, question)
-    return replace(question, ways=getattr(plant, "WAYS", question.ways))
+    return replace(question, ways=family(recording.system).ways)
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
@@ -75,10 +75,15 @@ def _of_plant(name: str) -> ModuleType | None:
     return None if found is None else import_module(found.name)
 
 
+def _has_variants(name: str) -> bool:
+    """Whether a plant has more than one simulator."""
+    return len(family(name).variants) > 1
+
+
 def _chosen(recording: Recording) -> ModuleType:
     """The module that models a recording."""
     plant = _of_plant(recording.system)
-    if plant is not None and hasattr(plant, "VARIANT") and transmission.fits(recording):
+    if plant is not None and _has_variants(recording.system) and transmission.fits(recording):
         return transmission
     special = [module for channel, module in _BY_CHANNEL.items() if channel in recording.channels]
     if special:

@@ -48,7 +48,6 @@ STIFF = 1.5e5
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
-WAYS = ("lifting", "lowering")
 REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
 

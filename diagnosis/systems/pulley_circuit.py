@@ -44,7 +44,6 @@ from diagnosis.systems.replayed import ReplayModel, Run
 from diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
 
 VARIANT = "chain"
-WAYS = ("turning counter-clockwise", "turning clockwise")
 STEP = 1e-3
 """Largest step of integration, s, with `EASY` or less; shorter with stiffer cables: with longer ones the chain raises
 small inertias (`circuit_ends.resolve`), which shows in the torques."""
