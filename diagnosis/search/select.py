@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.adequacy.bands import Spectra
+from diagnosis.adequacy.bands import Bands, Spectra
 from diagnosis.adequacy.tests import Adequacy, adequacy
 from diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
 from diagnosis.fit.refit import Start
@@ -45,7 +45,7 @@ NOTHING = 1.0
 LIKE_ANY = "something drifts with the elapsed time"
 
 
-def select(  # noqa: C901, PLR0915
+def select(
     fit: Model,
     heldout: Model,
     nominals: tuple[str, ...],
@@ -90,14 +90,12 @@ def select(  # noqa: C901, PLR0915
     """
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)
-    known = at_rest or bool(stated)
     rules = rules.under(at_rest, bool(stated))
     tell("refitting the nominal parameters")
     spectra = Spectra(fit, stated)
     by_itself = limit_cycles.oscillates(spectra, rules.gain)
     if by_itself:
-        judged, bands = keep("averaged", partial(limit_cycles.refitted, spectra, nominals, rng))
-        alone = limit_cycles.as_it_is(judged, bands, rules)
+        alone = limit_cycles.as_it_is(*_averaged(spectra, nominals, rng, keep), rules)
         if alone is not None:
             return alone
     null = keep("null", partial(refit_nominals, fit, nominals))
@@ -120,7 +118,7 @@ def select(  # noqa: C901, PLR0915
             break
         chosen.append((found.hypothesis, found.judged))
         best = found.judged
-        if known and rules.nothing_left(adequacy(fit, best, stated)):
+        if (at_rest or stated) and rules.nothing_left(adequacy(fit, best, stated)):
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
         tell("exchanging each effect for every other")
@@ -130,24 +128,40 @@ def select(  # noqa: C901, PLR0915
     also = heldout if at_rest else None
     after = adequacy(fit, best, stated, also)
     before = adequacy(fit, null, stated, also) if chosen else after
-    explained = bare - best.deviance
-    if chosen and at_rest:
-        explained += max(_held_gain(heldout, best.whitener, null, best), 0.0)
+    unseen = max(_held_gain(heldout, best.whitener, null, best), 0.0) if chosen and at_rest else 0.0
+    explained = bare - best.deviance + unseen
     accepted = _described(fit, heldout, null, best, chosen, tried, rules)
-    drifting = not chosen and any(why.startswith(LIKE_ANY) for why in refused.values())
     share = rules.drifted if _tells_of_drift([h for h, _ in chosen], after) else rules.left
-    adequate = rules.adequate(after, explained, share) and not drifting
-    if not by_itself and not (adequate and accepted):
-        tell("comparing spectra")
-        asked = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
-        found = keep("spectra", partial(limit_cycles.search, *asked))
-        cycle = limit_cycles.explaining(spectra, null, found, rules)
-        if cycle is not None:
-            return replace(cycle, score_tests=tuple(scored), tried=tuple(tried), refused=refused, before=before)
-    return Selection(
+    adequate = rules.adequate(after, explained, share) and (bool(chosen) or not _like_drift(refused))
+    smooth = Selection(
         null, best, accepted, tuple(scored), tuple(tried), before, after, adequate, refused, rules,
         explained=explained,
     )  # fmt: skip
+    if by_itself or (adequate and accepted):
+        return smooth
+    tell("comparing spectra")
+    asked = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
+    cycles = keep("spectra", partial(limit_cycles.search, *asked))
+    return _or_limit_cycle(smooth, limit_cycles.explaining(spectra, null, cycles, rules))
+
+
+def _averaged(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generator, keep) -> tuple[Judged, Bands]:
+    """The refit of a model that oscillates without any effect, and its bands."""
+    return keep("averaged", partial(limit_cycles.refitted, spectra, nominals, rng))
+
+
+def _or_limit_cycle(smooth: Selection, cycle: Selection | None) -> Selection:
+    """The limit cycle that explains the spectra, with what was tried before it; else what was selected without one."""
+    if cycle is None:
+        return smooth
+    return replace(
+        cycle, score_tests=smooth.score_tests, tried=smooth.tried, refused=smooth.refused, before=smooth.before
+    )
+
+
+def _like_drift(refused: Mapping[str, str]) -> bool:
+    """Whether a hypothesis was refused because it looks like anything that drifts."""
+    return any(why.startswith(LIKE_ANY) for why in refused.values())
 
 
 def _held_gain(heldout: Model, whitener: Whitener, one: Judged, other: Judged) -> float:
