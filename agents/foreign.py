@@ -48,12 +48,33 @@ def load_foreign(
     policy_kwargs: Mapping[str, Any] | None = None,
     policy: str = "",
 ) -> ForeignPolicy:
-    """The policy in a .zip of stable-baselines3, trained on ``env_id`` with ``options`` and ``policy_kwargs``.
+    """A policy that stable-baselines3 saved by itself. Only weights are read: nothing in the file is executed.
 
-    policy: stable-baselines3's name of the network; default: the algorithm's network on vectors.
+    Parameters
+    ----------
+    path : str or Path
+        A .zip of ``model.save()``.
+    algo : str
+        Name of the algorithm in stable-baselines3, in lower case.
+    env_id : str
+        The environment that it was trained on.
+    options : mapping, optional
+        Environment options that shaped observation and action.
+    policy_kwargs : mapping, optional
+        As of the training: net_arch, activation_fn.
+    policy : str
+        stable-baselines3's name of the network; empty: the algorithm's network on vectors.
 
-    Raises ConfigurationError for unknown names, for a file without weights, and where the weights do not fit the
-    network that the arguments describe.
+    Returns
+    -------
+    ForeignPolicy
+        With ``predict`` as stable-baselines3's.
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown names, for a file without weights, and where the weights do not fit the network that the arguments
+        describe.
     """
     path = Path(path)
     content = path.read_bytes()

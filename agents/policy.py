@@ -191,10 +191,26 @@ NOT_ACTING = (
 
 
 def publish_policy(source: str | Path, target: str | Path) -> Path:
-    """Write the policy at ``source`` to the file ``target`` without what only training needs: a few dozen kilobytes.
+    """Write a policy without what only training needs: a few dozen kilobytes.
 
-    It acts as before; it cannot be trained on, and ``PPO.load`` does not read it. Raises as `load_policy`, and
-    ConfigurationError where the training is not complete.
+    It acts as before; it cannot be trained on, and ``PPO.load`` does not read it.
+
+    Parameters
+    ----------
+    source : str or Path
+        As of `load_policy`.
+    target : str or Path
+        File to write.
+
+    Returns
+    -------
+    Path
+        The file.
+
+    Raises
+    ------
+    ConfigurationError
+        As `load_policy`, and where the training is not complete.
     """
     file = policy_file(source)
     content, metadata = read_policy(file)
@@ -218,10 +234,23 @@ def _weights(content: bytes) -> dict[str, torch.Tensor]:
 
 
 def load_policy(path: str | Path) -> Policy:
-    """The policy in a file, or in the folder of a training run.
+    """A policy from a file, or from the folder of a training.
 
-    Raises ConfigurationError where there is none, where it is no such file, and where the environment has other
-    observation channels now than when it was trained.
+    Parameters
+    ----------
+    path : str or Path
+        A policy.zip, or the folder that holds one.
+
+    Returns
+    -------
+    Policy
+        With ``predict`` as stable-baselines3's, and its `Metadata`.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none, where it is no such file, and where the environment has other observation channels now than
+        when it was trained.
     """
     file = policy_file(path)
     content, metadata = read_policy(file)

@@ -191,10 +191,35 @@ def load_settings(
     env_options: Mapping[str, Any] | None = None,
     changes: Mapping[str, Any] | None = None,
 ) -> Settings:
-    """The settings for ``env_id`` in configs/agents/<algo>.yaml, or in a YAML file by its path.
+    """Settings of an agent for an environment, from its file.
 
-    ``n_timesteps`` replaces the file's; ``env_options`` are added to the file's; ``changes`` are keys of the file
-    (mappings key by key) for this call only. Raises ConfigurationError for unknown agents and keys, with the nearest.
+    Parameters
+    ----------
+    algo : str
+        Name of a file in configs/agents (`agent_names`), or path of a YAML file.
+    env_id : str
+        Environment id, whose section of the file is laid over the default.
+    n_timesteps : int, optional
+        Replaces the file's.
+    env_options : mapping, optional
+        Added to the file's.
+    changes : mapping, optional
+        Keys of the file (mappings key by key) for this call only.
+
+    Returns
+    -------
+    Settings
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown agents and keys, with the nearest, and for values that cannot be.
+
+    Examples
+    --------
+    >>> settings = load_settings("ppo", "cable_envs/CableHole-Position-Sine-v0", n_timesteps=5000)
+    >>> settings.n_timesteps, settings.algorithm().__name__
+    (5000, 'PPO')
     """
     path = _settings_file(algo)
     data = read_yaml(path)
@@ -221,9 +246,29 @@ def _settings_file(algo: str) -> Path:
 def make_settings(
     algo: str, env_id: str, data: Mapping[str, Any], source: str = "settings", algorithm: str = ""
 ) -> Settings:
-    """Checked `Settings` from the keys of a file. Raises ConfigurationError that names ``source`` and the key.
+    """Checked settings from the keys of a file.
 
-    ``algorithm``: name in `ALGORITHMS` where ``algo``, the agent's name, is another one.
+    Parameters
+    ----------
+    algo : str
+        The agent's name.
+    env_id : str
+        Environment id.
+    data : mapping
+        Keys as in the file.
+    source : str
+        What errors call the file.
+    algorithm : str
+        Name in `ALGORITHMS` where ``algo`` is another one.
+
+    Returns
+    -------
+    Settings
+
+    Raises
+    ------
+    ConfigurationError
+        Names ``source`` and the key.
     """
     require_known(f"algorithm in {source}", [algorithm or algo], ALGORITHMS)
     kind = ALGORITHMS[algorithm or algo]

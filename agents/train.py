@@ -54,19 +54,42 @@ def train(
     progress: ProgressReport | None = None,
     tensorboard: str | Path | None = None,
 ) -> Policy:
-    """Train and save to ``out``/policy.zip; returns the policy as loaded from there.
+    """Train an agent and save it.
 
-    seed: of network, exploration and environments; environment i starts from ``seed n_envs + i``, so that the
-        environments of two training seeds differ. The same settings and seed give the same policy on one machine, with
-        any number of stops and resumptions in between.
-    resume: True goes on from ``out``/checkpoint.pt; "auto" does so where there is one, starts where there is nothing,
-        and returns the policy where it is complete.
-    overwrite: replace what is there.
-    checkpoint_every: s between two checkpoints; each replaces policy.zip and checkpoint.pt as wholes.
-    tensorboard: folder for TensorBoard's logs.
+    Parameters
+    ----------
+    settings : Settings
+        Everything but the seed.
+    seed : int
+        Of network, exploration and environments; environment i starts from ``seed n_envs + i``, so that those of
+        two training seeds differ. The same settings and seed give the same policy on one machine, with any number of
+        stops and resumptions in between.
+    out : str or Path
+        Folder for policy.zip and checkpoint.pt; each is replaced whole or not at all.
+    resume : bool or "auto"
+        True goes on from the checkpoint; "auto" does so where there is one, starts where there is nothing, and returns
+        the policy where it is complete.
+    overwrite : bool
+        Whether to replace what is there.
+    checkpoint_every : float
+        s between two checkpoints.
+    progress : callable, optional
+        Called with (steps done, steps, text).
+    tensorboard : str or Path, optional
+        Folder for TensorBoard's logs.
 
-    Raises ConfigurationError when ``out`` holds a policy and neither resume nor overwrite is asked for, and when what
-    is to be resumed was trained with other settings; `Interrupted` after Ctrl-C, once everything is saved.
+    Returns
+    -------
+    Policy
+        As loaded from ``out``.
+
+    Raises
+    ------
+    ConfigurationError
+        When ``out`` holds a policy and neither resume nor overwrite is asked for, and when what is to be resumed was
+        trained with other settings.
+    Interrupted
+        After Ctrl-C or SIGTERM, once everything is saved.
     """
     torch.set_num_threads(1)  # two threads are slower on networks this small, and would take the environment's core
     folder = Path(out)
@@ -101,7 +124,18 @@ def train(
 
 
 def training_env(settings: Settings) -> VecEnv:
-    """The batch as the learner sees it: adapter, stacked observations, running statistics."""
+    """The environments as the learner sees them: adapter, stacked observations, running statistics.
+
+    Parameters
+    ----------
+    settings : Settings
+        Say how many there are, and what lies between them and the network.
+
+    Returns
+    -------
+    VecEnv
+        To be closed by the caller.
+    """
     env: VecEnv = CableVecEnv(
         settings.env_id, settings.n_envs, stagger=settings.stagger, smoothing=settings.smoothing,
         residual=settings.correction(), first_frame=settings.first_frame, **settings.env_options,
