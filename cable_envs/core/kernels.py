@@ -76,6 +76,16 @@ def instantiate(template, name="", /, **names):
     return jit(_copied(function, name, _others(function, names, {})))
 
 
+def specialised(piece, **names):
+    """A piece of a kernel with other values for some of the names that it reads, as `instantiate` makes a kernel.
+
+    Where neither the piece nor what it calls reads one of them, the piece itself.
+    """
+    function = getattr(piece, "py_func", piece)
+    others = _others(function, names, {})
+    return _like(piece, _copied(function, "", others)) if others else piece
+
+
 def names_within(piece):
     """Every global name that a piece of a kernel reads, or a piece that it calls by name, at any depth."""
     found, waiting, seen = set(), [piece], set()

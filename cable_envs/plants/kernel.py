@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import LANES, instantiate, load, store
+from cable_envs.core.kernels import LANES, instantiate, load, specialised, store
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.lanes import STATES
 
@@ -60,8 +60,7 @@ def kernels(
     """
     own = {
         "signal_tile": signals.tile, "coefficient_tile": coefficients.tile, "scratch_tile": scratch.tile,
-        "effect_tile": effects.tile, "step_tile": step.tile, "solve": solve,
+        "effect_tile": effects.tile, "step_tile": step.tile, "solve": specialised(solve, **hooks),
         "SIGNALS": signals.count, "COEFFICIENTS": coefficients.count, "EFFECTS": effects.count,
-        **hooks,
     }  # fmt: skip
     return tuple(instantiate(shell, f"{name}_{shell.__name__}", **own) for shell in (advance, advance_with_effects))

@@ -1,0 +1,85 @@
+"""CONTRIBUTING.md as a contributor follows it: its files, put into a copy of the tree, work; no other changes."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+BLOCK = re.compile(
+    r"^```(?:python|yaml)\n# (?P<path>[\w./-]+\.(?:py|yaml))\n(?P<text>.*?)^```", re.MULTILINE | re.DOTALL
+)
+FILES = {match["path"]: match["text"] for match in BLOCK.finditer(PAGE)}
+
+TRY = """
+import gymnasium as gym, numpy as np
+import baselines, cable_envs
+from cable_envs.effects import EFFECTS
+from cable_envs.plants import families, plant_for
+from cable_envs.core.errors import ConfigurationError
+
+# the plant: environments, one and many, its own and the new effect, what it does not offer
+assert "cable_envs/Slider-Position-Sine-v0" in cable_envs.ENV_IDS and "slider" in families()
+env = gym.make("cable_envs/Slider-Position-Sine-v0", sensor_noise=True, observe="output")
+env.reset(seed=3)
+for _ in range(20):
+    *_, info = env.step(np.array([0.25], np.float32))
+batch = gym.make_vec("cable_envs/Slider-Position-Sine-v0", num_envs=2, vectorization_mode="vector_entry_point")
+batch.reset(seed=3)
+for _ in range(20):
+    *_, infos = batch.step(np.full((2, 1), 0.25, np.float32))
+assert infos["position"][0] == info["position"] > 0.0
+springy = gym.make("cable_envs/Slider-Position-Sine-v0", effects={"cubic_spring": {"stiffness": 1e6}})
+springy.reset(seed=3)
+for _ in range(20):
+    *_, held = springy.step(np.array([0.25], np.float32))
+assert 0.0 < held["position"] < info["position"]
+refused = gym.make("cable_envs/Slider-Position-Sine-v0", render_mode="rgb_array")
+try:
+    refused.reset(seed=0)
+except ConfigurationError as error:
+    assert str(error) == "slider has no scene: rgb_array and human are not available", error
+else:
+    raise AssertionError("a plant without a scene was drawn")
+
+# the physics: at rest under a held force the spring carries it
+slider = plant_for("slider")
+values = slider.table.pack({})[:, None]
+p, u = slider.prepare(values), np.zeros((4, 1))
+x = slider.rest(p, np.array([0.0]))
+u[0] = 5.0
+for _ in range(1500):
+    slider.advance(x, p, u, 0, 1, 5, 2e-3)
+assert abs(x[slider.row("position"), 0] - 5.0 / 100.0) < 1e-9
+
+# the effect is there for every plant that asks at its seam; the controller for the plant that it names
+assert all(plant_for(name).effects.effects["cubic_spring"].parameters for name in families())
+lifting = baselines.make_controller("lifting", "cable_hole", "tension", "position", {"load_mass": 5.0}, 0.01)
+assert lifting.act(0.0, {"load_position": 0.0}, (0.01, 0.0, 0.0)) == 5.0 * 9.81 + 3000.0 * 0.01
+print("all of it works")
+"""
+
+
+def test_the_page_has_the_files_of_a_plant_an_effect_and_a_controller():
+    folders = sorted({str(Path(path).parent) for path in FILES})
+    assert folders == ["baselines", "cable_envs/effects", "cable_envs/plants/slider", "configs/rigs", "configs/tasks"]
+    assert not [path for path in FILES if (ROOT / path).exists()], "the examples must add files, not change any"
+
+
+@pytest.mark.nojit
+def test_a_plant_an_effect_and_a_controller_need_no_file_but_their_own(tmp_path):
+    for folder in ("cable_envs", "baselines", "configs"):
+        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
+    for path, text in FILES.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", TRY], capture_output=True, text=True, timeout=300, cwd=tmp_path, env=environment
+    )
+    assert (done.returncode, done.stdout) == (0, "all of it works\n"), done.stderr
