@@ -36,7 +36,7 @@ from diagnosis.search.heldout import select_heldout
 from diagnosis.search.select import select
 from diagnosis.search.selection import Selection
 from diagnosis.search.steps import Steps, digest
-from diagnosis.systems import looked_at, prepare
+from diagnosis.systems import looked_at, plant_of, prepare
 from diagnosis.systems.common import resample, sample_period
 from diagnosis.systems.question import Question, Request
 
@@ -209,8 +209,9 @@ def _rig_values(
     if rig is None:
         return None
     loaded = load_rig(rig, own)
-    if loaded.plant != recording.system:
-        raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {recording.system}")
+    plant = plant_of(recording)
+    if loaded.plant != plant:
+        raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {plant}")
     values = dict(loaded.values)
     if not isinstance(rig, Rig) and Path(rig).suffix in (".yaml", ".yml"):
         content = read_yaml(Path(rig))
@@ -244,7 +245,7 @@ def without_its_effects(recording: Recording, request: Request) -> float | None:
 
     What an effect is called in the plant's own table (a spring at the load) counts as one.
     """
-    plant = plant_for(recording.system)
+    plant = plant_for(plant_of(recording))
     effects = (*plant.effects.effects.values(), *request.own)
     rows = {e.row(p) for e in effects for p in e.parameters}
     rest = {name: value for name, value in (request.rig or {}).items() if name not in rows}

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cable_envs.effects import EFFECTS
 from cable_envs.effects.base import Effect, EffectParameter
-from cable_envs.plants import plants_with
+from cable_envs.plants import forms_of, plants_with
 
 FILE = Path(__file__).with_name("effects.md")
 HEAD = """# Effects that a simulator may lack
@@ -31,6 +31,12 @@ def line(parameter: EffectParameter) -> str:
     return f"| `{parameter.name}` | {parameter.unit or '-'} | {parameter.null:g} | {typical} | {plain} |"
 
 
+def form(plant: str, effect: Effect) -> str:
+    """What the page says of an effect's own form on a plant."""
+    numbers = ", ".join(f"`{p.name}` ({p.meaning}, {p.unit})" for p in effect.parameters)
+    return f"- On `{plant}`: {effect.equation}; {numbers}."
+
+
 def section(effect: Effect) -> str:
     """What the page says of one effect."""
     confusable = ", ".join(f"`{name}`" for name in effect.confusable) or "none"
@@ -46,6 +52,7 @@ def section(effect: Effect) -> str:
             *map(line, effect.parameters),
             "",
             f"- Acts on: {plants}. Seam: {effect.seam}.",
+            *(form(plant, one) for plant, one in forms_of(effect.name).items()),
             f"- Confused with: {confusable}. Isolated by: {effect.experiment}.",
             f"- Valid: {effect.validity}.",
             f"- Source: {effect.source}.",

@@ -139,6 +139,8 @@ class Acting:
         Whether its motion is an angle: units become rad and N m.
     seams : tuple of str
         Where its kernel asks for effects that bring a function of their own (`Effect.hooks`).
+    forms : tuple of Effect
+        Effects that have a law, parameters or sizes of their own on this plant, whole, under their canonical names.
     """
 
     effects: Mapping[str, tuple[str, ...]]
@@ -146,9 +148,12 @@ class Acting:
     aliases: Mapping[str, str] = field(default_factory=dict)
     turning: bool = False
     seams: tuple[str, ...] = ("actuate", "cable", "load")
+    forms: tuple[Effect, ...] = ()
 
     def bound(self, effect: Effect, plant: str) -> Effect:
         """The effect as it is on the plant; without parameters where it does not act."""
+        if effect in self.forms:
+            return effect
         if effect.each_sensor:
             one = effect.parameters[0]
             own = tuple(replace(one, name=signal, unit=one.unit or unit) for signal, unit in self.sensors.items())

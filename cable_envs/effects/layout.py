@@ -46,7 +46,7 @@ class Layout:
         worn: tuple[Field, ...] = (),
     ):  # fmt: skip
         self.plant, self.base, self.acting, self.worn = plant, len(parameters), acting, worn
-        library = {**EFFECTS, **{effect.name: effect for effect in own}}
+        library = {**EFFECTS, **{effect.name: effect for effect in (*acting.forms, *own)}}
         for name in acting.effects:
             require_known(f"effect that acts on {plant}", [name], EFFECTS)
         self.effects = {name: acting.bound(effect, plant) for name, effect in library.items()}

@@ -1,5 +1,6 @@
 """Friction in proportion to the cable's tension: bearings that carry it, guides that it presses."""
 
+from cable_envs.core.kernels import inline, select
 from cable_envs.effects.base import Effect, EffectParameter
 
 EFFECT = Effect(
@@ -25,3 +26,14 @@ EFFECT = Effect(
     experiment="constant slow speed at four loads or pretensions: the slope of friction over tension",
     confusable=("coulomb_friction", "bending_stiffness"),
 )  # fmt: skip
+
+
+@inline
+def friction_band(torque, growth, level):
+    """(low, high) torque behind a contact: at full friction against positive motion, and against negative.
+
+    growth: e^exponent, the tension ratio of the whole wrap (Eytelwein; Zou 2022 Eq. 12-13); level: friction that no
+    load changes. Positive motion: torque = w growth + level for w > 0, w / growth + level for w < 0.
+    """
+    low, high = torque - level, torque + level
+    return select(low < 0.0, low * growth, low / growth), select(high < 0.0, high / growth, high * growth)

@@ -33,3 +33,10 @@ def wave(position, amplitude, period, phase):
     """(amplitude sin(2 pi position / period + phase), its slope)."""
     sine, cosine = sine_cosine(_TAU * position / period + phase)
     return amplitude * sine, amplitude * cosine * _TAU / period
+
+
+@inline
+def half_turn(angle, sine, cosine):
+    """Transmission error of period half a turn, rad, without its straight part: that is in the ratio."""
+    s, c = sine_cosine(2.0 * angle)
+    return sine * (s - 2.0 * angle) + cosine * (c - 1.0)

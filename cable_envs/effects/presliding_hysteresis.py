@@ -1,6 +1,6 @@
 """Dry friction that builds up over a distance after each reversal: asperities bend before they slide."""
 
-from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sqrt
 from cable_envs.effects.base import Effect, EffectParameter
 from cable_envs.effects.lanes import ELEMENTS
 
@@ -71,3 +71,15 @@ def begin(elements, i, started, value):
     """All elements at the share that balances the start, if nothing has started yet."""
     for k in range(ELEMENTS):
         elements[k, i] = select(started > 0.5, elements[k, i], value)
+
+
+@inline
+def torque_play(held, low, high, way, share):
+    """(torque behind a contact that sticks, where its play is): the law of plants whose contacts know no motion.
+
+    held: where the play was; low, high: torque at full friction against positive and against negative motion; way:
+    direction of the motion; share: of the friction that sticks, the rest is on its side by ``way`` (play operator:
+    Krasnosel'skii and Pokrovskii, Systems with Hysteresis, Springer 1989).
+    """
+    stuck = minimum(maximum(held, low), high)
+    return share * stuck + (1.0 - share) * select(way < 0.0, high, low), stuck

@@ -7,6 +7,7 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.effects import Effect
 from cable_envs.plants.base import Plant
 from cable_envs.plants.family import Family
 
@@ -74,6 +75,12 @@ def _built() -> Mapping[str, tuple[Family, Plant]]:
 def plants_with(effect: str) -> tuple[str, ...]:
     """Names of the plants that an effect of the library acts on."""
     return tuple(name for name, (_, plant) in _built().items() if plant.effects.effects[effect].parameters)
+
+
+def forms_of(effect: str) -> Mapping[str, Effect]:
+    """Plant -> an effect of the library with a law or parameters of its own there (`cable_envs.effects.Acting`)."""
+    forms = {name: plant.effects.acting.forms for name, (_, plant) in _built().items()}
+    return {name: one for name, own in forms.items() for one in own if one.name == effect}
 
 
 def family_of(plant: str) -> Family:

@@ -1,9 +1,9 @@
 """Feedforward from a simulator, replayed against recordings: what the drive should do so that the jaw does as wished.
 
-The wish is the jaw's recorded angle; the recorded drive angle and torque are then what really brings it about. A
-simulator turns the wish and the load into drive angle and torque, the equations of `transmission_kernel` solved for
-the drive: behind each contact w is known, so M = w e^-l + c opening, w e^l - c closing (w < 0 pulls), and the drive's
-angle adds the springs' stretch. After a reversal the drive jumps across the band of friction, as a command may.
+The wish is the jaw's recorded angle; the recorded drive angle and torque are then what really brings it about. The
+simulator is the plant ``transmission`` with its effects, and the command is found by replaying it: Newton's method on
+the whole record at once, each sample's drive angle and torque corrected by what the output of that sample lacks. It
+begins far beyond the wish in the direction of its motion, where every lost motion is taken up.
 """
 
 from collections.abc import Mapping
@@ -11,49 +11,72 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.transmission.plant import PLANT
 from diagnosis.data.first_look import since_reversal
 from diagnosis.real.davinci import DEG, MNM
 from diagnosis.systems.common import smooth_speed
-from diagnosis.systems.transmission import Run, TransmissionModel, zero_of
+from diagnosis.systems.transmission import Run, TransmissionModel, driven, zero_of
 
 MOVING = 0.25
 """rad/s of the jaw from which a sample counts as moving."""
-ROUNDS = 20
-"""Fixed-point steps for the drive's angle: the springs on the drive and the ripple depend on it weakly."""
+ROUNDS = 40
+"""Newton steps at the most."""
+CLOSE = 1e-10
+"""rad and N m: the command is found where the plant's output is as near to the wish."""
+BEYOND = 1.0
+"""rad and N m by which the search starts beyond the wish: more than half of any gap and any friction of a tool."""
+NUDGE = 1e-6
+"""rad and N m of the differences that give the slopes."""
 
 
 def command(run: Run, values: Mapping[str, float], wish: np.ndarray, load: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Drive angle, rad, and torque as its sensor would read it, N m, for a jaw angle ``wish`` and jaw torque ``load``.
+    """Drive angle and torque with which the plant does as wished.
 
-    All [T]. ``values``: parameters by name; what it has of pre-sliding is that friction turns round with the jaw.
+    Friction turns round with the jaw: a command may jump across its band, so the part of it that sticks is taken by the
+    sign of the motion (pre-sliding's share 0). Sensors are not late in what is commanded.
+
+    Parameters
+    ----------
+    run : Run
+        The record; its group has the zero of the jaw's angle.
+    values : mapping of str to float
+        Of the plant, by name, SI, and the groups' zeros ("zero.GROUP").
+    wish, load : array [T]
+        Jaw angle, rad, and jaw torque, N m, as their sensors read them.
+
+    Returns
+    -------
+    tuple of array [T]
+        Drive angle, rad, and torque as its sensor would read it, N m (A where that is a current).
+
+    Raises
+    ------
+    ConfigurationError
+        Where the plant cannot do as wished.
     """
+    taken = {k: v for k, v in values.items() if k in PLANT.table}
+    taken |= {"presliding_hysteresis.share": 0.0, "sensor_delay.output_angle": 0.0}
+    columns = np.repeat(PLANT.table.pack(taken)[:, None], 3, axis=1)
+    period = float(np.median(np.diff(run.blocks[0].time)))
     _, way = since_reversal(wish)
-    exponent, level = values["load_dependent_friction.exponent"], values["coulomb_friction.level"]
-    first = values["partial_slip.share"]
-    zero = values[zero_of(run.group)]
-    x = (wish - zero) / values["ratio"]
+    ratio = values["ratio"]
+    path = wish - values[zero_of(run.group)]
+    asked = Run(path, load, smooth_speed(path / ratio, period), way, run.group, run.blocks)
+    aim = np.stack([path, load], axis=1)
+    x, torque = (path + BEYOND * way) / ratio, load * ratio + BEYOND * way
     for _ in range(ROUNDS):
-        last = (load + values["position_dependent_load.output_side"] * x) * values["ratio"]
-        last = last * values["sensor_scale.output_torque"]
-        middle = _before(last, exponent * (1.0 - first), level * (1.0 - first), way)
-        felt = _before(middle, exponent * first, level * first, way)
-        felt = felt + values["position_dependent_load.drive_side"] * x
-        stretch = _stretch(felt, values, "cable_elongation.drive_side", "stiffness_hardening.drive_side")
-        stretch = stretch + _stretch(load, values, "cable_elongation.output_side", "stiffness_hardening.output_side")
-        stretch = stretch + _stretch(middle, values, "partial_slip.compliance", "stiffness_hardening.output_side")
-        sine, cosine = values["position_ripple.sine"], values["position_ripple.cosine"]
-        path = wish - zero + stretch + 0.5 * values["backlash.width"] * way
-        x = (path - sine * (np.sin(2 * x) - 2 * x) - cosine * (np.cos(2 * x) - 1)) / values["ratio"]
-    return x, felt + values["torque_zero"]
-
-
-def _before(behind: np.ndarray, exponent: float, level: float, way: np.ndarray) -> np.ndarray:
-    """Torque in front of a contact that slips in direction ``way``, from the torque behind it."""
-    return behind * np.exp(way * np.sign(behind) * exponent) + way * level
-
-
-def _stretch(torque: np.ndarray, values: Mapping[str, float], soft: str, hard: str) -> np.ndarray:
-    return values[soft] * 2.0 * torque / (1.0 + np.sqrt(1.0 + 2.0 * values[hard] * np.abs(torque)))
+        angles, torques = (np.repeat(a[:, None], 3, axis=1) for a in (x, torque))
+        angles[:, 1] += NUDGE
+        torques[:, 2] += NUDGE
+        out = driven(asked, columns, period, angles, torques)
+        lacks = aim - out[:, :, 0]
+        if np.abs(lacks).max() < CLOSE:
+            return x, torque
+        slopes = (out[:, :, 1:] - out[:, :, :1]) / NUDGE
+        step = np.linalg.solve(slopes, lacks[:, :, None])[:, :, 0]
+        x, torque = x + step[:, 0], torque + step[:, 1]
+    raise ConfigurationError(f"no command was found: the jaw is {np.abs(lacks).max():.2g} rad or N m from the wish")
 
 
 def replayed(model: TransmissionModel, uses: Mapping[str, Mapping[str, float]]) -> list[dict[str, Any]]:

@@ -2,8 +2,9 @@
 
     prepare(recording, request) -> Question     what a recording asks
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
+    SIMULATED_BY                                the plant whose rig corrects it, where that has another name
 
-The second may be absent. What a recording's channels are, and what motion is called, the plant says itself
+The last two may be absent. What a recording's channels are, and what motion is called, the plant says itself
 (`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
 recorded as its input, and predicts the other channels. Everything after that (refit, score tests, selection,
 localisation, verdict) knows no system.
@@ -46,6 +47,11 @@ def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Channels whose unit cannot be right, by what the plant says of its forces; none where it says nothing."""
     said = getattr(_of_plant(recording.system), "off_balance", None)
     return said(recording, record) if said else iter(())
+
+
+def plant_of(recording: Recording) -> str:
+    """Name of the plant that simulates a recording: the one whose rig corrects it."""
+    return getattr(_chosen(recording), "SIMULATED_BY", recording.system)
 
 
 def _stated_is_white(recording: Recording, question: Question) -> None:

@@ -1,140 +1,90 @@
 """A band around a drum that is driven to and fro, as a `Model`: displacement to band tensions, tensions to force.
 
-    D = T2 - T1, the band's pull on the drum        |D| <= grip(v): beyond it the drum slips under the band
-    D = sign(s) p (1 + hardening p / 2),  p = max(|s| - gap / 2, 0) / compliance,  s = x - z     (z: what has slipped)
-    F = load_dependent D + coulomb sign(v) + viscous v + zero
-
-A capstan's pull is in proportion to the tension of its slack end (Eytelwein), so it belongs to ``load_dependent``; the
-self-energising band has one spring, one play and one slip for both directions. The motion is recorded and slow against
-the band's own vibration (some 100 Hz), so all is quasi-static: with the friction set-valued, z is a play operator of
-the displacement, which needs no integrator and no step. With pre-sliding, friction builds up over the slip by four
-elements (generalised Maxwell-slip, as `cable_envs.effects.presliding_hysteresis`), and z is found by bisection.
-
 The force is predicted from the *recorded* tensions, the tensions from the recorded displacement: each step of the
-mechanism is asked by itself. Nulls: F = coulomb sign(v) and D = grip sign(v), a brake with nothing but dry friction.
+mechanism is asked by itself. The law is that of the plant ``band_brake`` (`cable_envs.plants.band_brake`), replayed
+with the recorded motion. Nulls: F = coulomb sign(v) and D = grip sign(v), a brake with nothing but dry friction.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cable_envs.core.kernels import jit
-from cable_envs.effects import EFFECTS
-from cable_envs.plants.drive.plant import PLANT
+from cable_envs.plants.band_brake.effects import FORMS
+from cable_envs.plants.band_brake.plant import PLANT
+from cable_envs.sim.replay import replay
 from diagnosis.data.recording import Record, Recording
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.model import Block, Coordinate, Free
-from diagnosis.systems.common import augmented_rig, motion_coordinates, plant_values, resample, sample_period
+from diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample, sample_period
 from diagnosis.systems.question import Question, Request
 
 RATE = 64.0
 """Hz to which records are averaged: a force sensor's ringing is above it, the load's rise takes 10 samples."""
-RIGID = 1e-9
-"""m/N of a band that is taken as rigid: 5 um at 5 kN."""
-HARDEST = 1e-3
-"""1/N: six times as stiff at 5 kN. The law is of first order in the tension; a spring all of hardening is a play."""
 STILL = 0.01
 """Share of the fastest speed over which the sign of a friction turns, so that noise at rest does not switch it."""
-ELEMENTS, HALVINGS = 4, 40
-
+SIMULATED_BY = PLANT.name
+"""Whose rigs such a recording's corrected rig is one of."""
 PULL = "band_tension_difference"
-(GRIP, COULOMB, F_ZERO, D_ZERO, LOAD, GAP, SOFT, HARD, PRE, VISCOUS, BAND_V, EXCESS, STRIBECK_V, UNEVEN, SPRING,
- DELAY) = range(16)  # fmt: skip
-PARAMETERS = (
-    Free("band_grip", 3e3, 1.0, 1e6, 3e3),
-    Free("coulomb", 6e3, 0.0, 1e6, 1e3),
-    Free("force_offset", 0.0, -1e5, 1e5, 100.0),
-    Free("tension_offset", 0.0, -1e5, 1e5, 100.0),
-    Free("load_dependent_friction.coefficient", 0.0, 0.0, 20.0, 1.0),
-    Free("backlash.gap", 0.0, 0.0, 0.1, 1e-3),
-    Free("cable_elongation.compliance", RIGID, RIGID, 1e-3, 1e-7),
-    Free("stiffness_hardening.coefficient", 0.0, 0.0, HARDEST, 1e-4),
-    Free("presliding_hysteresis.displacement", 0.0, 0.0, 0.1, 1e-3),
-    Free("viscous", 0.0, 0.0, 1e6, 1e3),
-    Free("viscous_friction.band", 0.0, 0.0, 1e6, 1e3),
-    Free("stribeck_friction.excess", 0.0, 0.0, 1e5, 100.0),
-    Free("stribeck_friction.velocity", 0.02, 1e-3, 1.0, 0.01),
-    Free("asymmetric_friction.difference", 0.0, -1e5, 1e5, 100.0),
-    Free("position_dependent_load.stiffness", 0.0, 0.0, 1e7, 1e4),
-    Free("sensor_delay.force", 0.0, 0.0, 0.2, 0.01),
-)
-"""Rows of `_pulls`: N, N, N, N, 1, m, m/N, 1/N, m, N s/m, N s/m, N, m/s, N, N/m, s. Levels of the band are pulls D."""
-_UNITS = ("N", "N", "N", "N", "1", "m", "m/N", "1/N", "m", "N s/m", "N s/m", "N", "m/s", "N", "N/m", "s")
 NOMINALS = ("band_grip", "coulomb", "force_offset", "tension_offset")
+_SIZES = {"band_grip": 3e3, "coulomb": 1e3, "force_offset": 100.0, "tension_offset": 100.0}
+"""Sizes of the plant's own parameters."""
+_LATE = {f"sensor_delay.{signal}": Free(f"sensor_delay.{signal}", 0.0, 0.0, 0.2, 0.01) for signal in ("force", PULL)}
+"""What is looked for of the sensors, and how far: a bias is an offset."""
 
 
-@jit
-def _pulls(p, x, v, out):
-    """Pull of the band ``out`` [T, n] for parameter columns p [16, n] along positions x and speeds v [T]."""
-    s = np.empty(ELEMENTS)
-    for i in range(p.shape[1]):
-        gap, soft, hard, width = 0.5 * p[GAP, i], p[SOFT, i], p[HARD, i], p[PRE, i]
-        z = x[0]
-        s[:] = 0.5
-        for t in range(x.shape[0]):
-            grip = p[GRIP, i] + p[EXCESS, i] * np.exp(-((v[t] / p[STRIBECK_V, i]) ** 2))
-            up, down = grip + max(p[UNEVEN, i], 0.0), grip + max(-p[UNEVEN, i], 0.0)
-            if width <= 0.0:
-                high = gap + soft * 2.0 * up / (1.0 + np.sqrt(1.0 + 2.0 * hard * up))
-                low = gap + soft * 2.0 * down / (1.0 + np.sqrt(1.0 + 2.0 * hard * down))
-                z = min(max(z, x[t] - high), x[t] + low)
-            else:
-                a, b = min(z, x[t]) - width - gap, max(z, x[t]) + width + gap
-                for _ in range(HALVINGS):
-                    m = 0.5 * (a + b)
-                    if _spring(x[t] - m, gap, soft, hard) > _held(s, m - z, width, up, down):
-                        a = m
-                    else:
-                        b = m
-                for k in range(ELEMENTS):
-                    s[k] = min(max(s[k] + 4.0 * (a - z) / ((k + 1.0) * width), 0.0), 1.0)
-                z = a
-            pull = _spring(x[t] - z, gap, soft, hard) if width <= 0.0 else _held(s, 0.0, width, up, down)
-            out[t, i] = pull + p[BAND_V, i] * v[t] + p[D_ZERO, i]
+def _parameters() -> dict[str, Free]:
+    own = [Free(p.name, p.default, p.low, p.high, _SIZES[p.name]) for p in PLANT.parameters if p.name in _SIZES]
+    effects = [
+        Free(f"{form.name}.{p.name}", p.null, p.low, p.high, p.typical)
+        for form in FORMS
+        for p in form.parameters
+        if not p.shape or p.probes
+    ]
+    return {p.name: p for p in (*own, *effects)} | _LATE
 
 
-@jit
-def _spring(stretch, gap, soft, hard):
-    taken = max(stretch - gap, 0.0) + min(stretch + gap, 0.0)
-    linear = abs(taken) / soft
-    return np.sign(taken) * linear * (1.0 + 0.5 * hard * linear)
+PARAMETERS: Mapping[str, Free] = _parameters()
+"""What a refit may move, by name of the plant's table. Levels of the band are pulls D."""
 
 
-@jit
-def _held(s, moved, width, up, down):
-    """Friction of the elements, were they moved on."""
-    mean = 0.0
-    for k in range(ELEMENTS):
-        mean += min(max(s[k] + 4.0 * moved / ((k + 1.0) * width), 0.0), 1.0) / ELEMENTS
-    return mean * (up + down) - down
+@dataclass(frozen=True)
+class Track:
+    """What drives the plant in one record, each [T] SI: position, speed, the recorded pull; and its period, s."""
+
+    position: np.ndarray
+    speed: np.ndarray
+    pull: np.ndarray
+    period: float
 
 
 class BandBrake:
-    """See `diagnosis.model.model.Model`. ``tracks``: (position, speed, direction, pull, period) of each record."""
+    """See `diagnosis.model.model.Model`. ``base``: values of the plant."""
 
-    def __init__(self, parameters: Sequence[Free], tracks: Sequence[tuple], blocks: Sequence[Block]):
+    def __init__(
+        self, parameters: Sequence[Free], tracks: Sequence[Track], blocks: Sequence[Block], base: Mapping[str, float]
+    ):
         self.parameters, self.tracks, self.blocks = tuple(parameters), list(tracks), list(blocks)
+        self.base = dict(base)
+        self._rows = [PLANT.table.index(p.name) for p in parameters]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Force and pull [T, n] of every record for parameter columns [len(parameters), n]."""
+        columns = np.repeat(PLANT.table.pack(self.base)[:, None], values.shape[1], axis=1)
+        columns[self._rows] = values
         found = []
-        columns = np.ascontiguousarray(values)
-        for x, v, way, pull, period in self.tracks:
-            force = values[LOAD] * pull[:, None] + values[COULOMB] * way[:, None] + values[F_ZERO]
-            force += values[VISCOUS] * v[:, None] + values[SPRING] * (x - x.mean())[:, None]
-            band = np.empty((len(x), columns.shape[1]))
-            _pulls(columns, x, v, band)
-            late = values[DELAY] / period
-            found += [_late(force, late), _late(band, late)]
+        for track in self.tracks:
+            out = driven(track, columns)
+            found += [out[:, 0], out[:, 1]]
         return found
 
 
-def _late(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Series [T, n] late by ``steps`` [n], straight lines between samples."""
-    if not np.any(steps):
-        return series
-    at = np.arange(len(series))
-    return np.stack([np.interp(at - s, at, c) for s, c in zip(steps, series.T, strict=True)], axis=1)
+def driven(track: Track, columns: np.ndarray) -> np.ndarray:
+    """Force and pull [T, 2, n] of the plant for columns of its table, driven by a record."""
+    return replay(
+        PLANT, columns, track.position, track.period, drive="observed", signals=("force", PULL), rate=track.speed,
+        disturbance=track.pull, start=track.position[0], substeps=1,
+    )  # fmt: skip
 
 
 def prepare(recording: Recording, request: Request) -> Question:
@@ -143,34 +93,42 @@ def prepare(recording: Recording, request: Request) -> Question:
         "position", "force", "band_tension_1", "band_tension_2", purpose="the model of a band brake"
     )  # fmt: skip
     period = sample_period(recording.records)
-    models = {}
-    parameters = None
-    for use in ("fit", "heldout"):
-        parts = [_prepared(record, period) for record in recording.used_for(use)]
-        parameters = parameters or _started([p[1] for p in parts])
-        models[use] = BandBrake(parameters, [p[0] for p in parts], [b for p in parts for b in p[1]])
-    hypotheses = tuple(h for h in _hypotheses() if _wanted(h.name, request))
-    values = plant_values(recording, PLANT, request.rig)
+    parts = {use: [_prepared(r, period) for r in recording.used_for(use)] for use in ("fit", "heldout")}
+    base = plant_values(recording, PLANT, request.rig) if request.rig else _started(parts["fit"])
+    parameters = [_begun(p, base, request) for p in PARAMETERS.values()]
+    models = [
+        BandBrake(parameters, [t for t, _ in p], [b for _, pair in p for b in pair], base) for p in parts.values()
+    ]
+    hypotheses = tuple(h for h in _hypotheses(base) if _wanted(h.name, request))
     return Question(
-        "linear_drive", models["fit"], models["heldout"], NOMINALS, ("force_offset", "tension_offset"), hypotheses,
-        {p.name: unit for p, unit in zip(PARAMETERS, _UNITS, strict=True)},
-        lambda found, accepted: augmented_rig(PLANT, {**values, **_as_plant(found)}, accepted),
+        "linear_drive", models[0], models[1], NOMINALS, ("force_offset", "tension_offset"), hypotheses,
+        {name: PLANT.table[name].unit for name in PARAMETERS},
+        lambda found, accepted: fitted_rig(PLANT, {**base, **found}),
         (f"averaged to {RATE:g} Hz; force from the recorded tensions, tensions from the recorded displacement",),
     )  # fmt: skip
 
 
-def _as_plant(found: Mapping[str, float]) -> dict[str, float]:
-    """The linear drive that comes nearest: its carriage is the drum's surface, its belt the band."""
-    lever = found["load_dependent_friction.coefficient"] or 1.0
-    soft = found["cable_elongation.compliance"]
-    return {
-        "coulomb": found["coulomb"] + lever * found["band_grip"] * (lever != 1.0), "viscous": found["viscous"],
-        "belt_stiffness": lever / soft if soft > 2 * RIGID else 0.0, "backlash.gap": found["backlash.gap"],
-        "stiffness_hardening.coefficient": found["stiffness_hardening.coefficient"] / lever,
+def _started(parts: Sequence[tuple[Track, Sequence[Block]]]) -> dict[str, float]:
+    """Values of the plain brake: levels as the records show them while it slides, and what belongs to their motion."""
+    force, pull = (
+        float(np.quantile(np.abs(np.concatenate([pair[k].measured for _, pair in parts])), 0.6)) for k in (0, 1)
+    )
+    position, speed = (np.concatenate([getattr(track, n) for track, _ in parts]) for n in ("position", "speed"))
+    return {p.name: p.default for p in PLANT.table} | {
+        "band_grip": pull, "coulomb": force, "still_speed": STILL * float(np.abs(speed).max()),
+        "position_dependent_load.neutral": float(position.mean()),
     }  # fmt: skip
 
 
-def _prepared(record: Record, period: float) -> tuple[tuple, list[Block]]:
+def _begun(parameter: Free, base: Mapping[str, float], request: Request) -> Free:
+    """A parameter that begins at the plant's value; the size of a level is that at which it begins."""
+    start = base[parameter.name]
+    level = parameter.name in ("band_grip", "coulomb") and not request.rig
+    return replace(parameter, start=start, scale=start if level else parameter.scale)
+
+
+def _prepared(record: Record, period: float) -> tuple[Track, list[Block]]:
+    """What drives the plant in a record, and what it is to predict."""
     names = ("position", "force", "band_tension_1", "band_tension_2")
     time, found = resample(record, period, names)
     step = max(round(1.0 / (RATE * period)), 1)
@@ -183,24 +141,12 @@ def _prepared(record: Record, period: float) -> tuple[tuple, list[Block]]:
     pull = mean(found["band_tension_2"].values) - mean(found["band_tension_1"].values)
     good = np.logical_and.reduce([found[n].good for n in names])[:count].reshape(-1, step).all(axis=1)
     v = np.gradient(x, time)
-    way = np.clip(v / (STILL * np.abs(v).max()), -1.0, 1.0)
     along = (*motion_coordinates(time, x), Coordinate("band pull", "N", pull))
     blocks = [
         Block(record.name, channel, time, values, good, "N", along, memory=0)
         for channel, values in (("force", force), (PULL, pull))
     ]
-    return (x, v, way, pull, step * period), blocks
-
-
-def _started(blocks: Sequence[Sequence[Block]]) -> tuple[Free, ...]:
-    """The parameters, with levels that start at what the record shows while it slides."""
-    force, pull = (
-        float(np.quantile(np.abs(np.concatenate([pair[k].measured for pair in blocks])), 0.6)) for k in (0, 1)
-    )
-    starts = {"band_grip": pull, "coulomb": force}
-    return tuple(
-        Free(p.name, starts.get(p.name, p.start), p.low, p.high, starts.get(p.name, p.scale)) for p in PARAMETERS
-    )
+    return Track(x, v, pull, step * period), blocks
 
 
 def _wanted(name: str, request: Request) -> bool:
@@ -226,8 +172,8 @@ _PROBES: Mapping[str, tuple[tuple[str, ...], tuple[dict[str, float], ...]]] = {
         tuple({"presliding_hysteresis.displacement": d} for d in (1e-3, 3e-3, 1e-2)),
     ),
     "viscous_friction": (
-        ("viscous", "viscous_friction.band"),
-        tuple({"viscous": c, "viscous_friction.band": 0.5 * c} for c in (1e3, 3e4)),
+        ("viscous_friction.coefficient", "viscous_friction.band"),
+        tuple({"viscous_friction.coefficient": c, "viscous_friction.band": 0.5 * c} for c in (1e3, 3e4)),
     ),
     "stribeck_friction": (
         ("stribeck_friction.excess", "stribeck_friction.velocity"),
@@ -239,22 +185,24 @@ _PROBES: Mapping[str, tuple[tuple[str, ...], tuple[dict[str, float], ...]]] = {
     "position_dependent_load": (
         ("position_dependent_load.stiffness",), ({"position_dependent_load.stiffness": 1e4},),
     ),
-    "sensor_delay.force": (("sensor_delay.force",), tuple({"sensor_delay.force": s} for s in (0.01, 0.05))),
+    **{name: ((name,), tuple({name: s} for s in (0.01, 0.05))) for name in _LATE},
 }  # fmt: skip
 """Hypothesis -> (what it frees, where it is probed)."""
 _SHAPES = ("stribeck_friction.velocity",)
 
 
-def _hypotheses() -> list[Hypothesis]:
-    free = {p.name: p for p in PARAMETERS}
+def _hypotheses(base: Mapping[str, float]) -> list[Hypothesis]:
+    """What the brake of ``base`` may lack."""
     found = []
     for name, (names, probes) in _PROBES.items():
-        effect = EFFECTS[name.split(".")[0]]
-        nulls = {n: free[n].start for n in names if n not in _SHAPES}
+        form = PLANT.effects.effects[name.split(".")[0]]
+        free = {n: PARAMETERS[n] for n in names}
+        nulls = {n: p.start for n, p in free.items() if n not in _SHAPES}
         if name == "stiffness_hardening":  # a band that hardens is a band that gives
             nulls = {"stiffness_hardening.coefficient": 0.0}
-        found.append(Hypothesis(
-            name, tuple(free[n] for n in names), tuple((p,) for p in probes), effect.equation, effect.experiment,
-            effect.confusable, nulls,
-        ))  # fmt: skip
+        if all(base[n] == null for n, null in nulls.items()):
+            found.append(Hypothesis(
+                name, tuple(free.values()), tuple((p,) for p in probes), form.equation, form.experiment,
+                form.confusable, nulls, form,
+            ))  # fmt: skip
     return found

@@ -292,3 +292,25 @@ def augmented_rig(
         "parameters": parameters,
     }  # fmt: skip
     return found | ({"effects": effects} if effects else {})
+
+
+def fitted_rig(plant: Plant, values: Mapping[str, float], name: str = "augmented") -> dict[str, Any]:
+    """Content of augmented.yaml with exactly these numbers: no effect that has a value is left out.
+
+    Parameters
+    ----------
+    plant : Plant
+        Whose rig it is.
+    values : mapping of str to float
+        By name of the plant's table, SI; what it has beside that is no part of the rig.
+    name : str
+        Of the rig.
+
+    Returns
+    -------
+    dict
+        As `augmented_rig` gives it, with every effect that is not at its null.
+    """
+    given = {key: value for key, value in values.items() if key in plant.table}
+    there = [key for key, value in given.items() if "." in key and value != plant.table[key].default]
+    return augmented_rig(plant, given, [*there, *(k.split(".")[0] for k in there if not k.startswith("sensor_"))], name)

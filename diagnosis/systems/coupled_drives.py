@@ -145,12 +145,20 @@ def prepare(recording: Recording, request: Request) -> Question:
     units = {p.name: p.unit for p in PLANT.table} | {RECTIFIED: "1", POWER: "1", DELAY: "s", ZERO: "V"}
     return Question(
         "linear_drive", models["fit"], models["heldout"], nominals, (ZERO,), tuple(found), units,
-        lambda values, accepted: augmented_rig(PLANT, values, accepted),
+        lambda found, accepted: _rig({**values, **found}, accepted),
         (
             "neither force nor speed is measured: the carriage counts as 10 kg and 10 V as 1 m/s; only ratios mean "
             "something",
         ),
     )  # fmt: skip
+
+
+def _rig(values: Mapping[str, float], accepted: Sequence[str]) -> dict[str, Any]:
+    """The rig; what its plant has not, the sensor of the speed, is named in it."""
+    sense = {p.name: values.get(p.name, p.start) for p in SENSE}
+    held = ", ".join(f"{name} {value:.9g}" for name, value in sense.items())
+    rig = augmented_rig(PLANT, values, accepted)
+    return rig | {"description": f"not of the rig, but of the speed's sensor (10 V for 1 m/s): {held}"}
 
 
 def _series(recording: Recording, record: Record, period: float) -> tuple[tuple[np.ndarray, int], Block]:

@@ -370,9 +370,14 @@ def _rig(plant: Plant, values: Mapping[str, float], accepted: Sequence[str]) -> 
     """The rig; a constant force stands as a tilt of the axis."""
     values = dict(values)
     weight = values["mass"] * values["gravity"]
+    said = {}
     if values.get(OFFSET):
-        values["gravity_share"] = min(max(values["gravity_share"] + values[OFFSET] / weight, -1.0), 1.0)
-    return augmented_rig(plant, values, accepted)
+        share = values["gravity_share"] + values[OFFSET] / weight
+        values["gravity_share"] = min(max(share, -1.0), 1.0)
+        if values["gravity_share"] != share:
+            left = (share - values["gravity_share"]) * weight
+            said = {"description": f"not of the rig: {left:.9g} N of the constant force, more than an axis can tilt"}
+    return augmented_rig(plant, values, accepted) | said
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:

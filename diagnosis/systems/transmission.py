@@ -1,8 +1,9 @@
 """Recordings with angle and torque at both ends of a cable transmission whose geometry is not known, as a model.
 
-Drive angle and drive torque (or current) go in as recorded, output angle and output torque are predicted
-(`transmission_kernel`). The project's circuit kernel is not used here: it needs pulleys, wraps, spans and pretension,
-none of which such a bench tells, and it takes the load to find the drive's torque, where this asks for the opposite.
+Drive angle and drive torque (or current) go in as recorded, output angle and output torque are predicted by the plant
+``transmission`` (`cable_envs.plants.transmission`). The circuit is not used here: it needs pulleys, wraps, spans and
+pretension, none of which such a bench tells, and it takes the load to find the drive's torque, where this asks for the
+opposite.
 
 Signals go through the zero-phase low-pass of O'Neill, Stephens, Kowalewski, RA-L 3 (2018) 3027 (50 Hz), then onto a
 clock of 50 Hz; the first and last second do not count.
@@ -14,19 +15,24 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, filtfilt
 
+from cable_envs.plants.transmission.plant import PLANT
+from cable_envs.sim.replay import replay
 from diagnosis.data.first_look import FILTER_HZ, since_reversal
 from diagnosis.data.recording import Record, Recording
 from diagnosis.model.model import Block, Coordinate, Free
-from diagnosis.systems.common import motion_coordinates, resample, sample_period, smooth_speed
+from diagnosis.systems.common import motion_coordinates, plant_values, resample, sample_period, smooth_speed
 from diagnosis.systems.question import Question, Request
 from diagnosis.systems.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
-from diagnosis.systems.transmission_kernel import ROWS, transmit
 
 PERIOD = 0.02
 """s between samples: such a bench moves at a few Hz."""
 EDGE = 1.0
 """s at either end of a record that do not count: the filter's ends, and the state at the start is not known."""
+SIMULATED_BY = PLANT.name
+"""Whose rigs such a recording's corrected rig is one of."""
 SIGNALS = {"output_angle": "rad", "output_torque": "N m"}
+STILL = 1e-9
+"""rad/s that tell the plant the direction of a drive that stands, or whose smoothed speed has not turned round yet."""
 _GEOMETRY = ("pretension_top", "pretension_bottom", "tensile_stiffness", "drive_radius", "output_radius")
 
 
@@ -52,9 +58,23 @@ class Run:
     group: str
     blocks: tuple[Block, Block]
 
+    @property
+    def rate(self) -> np.ndarray:
+        """The drive's speed [T] as the plant is told it: nowhere against the direction of the motion."""
+        return self.way * np.maximum(self.way * self.speed, STILL)
+
+
+def driven(run: Run, columns: np.ndarray, period: float, x: np.ndarray, torque: np.ndarray) -> np.ndarray:
+    """Output angle and torque [T, 2, n] of the plant for columns of its table, driven by x and torque [T] or [T, n]."""
+    start = columns[PLANT.table.index("ratio")] * x[0]
+    return replay(
+        PLANT, columns, x, period, drive="follow", signals=tuple(SIGNALS), rate=run.rate, disturbance=torque,
+        start=start, substeps=1,
+    )  # fmt: skip
+
 
 class TransmissionModel:
-    """See `model.Model`. ``base``: value of every row; groups whose zero no fit has seen find it themselves.
+    """See `model.Model`. ``base``: values of the plant; groups whose zero no fit has seen find it themselves.
 
     A record of such a group has its zero from the mean of its own angle: an incremental encoder's, a start.
     """
@@ -70,20 +90,21 @@ class TransmissionModel:
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
-        columns = np.repeat(np.array([[self.base[row]] for row in ROWS]), values.shape[1], axis=1)
+        columns = np.repeat(PLANT.table.pack(self.base)[:, None], values.shape[1], axis=1)
         for k, name in enumerate(self._names):
-            if name in ROWS:
-                columns[ROWS.index(name)] = values[k]
+            if name in PLANT.table:
+                columns[PLANT.table.index(name)] = values[k]
         found = []
         for run in self.runs:
-            angle, wrench = np.empty((2, values.shape[1], len(run.x)))
-            transmit(self.period, run.x, run.torque, run.speed, run.way, columns, angle, wrench)
+            out = driven(run, columns, self.period, run.x, run.torque)
+            angle, wrench = out[:, 0], out[:, 1]
             if run.group in self._seen:
-                angle += values[self._names.index(zero_of(run.group))][:, None]
+                angle = angle + values[self._names.index(zero_of(run.group))]
             else:
                 good, measured = run.blocks[0].good, run.blocks[0].measured
-                angle += (measured[good] - angle[:, good]).mean(axis=1, keepdims=True) if good.any() else 0.0
-            found += [angle.T, wrench.T]
+                off = (measured[good, None] - angle[good]).mean(axis=0) if good.any() else 0.0
+                angle = angle + off
+            found += [angle, wrench]
         return found
 
 
@@ -95,14 +116,17 @@ def zero_of(group: str) -> str:
 def prepare(recording: Recording, request: Request) -> Question:
     """What such a recording asks. Raises ConfigurationError where a channel is missing."""
     source = "drive_torque" if "drive_torque" in recording.channels else "drive_current"
-    fit, heldout = models(recording, source)
-    missing = hypotheses(request)
+    fit, heldout = models(recording, source, request.rig)
+    missing = hypotheses(request, fit.base)
     nominals = nominals_of(fit.parameters)
     units = {p.name: "rad" if p.name.startswith("zero.") else LIMITS[p.name].unit for p in fit.parameters}
     notes = (f"low-pass {FILTER_HZ:g} Hz, zero phase; samples every {1e3 * fit.period:g} ms",)
+    zeros = [n for n in nominals if n.startswith("zero.")]
+    if len(zeros) > 1:
+        notes += (f"the rig does not hold the output angle's zero: each of {len(zeros)} groups of records has its own",)
     return Question(
         "pulley_circuit", fit, heldout, nominals, tuple(n for n in nominals if n != "ratio"), missing, units,
-        rig_of, notes,
+        lambda found, accepted: rig_of({**fit.base, **found}, accepted), notes,
     )  # fmt: skip
 
 
@@ -112,38 +136,58 @@ def nominals_of(parameters: Sequence[Free]) -> tuple[str, ...]:
     return tuple(p.name for p in parameters if p.name in own or p.name.startswith("zero."))
 
 
-def models(recording: Recording, source: str = "drive_torque") -> tuple[TransmissionModel, TransmissionModel]:
-    """Models of the records to fit and of those held out. ``source``: channel that says what the drive does."""
+def models(
+    recording: Recording, source: str = "drive_torque", rig: Mapping[str, float] | None = None
+) -> tuple[TransmissionModel, TransmissionModel]:
+    """Models of the records to fit and of those held out.
+
+    source: channel that says what the drive does; rig: values of a rig of the plant that the models are to have.
+    """
     recording.require("drive_angle", source, *SIGNALS, purpose="the diagnosis of a transmission")
     groups = {m: key for key, members in recording.offset_groups("output_angle").items() for m in members}
     runs = {use: [run_of(r, source, groups.get(r.name, "all")) for r in recording.used_for(use)] for use in _USES}
     own = sample_period(recording.records)
     period = own * max(1, round(PERIOD / own))
-    return assemble(runs["fit"], runs["heldout"], period, source)
+    return assemble(runs["fit"], runs["heldout"], period, source, rig and plant_values(recording, PLANT, rig))
 
 
 _USES = ("fit", "heldout")
 
 
 def assemble(
-    fit: Sequence[Run], heldout: Sequence[Run], period: float, source: str = "drive_torque"
-) -> tuple[TransmissionModel, TransmissionModel]:
-    """Both models of runs that are there already; they start from straight lines through the runs to fit."""
+    fit: Sequence[Run], heldout: Sequence[Run], period: float, source: str = "drive_torque",
+    given: Mapping[str, float] | None = None,
+) -> tuple[TransmissionModel, TransmissionModel]:  # fmt: skip
+    """Both models of runs that are there already.
+
+    They start from straight lines through the runs to fit, or from the values ``given`` (of the plant's whole table).
+    """
     seen = tuple(dict.fromkeys(run.group for run in fit))
+    base, zero = _started(fit, source) if given is None else _taken(given)
+    known = ("torque_constant",) if source == "drive_torque" else ("sensor_scale.output_torque",)
+    parameters = [LIMITS[name].at(base[name], name) for name in LIMITS if name not in known]
+    parameters += [Free(zero_of(group), zero, -1e3, 1e3, 0.1) for group in seen]
+    return (
+        TransmissionModel(fit, parameters, base, period, seen),
+        TransmissionModel(heldout, parameters, base, period, seen),
+    )
+
+
+def _started(fit: Sequence[Run], source: str) -> tuple[dict[str, float], float]:
+    """(values of the rigid, frictionless transmission, zero of the angle) by straight lines through the runs."""
     x, y, torque, wrench = (np.concatenate(part) for part in zip(*(_joined(run) for run in fit), strict=True))
     ratio, zero = np.polyfit(x, y, 1)
     ratio = float(np.clip(ratio, LIMITS["ratio"].low, LIMITS["ratio"].high))
     constant = 1.0
     if source == "drive_current":  # as long as the output sensor's scale is trusted, it is what makes current a torque
         constant = abs(float(np.polyfit(torque, wrench, 1)[0])) * ratio
-    base = {**NULLS, "ratio": ratio, "torque_constant": constant}
-    known = ("torque_constant",) if source == "drive_torque" else ("sensor_scale.output_torque",)
-    parameters = [LIMITS[name].at(base[name], name) for name in ROWS if name not in known]
-    parameters += [Free(zero_of(group), float(zero), -1e3, 1e3, 0.1) for group in seen]
-    return (
-        TransmissionModel(fit, parameters, base, period, seen),
-        TransmissionModel(heldout, parameters, base, period, seen),
-    )
+    return {**NULLS, "ratio": ratio, "torque_constant": constant}, float(zero)
+
+
+def _taken(given: Mapping[str, float]) -> tuple[dict[str, float], float]:
+    """(values of a rig, zero of the angle); the bias of the angle's sensor is the zero that every refit moves."""
+    base = dict(given)
+    return base, float(base.pop("sensor_bias.output_angle", 0.0))
 
 
 def _joined(run: Run) -> tuple[np.ndarray, ...]:

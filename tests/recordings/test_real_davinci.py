@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.physics.contact import tension_ratio
+from cable_envs.plants.transmission.plant import PLANT
+from cable_envs.sim.rigs import load_rig, rig_from_mapping
 from diagnosis import diagnose
 from diagnosis.data.recording import load_recording
 from diagnosis.fit.refit import Start
@@ -24,9 +25,8 @@ from diagnosis.real.feedforward import command
 from diagnosis.search.stepwise import inside, stepwise
 from diagnosis.systems import prepare, transmission
 from diagnosis.systems.question import Request
-from diagnosis.systems.transmission import Run, assemble, nominals_of
+from diagnosis.systems.transmission import Run, assemble, driven, nominals_of
 from diagnosis.systems.transmission_effects import NULLS, hypotheses, rig_of
-from diagnosis.systems.transmission_kernel import ROWS, transmit
 
 JAW = Path(__file__).parents[3] / "shared" / "recordings" / "davinci_tool"
 needs_jaw = pytest.mark.skipif(not JAW.is_dir(), reason=f"the published set davinci_tool is not at {JAW}")
@@ -35,12 +35,11 @@ TIME = np.arange(0.0, 12.0, PERIOD)
 
 
 def sent(x, torque, **values):
-    """(output angle, output torque) [T] of the kernel; ``values``: "coulomb_friction.level" and so on, else nulls."""
-    column = np.array([[{**NULLS, "stribeck_friction.velocity": 0.3, **values}[row]] for row in ROWS])
+    """(output angle, output torque) [T] of the plant; ``values``: "coulomb_friction.level" and so on, else nulls."""
+    column = PLANT.table.pack(values)[:, None]
     way = np.where(np.gradient(x) >= 0.0, 1.0, -1.0)
-    angle, wrench = np.empty((2, 1, len(x)))
-    transmit(PERIOD, x, torque, np.gradient(x, PERIOD), way, column, angle, wrench)
-    return angle[0], wrench[0]
+    run = Run(x, torque, np.gradient(x, PERIOD), way, "all", ())
+    return driven(run, column, PERIOD, x, torque)[:, :, 0].T
 
 
 def contact(torque, exponent, level):
@@ -185,19 +184,18 @@ def test_hypotheses_of_the_command_line():
         hypotheses(Request(only=("backlsh",)))
 
 
-def test_the_rig_found_has_the_friction_and_the_compliance():
-    values = {**NULLS, **TRUTH, "stribeck_friction.velocity": 0.3}
-    rig = rig_of(values, ["cable_elongation", "load_dependent_friction", "coulomb_friction"])
-    named = {name: entry["value"] for name, entry in rig["parameters"].items()}
-    ratios = [
-        tension_ratio(named[f"radius_top_{k}"] / named["cable_radius"] - 1.0, named["cable_friction"],
-                      named[f"wrap_top_{k}"])
-        for k in range(1, 5)
-    ]  # fmt: skip
-    assert np.log(np.prod(ratios)) == pytest.approx(0.35, abs=1e-9)
-    length = sum(named[f"span_top_{k}"] for k in range(5))
-    assert length / (2 * named["tensile_stiffness"] * named["drive_radius"] ** 2) == pytest.approx(1.2)
-    assert named["drive_radius"] / named["output_radius"] == pytest.approx(0.9)
+def test_the_rig_found_has_what_was_fitted_and_nothing_else():
+    values = {**NULLS, **TRUTH, "zero.all": -0.1}
+    rig = load_rig(rig_from_mapping(rig_of(values)))
+    assert rig.plant == "transmission" and rig.values["ratio"] == 0.9
+    fitted = {name: value for name, value in TRUTH.items() if "." in name}
+    assert {name: v for name, v in rig.effects.items() if v != 0.0} == {**fitted, "sensor_bias.output_angle": -0.1}
+
+
+def test_a_zero_of_each_group_is_named_and_not_written():
+    rig = rig_of({**NULLS, "zero.first": -0.1, "zero.second": 0.2})
+    assert "sensor_bias" not in rig.get("effects", {})
+    assert "first -0.1" in rig["description"] and "second 0.2" in rig["description"]
 
 
 @pytest.fixture(scope="module")

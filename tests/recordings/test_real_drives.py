@@ -6,6 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cable_envs.plants.band_brake.effects import RIGID
+from cable_envs.plants.band_brake.plant import PLANT as BRAKE
 from cable_envs.plants.drive.plant import PLANT
 from cable_envs.sim.replay import replay
 from diagnosis.data.recording import Quantity
@@ -15,7 +17,7 @@ from diagnosis.fit.weights import reweighted_refit, rmse, with_sandwich_covarian
 from diagnosis.real import band_brake, emps
 from diagnosis.real.sets import FOLDERS, imported
 from diagnosis.systems import prepare
-from diagnosis.systems.band_brake import PARAMETERS, RIGID, _pulls
+from diagnosis.systems.band_brake import Track, driven
 from diagnosis.systems.coupled_drives import RECTIFIED
 from diagnosis.systems.question import Request
 
@@ -30,12 +32,8 @@ X, V = 0.02 * np.sin(np.pi * T), 0.02 * np.pi * np.cos(np.pi * T)
 
 def pulls(**values):
     """Pull of a band [T] along X with a grip of 5 kN, other effects absent unless given."""
-    column = np.array([[p.start] for p in PARAMETERS])
-    for name, value in {"band_grip": 5e3, **values}.items():
-        column[[p.name for p in PARAMETERS].index(name)] = value
-    out = np.empty((len(X), 1))
-    _pulls(column, X, V, out)
-    return out[:, 0]
+    column = BRAKE.table.pack({"band_grip": 5e3, **values})[:, None]
+    return driven(Track(X, V, np.zeros_like(X), 1.0 / 64.0), column)[:, 1, 0]
 
 
 def test_a_rigid_band_pulls_with_its_grip_against_the_motion():
