@@ -120,7 +120,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     missing = hypotheses(request, fit.base)
     nominals = nominals_of(fit.parameters)
     units = {p.name: "rad" if p.name.startswith("zero.") else LIMITS[p.name].unit for p in fit.parameters}
-    notes = (f"low-pass {FILTER_HZ:g} Hz, zero phase; samples every {1e3 * fit.period:g} ms",)
+    notes: tuple[str, ...] = (f"low-pass {FILTER_HZ:g} Hz, zero phase; samples every {1e3 * fit.period:g} ms",)
     zeros = [n for n in nominals if n.startswith("zero.")]
     if len(zeros) > 1:
         notes += (f"the rig does not hold the output angle's zero: each of {len(zeros)} groups of records has its own",)
