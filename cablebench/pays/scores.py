@@ -23,7 +23,8 @@ from cablebench.jobs import Context
 from cablebench.pays.rigs import RIGS, HiddenRig
 from cablebench.protocol.actors import Actor, ControllerActor
 from cablebench.protocol.metrics import measure
-from cablebench.run.evaluation import badness, core_of, run_episode
+from cablebench.run.evaluation import core_of, run_episode
+from cablebench.run.records import badness
 from cablebench.tune.objective import loss_of
 
 SCHEMA = "cable-pays/1"

@@ -18,18 +18,8 @@ from cablebench.jobs import Backend, Context, Job
 from cablebench.jobs import Progress as JobProgress
 from cablebench.protocol.episode import Episode
 from cablebench.protocol.protocol import Cell, Protocol
-from cablebench.run.evaluation import (
-    Progress,
-    badness,
-    core_of,
-    facts,
-    known_seeds,
-    make_plan,
-    make_record,
-    run_episode,
-    run_key,
-    typical,
-)
+from cablebench.run.evaluation import Progress, core_of, make_plan, run_episode
+from cablebench.run.records import badness, facts, known_seeds, make_record, run_key, typical
 from cablebench.run.store import ResultStore
 
 Recipe = Callable[[], Entrant]

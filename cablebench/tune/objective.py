@@ -18,7 +18,8 @@ from cable_envs.sim.tasks import REFERENCE
 from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.jobs import Context
 from cablebench.protocol.protocol import Cell, Protocol
-from cablebench.run.evaluation import badness, core_of, facts, run_episode
+from cablebench.run.evaluation import core_of, run_episode
+from cablebench.run.records import badness, facts
 
 WORST = 10.0
 BEST = 1e-9
