@@ -312,5 +312,5 @@ def fitted_rig(plant: Plant, values: Mapping[str, float], name: str = "augmented
         As `augmented_rig` gives it, with every effect that is not at its null.
     """
     given = {key: value for key, value in values.items() if key in plant.table}
-    there = [key for key, value in given.items() if "." in key and value != plant.table[key].default]
-    return augmented_rig(plant, given, [*there, *(k.split(".")[0] for k in there if not k.startswith("sensor_"))], name)
+    there = plant.effects.present({p.name: p.default for p in plant.table} | given)
+    return augmented_rig(plant, given, there, name)

@@ -90,7 +90,7 @@ def apart(question, values, path, recording, variant=""):
     ("system", "variant", "effects"),
     [
         ("cable_hole", "", ("coulomb_friction", "backlash")),
-        ("pulley_circuit", "analytic", ("coulomb_friction", "backlash")),
+        ("pulley_circuit", "analytic", ("stribeck_friction", "backlash")),
         ("pulley_circuit", "chain", ("stribeck_friction", "stiffness_hardening")),
         ("linear_drive", "", ("stribeck_friction", "position_dependent_load")),
     ],
