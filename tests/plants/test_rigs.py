@@ -6,6 +6,7 @@ import yaml
 
 from cable_envs.core.config import config_root
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.effects.lanes import STATES
 from cable_envs.sim.rigs import load_rig, rig_from_mapping
 
 PRESETS = sorted(path.stem for path in (config_root() / "rigs").glob("*.yaml"))
@@ -27,9 +28,10 @@ def test_preset_loads_and_every_number_has_a_source(name):
     assert set(rig.sources) == set(given) and all(rig.sources.values())
     plant = rig.simulated_by()
     p = plant.prepare(np.array([[rig.values[n]] for n in plant.parameters.names]))
-    assert p.shape == (len(plant.coefficients), 1) and np.isfinite(p).all()
+    effects, states = (0, 0) if plant.plain else (plant.effects.count, STATES.count)  # a plant may have them always
+    assert p.shape == (len(plant.coefficients) + effects, 1) and np.isfinite(p).all()
     x = plant.rest(p, np.zeros(1))
-    assert x.shape == (len(plant.signals), 1) and np.isfinite(x).all()
+    assert x.shape == (len(plant.signals) + states, 1) and np.isfinite(x).all()
 
 
 @pytest.mark.parametrize("name", TABLE_A1)

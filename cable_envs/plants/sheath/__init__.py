@@ -1,0 +1,40 @@
+"""A tendon in a bent sheath (Bowden cable): friction by the capstan law, compliance, a load on a return spring."""
+
+from cable_envs.plants.family import Family, Output
+
+
+def _build(variant: str, holes: int):
+    from cable_envs.plants.sheath.plant import PLANT
+
+    return PLANT
+
+
+FAMILY = Family(
+    name="tendon_sheath",
+    title="Tendon in a sheath",
+    build=_build,
+    tasks="TendonSheath",
+    outputs={
+        "position": Output("position_reference"),
+        "tension": Output(
+            "tension_reference",
+            start=lambda value, wanted: (wanted - value["load_preload"]) / value["load_stiffness"],
+            needs=("load_stiffness",),
+        ),
+    },
+    observe="output",
+    scene="cable_envs.plants.sheath.scene:SheathScene",
+    shown=("drive_position", "drive_tension", "load_position", "load_tension", "sliding"),
+    channels={
+        "time": "s", "drive_position": "m", "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m",
+        "load_velocity": "m/s", "load_tension": "N", "drive_position_command": "m", "drive_tension_command": "N",
+        "position_reference": "m", "tension_reference": "N",
+    },
+    commands={"position": "drive_position_command", "tension": "drive_tension_command"},
+    known=("bend_angle", "load_mass", "drive_mass", "drive_speed_limit", "drive_acceleration_limit"),
+    nominal=(
+        "friction_coefficient", "tendon_stiffness", "sheath_stiffness", "tendon_damping", "load_stiffness",
+        "load_preload", "load_damping", "load_friction", "drive_damping", "servo_frequency", "servo_damping_ratio",
+    ),
+    ways=("pulling in", "paying out"),
+)  # fmt: skip
