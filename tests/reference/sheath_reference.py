@@ -87,8 +87,7 @@ class Sheath:
             limit = r["drive_acceleration_limit"]
             self.vx += h * min(max(wanted, -limit), limit)
         else:
-            felt = 0.0 if abs(self.x - self.end) < 0.4999995 * r["backlash.gap"] else self.t1
-            self.vx += h / r["drive_mass"] * (command - felt - r["drive_damping"] * self.vx)
+            self.vx += h / r["drive_mass"] * (command - self.t1 - r["drive_damping"] * self.vx)
         self.vx = min(max(self.vx, -r["drive_speed_limit"]), r["drive_speed_limit"])
         self.x += h * self.vx
         half, before = 0.5 * r["backlash.gap"], self.end

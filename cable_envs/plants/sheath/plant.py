@@ -32,7 +32,8 @@ either way, but T1 takes another path between the same ends. The direction of fr
 
 Valid for a bend that does not change, slow motion (no waves, no mass of the tendon), a tendon without bending
 stiffness that touches the sheath all along where it bends; curvature and pressure do not change mu. Backlash proper
-(the gear's, the tendon's play at its ends) is the effect ``backlash``: a play operator between drive and tendon.
+(the tendon's clearance in the sheath) is the effect ``backlash``: a play operator between drive and tendon, which is
+taken up under tension: the drive feels T1 in it too.
 
 Linearly implicit trapezoidal steps, the drive first: order 2 but for the steps in which the load stops. One kernel: it
 has the effects always.
@@ -92,7 +93,7 @@ def _pulled_speed(x, p, u, e, s, i, ahead, dt):
     apart = abs(x.drive_position[i] - s.gap_position[i]) < 0.4999995 * e.backlash_gap[i]
     held = select((x.drive_tension[i] > 0.0) & (not apart), grows, 0.0)
     k, c = held * p.stiffness[i], held * p.tendon_damping[i]
-    net = u.command[i] - p.drive_damping[i] * speed - select(apart, 0.0, x.drive_tension[i])
+    net = u.command[i] - p.drive_damping[i] * speed - x.drive_tension[i]
     net += c * (ahead - x.load_velocity[i]) - k * half * (speed - ahead)
     return speed + dt * net / (p.drive_mass[i] + half * (p.drive_damping[i] + c + half * k))
 
