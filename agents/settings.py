@@ -325,15 +325,16 @@ def _normalize(value: Any) -> dict[str, Any]:
 
 
 def _residual(value: Any, env_id: str) -> dict[str, Any]:
-    """Checked fields of `Residual`; ``controller`` may be a mapping by the first word of the environment's id."""
+    """Checked fields of `Residual`; ``controller`` may be a mapping by an id's first word, or "other"."""
     if not value:
         return {}
     require_known("key of residual", value, ("controller", "share", "gains"))
     name = value.get("controller")
     if isinstance(name, Mapping):
         mechanism = env_id.split("/")[-1].split("-")[0]
-        require_known("mechanism under residual.controller", [mechanism], name)
-        name = name[mechanism]
+        if "other" not in name:
+            require_known("mechanism under residual.controller", [mechanism], name)
+        name = name.get(mechanism, name.get("other"))
     kind = controller_class(str(name))
     share = _positive("residual.share", value.get("share", 0.2))
     if share > 2.0:

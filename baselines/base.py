@@ -19,6 +19,17 @@ INFORMATION = ("model-free", "nominal", "identified", "oracle")
 OBSERVE = ("drive", "output", "full")
 
 
+class Levels(dict[str, str]):
+    """Observation level by plant; of those without an entry ``other``, or else what the plant's family says."""
+
+    def __init__(self, named: Mapping[str, str], other: str = ""):
+        super().__init__(named)
+        self.other = other
+
+    def __missing__(self, plant: str) -> str:
+        return self.other or family_of(plant).observe
+
+
 class Controller:
     """Base of all reference controllers.
 
@@ -43,7 +54,9 @@ class Controller:
     """"model-free" | "nominal" | "identified" | "oracle" (docs: protocol); ranked within"""
     plants: ClassVar[tuple[str, ...]] = (HOLE, *CIRCUITS)
     tasks: ClassVar[tuple[str, ...]] = ("position", "tension", "torque")
-    levels: ClassVar[Mapping[str, str]] = {HOLE: "output", **dict.fromkeys(CIRCUITS, "drive")}
+    general: ClassVar[bool] = False
+    """whether it works on every plant that has a view (`cable_envs.plants.view`), besides ``plants``"""
+    levels: ClassVar[Mapping[str, str]] = Levels({HOLE: "output", **dict.fromkeys(CIRCUITS, "drive")})
     """observation level needed on each plant: "drive" | "output" | "full" """
     charged: ClassVar[Mapping[str, int]] = {}
     """what finding the default gains cost, shown on boards: {"tuning_trials": most gain sets tried for one case}"""
@@ -69,10 +82,15 @@ class Controller:
         """Raise ConfigurationError unless this controller works on that plant, action mode and task."""
         require_known(f"action mode of '{plant}'", [action_mode], action_modes(plant))
         require_known(f"task of '{plant}'", [task], tasks(plant))
-        if plant not in cls.plants:
+        if plant not in cls.plants and not (cls.general and cls.sees(plant, action_mode)):
             raise ConfigurationError(f"controller '{cls.name}' is made for {', '.join(cls.plants)}, not for '{plant}'")
         if task not in cls.tasks:
             raise ConfigurationError(f"controller '{cls.name}' does {', '.join(cls.tasks)} tasks, not '{task}'")
+
+    @classmethod
+    def sees(cls, plant: str, action_mode: str) -> bool:
+        """Whether a general controller finds what it needs in the plant's view."""
+        return bool(family_of(plant).view)
 
     @classmethod
     def applies(cls, plant: str, action_mode: str, task: str) -> bool:

@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from baselines.base import CIRCUITS, Controller, Reference
 from baselines.circuit_model import CircuitModel
+from baselines.general import SMOOTH, SteadyPid, pid_table, view_of
 from baselines.parts import Pid, Smoother, follow_direction
 from cable_envs.core.params import Parameter, ParameterTable
 
@@ -53,7 +54,7 @@ class _DrivePid(Controller):
     charged: ClassVar = {"tuning_trials": 85}
     """for the compensated loop; the uncompensated one runs with the same gains and was never searched by itself"""
     plants = CIRCUITS
-    tasks = ("position", "torque")
+    tasks = ("position", "tension", "torque")
     compensates: ClassVar[bool]
     gain_tables: ClassVar = {
         # rounded from random searches (40, 85, 56, 64 trials) with compensation, on the nominal rig's step and sine
@@ -163,6 +164,35 @@ class FeedforwardPid(_DrivePid):
     __doc__ = f"Backlash compensation with PID and torque saturator (Z49, Fig. 7). {_DrivePid.__doc__}"
     name = "feedforward-pid"
     compensates = True
+    general = True
+
+    @classmethod
+    def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
+        """The tunable gains; of a plant with a view those that the view declares."""
+        if plant in cls.plants:
+            return super().parameters_for(plant, action_mode, task)
+        cls.check_case(plant, action_mode, task)
+        return pid_table(plant, action_mode, task, SMOOTH)
+
+    def use_rig(self, rig: Mapping[str, Any]) -> None:
+        self._general: SteadyPid | None = None
+        if self.plant in self.plants:
+            return super().use_rig(rig)
+        Controller.use_rig(self, rig)
+        view = view_of(self.plant, self.rig, self.action_mode, self.task)
+        self._general = SteadyPid(view, self.gains, self.dt, compensates=True)
+        return None
+
+    def reset(self) -> None:
+        if self._general is None:
+            super().reset()
+        else:
+            self._general.reset()
+
+    def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
+        if self._general is None:
+            return super().act(t, y, ref)
+        return self._general.act(y, ref, self.low, self.high)
 
 
 class UncompensatedPid(_DrivePid):

@@ -47,9 +47,11 @@ import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
 from baselines.base import HOLE, Controller, Reference
+from baselines.general import view_of
 from baselines.hole_model import HoleModel
 from cable_envs.core.errors import require_known
 from cable_envs.core.params import Parameter, ParameterTable
+from cable_envs.plants import family_of
 
 SIGN_OF_B = -1.0
 """sgn(b) of G31, derived above"""
@@ -92,13 +94,9 @@ class _Mrac(Controller):
     charged: ClassVar = {"tuning_trials": 8}
     """settings of direction and direction_speed tried; everything else is printed or reasoned above"""
     plants = (HOLE,)
+    general = True
     tasks = ("position", "tension")
     ratio: ClassVar[str]
-    gain_tables: ClassVar = {
-        ("hole", mode, task): table
-        for mode in ("tension", "speed")
-        for task, table in (("position", _POSITION), ("tension", _TENSION))
-    }
 
     def __init__(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float,
@@ -108,10 +106,26 @@ class _Mrac(Controller):
         self.direction = direction
         super().__init__(plant, action_mode, task, rig, dt, **gains)
 
+    @classmethod
+    def sees(cls, plant: str, action_mode: str) -> bool:
+        """Where the command is the tension that hauls a load; a ratio without extrusion is the only one there."""
+        told = family_of(plant)
+        return cls.ratio == "g22" and bool(told.view) and action_mode in told.sees().hauls
+
+    @classmethod
+    def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
+        """The tunable gains: the same for every load that is hauled."""
+        cls.check_case(plant, action_mode, task)
+        return _POSITION if task == "position" else _TENSION
+
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
         g = self.gains
-        self._hole = HoleModel(self.rig, self.ratio)
+        if self.plant in self.plants:
+            self._hole = HoleModel(self.rig, self.ratio)
+            inner = self.rig["inner_kp"], self.rig["inner_kd"]
+        else:  # the drive is told its tension: there is no inner loop to invert
+            self._hole, inner = view_of(self.plant, self.rig, self.action_mode, self.task).hauling(), (0.0, 0.0)
         self._hole.require_spring(self.task)
         a_m = np.array([[0.0, 1.0], [-g["model_stiffness"], -g["model_damping"]]])
         p = solve_continuous_lyapunov(a_m.T, -np.diag([g["q_position"], g["q_velocity"]]))
@@ -124,7 +138,7 @@ class _Mrac(Controller):
             self._start = g["ke_integral"], g["ke_proportional"]
             self._rates = g["gamma_integral"], g["gamma_proportional"]
         self._law = self._position if self.task == "position" else self._tension
-        kp, kd, k = self.rig["inner_kp"], self.rig["inner_kd"], self._hole.cable_stiffness
+        kp, kd, k = *inner, self._hole.cable_stiffness
         self._inner = kp / (1.0 + kd * k), kd / (1.0 + kd * k), kd * k / (1.0 + kd * k)
         force = min(self.rig["tension_command_limit"], self.rig["tension_limit"])
         self._force_range = (0.0, force)

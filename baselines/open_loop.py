@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import Controller, Reference
+from baselines.base import Controller, Levels, Reference
 from baselines.circuit_model import IdealCircuit
+from baselines.general import view_of
 from baselines.hole_model import HoleModel
 from baselines.parts import approach_speed
 
@@ -20,6 +21,7 @@ class OpenLoop(Controller):
     hole, tension, tension      F = r
     hole, speed                 the drive is moved to where an elastic, frictionless cable would need it
     circuit, position           theta_in = theta_out R5 / R0; grasp torque: theta_out = contact + r / stiffness
+    with a view                 its steady command without friction
     circuit, torque             M_in = M_out R0 / R5; position tasks: M_out is the load's torque at the reference
     ==========================  =========================================================================
 
@@ -30,7 +32,8 @@ class OpenLoop(Controller):
 
     name = "open-loop"
     information = "nominal"
-    levels: ClassVar = dict.fromkeys(Controller.plants, "drive")
+    general = True
+    levels: ClassVar = Levels({}, "drive")
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
@@ -38,6 +41,9 @@ class OpenLoop(Controller):
             self._hole = HoleModel(self.rig)
             self._hole.require_spring(self.task)
             self._law = {"tension": self._tension, "speed": self._speed}[self.action_mode]
+        elif self.plant not in self.plants:
+            view = view_of(self.plant, self.rig, self.action_mode, self.task)
+            self._law = lambda ref: view.steady(ref, 0.0)
         else:
             self._circuit = IdealCircuit(self.rig)
             self._circuit.require_contact(self.task)

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import HOLE, Controller, Reference
+from baselines.base import HOLE, Controller, Levels, Reference
+from baselines.general import SMOOTH, SteadyPid, pid_table, view_of
 from baselines.oracle_circuit import CircuitOracle
 from baselines.oracle_hole import HoleOracle
 from cable_envs.core.params import Parameter, ParameterTable
@@ -41,7 +42,8 @@ class Oracle(Controller):
     information = "oracle"
     charged: ClassVar = {"tuning_trials": 120}
     """on the nominal rig's step and sine, until it beat the other defaults: that it is best was a design goal"""
-    levels: ClassVar = dict.fromkeys(Controller.plants, "full")
+    general = True
+    levels: ClassVar = Levels({}, "full")
     gain_tables: ClassVar = {
         ("hole", "tension", "position"): _hole_gains(30.0, 55.0),
         ("hole", "speed", "position"): _hole_gains(30.0, 55.0),
@@ -56,13 +58,28 @@ class Oracle(Controller):
     def set_rig(self, rig: Mapping[str, Any]) -> None:
         self.use_rig(rig)
 
+    @classmethod
+    def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
+        """The tunable gains; of a plant with a view those that the view declares."""
+        if plant in cls.plants:
+            return super().parameters_for(plant, action_mode, task)
+        cls.check_case(plant, action_mode, task)
+        return pid_table(plant, action_mode, task, SMOOTH)
+
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
+        self._general: SteadyPid | None = None
+        if self.plant not in self.plants:
+            view = view_of(self.plant, self.rig, self.action_mode, self.task)
+            self._general = SteadyPid(view, self.gains, self.dt, compensates=True)
+            return
         law = HoleOracle if self.plant == HOLE else CircuitOracle
         self._law = law(self.rig, self.gains, self.action_mode, self.task, self.dt)
 
     def reset(self) -> None:
-        self._law.reset()
+        (self._general or self._law).reset()
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
+        if self._general is not None:
+            return self._general.act(y, ref, self.low, self.high)
         return self._law.act(y, ref)

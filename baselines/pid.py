@@ -5,6 +5,7 @@ from typing import Any, ClassVar
 
 from baselines.base import Controller, Reference
 from baselines.circuit_model import IdealCircuit
+from baselines.general import FEEDFORWARD, SteadyPid, pid_table, view_of
 from baselines.hole_model import HoleModel
 from baselines.parts import Pid
 from cable_envs.core.params import Parameter, ParameterTable
@@ -43,6 +44,7 @@ class PidController(Controller):
 
     name = "pid"
     information = "nominal"
+    general = True
     charged: ClassVar = {"tuning_trials": 120}
     gain_tables: ClassVar = {
         # hole: rounded from random searches (120, 60, 100, 80 trials) on the nominal rig's step and sine, the sets that
@@ -62,8 +64,21 @@ class PidController(Controller):
         ("circuit", "torque", "torque"): pid_gains(("1", 0.04, 5.0), ("1/s", 5.0, 60.0), ("s", 0.002, 0.2), 0.005),
     }
 
+    @classmethod
+    def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
+        """The tunable gains; of a plant with a view those that the view declares."""
+        if plant in cls.plants:
+            return super().parameters_for(plant, action_mode, task)
+        cls.check_case(plant, action_mode, task)
+        return pid_table(plant, action_mode, task, FEEDFORWARD)
+
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
+        self._general: SteadyPid | None = None
+        if self.plant not in self.plants:
+            view = view_of(self.plant, self.rig, self.action_mode, self.task)
+            self._general = SteadyPid(view, self.gains, self.dt, compensates=False)
+            return
         if self.plant == "cable_hole":
             self._hole = HoleModel(self.rig)
             self._hole.require_spring(self.task)
@@ -75,9 +90,11 @@ class PidController(Controller):
         self._pid = Pid(g["kp"], g["ki"], g["kd"], g["filter_time"], self.dt)
 
     def reset(self) -> None:
-        self._pid.reset()
+        (self._general or self._pid).reset()
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
+        if self._general is not None:
+            return self._general.act(y, ref, self.low, self.high)
         target, measured, rate, feedforward = self._law(y, ref)
         share = self.gains["feedforward"]
         return self._pid.update(target - measured, measured, rate, share * feedforward, self.low, self.high)

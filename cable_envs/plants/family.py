@@ -26,6 +26,12 @@ def _one(values: Values) -> float:
     return 1.0
 
 
+def _found(place: str) -> Any:
+    """The class at "module:class"."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
+
+
 @dataclass(frozen=True)
 class Output:
     """A quantity that a task may control.
@@ -46,6 +52,39 @@ class Output:
     start: Callable[[Values, np.ndarray], np.ndarray] = _as_asked
     rigid: Callable[[Values], float] = _one
     needs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """How recordings of a plant are held against it, where nothing else is made for them (`diagnosis.systems.general`).
+
+    Attributes
+    ----------
+    drive : str
+        Channel of the drive's position; it is followed where no command was recorded.
+    of_drive : tuple of str
+        Channels that say what the drive did: one sensor's, and no answer where it is followed.
+    predicted : tuple of str
+        Channels that are compared.
+    refitted : tuple of str
+        Parameters that are refitted unless the recording knows them.
+    servo, by_servo : tuple of str
+        Parameters of the drive's own control, refitted where it was seen to obey one of the commands ``by_servo``.
+    stiff : mapping of str to float
+        Parameter -> size from which on it counts as rigid, or as absent.
+    places, pulls : tuple of str
+        Channels of position and of tension or torque along which a mismatch may lie, the best first.
+    """
+
+    drive: str
+    of_drive: tuple[str, ...]
+    predicted: tuple[str, ...]
+    refitted: tuple[str, ...]
+    servo: tuple[str, ...] = ()
+    by_servo: tuple[str, ...] = ()
+    stiff: Mapping[str, float] = field(default_factory=dict)
+    places: tuple[str, ...] = ()
+    pulls: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -70,6 +109,9 @@ class Family:
         What its tasks control, by the kind of task: "position", "tension", "torque".
     observe : str
         Observation level that a controller of it needs unless it says otherwise: "drive", "output" or "full".
+    view : str
+        "module:class" of its `cable_envs.plants.view.View`, as reference controllers see it; empty: those that are made
+        for it alone apply.
     scene : str
         "module:class" that draws it; empty: it cannot be rendered.
     shown : tuple of str
@@ -84,6 +126,8 @@ class Family:
         Parameters that one measures on a rig before it runs; that a simulator believes and a recording may correct.
     beside : tuple of Parameter
         What a recording may state besides the plant's parameters.
+    replayed : Replayed, optional
+        How recordings of it are diagnosed; None: by a module of their own in `diagnosis.systems`, or not at all.
     ways : tuple of two str
         Words for motion in the positive and in the negative direction.
     """
@@ -96,6 +140,7 @@ class Family:
     tasks: str = ""
     outputs: Mapping[str, Output] = field(default_factory=dict)
     observe: str = "output"
+    view: str = ""
     scene: str = ""
     shown: tuple[str, ...] = ()
     channels: Mapping[str, str] = field(default_factory=dict)
@@ -104,6 +149,7 @@ class Family:
     known: tuple[str, ...] = ()
     nominal: tuple[str, ...] = ()
     beside: tuple[Parameter, ...] = ()
+    replayed: Replayed | None = None
     ways: tuple[str, str] = ("moving forward", "moving backward")
 
     def __hash__(self) -> int:
@@ -120,8 +166,13 @@ class Family:
         """The class that draws it. Raises ConfigurationError where there is none."""
         if not self.scene:
             raise ConfigurationError(f"{self.name} has no scene: rgb_array and human are not available")
-        module, _, name = self.scene.partition(":")
-        return getattr(import_module(module), name)
+        return _found(self.scene)
+
+    def sees(self) -> Any:
+        """The class of its view. Raises ConfigurationError where there is none."""
+        if not self.view:
+            raise ConfigurationError(f"{self.name} has no view: general reference controllers are not available")
+        return _found(self.view)
 
     def records(self) -> Mapping[str, str]:
         """Its channels. Raises ConfigurationError where it has no recordings."""

@@ -4,7 +4,8 @@
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
 
-The last two may be absent. What a recording's channels are, and what motion is called, the plant says itself
+The last two may be absent, and the whole module: then the plant's family says how it is replayed
+(`diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says itself
 (`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
 recorded as its input, and predicts the other channels. Everything after that (refit, score tests, selection,
 localisation, verdict) knows no system.
@@ -19,7 +20,7 @@ from types import ModuleType
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import family
 from diagnosis.data.recording import Record, Recording
-from diagnosis.systems import transmission
+from diagnosis.systems import general, transmission
 from diagnosis.systems.question import Look, Question, Request
 from diagnosis.systems.units import Suspect
 
@@ -76,9 +77,11 @@ def looked_at(recording: Recording) -> Look:
 
 
 def _of_plant(name: str) -> ModuleType | None:
-    """The module of a plant; None where there is none."""
+    """The module of a plant; the general one where its family says how it is replayed; None where there is none."""
     found = find_spec(f"{__name__}.{name}") if name.isidentifier() else None
-    return None if found is None else import_module(found.name)
+    if found is None:
+        return general if general.models(name) else None
+    return import_module(found.name)
 
 
 def _has_variants(name: str) -> bool:
