@@ -1,6 +1,6 @@
 """A tendon in a bent sheath (Bowden cable): friction by the capstan law, compliance, a load on a return spring."""
 
-from cable_envs.plants.family import Family, Output
+from cable_envs.plants.family import Family, Output, Replayed
 
 
 def _build(variant: str, holes: int):
@@ -23,6 +23,7 @@ FAMILY = Family(
         ),
     },
     observe="output",
+    view="cable_envs.plants.sheath.view:SheathView",
     scene="cable_envs.plants.sheath.scene:SheathScene",
     shown=("drive_position", "drive_tension", "load_position", "load_tension", "sliding"),
     channels={
@@ -35,6 +36,19 @@ FAMILY = Family(
     nominal=(
         "friction_coefficient", "tendon_stiffness", "sheath_stiffness", "tendon_damping", "load_stiffness",
         "load_preload", "load_damping", "load_friction", "drive_damping", "servo_frequency", "servo_damping_ratio",
+    ),
+    replayed=Replayed(
+        drive="drive_position",
+        of_drive=("drive_position", "drive_velocity"),
+        predicted=(
+            "drive_position", "drive_velocity", "drive_tension", "load_position", "load_velocity", "load_tension",
+        ),
+        refitted=("friction_coefficient", "tendon_stiffness", "load_stiffness", "load_preload"),
+        servo=("servo_frequency", "servo_damping_ratio"),
+        by_servo=("drive_position_command",),
+        stiff={"tendon_stiffness": 1e5},
+        places=("load_position", "drive_position"),
+        pulls=("drive_tension", "load_tension"),
     ),
     ways=("pulling in", "paying out"),
 )  # fmt: skip
