@@ -97,6 +97,11 @@ class _Mrac(Controller):
     general = True
     tasks = ("position", "tension")
     ratio: ClassVar[str]
+    gain_tables: ClassVar = {
+        ("hole", mode, task): table
+        for mode in ("tension", "speed")
+        for task, table in (("position", _POSITION), ("tension", _TENSION))
+    }
 
     def __init__(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float,
@@ -115,6 +120,8 @@ class _Mrac(Controller):
     @classmethod
     def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
         """The tunable gains: the same for every load that is hauled."""
+        if plant in cls.plants:
+            return super().parameters_for(plant, action_mode, task)
         cls.check_case(plant, action_mode, task)
         return _POSITION if task == "position" else _TENSION
 

@@ -27,6 +27,7 @@ CASES = [
         if "CableHole" in env_id
         else ("open-loop", "pid", "feedforward-pid", "uncompensated-pid", "oracle")
     )
+    if ENTRANTS[name].needs(env_id, setup_of(env_id, {})) is not None
 ]
 SENSITIVE = {
     # MRAC switches the sign of its friction compensation at each reversal, while the load sticks and breaks away: what
