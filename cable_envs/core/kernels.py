@@ -151,8 +151,11 @@ if JIT_DISABLED:
     def stack(rows):
         return np.empty((rows, LANES))
 
+    def row_at(base, first):
+        return base[first]
+
     def rows_at(base, first, shape):
-        return base[first] if len(shape) == 1 else base[first : first + shape[0]]
+        return base[first : first + shape[0]]
 
     def tile(rows):
         return np.empty((rows, LANES))
@@ -206,6 +209,10 @@ else:
             return builder.gep(args[0], [place])
 
         return base(base, types.intp), codegen
+
+    @njit(forceinline=True, error_model="numpy")
+    def row_at(base, first):
+        return _offset(base, first)
 
     @njit(forceinline=True, error_model="numpy")
     def rows_at(base, first, shape):

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.kernels import LANES, inline, rows_at, stack
+from cable_envs.core.kernels import LANES, inline, row_at, rows_at, stack
 
 Field = str | tuple[str | tuple[str, ...], int]
 """A name; a name with how many rows it has; or names that take turns, with how often they do."""
@@ -36,8 +36,9 @@ class Lanes:
     count : int
         Number of rows.
     tile : callable
-        For kernels: ``tile()`` makes a block on the stack; every field of it is [LANES], or [count, LANES]. Its field
-        ``rows`` is the whole block [self.count, LANES], which `kernels.load` and `kernels.store` fill and empty.
+        For kernels: ``tile()`` makes a block on the stack. A field of it is indexed by its column, ``x.speed[i]``, or
+        by its number and column, ``x.spring[k, i]``. Its field ``rows`` is the whole block [self.count, LANES], which
+        `kernels.load` and `kernels.store` fill and empty.
 
     Examples
     --------
@@ -116,12 +117,12 @@ class Lanes:
         parts = [f"rows_at(base, 0, ({max(self.count, 1)}, {LANES}))"]
         for first, many, apart in self._places.values():
             if many < 0:
-                parts.append(f"rows_at(base, {first}, ({LANES},))")
+                parts.append(f"row_at(base, {first})")
             elif apart == 1:
                 parts.append(f"rows_at(base, {first}, ({many}, {LANES}))")
             else:
                 parts.append(f"rows_at(base, {first}, ({many * apart}, {LANES}))[::{apart}]")
         text = f"def tile():\n    base = stack({max(self.count, 1)})\n    return kind({', '.join(parts)})"
-        space: dict[str, Any] = {"rows_at": rows_at, "stack": stack, "kind": self.kind}
+        space: dict[str, Any] = {"row_at": row_at, "rows_at": rows_at, "stack": stack, "kind": self.kind}
         exec(text, space)
         return inline(space["tile"])
