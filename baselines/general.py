@@ -52,7 +52,8 @@ class SteadyPid:
         self._pid.reset()
         self._side.reset()
         self._smooth.reset()
-        self._direction, self._last = 0.0, None
+        self._direction = 0.0
+        self._last: float | None = None
 
     def act(self, y: Mapping[str, float], ref: Reference, low: float, high: float) -> float:
         """Command within [low, high]."""

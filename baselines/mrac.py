@@ -52,6 +52,7 @@ from baselines.hole_model import HoleModel
 from cable_envs.core.errors import require_known
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.plants import family_of
+from cable_envs.plants.view import Hauling
 
 SIGN_OF_B = -1.0
 """sgn(b) of G31, derived above"""
@@ -128,6 +129,7 @@ class _Mrac(Controller):
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
         g = self.gains
+        self._hole: Hauling
         if self.plant in self.plants:
             self._hole = HoleModel(self.rig, self.ratio)
             inner = self.rig["inner_kp"], self.rig["inner_kd"]
