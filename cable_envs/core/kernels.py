@@ -212,7 +212,7 @@ else:
 
     @njit(forceinline=True, error_model="numpy")
     def row_at(base, first):
-        return _offset(base, first)
+        return _offset(base, first)  # type: ignore[call-arg]  # numba gives the context
 
     @njit(forceinline=True, error_model="numpy")
     def rows_at(base, first, shape):
