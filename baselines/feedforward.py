@@ -172,7 +172,7 @@ class FeedforwardPid(_DrivePid):
         if plant in cls.plants:
             return super().parameters_for(plant, action_mode, task)
         cls.check_case(plant, action_mode, task)
-        return pid_table(plant, action_mode, task, SMOOTH)
+        return pid_table(plant, action_mode, task, *SMOOTH)
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         self._general: SteadyPid | None = None

@@ -32,21 +32,25 @@ def pid_table(plant: str, action_mode: str, task: str, *more: Parameter) -> Para
 
 
 FEEDFORWARD = Parameter("feedforward", "1", 1.0, 0.0, 1.0, "share of the static feedforward")
-SMOOTH = Parameter("smooth_time", "s", 0.02, 0.0, 1.0, "time constant of jumps of reference and direction")
+SMOOTH = (
+    Parameter("smooth_time", "s", 0.1, 0.0, 1.0, "time constant of jumps of the reference"),
+    Parameter("turn_time", "s", 0.03, 0.0, 1.0, "time constant of changes of direction"),
+)
 
 
 class SteadyPid:
     """u = steady command + PID of the output's error.
 
     The steady command has the friction of the way in which the reference moves where ``compensates``; its direction
-    changes within ``smooth_time``, and is kept at rest.
+    changes within ``turn_time``, and is kept at rest. The output follows the reference with its jumps spread over
+    ``smooth_time``.
     """
 
     def __init__(self, view: View, gains: Mapping[str, float], dt: float, compensates: bool):
         self._view, self._gains, self._compensates = view, gains, compensates
         self._pid = Pid(gains["kp"], gains["ki"], gains["kd"], gains["filter_time"], dt)
-        time = gains.get("smooth_time", 0.0)
-        self._side, self._smooth = Smoother(dt, time), Smoother(dt, time)
+        self._side = Smoother(dt, gains.get("turn_time", 0.0))
+        self._smooth = Smoother(dt, gains.get("smooth_time", 0.0))
 
     def reset(self) -> None:
         self._pid.reset()
@@ -60,7 +64,8 @@ class SteadyPid:
         self._direction = follow_direction(self._direction, self._last, ref)
         self._last = ref[0]
         way = self._side.update(self._direction) if self._compensates else 0.0
-        held = self._view.steady((self._smooth.update(ref[0], ref[1]), ref[1], ref[2]), way)
+        wanted = self._smooth.update(ref[0], ref[1])
+        held = self._view.steady((wanted, ref[1], ref[2]), way)
         measured = y[self._view.signal]
         share = self._gains.get("feedforward", 1.0)
-        return self._pid.update(ref[0] - measured, measured, ref[1], share * held, low, high)
+        return self._pid.update(wanted - measured, measured, ref[1], share * held, low, high)

@@ -47,11 +47,11 @@ class SheathView(View):
             "filter_time": ("s", 0.02, 0.5),
         },
         ("tension", "position"): {
-            "kp": ("N/m", 500.0, 3e4), "ki": ("N/(m s)", 8e3, 2e5), "kd": ("N s/m", 20.0, 500.0),
+            "kp": ("N/m", 2000.0, 3e4), "ki": ("N/(m s)", 8e3, 2e5), "kd": ("N s/m", 20.0, 500.0),
             "filter_time": ("s", 0.02, 0.5),
         },
         ("tension", "tension"): {
-            "kp": ("1", 0.2, 3.0), "ki": ("1/s", 5.0, 60.0), "kd": ("s", 0.0, 0.1), "filter_time": ("s", 0.02, 0.5),
+            "kp": ("1", 0.5, 3.0), "ki": ("1/s", 15.0, 60.0), "kd": ("s", 0.0, 0.1), "filter_time": ("s", 0.02, 0.5),
         },
     }  # fmt: skip
 
