@@ -78,6 +78,8 @@ class Plant:
     plain: bool = True
     """whether there is a kernel without effects, which is quicker; the same numbers to the bit where none is on"""
 
+    replays: tuple[str, ...] = ("follow", "imposed", "observed")
+    """how a recorded drive may drive it, besides its action modes (`cable_envs.sim.replay.replay`)"""
     own: tuple[Effect, ...] = ()
     """a user's own effects (`cable_envs.plants.own_effects`)"""
 

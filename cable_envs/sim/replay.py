@@ -132,6 +132,9 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
         raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, (*modes, *DRIVES))}")
+    if drive not in (*modes, *plant.replays):
+        known = ", ".join((*modes, *plant.replays))
+        raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
     given = {"command": command, "rate": rate, "disturbance": disturbance}

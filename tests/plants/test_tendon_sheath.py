@@ -241,6 +241,11 @@ def test_presliding_becomes_the_sticking_of_a_short_displacement():
     assert all(np.all(np.abs(seen["mobilised"]) <= bound) for seen in (soft, far))
 
 
+def test_a_tension_cannot_be_imposed():
+    with pytest.raises(ConfigurationError, match="tendon_sheath cannot be replayed with its drive 'imposed'"):
+        run(values_of(), "imposed", command=np.full(5, 20.0))
+
+
 def test_rig_file_loads_with_sources_and_its_breaking_tension_is_above_the_limit():
     rig = load_rig("bowden-1m")
     assert rig.plant == "tendon_sheath" and len(rig.sources) == len(PLANT.parameters)

@@ -239,4 +239,5 @@ PLANT = Plant(
     solve=_solve,
     effects=Layout("tendon_sheath", PARAMETERS, ACTING),
     plain=False,
+    replays=("follow",),
 )
