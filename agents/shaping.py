@@ -18,7 +18,7 @@ import numpy as np
 
 from baselines import make_controller
 from cable_envs.sim.setup import Setup
-from cable_envs.sim.tasks import LAST_COMMAND, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
+from cable_envs.sim.tasks import COMMAND, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
 
 BASE_CHANNEL = "base_action"
 """Name of the channel that shows the base controller's action."""
@@ -44,12 +44,12 @@ class Shaping:
         self, setup: Setup, n: int, smoothing: float = 0.0, residual: Residual | None = None, first_frame: bool = False
     ):
         self._smoothing = smoothing
-        self._measured = [k for k, c in enumerate(setup.channels) if c.row >= 0] if first_frame else []
+        self._measured = [k for k, c in enumerate(setup.channels) if c.measured] if first_frame else []
         self._first = np.zeros((n, len(self._measured)), dtype=np.float32)
         first = tuple(f"first_{setup.channels[k].name}" for k in self._measured)
         self.extra_channels = first if residual is None else (*first, BASE_CHANNEL)
         """names of the channels that `view` adds"""
-        self._channel = [c.row for c in setup.channels].index(LAST_COMMAND)
+        self._channel = [c.name for c in setup.channels].index(COMMAND)
         span = setup.high - setup.low
         self._gain, self._offset = 2.0 * setup.channels[self._channel].scale / span, -2.0 * setup.low / span - 1.0
         self._base = None if residual is None else _Base(setup, n, residual)
@@ -114,8 +114,7 @@ class _Base:
         self._low, self._span, self._period = setup.low, setup.high - setup.low, setup.control_period
         self._names = [c.name for c in setup.channels]
         self._scales = np.array([c.scale for c in setup.channels])
-        rows = [c.row for c in setup.channels]
-        self._reference = [rows.index(r) for r in (REFERENCE, REFERENCE_RATE, REFERENCE_ACCELERATION)]
+        self._reference = [self._names.index(r) for r in (REFERENCE, REFERENCE_RATE, REFERENCE_ACCELERATION)]
         self._steps = [0] * n
         self.action = np.zeros((n, 1), dtype=np.float32)
         """what the controllers ask for now, within [-1, 1]"""

@@ -187,8 +187,8 @@ def start_up(pairs: int, seconds: float) -> Iterator[Result]:
 
 
 def memory(pairs: int, seconds: float) -> Iterator[Result]:
+    from cable_envs.sim.buffers import Buffers
     from cable_envs.sim.setup import make_setup
-    from cable_envs.sim.steppers import Buffers
 
     for plant, (env_id, options) in PLANTS.items():
         setup = make_setup(**{**gym.spec(env_id).kwargs, **options})

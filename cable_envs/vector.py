@@ -1,6 +1,6 @@
 """Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
@@ -64,7 +64,7 @@ class CableVectorEnv(VectorEnv):
             raise ValueError(f"threads: expected a whole number >= 1, got {threads!r}")
         self._threads = size
         self._team: Team | None = None
-        self._take_kernel()
+        self._kernel: Callable[..., None] | None = None
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._seeds = [-1] * num_envs
         self._all = np.arange(num_envs)
@@ -145,7 +145,7 @@ class CableVectorEnv(VectorEnv):
             self._team.close()
         self._kernel = self.simulation.kernel
         self._team = self.simulation.team(self._threads) if self._threads > 1 else None
-        self._advance = self._team or self.simulation.advance
+        self._advance = self._team or self.simulation.advance()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Go on by one control period in every environment: arrays [environments, ...], as Gymnasium has them."""

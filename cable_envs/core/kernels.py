@@ -46,6 +46,19 @@ inline = njit(forceinline=True, error_model="numpy")
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
 
 
+def inlined(kernel):
+    """A kernel's text as a piece of another kernel: merged into its caller, which may know more about its arguments."""
+    return inline(getattr(kernel, "py_func", kernel))
+
+
+def ready(kernel, *arguments):
+    """The machine code of a kernel for arguments like these, compiled or loaded now.
+
+    Calling it skips a look at the types of the arguments, a third of a microsecond; they are taken for what these are.
+    """
+    return kernel if JIT_DISABLED else kernel.compile(tuple(numba.typeof(a) for a in arguments))
+
+
 def instantiate(template, name="", /, **names):
     """A kernel made from another one's text, with other values for some of the names that it reads.
 
@@ -254,7 +267,7 @@ else:
 @inline
 def load(tile_, array, first, lanes):
     """Copy columns first..first+lanes of ``array`` into a tile."""
-    for row in range(array.shape[0]):
+    for row in range(tile_.shape[0]):
         for lane in range(lanes):
             tile_[row, lane] = array[row, first + lane]
 
@@ -262,7 +275,7 @@ def load(tile_, array, first, lanes):
 @inline
 def store(tile_, array, first, lanes):
     """Copy a tile back into columns first..first+lanes of ``array``."""
-    for row in range(array.shape[0]):
+    for row in range(tile_.shape[0]):
         for lane in range(lanes):
             array[row, first + lane] = tile_[row, lane]
 

@@ -9,6 +9,7 @@ Names cost nothing: the compiler knows the place of every row, so the machine co
 
 from collections import namedtuple
 from collections.abc import Callable, Iterable, Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -122,7 +123,26 @@ class Lanes:
                 parts.append(f"rows_at(base, {first}, ({many}, {LANES}))")
             else:
                 parts.append(f"rows_at(base, {first}, ({many * apart}, {LANES}))[::{apart}]")
-        text = f"def tile():\n    base = stack({max(self.count, 1)})\n    return kind({', '.join(parts)})"
-        space: dict[str, Any] = {"row_at": row_at, "rows_at": rows_at, "stack": stack, "kind": self.kind}
-        exec(text, space)
-        return inline(space["tile"])
+        body = f"base = stack({max(self.count, 1)}); return kind({', '.join(parts)})"
+        return _written("tile()", body, row_at=row_at, rows_at=rows_at, stack=stack, kind=self.kind)
+
+    @cached_property
+    def views(self) -> Callable[[np.ndarray], Any]:
+        """For kernels: `over`."""
+        parts = [f"array[:{self.count}]"]
+        for first, many, apart in self._places.values():
+            turns = "" if apart == 1 else f":{apart}"
+            parts.append(f"array[{first}]" if many < 0 else f"array[{first}:{first + many * apart}{turns}]")
+        return _written("views(array)", f"return kind({', '.join(parts)})", kind=self.kind)
+
+    @cached_property
+    def column(self) -> Callable[[np.ndarray, int], tuple[float, ...]]:
+        """For kernels: a column of the rows, in their order, as a tuple of numbers."""
+        return _written("column(array, i)", f"return ({' '.join(f'array[{row}, i],' for row in range(self.count))})")
+
+
+def _written(head: str, body: str, **names: Any) -> Callable[..., Any]:
+    """A piece of kernels from its text."""
+    space: dict[str, Any] = dict(names)
+    exec(f"def {head}: {body}", space)
+    return inline(space[head.partition("(")[0]])

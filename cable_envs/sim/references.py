@@ -1,7 +1,7 @@
 """Reference signals (and disturbances): what the output should follow, with its first two derivatives.
 
-A signal is a column of `FIELDS`; `signal(q, i, t)` evaluates it in a kernel, `pack_signal` makes the column from a
-mapping such as ``{"kind": "sine", "amplitude": 0.01, "frequency": 0.17}``.
+A signal is a column of `FIELDS`; `signal(q, i, t)` evaluates it in a kernel (q: rows by name), `pack_signal` makes
+the column from a mapping such as ``{"kind": "sine", "amplitude": 0.01, "frequency": 0.17}``.
 
 kind         | r(t) for t >= start (before: the offset)
 ------------ | ---------------------------------------------------------------------------------------
@@ -23,12 +23,14 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.kernels import inline, jit, sine_cosine
+from cable_envs.core.lanes import Lanes
 from cable_envs.core.noise import uniform
 from cable_envs.core.params import is_number
 
 KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
-FIELDS = ("kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key")
-KIND, OFFSET, AMPLITUDE, FREQUENCY, START, PHASE, HOLD, KEY = range(len(FIELDS))
+FIELDS = Lanes("Signal", ["kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key"])
+"""Rows of a signal; its kind is the place of its name in `KINDS`, its key draws what is random in it."""
+
 CONSTANT, STEP, PULSE, SINE, RAMP, TRIANGLE, MULTISINE, RANDOM_STEPS = range(len(KINDS))
 
 _NEEDS = {
@@ -38,16 +40,17 @@ _NEEDS = {
 }  # fmt: skip
 _TAU = 2.0 * math.pi
 _HARMONICS = (1.0, 2.3, 3.7, 5.9)
+_named = FIELDS.views
 
 
 @inline
 def _multisine(q, i, s):
     """`signal` of the sum of four sines of one amplitude and random phases, s [s] after its start."""
-    r, rate, acceleration = q[OFFSET, i], 0.0, 0.0
-    part = 0.25 * q[AMPLITUDE, i]
+    r, rate, acceleration = q.offset[i], 0.0, 0.0
+    part = 0.25 * q.amplitude[i]
     for h in range(4):
-        w = _TAU * q[FREQUENCY, i] * _HARMONICS[h]
-        angle = w * s + _TAU * uniform(q[KEY, i], float(h), 7)
+        w = _TAU * q.frequency[i] * _HARMONICS[h]
+        angle = w * s + _TAU * uniform(q.key[i], float(h), 7)
         sine, cosine = sine_cosine(angle)
         r += part * sine
         rate += part * w * cosine
@@ -58,39 +61,39 @@ def _multisine(q, i, s):
 @inline
 def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
     """(r, dr/dt, d2r/dt2) of column i at time t [s]; jumps have no derivative and report zero."""
-    kind, offset, amplitude = int(q[KIND, i]), q[OFFSET, i], q[AMPLITUDE, i]
-    s = t - q[START, i]
+    kind, offset, amplitude = int(q.kind[i]), q.offset[i], q.amplitude[i]
+    s = t - q.start[i]
     if kind == CONSTANT or s < 0.0:
         return offset, 0.0, 0.0
     if kind == STEP:
         return offset + amplitude, 0.0, 0.0
     if kind == PULSE:
-        return offset + (amplitude if s < q[HOLD, i] else 0.0), 0.0, 0.0
+        return offset + (amplitude if s < q.hold[i] else 0.0), 0.0, 0.0
     if kind == SINE:
-        w = _TAU * q[FREQUENCY, i]
-        sine, cosine = sine_cosine(w * s + q[PHASE, i])
+        w = _TAU * q.frequency[i]
+        sine, cosine = sine_cosine(w * s + q.phase[i])
         return offset + amplitude * sine, amplitude * w * cosine, -amplitude * w * w * sine
     if kind == RAMP:
-        if s >= q[HOLD, i]:
+        if s >= q.hold[i]:
             return offset + amplitude, 0.0, 0.0
-        return offset + amplitude * s / q[HOLD, i], amplitude / q[HOLD, i], 0.0
+        return offset + amplitude * s / q.hold[i], amplitude / q.hold[i], 0.0
     if kind == TRIANGLE:
-        cycle = q[FREQUENCY, i] * s + 0.25
+        cycle = q.frequency[i] * s + 0.25
         cycle = cycle - math.floor(cycle)
-        slope = 4.0 * amplitude * q[FREQUENCY, i]
+        slope = 4.0 * amplitude * q.frequency[i]
         if cycle < 0.5:
             return offset + amplitude * (4.0 * cycle - 1.0), slope, 0.0
         return offset + amplitude * (3.0 - 4.0 * cycle), -slope, 0.0
     if kind == MULTISINE:
         return _multisine(q, i, s)
-    level = 2.0 * uniform(q[KEY, i], math.floor(s / q[HOLD, i]), 9) - 1.0
+    level = 2.0 * uniform(q.key[i], math.floor(s / q.hold[i]), 9) - 1.0
     return offset + amplitude * level, 0.0, 0.0
 
 
 @jit
 def evaluate(q, i, t):
-    """`signal` for callers in Python."""
-    return signal(q, i, t)
+    """`signal` for callers in Python; q: columns of `FIELDS`."""
+    return signal(_named(q), i, t)
 
 
 def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
@@ -103,18 +106,18 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
     kind = spec.get("kind")
     if kind not in KINDS:
         raise ConfigurationError(f"unknown {what} kind {kind!r}; {nearest(str(kind), KINDS)}")
-    require_known(f"key in {what}", spec, FIELDS[:-1])
+    given = FIELDS.names[1:-1]
+    require_known(f"key in {what}", spec, ("kind", *given))
     missing = [key for key in _NEEDS[kind] if key not in spec]
     if missing:
         raise ConfigurationError(f"{what} of kind '{kind}' needs {', '.join(missing)}")
-    column = np.zeros(len(FIELDS))
-    column[KIND] = KINDS.index(kind)
-    for field in FIELDS[1:-1]:
+    column = np.zeros(FIELDS.count)
+    column[FIELDS.row("kind")] = KINDS.index(kind)
+    for field in given:
         value = spec.get(field, 0.0)
         if not is_number(value):
             raise ConfigurationError(f"{what}.{field}: expected a finite number, got {value!r}")
-        column[FIELDS.index(field)] = float(value)
-    for field in ("frequency", "hold"):
-        if field in _NEEDS[kind] and column[FIELDS.index(field)] <= 0.0:
+        if field in ("frequency", "hold") and field in _NEEDS[kind] and value <= 0.0:
             raise ConfigurationError(f"{what}.{field} must be above 0 for kind '{kind}'")
+        column[FIELDS.row(field)] = float(value)
     return column

@@ -15,7 +15,8 @@ from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, FOLLOW, I
 from cable_envs.core.kernels import inline, instantiate
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
-from cable_envs.effects.rows import S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
+from cable_envs.effects.lanes import SENSE
+from cable_envs.effects.sensor_delay import delayed
 from cable_envs.plants.base import Plant
 
 BLOCK = 32
@@ -188,19 +189,11 @@ def distort(
         row = plant.sense_row(name)
         if row < 0:
             continue
-        scale, bias, cut, late = (p[row + r] for r in (S_SCALE, S_BIAS, S_RECTIFICATION, S_DELAY))
+        e = SENSE.over(p[row:])
+        scale, bias, cut, late = e.sensor_scale, e.sensor_bias, e.sensor_rectification, e.sensor_delay
         if np.any((scale != 1.0) | (bias != 0.0) | (cut != 0.0) | (late != 0.0)):
             shown = shown.copy() if shown is out else shown
             series = np.concatenate([first[None, k], out[:, k]]) * scale + bias
             series = series - cut * np.minimum(series, 0.0)
-            shown[:, k] = _delayed(series, late / period)[1:]
+            shown[:, k] = delayed(series, late / period)[1:]
     return shown
-
-
-def _delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Series [T, n] late by ``steps`` [n], in straight lines between samples; before the first sample: the first."""
-    at = np.maximum(np.arange(len(series))[:, None] - steps, 0.0)
-    whole = np.minimum(at.astype(int), len(series) - 1)
-    part, columns = at - whole, np.arange(series.shape[1])
-    after = np.minimum(whole + 1, len(series) - 1)
-    return series[whole, columns] + part * (series[after, columns] - series[whole, columns])

@@ -18,8 +18,8 @@ from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.references import pack_signal
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.tasks import (
+    COMMAND,
     ERROR,
-    LAST_COMMAND,
     LEVELS,
     REFERENCE,
     REFERENCE_ACCELERATION,
@@ -70,14 +70,14 @@ class Setup:
         return self.task.output in {c.name for c in self.channels}
 
     @property
-    def proxy_row(self) -> int:
-        """Row of the signal whose measurement stands for the output in the channel "error"."""
-        return self.plant.row(self.task.output if self.output_observed else self.task.proxy)
+    def proxy(self) -> str:
+        """The signal whose measurement stands for the output in the channel "error"."""
+        return self.task.output if self.output_observed else self.task.proxy
 
-    def sensed(self) -> tuple[list[int], list[int]]:
-        """(source of each channel: place among the sensors, or its negative row; row of each sensor in x)."""
-        sensors = list(dict.fromkeys([c.row for c in self.channels if c.row >= 0] + [self.proxy_row]))
-        return [sensors.index(c.row) if c.row >= 0 else c.row for c in self.channels], sensors
+    @property
+    def sensors(self) -> tuple[str, ...]:
+        """The signals that are measured, each once: those observed, and the one that stands for the output."""
+        return tuple(dict.fromkeys([*(c.name for c in self.channels if c.measured), self.proxy]))
 
 
 def make_setup(
@@ -186,13 +186,13 @@ def _channels(task: Task, plant: Plant, mode: ActionMode, level: str) -> tuple[C
     units = {s.name: s.unit for s in plant.signals}
     out, scale = units[task.output], task.scales[task.output]
     channels = [
-        Channel("reference", out, scale, REFERENCE),
-        Channel("reference_rate", f"{out}/s", scale, REFERENCE_RATE),
-        Channel("reference_acceleration", f"{out}/s^2", scale, REFERENCE_ACCELERATION),
-        Channel("error", out, task.scales["error"], ERROR),
-        Channel("command", mode.unit, task.scales["command"], LAST_COMMAND),
+        Channel(REFERENCE, out, scale, False),
+        Channel(REFERENCE_RATE, f"{out}/s", scale, False),
+        Channel(REFERENCE_ACCELERATION, f"{out}/s^2", scale, False),
+        Channel(ERROR, out, task.scales["error"], False),
+        Channel(COMMAND, mode.unit, task.scales["command"], False),
     ]
-    channels.extend(Channel(name, units[name], task.scales[name], plant.row(name)) for name in task.observed(level))
+    channels.extend(Channel(name, units[name], task.scales[name], True) for name in task.observed(level))
     return tuple(channels)
 
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.inputs import COMMAND, MODE
-from cable_envs.core.kernels import LANES
+from cable_envs.core.kernels import LANES, ready
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
 from cable_envs.plants import family
-from cable_envs.sim import references, steppers
-from cable_envs.sim.references import evaluate, pack_signal
+from cable_envs.sim import steppers
+from cable_envs.sim.buffers import Buffers
+from cable_envs.sim.references import FIELDS, evaluate, pack_signal
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import INFO
 
@@ -31,21 +31,19 @@ class Simulation:
     def __init__(self, setup: Setup, n: int):
         self.setup, self.n = setup, n
         plant = setup.plant
-        self.info_names = (*INFO, *(s.name for s in plant.signals))
+        self.info_names = (*INFO.names, *(s.name for s in plant.signals))
         self._column = setup.rig.column(plant)
         self.values = np.repeat(self._column, n, axis=1)
         """True rig parameters [len(plant.table), n], SI."""
-        self.buffers = steppers.Buffers.of(setup, n)
+        self.buffers = Buffers.of(setup, n)
+        self._named = self.buffers.named
         self._nominal = plant.prepare(self._column)
         self._delays = [k for k, name in enumerate(plant.table.names) if name.startswith("sensor_delay.")]
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
-        self.advance: Callable[[], None]
-        """One control period for all environments, with the actions in ``asked``; results are in ``buffers``. A reset
-        that brings the first effect in puts another one here."""
         self._choose(setup.sensor_steps > 0 or self._has_effects(self._nominal))
-        self.asked = self.buffers.block[steppers.ASKED, :n]
+        self.asked = self._named.asked
         """Actions to take, in [-1, 1], [n]; written by the caller."""
         self.spread = 1.0
         """Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from."""
@@ -71,7 +69,8 @@ class Simulation:
                     low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
                 values[row, k] = low + draw * (high - low)
         reference, disturbance = signals
-        reference[references.KEY], disturbance[references.KEY] = keys, keys + 1.0
+        key = FIELDS.row("key")
+        reference[key], disturbance[key] = keys, keys + 1.0
         if rows:
             p = self.setup.plant.prepare(values)
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
@@ -80,18 +79,16 @@ class Simulation:
             if not self.with_effects and self._has_effects(p):
                 self._choose(True)
             self._check_delays(values)
-        s = self.buffers
-        self.values[:, lanes], s.p[:, lanes], s.x[:, lanes] = values, p, x
-        s.reference[:, lanes], s.disturbance[:, lanes] = reference, disturbance
-        s.block[steppers.KEY, lanes] = keys
-        s.block[steppers.TENSION_LIMIT, lanes] = values[parameters.index("tension_limit")]
-        s.block[steppers.BREAKING, lanes] = values[parameters.index("breaking_tension")]
-        s.block[steppers.PROXY_GAIN, lanes] = self._gain
-        s.block[steppers.STEP, lanes] = 0.0
-        s.block[steppers.REWARD : steppers.TRUNCATED + 1, lanes] = 0.0
+        b, s = self.buffers, self._named
+        self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
+        s.followed[:, lanes], s.push[:, lanes] = reference, disturbance
+        s.key[lanes] = keys
+        s.tension_limit[lanes] = values[parameters.index("tension_limit")]
+        s.breaking_tension[lanes] = values[parameters.index("breaking_tension")]
+        s.proxy_gain[lanes] = self._gain
+        s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
-        begin = steppers.begin_with_effects if self.with_effects else steppers.begin
-        begin(s.block, s.obs, s.common, lanes)
+        steppers.begin[self.with_effects](b.block, b.obs, b.common, lanes)
 
     def _has_effects(self, p: np.ndarray) -> bool:
         return self.setup.plant.needs_effects(p) or self.setup.plant.effects.distorted(p)
@@ -99,9 +96,23 @@ class Simulation:
     def _choose(self, with_effects: bool) -> None:
         """Step with the kernel that has effects, or with the quicker one that has not: the same numbers without."""
         self.with_effects = with_effects
-        s, kernels = self.buffers, steppers.kernels_of(self.setup.plant)
-        self.kernel = kernels[with_effects]
-        self.advance = partial(self.kernel, s.block, s.obs, s.common, 0, self.n)
+        self.kernel = steppers.kernels_of(self.setup.plant)[with_effects]
+
+    def advance(self) -> Callable[[], None]:
+        """A call that takes all environments through a control period, with the actions in ``asked``.
+
+        Results are in ``buffers``. A reset that brings the first effect in needs another one: `kernel` has changed.
+        """
+        b = self.buffers
+        return partial(ready(self.kernel, b.block, b.obs, b.common, 0, self.n), b.block, b.obs, b.common, 0, self.n)
+
+    def single_kernel(self) -> Callable[..., tuple]:
+        """The same for a single environment, with what it works on left open.
+
+        (block, obs, common, action) -> (reward, terminated, truncated, *values of the info)
+        """
+        b, kernel = self.buffers, steppers.single_kernels_of(self.setup.plant)[self.with_effects]
+        return ready(kernel, b.block, b.obs, b.common, 0.0)
 
     def _check_delays(self, values: np.ndarray) -> None:
         delays = values[self._delays].max(axis=1)
@@ -145,13 +156,12 @@ class Simulation:
 
     def _hold_still(self, lanes: np.ndarray, x: np.ndarray) -> None:
         """The command, and the action, that keep mechanisms at rest with signals ``x``."""
-        s, mode = self.buffers, self.setup.action_mode
+        s, u, mode = self._named, self.buffers.u, self.setup.action_mode
         held = x[self.setup.plant.row(mode.rest_signal)] if mode.rest_signal else np.zeros(len(lanes))
-        s.u[:, lanes] = 0.0
-        s.u[COMMAND, lanes] = held
-        s.u[MODE, lanes] = self.setup.mode_index
+        u.rows[:, lanes] = 0.0
+        u.command[lanes], u.mode[lanes] = held, self.setup.mode_index
         action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
-        s.block[steppers.ACTION : steppers.LAST_ACTION + 1, lanes] = np.clip(action, -1.0, 1.0)
+        s.action[lanes] = s.last_action[lanes] = np.clip(action, -1.0, 1.0)
 
     def state(self) -> dict[str, Any]:
         """All that changes, as copies: what `restore` takes."""
@@ -181,7 +191,8 @@ class Simulation:
     def team(self, size: int) -> Team:
         """`advance` on ``size`` threads."""
         s = self.buffers
-        return Team(self.kernel, (s.block, s.obs, s.common), self.n, size, LANES)
+        kernel = ready(self.kernel, s.block, s.obs, s.common, 0, self.n)
+        return Team(kernel, (s.block, s.obs, s.common), self.n, size, LANES)
 
     def lane_rig(self, lane: int = 0) -> dict[str, float]:
         """The true rig parameters of one environment in its present episode, SI; without those of effects."""

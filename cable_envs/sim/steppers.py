@@ -1,267 +1,228 @@
 """One control step of a block of environments in one compiled call: action -> plant -> measurement and reward.
 
-Every array handed to a compiled function costs about a thirtieth of a single environment's step, so a stepper gets
-three (`Buffers`): a block of everything that differs between environments, the observations, and what is the same for
-all. The plants' kernels are called by name, one stepper each: a compiled function handed in as an argument would not be
-cached on disk.
+The text of a step is written once; a plant's kernel is put into it (`kernels.instantiate`), as a compiled function
+handed in as an argument could neither be kept on disk nor merged into its caller. A step of one environment is the same
+text for one column: the compiler then needs no loops over columns.
+
+Short names: s the environments' rows (`buffers.ENVIRONMENT`), u the plant's inputs, x its signals, p its coefficients,
+c what is common to all (`buffers.COMMON`); columns lo..hi.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 import numpy as np
 
-from cable_envs.core.inputs import COMMAND, INPUTS
-from cable_envs.core.kernels import clip, inline, instantiate, jit, minimum, select
-from cable_envs.effects.rows import ROWS_S, S_BIAS, S_DELAY, S_RECTIFICATION, S_SCALE
+from cable_envs.core.inputs import INPUTS
+from cable_envs.core.kernels import clip, inline, inlined, instantiate, jit, minimum, select
+from cable_envs.core.noise import normal
+from cable_envs.effects.lanes import SENSE
+from cable_envs.effects.sensor_delay import between, seen_at
 from cable_envs.plants.base import Plant
-from cable_envs.sim.references import FIELDS
-from cable_envs.sim.setup import Setup
-from cable_envs.sim.tasks import INFO, before_step, observe, refill, reward, sense, target
+from cable_envs.sim.buffers import ENVIRONMENT
+from cable_envs.sim.references import FIELDS, signal
+from cable_envs.sim.tasks import INFO, OBSERVATION_LIMIT, command_of, reward
 
 BLOCK = 128
 """Environments whose numbers stay in the cache from action to reward."""
 
-(ASKED, ACTION, LAST_ACTION, TENSION_LIMIT, BREAKING, PROXY_GAIN, KEY, STEP, RATE, ACCELERATION,
- SCRATCH) = range(11)  # fmt: skip
-U = 11
-Q = U + len(INPUTS)
-PUSH = Q + len(FIELDS)
-REWARD, TERMINATED, TRUNCATED = range(PUSH + len(FIELDS), PUSH + len(FIELDS) + 3)
-TIME, REFERENCE, OUTPUT, ERROR, APPLIED, OVERLOAD = range(TRUNCATED + 1, TRUNCATED + 1 + len(INFO))
-X = TRUNCATED + 1 + len(INFO)
-"""Rows of `Buffers.block`. ASKED is the action to take, ACTION the one that acts now (the same without delay); plant
-inputs, reference and disturbance begin at U, Q and PUSH; TIME .. OVERLOAD are `INFO`; from X on: the plant's signals
-(then the states of effects), its coefficients (then those of effects), a ring of 1 + delay measurements of each sensor,
-a ring of delayed actions, and what each sensor shows with effects."""
-
-(SIGNALS, COEFFICIENTS, CHANNELS, SENSORS, SLOTS, DELAY, OUTPUT_ROW, PEAK_ROW, PROXY, SUBSTEPS, LAST_STEP, DT, PERIOD,
- MODE_NUMBER, LOW, HIGH, ERROR_SCALE, EFFORT_WEIGHT, VISIBLE, LATE) = range(20)  # fmt: skip
-LISTS = 20
-"""Places in `Buffers.common`: numbers of rows, rows within x, numbers of steps, and values in SI. From LISTS on: source
-and scale of each channel; row, standard deviation and first row of its effects within the coefficients (or -1) of each
-sensor. VISIBLE: signals without the states of effects; LATE: control steps by which all measurements are late."""
-
-
-@dataclass(frozen=True)
-class Buffers:
-    """Everything a stepper reads and writes; see the names of rows above.
-
-    block [rows, columns] float64, one column for each environment, padded by a cache line: with a stride that is a
-    power of two all rows of an environment would compete for the same few places of the cache. obs [n, channels]
-    float32. common [places] float64.
-    """
-
-    block: np.ndarray
-    obs: np.ndarray
-    common: np.ndarray
-
-    @classmethod
-    def of(cls, setup: Setup, n: int) -> "Buffers":
-        """Zeroed buffers for ``n`` environments."""
-        plant, task = setup.plant, setup.task
-        channel, sensor = setup.sensed()
-        slots = 1 + setup.sensor_delay + setup.sensor_steps
-        signals, coefficients = len(plant.signals) + ROWS_S, len(plant.coefficients) + plant.effects.count
-        common = [
-            signals, coefficients, len(channel), len(sensor), slots, setup.action_delay,
-            plant.row(task.output), plant.row("peak_tension"), sensor.index(setup.proxy_row), setup.substeps,
-            setup.steps, setup.control_period / setup.substeps, setup.control_period, setup.mode_index, setup.low,
-            setup.high, task.error_scale, task.effort_weight, len(plant.signals), setup.sensor_delay,
-        ]  # fmt: skip
-        common += [*channel, *(c.scale for c in setup.channels), *sensor, *setup.noise[sensor]]
-        common += [plant.sense_row(plant.signals[row].name) for row in sensor]
-        rows = X + signals + coefficients + (slots + 1) * len(sensor) + setup.action_delay
-        return cls(
-            block=np.zeros((rows, n if n == 1 else n + 8)),
-            obs=np.zeros((n, len(channel)), dtype=np.float32),
-            common=np.array(common, dtype=np.float64),
-        )
-
-    def rows(self, first: int, count: int) -> np.ndarray:
-        """A view of the block, [count, n]."""
-        return self.block[first : first + count, : len(self.obs)]
-
-    @property
-    def u(self) -> np.ndarray:
-        """Inputs of the plant [len(INPUTS), n]."""
-        return self.rows(U, len(INPUTS))
-
-    @property
-    def x(self) -> np.ndarray:
-        """Signals of the plant and states of its effects [len(signals) + ROWS_S, n]."""
-        return self.rows(X, int(self.common[SIGNALS]))
-
-    @property
-    def p(self) -> np.ndarray:
-        """Coefficients of the plant and its effects [len(coefficients) + effects.count, n]."""
-        return self.rows(X + int(self.common[SIGNALS]), int(self.common[COEFFICIENTS]))
-
-    @property
-    def reference(self) -> np.ndarray:
-        """Columns of `references.pack_signal`."""
-        return self.rows(Q, len(FIELDS))
-
-    @property
-    def disturbance(self) -> np.ndarray:
-        """Columns of `references.pack_signal`."""
-        return self.rows(PUSH, len(FIELDS))
-
-    @property
-    def outcome(self) -> np.ndarray:
-        """Reward, terminated (0/1), truncated (0/1), then `table`."""
-        return self.rows(REWARD, 3 + len(INFO) + int(self.common[VISIBLE]))
-
-    @property
-    def table(self) -> np.ndarray:
-        """The values of an info: `INFO`, then the plant's signals."""
-        return self.rows(TIME, len(INFO) + int(self.common[VISIBLE]))
+_X = ENVIRONMENT.count
+_environment, _inputs, _signal, _info, _sense = (
+    ENVIRONMENT.views, INPUTS.views, FIELDS.views, INFO.views, SENSE.views,
+)  # fmt: skip
 
 
 @inline
-def _act(block, common, lo, hi):
+def _act(block, s, c, lo, hi):
     """The action asked for (or, with a delay, asked for that many steps ago) becomes the plant's input."""
-    u, push, delay = block[U:Q], block[PUSH:REWARD], int(common[DELAY])
-    ring = block[X + int(common[SIGNALS]) + int(common[COEFFICIENTS]) + int(common[SLOTS]) * int(common[SENSORS]) :]
+    u, push, waiting = _inputs(s.inputs), _signal(s.push), block[c.waiting :]
+    delay, low, high, mode, period = c.action_delay, c.low, c.high, c.mode, c.period
     for i in range(lo, hi):
-        action = clip(block[ASKED, i], -1.0, 1.0)
+        action = clip(s.asked[i], -1.0, 1.0)
         if delay > 0:
-            slot = int(block[STEP, i]) % delay
-            action, ring[slot, i] = ring[slot, i], action
-        block[LAST_ACTION, i] = block[ACTION, i]
-        block[ACTION, i] = action
-        time = block[STEP, i] * common[PERIOD]
-        before_step(u, push, action, i, time, common[LOW], common[HIGH], common[MODE_NUMBER], common[PERIOD])
-        block[STEP, i] += 1.0
+            slot = int(s.step[i]) % delay
+            action, waiting[slot, i] = waiting[slot, i], action
+        s.last_action[i] = s.action[i]
+        s.action[i] = action
+        command = command_of(action, low, high)
+        u.command_rate[i] = (command - u.command[i]) / period
+        u.command[i] = command
+        u.mode[i] = mode
+        u.disturbance[i] = signal(push, i, s.step[i] * period)[0]
+        s.step[i] += 1.0
 
 
 @inline
-def _distort(block, common, place, ring, sensors, slots, fresh, lo, hi):
-    """What each sensor shows with its effects: scale, bias, rectification, then delay; into the rows at the end."""
-    first = X + int(common[SIGNALS])
-    shown = block[first + int(common[COEFFICIENTS]) + slots * sensors + int(common[DELAY]) :]
-    for k in range(sensors):
-        row = int(place[k])
+def _add_noise(s, shown, c, lo, hi):
+    for k in range(c.sensors):
+        row, deviation = c.sensor[k], c.deviation[k]
+        if deviation > 0.0:
+            for i in range(lo, hi):
+                shown[k, i] = shown[k, i] + deviation * normal(s.key[i], s.step[i], row)
+
+
+@inline
+def _sensed(x, p, s, shown, c, distorted, lo, hi):
+    """What every sensor shows of now: its signal with noise, then scale, bias and rectification."""
+    for k in range(c.sensors):
         for i in range(lo, hi):
-            slot = int(block[STEP, i]) % slots * sensors + k
-            if row >= 0:
-                q = first + row
-                value = ring[slot, i] * block[q + S_SCALE, i] + block[q + S_BIAS, i]
-                ring[slot, i] = value - block[q + S_RECTIFICATION, i] * minimum(value, 0.0)
-                if fresh:
-                    for other in range(slots):
-                        ring[other * sensors + k, i] = ring[slot, i]
-            late = common[LATE] + (block[first + row + S_DELAY, i] / common[PERIOD] if row >= 0 else 0.0)
-            whole = int(min(late, slots - 1.0))
-            part = min(late, slots - 1.0) - whole
-            now = ring[int(block[STEP, i] + slots - whole) % slots * sensors + k, i]
-            before = ring[int(block[STEP, i] + 2 * slots - whole - 1) % slots * sensors + k, i]
-            shown[k, i] = now + part * (before - now) if part > 0.0 else now
-    return shown
+            shown[k, i] = x[c.sensor[k], i]
+    if c.noisy:  # a loop of its own: the compiler would else draw numbers that nobody needs
+        _add_noise(s, shown, c, lo, hi)
+    if distorted is not None:
+        for k in range(c.sensors):
+            if c.effects[k] >= 0:
+                e = _sense(p[c.effects[k] :])
+                for i in range(lo, hi):
+                    value = shown[k, i] * e.sensor_scale[i] + e.sensor_bias[i]
+                    shown[k, i] = value - e.sensor_rectification[i] * minimum(value, 0.0)
 
 
 @inline
-def _measure(block, obs, common, fresh, distorted, lo, hi):
-    """Observation and the task's part of the info table at the present step; ``fresh``: the first of an episode.
+def _delayed(p, s, shown, ring, c, k, fresh, distorted, lo, hi):
+    """What sensor k shows, late; a ring keeps what it showed. Before an episode nothing has changed."""
+    slots, sensors = c.slots, c.sensors
+    for i in range(lo, hi):
+        ring[int(s.step[i]) % slots * sensors + k, i] = shown[k, i]
+        if fresh:
+            for slot in range(slots):
+                ring[slot * sensors + k, i] = shown[k, i]
+        late = float(c.late)
+        if distorted is not None and c.effects[k] >= 0:
+            late = late + _sense(p[c.effects[k] :]).sensor_delay[i] / c.period
+        before, part = seen_at(s.step[i], min(late, slots - 1.0))
+        after = (before + 1) % slots * sensors + k
+        shown[k, i] = between(ring[before % slots * sensors + k, i], ring[after, i], part)
+
+
+@inline
+def _observe(block, obs, c, lo, hi):
+    """obs[i, k]: channel k over its scale, limited."""
+    for k in range(c.channels):
+        row, unit = block[c.source[k]], c.scale[k]
+        for i in range(lo, hi):
+            obs[i, k] = np.float32(clip(row[i] / unit, -OBSERVATION_LIMIT, OBSERVATION_LIMIT))
+
+
+@inline
+def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
+    """Observation and info at the present step; ``fresh``: the first of an episode.
 
     ``distorted``: None, or anything else where sensors may have effects.
     """
-    signals, coefficients = int(common[SIGNALS]), int(common[COEFFICIENTS])
-    channels, sensors, slots = int(common[CHANNELS]), int(common[SENSORS]), int(common[SLOTS])
-    x, ring = block[X : X + signals], block[X + signals + coefficients :]
-    output, peak, period = int(common[OUTPUT_ROW]), int(common[PEAK_ROW]), common[PERIOD]
-    channel, scale = common[LISTS : LISTS + channels], common[LISTS + channels : LISTS + 2 * channels]
-    sensor, deviation = common[LISTS + 2 * channels :], common[LISTS + 2 * channels + sensors :]
-    place = common[LISTS + 2 * channels + 2 * sensors :]
-    r, rate, acceleration = block[REFERENCE], block[RATE], block[ACCELERATION]
-    target(block[Q:PUSH], block[STEP], period, r, rate, acceleration, lo, hi)
-    sense(x, sensor, deviation, sensors, block[STEP], block[KEY], ring, slots, lo, hi)
-    if fresh:
-        refill(ring, sensors, slots, lo, hi)
-    if distorted is not None:
-        ring, slots = _distort(block, common, place, ring, sensors, slots, fresh, lo, hi), 1
-    observe(
-        channel, scale, ring, sensors, slots, int(common[PROXY]), block[STEP], r, rate, acceleration,
-        block[U + COMMAND], block[PROXY_GAIN], block[SCRATCH], obs, lo, hi,
-    )  # fmt: skip
+    followed, u, info = _signal(s.followed), _inputs(s.inputs), _info(s.info)
+    shown, ring, measured = block[c.shown :], block[c.ring :], block[c.shown + c.proxy]
+    output, peak, period = x[c.output], x[c.peak], c.period
     for i in range(lo, hi):
-        block[TIME, i] = block[STEP, i] * period
-        block[OUTPUT, i] = x[output, i]
-        block[ERROR, i] = r[i] - x[output, i]
-        block[APPLIED, i] = block[U + COMMAND, i]
-        block[OVERLOAD, i] = select(x[peak, i] > block[TENSION_LIMIT, i], 1.0, 0.0)
+        r, rate, acceleration = signal(followed, i, s.step[i] * period)
+        info.reference[i], s.reference_rate[i], s.reference_acceleration[i] = r, rate, acceleration
+    _sensed(x, p, s, shown, c, distorted, lo, hi)
+    if c.slots > 1:
+        for k in range(c.sensors):
+            _delayed(p, s, shown, ring, c, k, fresh, distorted, lo, hi)
+    for i in range(lo, hi):
+        info.time[i] = s.step[i] * period
+        info.output[i] = output[i]
+        info.error[i] = info.reference[i] - output[i]
+        info.command[i] = u.command[i]
+        info.overload[i] = select(peak[i] > s.tension_limit[i], 1.0, 0.0)
+        s.error_seen[i] = info.reference[i] - measured[i] / s.proxy_gain[i]
+    _observe(block, obs, c, lo, hi)
 
 
 @inline
-def _judge(block, common, lo, hi):
+def _judge(s, x, c, lo, hi):
     """Reward, and whether the episode ends."""
-    peak, last_step = X + int(common[PEAK_ROW]), common[LAST_STEP]
+    info, peak = _info(s.info), x[c.peak]
+    scale, weight, last_step = c.error_scale, c.effort_weight, float(c.last_step)
     for i in range(lo, hi):
-        error = abs(block[ERROR, i])
-        change = block[ACTION, i] - block[LAST_ACTION, i]
-        block[REWARD, i] = reward(error, change, common[ERROR_SCALE], common[EFFORT_WEIGHT])
-        sound = (block[peak, i] <= block[BREAKING, i]) & (error < 1e12)
-        block[TERMINATED, i] = select(sound, 0.0, 1.0)
-        block[TRUNCATED, i] = select(sound & (block[STEP, i] >= last_step), 1.0, 0.0)
+        error = abs(info.error[i])
+        s.reward[i] = reward(error, s.action[i] - s.last_action[i], scale, weight)
+        sound = (peak[i] <= s.breaking_tension[i]) & (error < 1e12)
+        s.terminated[i] = select(sound, 0.0, 1.0)
+        s.truncated[i] = select(sound & (s.step[i] >= last_step), 1.0, 0.0)
 
 
 @jit
 def ask(block, actions):
-    """Put ``actions`` [n, 1] into the row ASKED; returns the first environment whose action is not finite, or -1."""
+    """Put ``actions`` [n, 1] into the row asked; returns the first environment whose action is not finite, or -1."""
+    s = _environment(block)
     bad = -1
     for i in range(actions.shape[0] - 1, -1, -1):
         value = float(actions[i, 0])
-        block[ASKED, i] = value
+        s.asked[i] = value
         if not abs(value) < 1e300:
             bad = i
     return bad
 
 
-@inline
-def _begin(block, obs, common, lanes, distorted):
-    first = X + int(common[SIGNALS]) + int(common[COEFFICIENTS]) + int(common[SLOTS]) * int(common[SENSORS])
-    for k in range(lanes.shape[0]):
-        i = lanes[k]
-        for slot in range(int(common[DELAY])):
-            block[first + slot, i] = block[ACTION, i]
-        _measure(block, obs, common, True, distorted, i, i + 1)
-
-
-@jit
-def begin(block, obs, common, lanes):
-    """First observation and info of the environments ``lanes``, just reset; actions on their way are those at rest."""
-    _begin(block, obs, common, lanes, None)
-
-
-@jit
-def begin_with_effects(block, obs, common, lanes):
-    """The same where sensors may have effects."""
-    _begin(block, obs, common, lanes, 1)
-
-
 # filled in for each plant
 advance: Any = None
 distorted: Any = None
+signal_column: Any = None
+
+
+def _begin(block, obs, common, lanes):
+    """First observation and info of the environments ``lanes``, just reset; actions on their way are those at rest."""
+    s, c = _environment(block), common[0]
+    x, p = block[_X : _X + c.signals], block[_X + c.signals + c.states :]
+    for k in range(lanes.shape[0]):
+        i = lanes[k]
+        for slot in range(c.action_delay):
+            block[c.waiting + slot, i] = s.action[i]
+        _measure(block, s, x, p, obs, c, True, distorted, i, i + 1)
 
 
 def _step(block, obs, common, lo, hi):
-    signals, coefficients, substeps = int(common[SIGNALS]), int(common[COEFFICIENTS]), int(common[SUBSTEPS])
-    x, u, p = block[X : X + signals], block[U:Q], block[X + signals : X + signals + coefficients]
+    """A control period of columns lo..hi, with the actions asked for."""
+    s, c = _environment(block), common[0]
+    rows = c.signals + c.states
+    x, p = block[_X : _X + rows], block[_X + rows : _X + rows + c.coefficients]
     for first in range(lo, hi, BLOCK):
         last = min(first + BLOCK, hi)
-        _act(block, common, first, last)
-        advance(x, p, u, first, last, substeps, common[DT])
-        _measure(block, obs, common, False, distorted, first, last)
-        _judge(block, common, first, last)
+        _act(block, s, c, first, last)
+        advance(x, p, s.inputs, first, last, c.substeps, c.dt)
+        _measure(block, s, x, p, obs, c, False, distorted, first, last)
+        _judge(s, x, c, first, last)
+
+
+def _step_one(block, obs, common, asked):
+    """`_step` of a single environment; returns reward, terminated, truncated, and the values of its info."""
+    s, c = _environment(block), common[0]
+    rows = c.signals + c.states
+    x, p = block[_X : _X + rows], block[_X + rows : _X + rows + c.coefficients]
+    s.asked[0] = asked
+    _act(block, s, c, 0, 1)
+    advance(x, p, s.inputs, 0, 1, c.substeps, c.dt)
+    _measure(block, s, x, p, obs, c, False, distorted, 0, 1)
+    _judge(s, x, c, 0, 1)
+    ends = s.reward[0], s.terminated[0] > 0.0, s.truncated[0] > 0.0
+    return ends + _info_column(s.info, 0) + signal_column(x, 0)
+
+
+_info_column = INFO.column
+begin = instantiate(_begin, "begin", distorted=None), instantiate(_begin, "begin_with_effects", distorted=1)
+"""Kernels (block, obs, common, lanes) without and with effects of sensors."""
 
 
 @cache
 def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
-    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects."""
+    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects; compiled on first use."""
     name = f"step_{plant.name}_{len(plant.signals)}"
     return (
         instantiate(_step, name, advance=plant.kernels[0], distorted=None),
         instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
+    )
+
+
+@cache
+def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], Callable[..., tuple]]:
+    """The same for a single environment: (block, obs, common, action) -> reward, terminated, truncated, infos."""
+    name, column = f"step_one_{plant.name}_{len(plant.signals)}", plant.signal_rows.column
+    return (
+        instantiate(_step_one, name, advance=inlined(plant.kernels[0]), distorted=None, signal_column=column),
+        instantiate(
+            _step_one, f"{name}_with_effects", advance=inlined(plant.kernels[1]), distorted=1, signal_column=column
+        ),
     )

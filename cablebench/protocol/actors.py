@@ -38,8 +38,8 @@ class ControllerActor:
         self._low, self._span = setup.low, setup.high - setup.low
         self._names = [c.name for c in setup.channels]
         self._scales = np.array([c.scale for c in setup.channels])
-        rows = [c.row for c in setup.channels]
-        self._reference = [rows.index(r) for r in (REFERENCE, REFERENCE_RATE, REFERENCE_ACCELERATION)]
+        names = [c.name for c in setup.channels]
+        self._reference = [names.index(r) for r in (REFERENCE, REFERENCE_RATE, REFERENCE_ACCELERATION)]
 
     def start(self, env: Any) -> None:
         if hasattr(self.controller, "set_rig"):

@@ -61,7 +61,7 @@ def mean_loss(entrant: Entrant, cells: Sequence[Cell], seeds: Sequence[int], con
 
 def loss_of(rmse: float, setup: Setup) -> float:
     """The loss of an episode with that RMSE (infinite or NaN: it failed)."""
-    scale = next(c.scale for c in setup.channels if c.row == REFERENCE)
+    scale = next(c.scale for c in setup.channels if c.name == REFERENCE)
     share = rmse / scale if math.isfinite(rmse) else WORST
     return math.log(scale * min(max(share, BEST), WORST))
 

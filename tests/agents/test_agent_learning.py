@@ -79,7 +79,7 @@ def test_the_start_of_the_episode_stays_in_view():
     venv = CableVecEnv(CIRCUIT, 2, first_frame=True, **SHORT)
     venv.seed(3)
     names = venv.channel_names
-    measured = [k for k, c in enumerate(venv.batch.setup.channels) if c.row >= 0]
+    measured = [k for k, c in enumerate(venv.batch.setup.channels) if c.measured]
     first = [names.index(f"first_{names[k]}") for k in measured]
     seen = start = venv.reset()
     for k in range(60):

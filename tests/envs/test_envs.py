@@ -9,7 +9,6 @@ from gymnasium.utils.env_checker import check_env as gymnasium_check
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.sim.steppers import ACTION
 from cable_envs.sim.tasks import OBSERVATION_LIMIT
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
@@ -161,7 +160,7 @@ def test_reset_options():
 def test_time_limit_only_truncates():
     env = make(HOLE, duration=0.2)
     env.reset(seed=0)
-    action = env.unwrapped.simulation.buffers.block[ACTION, :1].copy()  # what keeps the load still
+    action = env.unwrapped.simulation.buffers.named.action.copy()  # what keeps the load still
     ends = [env.step(action)[2:4] for _ in range(20)]
     assert ends == [(False, False)] * 19 + [(False, True)]
 
@@ -204,7 +203,7 @@ def test_sensor_delay_shifts_measurements_and_not_the_reference():
     channels = make(HOLE).unwrapped.channels
     for k, channel in enumerate(channels):
         now, then = ([step[0][k] for step in episode] for episode in (plain, late))
-        if channel.row >= 0:
+        if channel.measured:
             assert then == [now[max(i - 3, 0)] for i in range(len(now))], channel
         elif channel.name != "error":
             assert then == now, channel

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.sim.references import FIELDS, KEY, KINDS, evaluate, pack_signal
+from cable_envs.sim.references import FIELDS, KINDS, evaluate, pack_signal
 
 SPECS = {
     "constant": {"kind": "constant", "offset": 0.3},
@@ -22,7 +22,7 @@ SPECS = {
 
 def column(spec, key=12345):
     q = pack_signal("reference", spec)
-    q[KEY] = key
+    q[FIELDS.row("key")] = key
     return np.ascontiguousarray(q[:, None])
 
 
@@ -106,4 +106,4 @@ def test_bad_references_say_what_would_be_right(spec, message):
 
 def test_numpy_numbers_are_numbers():
     spec = {"kind": "step", "amplitude": np.float32(0.5), "start": np.int64(2)}
-    assert pack_signal("reference", spec)[FIELDS.index("amplitude")] == 0.5
+    assert pack_signal("reference", spec)[FIELDS.row("amplitude")] == 0.5

@@ -1,0 +1,159 @@
+"""What a batch of environments is in memory: one block of named rows, the observations, and what is common to all."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import INPUTS
+from cable_envs.core.lanes import Lanes
+from cable_envs.effects.lanes import STATES
+from cable_envs.sim.references import FIELDS
+from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import COMMAND, ERROR, INFO, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
+
+ENVIRONMENT = Lanes(
+    "Environment",
+    [
+        "asked", "action", "last_action",  # the action to take, the one that acts now (late by its delay), the last
+        "tension_limit", "breaking_tension",  # of the rig of this episode
+        "proxy_gain", "error_seen",  # of what stands for the output; the error that it shows
+        "key", "step",  # what is drawn from, and control steps since the reset
+        "reference_rate", "reference_acceleration",
+        ("inputs", INPUTS.count), ("followed", FIELDS.count), ("push", FIELDS.count),  # reference and disturbance
+        "reward", "terminated", "truncated",
+        ("info", INFO.count),
+    ],
+)  # fmt: skip
+"""First rows of `Buffers.block`. Behind them: the plant's signals and the states of its effects; coefficients; what
+each sensor shows; a ring of what each showed before, where one is late; a ring of actions, where these are."""
+
+LISTED = 64
+"""Room for channels of an observation, and for sensors."""
+
+COMMON = np.dtype([
+    *((name, np.int64) for name in (
+        "signals", "states", "coefficients",  # rows of the plant, of its effects' states, of all coefficients
+        "shown", "ring", "waiting",  # rows where these begin
+        "channels", "sensors", "proxy",  # how many; which sensor stands for the output
+        "slots", "late", "action_delay",  # measurements that are kept; control steps that all come late
+        "output", "peak",  # rows among the signals
+        "substeps", "last_step", "mode", "noisy",  # noisy: whether any sensor has noise
+    )),
+    *((name, np.float64) for name in ("dt", "period", "low", "high", "error_scale", "effort_weight")),
+    ("source", np.int64, LISTED), ("scale", np.float64, LISTED),  # of each channel: row, and SI value of one
+    ("sensor", np.int64, LISTED), ("deviation", np.float64, LISTED),  # of each sensor: row among the signals, noise
+    ("effects", np.int64, LISTED),  # of each sensor: first row of its effects among the coefficients, or -1
+])  # fmt: skip
+"""What is the same for all environments of a batch: counts, steps, and values in SI."""
+
+
+@dataclass(frozen=True)
+class Buffers:
+    """Everything that a stepper reads and writes.
+
+    Attributes
+    ----------
+    block : ndarray, shape (rows, columns)
+        One column for each environment, padded by a cache line: with a stride that is a power of two all rows of an
+        environment would compete for the same few places of the cache.
+    obs : ndarray of float32, shape (n, channels)
+        Observations.
+    common : recarray, shape (1,)
+        One record of `COMMON`.
+    """
+
+    block: np.ndarray
+    obs: np.ndarray
+    common: np.recarray
+
+    @classmethod
+    def of(cls, setup: Setup, n: int) -> "Buffers":
+        """Zeroed buffers for ``n`` environments."""
+        common = _common(setup)
+        c = common[0]
+        rows = c.waiting + c.action_delay
+        return cls(
+            block=np.zeros((rows, n if n == 1 else n + 8)),
+            obs=np.zeros((n, c.channels), dtype=np.float32),
+            common=common,
+        )
+
+    @property
+    def named(self) -> Any:
+        """The first rows of the block by name (`ENVIRONMENT`), [n] or [count, n] each."""
+        return ENVIRONMENT.over(self.block[:, : len(self.obs)])
+
+    @property
+    def u(self) -> Any:
+        """Inputs of the plant by name (`INPUTS`), [n] each."""
+        return INPUTS.over(self.named.inputs)
+
+    @property
+    def x(self) -> np.ndarray:
+        """Signals of the plant and states of its effects, [rows, n]."""
+        c = self.common[0]
+        return self._rows(ENVIRONMENT.count, c.signals + c.states)
+
+    @property
+    def p(self) -> np.ndarray:
+        """Coefficients of the plant and its effects, [rows, n]."""
+        c = self.common[0]
+        return self._rows(ENVIRONMENT.count + c.signals + c.states, c.coefficients)
+
+    @property
+    def outcome(self) -> np.ndarray:
+        """Reward, terminated (0 or 1), truncated (0 or 1), then `table`, [rows, n]."""
+        first = ENVIRONMENT.row("reward")
+        return self._rows(first, ENVIRONMENT.count - first + self.common[0].signals)
+
+    @property
+    def table(self) -> np.ndarray:
+        """The values of an info: `INFO`, then the plant's signals, [rows, n]."""
+        first = ENVIRONMENT.row("info")
+        return self._rows(first, ENVIRONMENT.count - first + self.common[0].signals)
+
+    def _rows(self, first: int, count: int) -> np.ndarray:
+        return self.block[first : first + count, : len(self.obs)]
+
+
+def _common(setup: Setup) -> np.recarray:
+    """The record of `COMMON` for a setup."""
+    plant, task, channels, sensors = setup.plant, setup.task, setup.channels, setup.sensors
+    if max(len(channels), len(sensors)) > LISTED:
+        raise ConfigurationError(f"an observation has at most {LISTED} channels, not {len(channels)}")
+    common = np.zeros(1, dtype=COMMON).view(np.recarray)
+    c = common[0]
+    c.signals, c.states = len(plant.signals), STATES.count
+    c.coefficients = len(plant.coefficients) + plant.effects.count
+    c.channels, c.sensors, c.proxy = len(channels), len(sensors), sensors.index(setup.proxy)
+    c.slots, c.late = 1 + setup.sensor_delay + setup.sensor_steps, setup.sensor_delay
+    c.action_delay = setup.action_delay
+    c.shown = ENVIRONMENT.count + c.signals + c.states + c.coefficients
+    c.ring = c.shown + c.sensors
+    c.waiting = c.ring + (c.slots * c.sensors if c.slots > 1 else 0)
+    c.output, c.peak = plant.row(task.output), plant.row("peak_tension")
+    c.substeps, c.last_step, c.mode = setup.substeps, setup.steps, setup.mode_index
+    c.dt, c.period = setup.control_period / setup.substeps, setup.control_period
+    c.low, c.high, c.error_scale, c.effort_weight = setup.low, setup.high, task.error_scale, task.effort_weight
+    own = _own_rows()
+    for k, channel in enumerate(channels):
+        c.source[k] = c.shown + sensors.index(channel.name) if channel.measured else own[channel.name]
+        c.scale[k] = channel.scale
+    for k, name in enumerate(sensors):
+        c.sensor[k], c.effects[k] = plant.row(name), plant.sense_row(name)
+        c.deviation[k] = setup.noise[plant.row(name)]
+    c.noisy = np.any(c.deviation > 0.0)
+    return common
+
+
+def _own_rows() -> dict[str, int]:
+    """Rows of the channels that are no signal of the plant."""
+    return {
+        REFERENCE: ENVIRONMENT.row("info", INFO.row("reference")),
+        REFERENCE_RATE: ENVIRONMENT.row("reference_rate"),
+        REFERENCE_ACCELERATION: ENVIRONMENT.row("reference_acceleration"),
+        ERROR: ENVIRONMENT.row("error_seen"),
+        COMMAND: ENVIRONMENT.row("info", INFO.row("command")),
+    }
