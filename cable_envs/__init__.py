@@ -3,7 +3,27 @@
 Importing this package registers ``cable_envs/{CableHole-Position, CableHole-Tension, PulleyCircuit-Position,
 PulleyCircuit-Torque}-{Step, Sine}-v0`` for ``gymnasium.make`` and ``gymnasium.make_vec``; nothing is compiled before
 the first environment is made.
+
+What the package offers beside the ids is imported when it is first asked for:
+
+====================== ================================================================================
+``CableEnv``           one environment (`cable_envs.envs`)
+``CableVectorEnv``     many, stepped in one call (`cable_envs.vector`)
+``EFFECTS``            physics that a simulator may lack, by name (`cable_envs.effects`)
+``load_rig``           a rig by preset name, path or mapping, as a ``Rig`` (`cable_envs.sim.rigs`)
+``replay``             recorded inputs through many mechanisms at once (`cable_envs.sim.replay`)
+``ConfigurationError`` what every mistake in an option, a rig or a name raises (`cable_envs.core.errors`)
+====================== ================================================================================
+
+Examples
+--------
+>>> import cable_envs
+>>> cable_envs.load_rig("gu-inferred").plant
+'cable_hole'
 """
+
+from importlib import import_module
+from typing import Any
 
 from gymnasium.envs.registration import register
 
@@ -25,3 +45,18 @@ for _id in ENV_IDS:
         order_enforce=False,
         disable_env_checker=True,
     )
+
+_OFFERED = {
+    "CableEnv": "envs", "CableVectorEnv": "vector", "EFFECTS": "effects", "load_rig": "sim.rigs", "Rig": "sim.rigs",
+    "replay": "sim.replay", "ConfigurationError": "core.errors",
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _OFFERED:
+        raise AttributeError(f"module 'cable_envs' has no attribute '{name}'")
+    return getattr(import_module(f"cable_envs.{_OFFERED[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *_OFFERED])

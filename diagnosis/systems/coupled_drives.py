@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.effects import EFFECTS
+from cable_envs.effects.sensor_delay import delayed
 from cable_envs.plants.drive.plant import PLANT
 from cable_envs.sim.replay import replay
 from diagnosis.data.recording import Record, Recording
@@ -118,10 +119,7 @@ def _late(series: np.ndarray, steps: Any) -> np.ndarray:
     """Series [T, n] late by ``steps`` ([n] or a number), straight lines between samples."""
     if not np.any(steps):
         return series
-    at = np.maximum(np.arange(len(series))[:, None] - np.broadcast_to(steps, series.shape[1:]), 0.0)
-    whole = at.astype(int)
-    after, columns = np.minimum(whole + 1, len(series) - 1), np.arange(series.shape[1])
-    return series[whole, columns] + (at - whole) * (series[after, columns] - series[whole, columns])
+    return delayed(series, np.broadcast_to(steps, series.shape[1:]))
 
 
 def prepare(recording: Recording, request: Request) -> Question:
