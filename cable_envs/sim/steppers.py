@@ -54,22 +54,17 @@ def _act(block, s, c, lo, hi):
 
 
 @inline
-def _add_noise(s, shown, c, lo, hi):
-    for k in range(c.sensors):
-        row, deviation = c.sensor[k], c.deviation[k]
-        if deviation > 0.0:
-            for i in range(lo, hi):
-                shown[k, i] = shown[k, i] + deviation * normal(s.key[i], s.step[i], row)
-
-
-@inline
-def _sensed(x, p, s, shown, c, distorted, lo, hi):
+def _sensed(x, p, s, shown, c, distorted, lo, hi):  # noqa: C901 - as a piece of its own the noise is drawn in vain
     """What every sensor shows of now: its signal with noise, then scale, bias and rectification."""
     for k in range(c.sensors):
         for i in range(lo, hi):
             shown[k, i] = x[c.sensor[k], i]
     if c.noisy:  # a loop of its own: the compiler would else draw numbers that nobody needs
-        _add_noise(s, shown, c, lo, hi)
+        for k in range(c.sensors):
+            row, deviation = c.sensor[k], c.deviation[k]
+            if deviation > 0.0:
+                for i in range(lo, hi):
+                    shown[k, i] = shown[k, i] + deviation * normal(s.key[i], s.step[i], row)
     if distorted is not None:
         for k in range(c.sensors):
             if c.effects[k] >= 0:
