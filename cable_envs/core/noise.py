@@ -16,7 +16,7 @@ if JIT_DISABLED:
     _MASK = 0xFFFFFFFFFFFFFFFF
 
     def _mix(key, counter, stream):
-        z = (key * _A + counter * _B + stream * _C) & _MASK
+        z = (int(key) * _A + int(counter) * _B + int(stream) * _C) & _MASK
         z = ((z ^ (z >> 30)) * _B) & _MASK
         z = ((z ^ (z >> 27)) * _C) & _MASK
         return (z ^ (z >> 31)) >> 12

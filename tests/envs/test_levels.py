@@ -35,10 +35,10 @@ def test_whitening_is_the_autoregression_of_every_lag():
 
 def test_a_level_is_held_against_the_slowest_waves():
     biased = learn_noise([_sensor(np.random.default_rng(k)) + 1.5 for k in range(2)])
-    assert biased.surprise > 60.0 and biased.lift > 0.0
+    assert biased.mean_deviance > 60.0 and biased.lift > 0.0
     # the means of two records, whose noise has a density of 0.5 + 0.5 * 1.95 / 0.05 at frequency 0: no one sees more
-    assert biased.surprise < 2.0 * 2500 * 1.5**2 / 20.0
-    quiet = [learn_noise([_sensor(np.random.default_rng([k, j])) for j in range(2)]).surprise for k in range(60)]
+    assert biased.mean_deviance < 2.0 * 2500 * 1.5**2 / 20.0
+    quiet = [learn_noise([_sensor(np.random.default_rng([k, j])) for j in range(2)]).mean_deviance for k in range(60)]
     assert max(quiet) < 15.0  # half of what a hypothesis must gain where no noise is stated
 
 

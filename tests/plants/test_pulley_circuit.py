@@ -220,8 +220,8 @@ def test_the_rigs_of_the_paper_keep_their_own_inertias_and_dampings():
         values = PLANT.parameters.pack(load_rig(name).values)[:, None]
         closed, chain = PLANT.prepare(values), pulley_chain.PLANT.prepare(values)
         stiffness = (closed[PLANT.coefficients.index(f"{end}_stiffness"), 0] for end in ("drive", "load"))
-        resolve(closed, 0, *stiffness, 1e-3)
-        pulley_chain._resolve(chain, 0, 1e-3)
+        resolve(PLANT.coefficient_rows.over(closed), 0, *stiffness, 1e-3)
+        pulley_chain._resolve(pulley_chain.PLANT.coefficient_rows.over(chain), 0, 1e-3)
         np.testing.assert_array_equal(closed, PLANT.prepare(values))
         np.testing.assert_array_equal(chain, pulley_chain.PLANT.prepare(values))
 

@@ -66,6 +66,7 @@ ACTING = Acting(
         "viscous_friction.coefficient": "load_damping", "cable_elongation.stiffness": "tendon_stiffness",
         "position_dependent_load.stiffness": "load_stiffness",
     },
+    seams=("actuate", "cable", "contact", "load"),
 )  # fmt: skip
 """What of the library acts on it: not what asks for an edge (extrusion), pulleys, or a spool that is not round."""
 
