@@ -51,7 +51,7 @@ def joined(effects: Iterable[Effect]) -> dict[str, Any]:
     acting = [effect for effect in effects if effect.hooks and effect.parameters]
     for seam in ARGUMENTS:
         users = [
-            (e.hooks[seam], [f"{e.name}_{p.lane or p.name}" for p in e.parameters]) for e in acting if seam in e.hooks
+            (e.hooks[seam], [lane_of(e, p) for p in e.parameters]) for e in acting if seam in e.hooks
         ]
         if users:
             hooks[f"own_{seam}"] = _hook(seam, users)

@@ -56,7 +56,7 @@ def kernels(
 ) -> tuple[Callable[..., None], Callable[..., None]]:  # fmt: skip
     """The kernels (x, p, u, lo, hi, substeps, dt) of a plant without and with effects, compiled on first use.
 
-    hooks: what takes the place of pieces at the seams (`cable_envs.effects.hooks`), by their names.
+    hooks: what takes the place of pieces at the seams (`cable_envs.effects.own`), by their names.
     """
     own = {
         "signal_tile": signals.tile, "coefficient_tile": coefficients.tile, "scratch_tile": scratch.tile,

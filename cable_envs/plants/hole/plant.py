@@ -64,8 +64,7 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
 
 # In what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
-# A user's own effects (`plants.own_effects`) replace own_cable, own_contact, own_load and own_actuate in a copy of
-# this file: what calls one of them must stay here.
+# A user's own effects take the place of own_cable, own_contact, own_load and own_actuate (`cable_envs.effects.own`).
 
 
 @inline
