@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from cable_envs.core.kernels import inline
-from cable_envs.effects.base import Effect
+from cable_envs.effects.base import Effect, lane_of
 
 ARGUMENTS = {
     "actuate": ("command",),
@@ -50,9 +50,7 @@ def joined(effects: Iterable[Effect]) -> dict[str, Any]:
     hooks = {}
     acting = [effect for effect in effects if effect.hooks and effect.parameters]
     for seam in ARGUMENTS:
-        users = [
-            (e.hooks[seam], [lane_of(e, p) for p in e.parameters]) for e in acting if seam in e.hooks
-        ]
+        users = [(e.hooks[seam], [lane_of(e, p) for p in e.parameters]) for e in acting if seam in e.hooks]
         if users:
             hooks[f"own_{seam}"] = _hook(seam, users)
     return hooks
