@@ -28,6 +28,9 @@ OF_ASKED, OF_BEST = 0.4, 0.05
 Scores are of first order: a refit may double them."""
 FAR = 1.5
 """Standard deviations from its prior at which a nominal parameter counts as moved to imitate what is missing."""
+EQUAL = 1e-3
+"""Difference of penalised gains that is rounding: two effects that are one on a recording differ by less, and which of
+them is ahead would depend on the processor."""
 _FIRST, _LAST = 4, 6
 
 
@@ -64,7 +67,8 @@ def compare(
     Returns
     -------
     list of Candidate
-        By `Candidate.penalised_gain`, the largest first; each with the noise that it leaves.
+        By `Candidate.penalised_gain`, the largest first, equals (`EQUAL`) as the library has them; each with the noise
+        that it leaves.
     """
     running = [s for s in scored.best.values() if s.hypothesis.name not in without]
     chosen = sorted(running, key=lambda s: -s.gain)[:RIVALS]
@@ -86,7 +90,18 @@ def compare(
     for fit in refit(model, whitener, again, _LAST):
         judged = judge(model, fit)
         found.append(Candidate(hypotheses[fit.label], base.deviance - judged.deviance, judged=judged))
-    return sorted(found, key=lambda c: -c.penalised_gain)
+    return _ranked(found, list(scored.best))
+
+
+def _ranked(found: Sequence[Candidate], library: Sequence[str]) -> list[Candidate]:
+    """By penalised gain; of those that equal the best one left, the library's first goes before."""
+    left, ranked = sorted(found, key=lambda c: library.index(c.hypothesis.name)), []
+    while left:
+        most = max(c.penalised_gain for c in left)
+        first = next(c for c in left if c.penalised_gain > most - EQUAL)
+        left.remove(first)
+        ranked.append(first)
+    return ranked
 
 
 def refits(model: Model, base: Fit, scored: ScoreTests, most: int | None = RIVALS) -> dict[str, Fit]:
