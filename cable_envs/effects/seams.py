@@ -1,4 +1,4 @@
-"""Where effects act on every plant in the same way: the command, the dry friction of the load, its step.
+"""Where effects act on every plant in the same way: the command, the dry friction of the load, its step, a belt.
 
 e: tile of the effects' coefficients (`cable_envs.effects.Layout`); s: of their states; g: scratch of a control step
 (`cable_envs.effects.lanes`); i: column.
@@ -8,12 +8,16 @@ from cable_envs.core.inputs import FOLLOW, IMPOSED, RAMPED
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.effects.actuator_lag import keep, lagged
 from cable_envs.effects.asymmetric_friction import levels
+from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.friction_drift import drifted
+from cable_envs.effects.own import own_cable
 from cable_envs.effects.presliding_hysteresis import begin as begin_elements
 from cable_envs.effects.presliding_hysteresis import damping as elastic_damping
 from cable_envs.effects.presliding_hysteresis import follow, share, slope
+from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import kept
+from cable_envs.physics.friction import crossing_step
 
 
 @inline
@@ -141,3 +145,28 @@ def presliding_step(
     v_new = elastic_step(v, mass, force, stiffness + part * turning + own, damping, own, dt, theta)
     follow(s.presliding, i, dt * (v + theta * (v_new - v)), width)
     return v_new
+
+
+@inline
+def slide(e, s, g, i, v, mass, level, drive, resist, stiffness, damping, dt):
+    """Speed after dt of a load under the net of drive and resistance and its dry friction, elastic or set-valued.
+
+    ``level``: its Coulomb friction; ``stiffness`` and ``damping`` of drive and resistance, at the middle of the step.
+    """
+    dry_friction(e, g, i, v, level, 0.0)
+    up, down = drive - resist - g.up[i], drive - resist + g.down[i]
+    falling = maximum(damping + g.steep[i], -mass / dt)
+    sliding = crossing_step(v, mass, up, down, stiffness, falling, dt)
+    bent = presliding_step(e, s, i, v, mass, up, down, stiffness, 0.0, falling, falling, dt)
+    return select(e.presliding_hysteresis_displacement[i] > 0.0, bent, sliding)
+
+
+@inline
+def sprung(e, s, i, stiffness, damping, stretch, rate):
+    """(force, stiffness, damping, elastic stretch) of a belt that pushes as well as it pulls, with what acts on it."""
+    taken = dead_zone(stretch, e.backlash_gap[i]) - s.creep_top[i]
+    pull, rise = hardened(stiffness * abs(taken), e.stiffness_hardening_coefficient[i])
+    pull = own_cable(pull, e, i)
+    touching = (e.backlash_gap[i] <= 0.0) | (abs(stretch) > 0.5 * e.backlash_gap[i])
+    c = select(touching, damping, 0.0)
+    return select(taken < 0.0, -pull, pull) + c * rate, select(touching, stiffness * rise, 0.0), c, taken

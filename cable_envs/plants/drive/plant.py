@@ -25,15 +25,12 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
-from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import own_actuate, own_cable, own_load
+from cable_envs.effects.own import own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, dry_friction, end, presliding_step
-from cable_envs.effects.stiffness_hardening import hardened
+from cable_envs.effects.seams import actuate, begin, end, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.physics.friction import crossing_step
 from cable_envs.plants.base import ActionMode, Plant, Signal, rows_of
 
 _TYPICAL = "chosen: a small belt axis"
@@ -127,13 +124,8 @@ def _observed_force(p, u, s, g, i, y, v, half):
 @inline
 def _belt(p, e, s, g, i, stretch, rate):
     """(force, stiffness, damping) of the belt."""
-    taken = dead_zone(stretch, e.backlash_gap[i]) - s.creep_top[i]
-    pull, rise = hardened(p.belt_stiffness[i] * abs(taken), e.stiffness_hardening_coefficient[i])
-    pull = own_cable(pull, e, i)
-    g.elastic[i] = taken
-    touching = (e.backlash_gap[i] <= 0.0) | (abs(stretch) > 0.5 * e.backlash_gap[i])
-    c = select(touching, p.belt_damping[i], 0.0)
-    return select(taken < 0.0, -pull, pull) + c * rate, select(touching, p.belt_stiffness[i] * rise, 0.0), c
+    force, k, c, g.elastic[i] = sprung(e, s, i, p.belt_stiffness[i], p.belt_damping[i], stretch, rate)
+    return force, k, c
 
 
 @inline
@@ -157,17 +149,6 @@ def _load(p, u, e, i, y, v):
         e.position_dependent_load_stiffness[i] + maximum(-steep, 0.0) + maximum(k, 0.0),
         p.viscous[i] + maximum(c, 0.0),
     )
-
-
-@inline
-def _slide(p, e, s, g, i, v, mass, drive, resist, stiffness, damping, dt):
-    """Speed of the carriage after dt under the net of drive and resistance and its dry friction."""
-    dry_friction(e, g, i, v, p.coulomb[i], 0.0)
-    up, down = drive - resist - g.up[i], drive - resist + g.down[i]
-    falling = maximum(damping + g.steep[i], -mass / dt)
-    sliding = crossing_step(v, mass, up, down, stiffness, falling, dt)
-    bent = presliding_step(e, s, i, v, mass, up, down, stiffness, 0.0, falling, falling, dt)
-    return select(e.presliding_hysteresis_displacement[i] > 0.0, bent, sliding)
 
 
 @inline
@@ -195,7 +176,7 @@ def _step(x, p, u, e, s, g, i, dt):
     damp = load_c + select(rigid, c, 2.0 * grip * (1.0 - along))
     mass = select(rigid, p.mass[i] + p.motor_mass[i], p.mass[i])
     ahead = half * stiff * v  # these forces are those of the middle already
-    v_new = _slide(p, e, s, g, i, v, mass, drive + ahead, resist, stiff, damp, dt)
+    v_new = slide(e, s, g, i, v, mass, p.coulomb[i], drive + ahead, resist, stiff, damp, dt)
     v_new = select(rigid & follows, g.target_rate[i], v_new)
     vm_new = vm + alone + along * (v_new - v)
     xm_new = select(follows, g.target[i], xm + half * (vm + vm_new))
