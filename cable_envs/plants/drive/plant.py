@@ -162,7 +162,7 @@ def _step(x, p, u, e, s, g, i, dt):
     force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
     force, k, c = select(observed, pushed, force), select(observed, 0.0, k), select(observed, 0.0, c)
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
-    grip = half * (belt_c + half * belt_k)
+    grip = 0.5 * (belt_c + half * belt_k)
     inertia = maximum(p.motor_mass[i], 1e-9) + dt * grip + half * (c + half * k)
     alone = select(follows, g.target_rate[i] - vm, dt * (force - pull) / inertia)
     along = select(follows, 0.0, dt * grip / inertia)
