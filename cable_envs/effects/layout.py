@@ -75,7 +75,7 @@ class Layout:
 
     def _row(self, name: str) -> int:
         effect, parameter = name.split(".", 1)
-        if effect in SENSE:
+        if self.effects[effect].each_sensor:
             return self.sense_row(parameter) + SENSE.row(effect)
         declared = next(p for p in self.effects[effect].parameters if p.name == parameter)
         return self.lanes.row(lane_of(self.effects[effect], declared))

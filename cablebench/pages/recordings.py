@@ -15,8 +15,8 @@ FILES = {JAW: "davinci"}
 """Sets whose file of numbers has another name."""
 _SAID = {
     "load_dependent_friction": "load-dependent friction", "presliding_hysteresis": "pre-sliding",
-    "sensor_rectification.speed_reading": "rectifying sensor", "actuator_lag": "lag of the drive",
-    "sensor_delay.speed_reading": "delay of the sensor", "detector_power.speed_reading": "curved sensor",
+    "sensor_rectification": "rectifying sensor", "actuator_lag": "lag of the drive",
+    "sensor_delay.speed_reading": "delay of the sensor", "detector_power": "curved sensor",
 }  # fmt: skip
 _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 

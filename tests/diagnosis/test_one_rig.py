@@ -50,12 +50,13 @@ def short(recording, seconds=4.0):
     return replace(recording, records=tuple(records))
 
 
-def answered(question, effects):
-    """(value of every parameter, names of the effects): the starts with each effect at the last place of its probes."""
+def answered(question, effects, place=-1, part=1.0):
+    """Value of every parameter: its start, and with each effect a ``part`` of the way to a ``place`` of its probes."""
     values = {p.name: p.start for p in question.fit.parameters}
-    known = {h.name: h for h in question.hypotheses}
+    known, starts = {h.name: h for h in question.hypotheses}, dict(values)
     for name in effects:
-        values |= {row: v for direction in known[name].probes[-1] for row, v in direction.items()}
+        sizes = {row: v for direction in known[name].probes[place] for row, v in direction.items()}
+        values |= {row: starts[row] + part * (v - starts[row]) for row, v in sizes.items()}
     return values
 
 
@@ -129,6 +130,15 @@ def brake(k):
     return np.column_stack([x, 8e3 * np.sign(grip) + grip, 4e3 - 0.5 * grip, 4e3 + 0.5 * grip])
 
 
+def drives(k):
+    """Voltage and reading [T, 2] of made coupled drives."""
+    voltage = np.sign(np.sin(2.0 * np.pi * (0.3 + 0.1 * k) * TIME))
+    return np.column_stack([voltage, np.abs(2.0 * np.sin(2.0 * np.pi * 0.5 * TIME))])
+
+
+SIZES = {"coupled_drives": (0, 1e-3)}
+"""Place of an effect's probes and part of the way there, where all the dry friction there would hold the drive still,
+or the last place is where a refit ended."""
 BENCHES = {
     "transmission": (
         "pulley_circuit", jaw,
@@ -138,6 +148,7 @@ BENCHES = {
         "linear_drive", brake,
         {"position": "m", "force": "N", "band_tension_1": "N", "band_tension_2": "N"},
     ),
+    "coupled_drives": ("linear_drive", drives, {"voltage": "V", "speed_reading": "V"}),
 }  # fmt: skip
 
 
@@ -160,7 +171,7 @@ def test_the_corrected_rig_of_a_lumped_bench_has_every_effect_that_was_fitted(tm
     recording = bench(plant, tmp_path)
     question = prepare(recording)
     effects = [h.name for h in question.hypotheses]
-    values = answered(question, effects)
+    values = answered(question, effects, *SIZES.get(plant, ()))
     path = written(question.rig(values, effects), tmp_path)
     assert plant_of(recording) == load_rig(path).plant == plant
     there = load_rig(path).simulated_by().effects.present(whole(path))
@@ -191,14 +202,16 @@ def test_the_corrected_rig_of_a_bench_lacks_nothing_that_it_has(tmp_path):
     assert starts["coulomb_friction.level"] == values["coulomb_friction.level"]
 
 
-@pytest.mark.parametrize(("form", "folder"), [("da-vinci-jaw", "davinci_tool"), ("band-brake", "band_brake")])
+@pytest.mark.parametrize(("form", "folder"), [
+    ("da-vinci-jaw", "davinci_tool"), ("band-brake", "band_brake"), ("coupled-drives", "coupled_drives"),
+])  # fmt: skip
 def test_the_corrected_rig_of_a_real_bench_predicts_what_the_answer_predicts(tmp_path, form, folder):
     if not (SHARED / "recordings" / folder).is_dir():
         pytest.skip(f"the published set {folder} is not at {SHARED / 'recordings' / folder}")
     recording = imported(form, SHARED / "recordings", tmp_path)
     question = prepare(recording)
     effects = [h.name for h in question.hypotheses]
-    values = answered(question, effects)
+    values = answered(question, effects, *SIZES.get(plant_of(recording), ()))
     path = written(question.rig(values, effects), tmp_path)
     if sum(name.startswith("zero.") for name in values) > 1:
         # each series has an encoder's zero of its own: the rig says so, and the refit of --rig finds them

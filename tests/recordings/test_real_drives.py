@@ -101,10 +101,11 @@ def test_the_coupled_drives_sensor_rectifies_and_friction_explains_less(tmp_path
         start = {**base.values, **{k: v for d in h.probes[-1] for k, v in d.items()}}
         fit, _ = reweighted_refit(question.fit, Start(h.name, (*base.free, *h.names), start))
         left[h.name] = rmse(question.heldout, fit)["speed_reading"]
-        if h.name == RECTIFIED:
+        if h.name == "sensor_rectification":
             low, high = fit.interval(RECTIFIED)
             assert low > 1.5 and high < 2.6  # it turns negative speeds round; 1 would cut them off
-    assert left[RECTIFIED] < 0.12 and min(left["coulomb_friction"], left[""]) > 1.7 * left[RECTIFIED]
+    rectified = left["sensor_rectification"]
+    assert rectified < 0.12 and min(left["coulomb_friction"], left[""]) > 1.7 * rectified
 
 
 @needs["emps"]

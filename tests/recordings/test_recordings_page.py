@@ -106,7 +106,7 @@ def test_the_committed_page_is_made_of_its_numbers_and_needs_nothing_else():
     assert not re.search(r"<(?:script|link|img)\b|url\(\s*http", page)
     coupled = read_json(COMMITTED / "coupled-drives.json.gz")
     for finding in coupled["findings"].values():
-        assert finding["named"][0] == "sensor_rectification.speed_reading"
+        assert finding["named"][0] == "sensor_rectification"
     assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
     named = read_json(COMMITTED / "band-brake.json.gz")["finding"]["named"]
     assert {"load_dependent_friction", "backlash"} < set(named) and "viscous_friction" not in named

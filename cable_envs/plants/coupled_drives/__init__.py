@@ -1,0 +1,12 @@
+"""Two motors that turn a sprung pulley through a belt, seen by a speed sensor that may rectify."""
+
+from cable_envs.plants.family import Family
+
+
+def _build(variant: str, holes: int):
+    from cable_envs.plants.coupled_drives.plant import PLANT
+
+    return PLANT
+
+
+FAMILY = Family(name="coupled_drives", title="Coupled electric drives", build=_build)
