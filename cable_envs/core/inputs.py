@@ -6,9 +6,6 @@ INPUTS = Lanes("Inputs", ["command", "command_rate", "mode", "disturbance"])
 """The drive command in the unit of the action mode, its rate, the number of the action mode (its place in
 `Plant.action_modes`), and a disturbance on the load (N or N m)."""
 
-COMMAND, COMMAND_RATE, MODE, DISTURBANCE = (INPUTS.row(name) for name in INPUTS.names)
-"""Their rows, for arrays [rows, n] in Python."""
-
 FOLLOW, IMPOSED, OBSERVED, RAMPED = 2, 3, 4, 10
 """Numbers for the row mode beside those of the action modes, for replays of recordings. FOLLOW: the drive's position
 goes to `command` with the speed `command_rate` there (a cubic). IMPOSED: the drive's tension is `command`. OBSERVED

@@ -7,10 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.inputs import (
-    FOLLOW,
-    MODE,
-)
+from cable_envs.core.inputs import FOLLOW, INPUTS
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
@@ -143,7 +140,7 @@ class Plant:
         """Whether columns have an effect that is on, or a mode that only the kernel with effects knows."""
         own = self.coefficient_rows.count
         on = len(p) > own and bool(p[own + self.effects.lanes.row("on")].any())
-        return on or (u is not None and bool((u[MODE] > FOLLOW - 0.5).any()))
+        return on or (u is not None and bool((INPUTS.over(u).mode > FOLLOW - 0.5).any()))
 
     def sense_row(self, signal: str) -> int:
         """First row of a sensor's effects within p; -1 where it cannot have any."""

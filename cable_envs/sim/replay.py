@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, FOLLOW, IMPOSED, INPUTS, MODE, OBSERVED, RAMPED
+from cable_envs.core.inputs import FOLLOW, IMPOSED, INPUTS, OBSERVED, RAMPED
 from cable_envs.core.kernels import inline, instantiate
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
@@ -146,17 +146,18 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
             raise ConfigurationError(f"{name} has {len(column)} steps, command has {steps}")
     path = columns["command"]
     inputs = np.zeros((steps, len(INPUTS), width))
-    inputs[:, COMMAND] = path
+    u = INPUTS.over(inputs.swapaxes(0, 1))
+    u.command[:] = path
     if drive == "follow":
         speed = np.gradient(path, period, axis=0) if steps > 1 else np.zeros_like(path)
-        inputs[:, COMMAND_RATE] = columns.get("rate", speed)
-        inputs[:, MODE] = FOLLOW
+        u.command_rate[:] = columns.get("rate", speed)
+        u.mode[:] = FOLLOW
     else:
-        inputs[1:, COMMAND_RATE] = np.diff(path, axis=0) / period
+        u.command_rate[1:] = np.diff(path, axis=0) / period
         if "rate" in columns:
-            inputs[:, COMMAND_RATE] = columns["rate"]
-        inputs[:, MODE] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
-    inputs[:, DISTURBANCE] = columns.get("disturbance", 0.0)
+            u.command_rate[:] = columns["rate"]
+        u.mode[:] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
+    u.disturbance[:] = columns.get("disturbance", 0.0)
     return inputs
 
 

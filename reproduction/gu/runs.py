@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from baselines.mrac import MracG9, MracG22
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.hole.plant import cable_hole
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.tasks import load_task
@@ -104,8 +104,8 @@ def run(cases: Sequence[Case], duration: float = DURATION, seed: int = 2) -> Run
     rigs = [{**preset, **case.rig} for case in cases]
     p = plant.prepare(np.stack([plant.parameters.pack(r) for r in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(cases)))
-    u = np.zeros((len(INPUTS), len(cases)))
-    u[COMMAND] = x[plant.row("drive_tension")]
+    u = INPUTS.zeros(len(cases))
+    u.command[:] = x[plant.row("drive_tension")]
     actors = [
         CONTROLLERS[c.controller](
             "cable_hole",
@@ -132,9 +132,9 @@ def run(cases: Sequence[Case], duration: float = DURATION, seed: int = 2) -> Run
                 for j, a in enumerate(actors)
             ]
         )
-        u[COMMAND_RATE] = (command - u[COMMAND]) / DT
-        u[COMMAND] = command
-        plant.advance(x, p, u, 0, len(cases), SUBSTEPS, DT / SUBSTEPS)
+        u.command_rate[:] = (command - u.command) / DT
+        u.command[:] = command
+        plant.advance(x, p, u.rows, 0, len(cases), SUBSTEPS, DT / SUBSTEPS)
         kept[k, : len(names)] = x[: len(names)]
         kept[k, -2] = command
         kept[k, -1] = [c.reference.at((k + 1) * DT)[0] for c in cases]

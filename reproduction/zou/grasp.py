@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from baselines import make_controller
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics, replay
@@ -225,7 +225,7 @@ def compensated(
     plant = plant_for("pulley_circuit", "chain")
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(rigs)))
-    u = np.zeros((len(INPUTS), len(rigs)))
+    u = INPUTS.zeros(len(rigs))
     drives = [
         make_controller(name, "pulley_chain", "position", "position", nominal, DT, **{"grasp_limit": 5.0, **gains})
         for _ in rigs
@@ -244,9 +244,9 @@ def compensated(
         command = np.array(
             [c.act(k * DT, {n: float(v[j]) for n, v in seen.items()}, ref) for j, c in enumerate(drives)]
         )
-        u[COMMAND_RATE] = 0.0 if k == 0 else (command - u[COMMAND]) / DT
-        u[COMMAND] = command
-        plant.advance(x, p, u, 0, len(rigs), SUBSTEPS, DT / SUBSTEPS)
+        u.command_rate[:] = 0.0 if k == 0 else (command - u.command) / DT
+        u.command[:] = command
+        plant.advance(x, p, u.rows, 0, len(rigs), SUBSTEPS, DT / SUBSTEPS)
         kept[k], wanted[k] = x[: len(names)], reference.at((k + 1) * DT)[0]
     signals = {name: kept[:, i] for i, name in enumerate(names)}
     return Run(DT * np.arange(1, steps + 1), {**signals, "reference": wanted}, rigs)

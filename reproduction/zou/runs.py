@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from reproduction.zou.data import AMPLITUDE, PERIOD
@@ -126,12 +126,12 @@ def follow(
     plant = plant_for("pulley_circuit", variant)
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(rigs)))
-    u = np.zeros((len(INPUTS), len(rigs)))
+    u = INPUTS.zeros(len(rigs))
     names = [s.name for s in plant.signals if not s.name.startswith(("stretch_", "slip_"))]
     kept = np.empty((len(angle) - 1, len(names), len(rigs)))
     for k in range(len(angle) - 1):
-        u[COMMAND], u[COMMAND_RATE] = angle[k + 1], (angle[k + 1] - angle[k]) / dt
-        plant.advance(x, p, u, 0, len(rigs), substeps, dt / substeps)
+        u.command[:], u.command_rate[:] = angle[k + 1], (angle[k + 1] - angle[k]) / dt
+        plant.advance(x, p, u.rows, 0, len(rigs), substeps, dt / substeps)
         kept[k] = x[: len(names)]
     return Run(dt * np.arange(1, len(angle)), {name: kept[:, i] for i, name in enumerate(names)}, rigs)
 

@@ -8,12 +8,13 @@ import pytest
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
+from cable_envs.core.inputs import INPUTS
 from cable_envs.effects import EFFECTS, SEAMS, lane_of
 from cable_envs.effects.lanes import SENSE
 from cable_envs.plants import families, plant_for
 from cable_envs.sim.rigs import load_rig
 from tests.support.golden_kernels import FILE, KEYS, fingerprint
+from tests.support.inputs import COMMAND, COMMAND_RATE, MODE
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 NAMES = (

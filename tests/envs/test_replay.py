@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, INPUTS, MODE
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.sim.replay import replay
+from tests.support.inputs import COMMAND, COMMAND_RATE, MODE
 
 CIRCUIT, CHAIN = plant_for("pulley_circuit"), plant_for("pulley_circuit", "chain")
 HOLE, DRIVE = plant_for("cable_hole"), plant_for("linear_drive")

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.inputs import COMMAND, DISTURBANCE, INPUTS, MODE
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.hole.plant import PLANT, cable_hole
 from tests.reference.hole_reference import HoleReference, ratio
+from tests.support.inputs import COMMAND, DISTURBANCE, MODE
 
 ROW = {s.name: k for k, s in enumerate(PLANT.signals)}
 WEIGHT = 5.0 * 9.81

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, MODE
 from cable_envs.plants.base import Plant
+from tests.support.inputs import COMMAND, COMMAND_RATE, MODE
 
 
 def symmetric(**change) -> dict[str, float]:

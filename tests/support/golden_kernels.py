@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from cable_envs.core.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, INPUTS, MODE
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.sim.rigs import load_rig
+from tests.support.inputs import COMMAND, COMMAND_RATE, DISTURBANCE, MODE
 
 FILE = Path(__file__).parent / "golden" / "kernels.json"
 PERIOD, SUBSTEPS, STEPS = 0.01, 10, 150
