@@ -147,34 +147,12 @@ class Controller:
 
     @classmethod
     def sees(cls, plant: str, action_mode: str) -> bool:
-        """Whether a general controller finds what it needs in the view of a plant.
-
-        Parameters
-        ----------
-        plant, action_mode : str
-            As of the class.
-
-        Returns
-        -------
-        bool
-            True where the plant has a view; derived classes may ask for more.
-        """
+        """Whether a general controller finds what it needs in the plant's view; a derived class may ask for more."""
         return bool(family_of(plant).view)
 
     @classmethod
     def applies(cls, plant: str, action_mode: str, task: str) -> bool:
-        """Whether `check_case` passes.
-
-        Parameters
-        ----------
-        plant, action_mode, task : str
-            As of the class.
-
-        Returns
-        -------
-        bool
-            True where a controller can be made.
-        """
+        """Whether `check_case` passes for a plant, action mode and task."""
         try:
             cls.check_case(plant, action_mode, task)
         except ConfigurationError:
@@ -204,22 +182,10 @@ class Controller:
         return cls.gain_tables.get((family(plant), action_mode, task), ParameterTable())
 
     def set_rig(self, rig: Mapping[str, Any]) -> None:
-        """Receive the true parameters of the coming episode, before `reset`. All but the oracle ignore them.
-
-        Parameters
-        ----------
-        rig : mapping
-            True parameters by name, SI.
-        """
+        """Receive the true parameters (SI) of the coming episode, before `reset`; all but the oracle ignore them."""
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
-        """Adopt a rig as the model to compute with; called once with the nominal values.
-
-        Parameters
-        ----------
-        rig : mapping
-            Parameters by name, SI. What is missing takes the plant's default.
-        """
+        """Adopt a rig (parameters in SI) as the model to compute with; called once with the nominal values."""
         self.rig = complete_rig(self.plant, rig)
         self.low, self.high = command_range(self.plant, self.action_mode, self.rig)
 

@@ -217,23 +217,7 @@ class ParameterTable:
         return self._items[name]
 
     def index(self, name: str) -> int:
-        """Row of a parameter.
-
-        Parameters
-        ----------
-        name : str
-            Its name or an alias.
-
-        Returns
-        -------
-        int
-            Its place in the table.
-
-        Raises
-        ------
-        ValueError
-            Where there is no such parameter.
-        """
+        """Row of a parameter, by its name or an alias; ValueError where there is none."""
         return self.names.index(self._aliases.get(name, name))
 
     def pack(self, values: Mapping[str, Any]) -> np.ndarray:
@@ -259,16 +243,5 @@ class ParameterTable:
         return np.array([p.check(values.get(p.name, p.default)) for p in self])
 
     def unpack(self, vector: np.ndarray) -> dict[str, float]:
-        """The inverse of `pack`.
-
-        Parameters
-        ----------
-        vector : ndarray, shape (len(self),)
-            In the order of the table, SI.
-
-        Returns
-        -------
-        dict of str to float
-            Every parameter by name.
-        """
+        """The inverse of `pack`: values of shape (len(self),) by name."""
         return {name: float(v) for name, v in zip(self.names, vector, strict=True)}

@@ -188,18 +188,7 @@ class Effect:
             raise ConfigurationError(f"effect '{self.name}': over_time '{self.over_time}' is none of {known}")
 
     def row(self, p: EffectParameter) -> str:
-        """Name of a parameter in a plant's table.
-
-        Parameters
-        ----------
-        p : EffectParameter
-            One of the effect's.
-
-        Returns
-        -------
-        str
-            That of the plant's own parameter where it is one, else the dotted name.
-        """
+        """Name of a parameter in a plant's table: the plant's own where ``alias`` says so, else "effect.parameter"."""
         return p.alias or f"{self.name}.{p.name}"
 
     def present(self, values: Mapping[str, float]) -> bool:

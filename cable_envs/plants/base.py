@@ -263,16 +263,5 @@ class Plant:
 
 
 def rows_of(signals: Iterable[Signal]) -> Lanes:
-    """Rows under the names of signals, for plants none of whose signals form a sequence.
-
-    Parameters
-    ----------
-    signals : iterable of Signal
-        In the order of the rows.
-
-    Returns
-    -------
-    Lanes
-        One row for each.
-    """
+    """Rows under the names of signals, in their order, for plants none of whose signals form a sequence."""
     return Lanes("Signals", [s.name for s in signals])

@@ -179,52 +179,19 @@ class Family:
         return self.outputs[kind]
 
     def draws(self) -> Any:
-        """The class that draws it; its module is imported now.
-
-        Returns
-        -------
-        type
-            The one that ``scene`` names.
-
-        Raises
-        ------
-        ConfigurationError
-            Where there is none.
-        """
+        """The class that draws it, imported now; ConfigurationError where there is none."""
         if not self.scene:
             raise ConfigurationError(f"{self.name} has no scene: rgb_array and human are not available")
         return _found(self.scene)
 
     def sees(self) -> Any:
-        """The class of its view; its module is imported now.
-
-        Returns
-        -------
-        type
-            The `cable_envs.plants.view.View` that ``view`` names.
-
-        Raises
-        ------
-        ConfigurationError
-            Where there is none.
-        """
+        """The class of its view, imported now; ConfigurationError where there is none."""
         if not self.view:
             raise ConfigurationError(f"{self.name} has no view: general reference controllers are not available")
         return _found(self.view)
 
     def records(self) -> Mapping[str, str]:
-        """Channels of its recordings.
-
-        Returns
-        -------
-        mapping of str to str
-            Their SI units by name.
-
-        Raises
-        ------
-        ConfigurationError
-            Where it has no recordings.
-        """
+        """Its channels with their SI units; ConfigurationError where it has no recordings."""
         if not self.channels:
             raise ConfigurationError(f"{self.name} has no channels: recordings of it cannot be read or written")
         return self.channels

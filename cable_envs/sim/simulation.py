@@ -262,18 +262,7 @@ class Simulation:
         self._choose(state["with_effects"])
 
     def team(self, size: int) -> Team:
-        """The step of `advance`, shared by threads.
-
-        Parameters
-        ----------
-        size : int
-            Number of threads, the caller's own included.
-
-        Returns
-        -------
-        Team
-            Called without arguments, it steps all environments.
-        """
+        """The call of `advance`, shared by ``size`` threads; the caller's own is one of them."""
         s = self.buffers
         kernel = ready(self.kernel, s.block, s.obs, s.common, 0, self.n)
         return Team(kernel, (s.block, s.obs, s.common), self.n, size, LANES)
