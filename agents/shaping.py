@@ -163,7 +163,7 @@ class Shaping:
         return {"last": self._last, "first": self._first, "base": base}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a copied `state`."""
+        """Go back to a copy of a `state` of a shaping with the same arguments."""
         self._last, self._first = state["last"].copy(), state["first"].copy()
         if self._base is not None:
             self._base.__dict__.update(state["base"])

@@ -272,7 +272,7 @@ class CableVecEnv(VecEnv):
     # One batch stands for all environments: an attribute is the batch's own, the same for each.
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the batch, once for each environment asked for."""
+        """An attribute of the batch, or the environment's "spec", once for each environment asked for."""
         value = self._spec if attr_name == "spec" else getattr(self.batch, attr_name)
         return [value for _ in self._get_indices(indices)]
 
@@ -283,7 +283,7 @@ class CableVecEnv(VecEnv):
         setattr(self.batch, attr_name, value)
 
     def has_attr(self, attr_name: str) -> bool:
-        """Whether the batch has an attribute."""
+        """Whether `get_attr` finds an attribute."""
         return attr_name == "spec" or hasattr(self.batch, attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:

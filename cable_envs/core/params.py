@@ -84,7 +84,17 @@ def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Whether ``value`` is a finite real number, of Python or NumPy (a bool is none).
+    """Whether a value is a finite real number, of Python or NumPy; a bool is none.
+
+    Parameters
+    ----------
+    value : Any
+        What was given.
+
+    Returns
+    -------
+    bool
+        False for NaN, infinities, and everything that is no number.
 
     Examples
     --------
