@@ -329,7 +329,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         reward : float
             Reward of this step, at most 1.
         terminated : bool
-            The cable broke or left its limits.
+            The cable tore, or the state is no longer finite.
         truncated : bool
             The episode's time is over.
         info : dict of str to float

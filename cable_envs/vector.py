@@ -38,7 +38,7 @@ class CableVectorEnv(VectorEnv):
         Threads that share the environments. By default as many as there are cores, with at least 256 environments for
         each. Give 1 inside worker processes.
     step_infos : bool
-        False makes `step` return the infos of finished episodes only; `infos` gives the others when asked.
+        False makes `step` return only what SAME_STEP mode says of finished episodes; `infos` gives the rest when asked.
     render_mode : str, optional
         "rgb_array" or "human". The first environment is drawn.
     **options
@@ -119,12 +119,12 @@ class CableVectorEnv(VectorEnv):
     # Gymnasium declares one generator and allows one for each environment; none of them is to be replaced from outside
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each environment, shape (num_envs,)."""
+        """A tuple with the generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seed of each environment, shape (num_envs,); a seed that was not given is drawn."""
+        """A tuple with the seed of each environment; a seed that was not given is drawn."""
         self.np_random  # noqa: B018 (draws the seeds that were not given)
         return tuple(self._seeds)
 
