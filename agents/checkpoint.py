@@ -27,7 +27,18 @@ FILE = "checkpoint.pt"
 
 
 def layers(model: BaseAlgorithm) -> list[VecEnv]:
-    """The wrappers around a model's environments from the outside in, the adapter last."""
+    """The wrappers around a model's environments.
+
+    Parameters
+    ----------
+    model : BaseAlgorithm
+        A model with environments.
+
+    Returns
+    -------
+    list of VecEnv
+        From the outside in, the `agents.vec_env.CableVecEnv` last.
+    """
     env = model.get_env()
     assert env is not None, "a model without environments"
     found = [env]
@@ -37,7 +48,21 @@ def layers(model: BaseAlgorithm) -> list[VecEnv]:
 
 
 def save_checkpoint(model: BaseAlgorithm, settings: Settings, seed: int, recorder: dict[str, Any], path: Path) -> None:
-    """Write the state of a training, whole or not at all; ``recorder`` is kept as it is."""
+    """Write the state of a training, whole or not at all.
+
+    Parameters
+    ----------
+    model : BaseAlgorithm
+        A model between two rollouts.
+    settings : Settings
+        Those of the training; their hash is kept.
+    seed : int
+        Seed of the training.
+    recorder : dict
+        Further state of the training, kept as it is.
+    path : Path
+        File to write or to replace.
+    """
     buffer = io.BytesIO()
     model.save(buffer)
     state = {
@@ -59,7 +84,27 @@ def save_checkpoint(model: BaseAlgorithm, settings: Settings, seed: int, recorde
 
 
 def load_checkpoint(path: Path, settings: Settings, seed: int) -> dict[str, Any]:
-    """The content of a checkpoint; ConfigurationError where it is none, or of another training."""
+    """The content of a checkpoint. It is read with pickle, which can run code: load only your own.
+
+    Parameters
+    ----------
+    path : Path
+        File that `save_checkpoint` has written.
+    settings : Settings
+        Those that the training should have.
+    seed : int
+        Seed that the training should have.
+
+    Returns
+    -------
+    dict
+        What `restore_model` takes.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the file is no checkpoint of this version, or one of another training.
+    """
     try:
         state = torch.load(path, map_location="cpu", weights_only=False)
     except Exception as error:  # whatever unpickling can raise
@@ -75,7 +120,26 @@ def load_checkpoint(path: Path, settings: Settings, seed: int) -> dict[str, Any]
 
 
 def restore_model(state: dict[str, Any], settings: Settings, env: VecEnv) -> BaseAlgorithm:
-    """The model of a checkpoint, at work in ``env``, which is set to where it stood."""
+    """The model of a checkpoint, at work in environments that are set to where they stood.
+
+    Parameters
+    ----------
+    state : dict
+        As of `load_checkpoint`.
+    settings : Settings
+        Those of the training.
+    env : VecEnv
+        As of `agents.train.training_env` for these settings. It is changed.
+
+    Returns
+    -------
+    BaseAlgorithm
+        Ready to go on.
+
+    Notes
+    -----
+    The global generators of Python, NumPy and torch are set to where they stood, too.
+    """
     model = settings.algorithm().load(io.BytesIO(state["model"]), env=env, device="cpu", force_reset=False)
     if state["replay"] is not None:
         for name, value in state["replay"].items():

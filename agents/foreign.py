@@ -27,16 +27,42 @@ WEIGHTS = "policy.pth"
 
 @dataclass(frozen=True)
 class ForeignPolicy:
-    """A network with its weights; `predict` as stable-baselines3's."""
+    """A policy that stable-baselines3 saved by itself.
+
+    Attributes
+    ----------
+    network : BasePolicy
+        The network with its weights.
+    digest : str
+        First 12 hex digits of the file's SHA-256.
+    """
 
     network: BasePolicy
     digest: str
-    """first 12 hex digits of the file's SHA-256"""
 
     def predict(
         self, observation: np.ndarray, state: Any = None, episode_start: Any = None, deterministic: bool = True
     ) -> tuple[np.ndarray, Any]:
-        """(action, state) as `BasePolicy.predict`."""
+        """The action for an observation, as `BasePolicy.predict` of stable-baselines3.
+
+        Parameters
+        ----------
+        observation : ndarray, shape (channels,) or (n, channels)
+            As the environment gives it.
+        state : Any, optional
+            Memory of a recurrent network, as returned by the last call.
+        episode_start : ndarray of bool, shape (n,), optional
+            Where an episode begins, for a recurrent network.
+        deterministic : bool
+            False draws from the distribution of actions.
+
+        Returns
+        -------
+        action : ndarray, shape (1,) or (n, 1)
+            Within [-1, 1].
+        state : Any
+            Memory to give to the next call.
+        """
         return self.network.predict(observation, state, episode_start, deterministic)
 
 

@@ -45,24 +45,46 @@ SHAPING = ("observe", "action_mode", "control_period")
 
 @dataclass(frozen=True)
 class Metadata:
-    """What a policy was trained for and with, as saved beside the weights."""
+    """What a policy was trained for and with, as saved beside the weights.
+
+    Attributes
+    ----------
+    name : str
+        Name of the agent.
+    env_id : str
+        Environment id.
+    seed : int
+        Seed of the training.
+    steps : int
+        Environment steps charged.
+    complete : bool
+        False where the training was stopped before its steps were done.
+    channels : tuple of str
+        Observation channels in order.
+    settings : mapping
+        Fields of `agents.settings.Settings`.
+    settings_hash : str
+        Their hash.
+    versions : mapping of str to str
+        Versions of torch and stable_baselines3.
+    curve : tuple of (float, float, float)
+        Learning curve: environment steps, seconds of training, mean reward per step of the last episodes.
+    normalization : mapping, optional
+        "mean", "variance", "clip" and "epsilon" of VecNormalize for what the network sees. None: it sees the scaled
+        observation.
+    """
 
     name: str
     env_id: str
     seed: int
     steps: int
-    """environment steps charged"""
     complete: bool
-    """False where the training was stopped before its steps were done"""
     channels: tuple[str, ...]
-    """observation channels in order"""
     settings: Mapping[str, Any]
     settings_hash: str
     versions: Mapping[str, str]
     curve: tuple[tuple[float, float, float], ...] = ()
-    """learning curve: (environment steps, s of training, mean reward per step of the last episodes)"""
     normalization: Mapping[str, Any] | None = None
-    """mean, variance, clip, epsilon of VecNormalize for what the network sees; None: it sees the scaled observation"""
 
     @property
     def options(self) -> dict[str, Any]:
@@ -72,24 +94,47 @@ class Metadata:
 
 @dataclass
 class PolicyState:
-    """What a policy remembers between two steps of ``n`` environments; changed in place by `Policy.predict`."""
+    """What a policy remembers between two steps of n environments; `Policy.predict` changes it in place.
+
+    Attributes
+    ----------
+    shaping : Shaping
+        What lies between the environments and the network.
+    frames : ndarray of float32, shape (n, frame_stack * channels)
+        The last observations, the newest last.
+    memory : Any
+        Of a recurrent network.
+    """
 
     shaping: Shaping
     frames: np.ndarray
-    """[n, frame_stack * channels], the newest last"""
     memory: Any = None
-    """of a recurrent network"""
 
 
 @dataclass(frozen=True)
 class Policy:
-    """A loaded policy; `predict` is what `cablebench.run.evaluate` asks for."""
+    """A loaded policy; `predict` is what `cablebench.run.evaluate` asks for.
+
+    Attributes
+    ----------
+    network : BasePolicy
+        The network with its weights.
+    metadata : Metadata
+        What it was trained for and with.
+    path : str
+        Where it was loaded from.
+    digest : str
+        First 12 hex digits of the file's SHA-256.
+    settings : Settings
+        Those of the training.
+    setup : Setup
+        That of the environment with the policy's options.
+    """
 
     network: BasePolicy
     metadata: Metadata
     path: str
     digest: str
-    """first 12 hex digits of the file's SHA-256"""
     settings: Settings
     setup: Setup
 
@@ -100,10 +145,25 @@ class Policy:
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, PolicyState]:
-        """(action, state) for observation [channels] or [n, channels]; the action is [1] or [n, 1] in [-1, 1].
+        """The action for an observation, to be asked once at every step of an episode.
 
-        Called once for every step of an episode: a state is changed by its use. Episodes begin where it is None or
-        ``episode_start`` is true.
+        Parameters
+        ----------
+        observation : ndarray, shape (channels,) or (n, channels)
+            As the environment gives it.
+        state : PolicyState, optional
+            As returned by the last call; it is changed in place. None: all environments begin an episode.
+        episode_start : ndarray of bool, shape (n,), optional
+            Where an episode begins; by default nowhere.
+        deterministic : bool
+            False draws from the distribution of actions.
+
+        Returns
+        -------
+        action : ndarray, shape (1,) or (n, 1)
+            Within [-1, 1].
+        state : PolicyState
+            What to give to the next call.
         """
         rows = observation if observation.ndim == 2 else observation[None]
         if state is None:
@@ -175,7 +235,22 @@ class Policy:
 
 
 def save_policy(model: BaseAlgorithm, metadata: Metadata, path: str | Path) -> Path:
-    """Write model and metadata to ``path``, whole or not at all."""
+    """Write model and metadata, whole or not at all.
+
+    Parameters
+    ----------
+    model : BaseAlgorithm
+        Its weights are saved, and all that stable-baselines3 saves with them.
+    metadata : Metadata
+        What it was trained for and with.
+    path : str or Path
+        File to write or to replace.
+
+    Returns
+    -------
+    Path
+        The file.
+    """
     buffer = io.BytesIO()
     model.save(buffer)
     with zipfile.ZipFile(buffer, "a") as archive:
@@ -278,7 +353,23 @@ def load_policy(path: str | Path) -> Policy:
 
 
 def policy_file(path: str | Path) -> Path:
-    """``path`` itself, or policy.zip in it; ConfigurationError where there is none."""
+    """The file of a policy.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, or the folder of a training.
+
+    Returns
+    -------
+    Path
+        A file that is there: ``path`` itself, or policy.zip in it.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none.
+    """
     given = Path(path)
     file = given / FILE if given.is_dir() else given
     if not file.is_file():
@@ -287,7 +378,25 @@ def policy_file(path: str | Path) -> Path:
 
 
 def read_policy(file: Path) -> tuple[bytes, Metadata]:
-    """(content of the file, its metadata); ConfigurationError where it is no policy of ours."""
+    """The content of a policy's file, without making its network.
+
+    Parameters
+    ----------
+    file : Path
+        A policy.zip.
+
+    Returns
+    -------
+    content : bytes
+        The whole file.
+    metadata : Metadata
+        What the policy was trained for and with.
+
+    Raises
+    ------
+    ConfigurationError
+        Where it is no policy that `save_policy` or `publish_policy` has written, or one with unknown settings.
+    """
     content = file.read_bytes()
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -80,45 +80,78 @@ NORMALIZE = {"norm_obs": True, "norm_reward": True, "clip_obs": 10.0, "clip_rewa
 
 @dataclass(frozen=True)
 class Settings:
-    """Everything but the seed that decides a training run."""
+    """Everything but the seed that decides a training run.
+
+    Attributes
+    ----------
+    algo : str
+        Name of the agent: on boards, and of its file.
+    env_id : str
+        Environment id.
+    n_envs : int
+        Environments that are stepped together.
+    n_timesteps : int
+        Steps of the training, summed over the environments.
+    policy : str
+        stable-baselines3's name of the network.
+    policy_kwargs : mapping
+        Arguments of the network, as in the file.
+    learner : mapping
+        Arguments of the algorithm's class, as in the file.
+    env_options : mapping
+        Options of the environment.
+    stagger : bool
+        Whether first episodes are cut short so that the environments spread over the episode
+        (`agents.vec_env.CableVecEnv`).
+    smoothing : float
+        Share of the last action that is kept at every step (`agents.shaping`), in [0, 1).
+    tuning_trials : int
+        Trainings that were tried to find these settings; charged to the agent on the board.
+    algorithm_name : str
+        Name in `ALGORITHMS`; empty: ``algo``.
+    first_frame : bool
+        Whether the measurements at the start of the episode stay in view.
+    frame_stack : int
+        Observations that the network sees: the present one and those before it, zeros before an episode.
+    normalize : mapping
+        Keys of `NORMALIZE`; empty: the task's own scales.
+    noise_type : str
+        Exploration noise on actions, a key of `NOISES`; empty: none.
+    noise_std : float
+        Its standard deviation (for Ornstein-Uhlenbeck noise sigma), where actions are in [-1, 1].
+    residual : mapping
+        Fields of `agents.shaping.Residual`; empty: the agent acts alone.
+    curriculum : mapping
+        ``{"randomize": [first, last]}``: the ranges of the randomisation open between these shares of the training;
+        empty: they are whole from the start.
+    """
 
     algo: str
-    """name of the agent: on boards, and of its file"""
     env_id: str
     n_envs: int
     n_timesteps: int
     policy: str = "MlpPolicy"
     policy_kwargs: Mapping[str, Any] = field(default_factory=dict)
     learner: Mapping[str, Any] = field(default_factory=dict)
-    """arguments of the algorithm's class, as in the file"""
     env_options: Mapping[str, Any] = field(default_factory=dict)
     stagger: bool = True
-    """whether first episodes are cut short so that the environments spread over the episode (see `CableVecEnv`)"""
     smoothing: float = 0.0
-    """share of the last action that is kept at every step (see `CableVecEnv`)"""
     tuning_trials: int = 0
-    """trainings that were tried to find these settings; charged to the agent on the board"""
     algorithm_name: str = ""
-    """name in `ALGORITHMS`; empty: ``algo``"""
     first_frame: bool = False
-    """whether the measurements at the start of the episode stay in view"""
     frame_stack: int = 1
-    """observations that the network sees: the present one and those before it, zeros before an episode"""
     normalize: Mapping[str, Any] = field(default_factory=dict)
-    """keys of `NORMALIZE`; empty: the task's own scales"""
     noise_type: str = ""
     noise_std: float = 0.1
     residual: Mapping[str, Any] = field(default_factory=dict)
-    """fields of `agents.shaping.Residual`; empty: the agent acts alone"""
     curriculum: Mapping[str, Any] = field(default_factory=dict)
-    """{"randomize": (share of the training where the ranges begin to open, share where they are whole)}"""
 
     def hash(self) -> str:
         """Twelve hex digits that change with any setting."""
         return configuration_hash(asdict(self))
 
     def algorithm(self) -> type[BaseAlgorithm]:
-        """The class from stable-baselines3."""
+        """The class from stable-baselines3 or sb3-contrib."""
         return ALGORITHMS[self.algorithm_name or self.algo]
 
     @property
@@ -131,11 +164,35 @@ class Settings:
         return Residual(**self.residual) if self.residual else None
 
     def shaping(self, setup: Setup, n: int) -> Shaping:
-        """What lies between ``n`` environments and the network."""
+        """What lies between environments and the network.
+
+        Parameters
+        ----------
+        setup : Setup
+            What defines the environments.
+        n : int
+            Number of environments.
+
+        Returns
+        -------
+        Shaping
+            With nothing remembered yet.
+        """
         return Shaping(setup, n, self.smoothing, self.correction(), self.first_frame)
 
     def spread(self, progress: float) -> float:
-        """Share of the randomisation ranges at a share of the training."""
+        """Share of the randomisation ranges that episodes are drawn from.
+
+        Parameters
+        ----------
+        progress : float
+            Share of the training that is done.
+
+        Returns
+        -------
+        float
+            Rises linearly from 0 to 1 over the ``curriculum``; 1 without one.
+        """
         if not self.curriculum:
             return 1.0
         first, last = self.curriculum["randomize"]
@@ -180,7 +237,7 @@ def _schedule(key: str, value: Any) -> Any:
 
 
 def agent_names() -> tuple[str, ...]:
-    """Names of the files in configs/agents/."""
+    """Names of the files in configs/agents/, in alphabetical order."""
     return tuple(sorted(p.stem for p in (config_root() / "agents").glob("*.yaml")))
 
 

@@ -26,7 +26,17 @@ BASE_CHANNEL = "base_action"
 
 @dataclass(frozen=True)
 class Residual:
-    """A reference controller whose action is corrected by at most ``share`` of the action range's half."""
+    """A reference controller whose action is corrected.
+
+    Attributes
+    ----------
+    controller : str
+        Name of the controller (`baselines.CONTROLLERS`).
+    share : float
+        Largest correction, over half the range of actions.
+    gains : mapping
+        Gains of the controller that differ from its defaults.
+    """
 
     controller: str
     share: float
@@ -34,10 +44,28 @@ class Residual:
 
 
 class Shaping:
-    """For ``n`` environments with one `Setup`; rows of all arrays are environments.
+    """What lies between n environments with one `Setup` and the network; rows of all arrays are environments.
 
-    For every episode `begin`, for every later observation `advance`; then `view` is what the network sees and `apply`
-    turns its answer into the action.
+    For every episode call `begin`, for every later observation `advance`. Then `view` is what the network sees, and
+    `apply` turns its answer into the action.
+
+    Parameters
+    ----------
+    setup : Setup
+        What defines the environments.
+    n : int
+        Number of environments.
+    smoothing : float
+        Share of the last action that is kept at every step, in [0, 1).
+    residual : Residual, optional
+        Controller whose action is corrected.
+    first_frame : bool
+        Whether the measurements at the start of the episode stay in view.
+
+    Attributes
+    ----------
+    extra_channels : tuple of str
+        Names of the channels that `view` adds.
     """
 
     def __init__(
@@ -48,7 +76,6 @@ class Shaping:
         self._first = np.zeros((n, len(self._measured)), dtype=np.float32)
         first = tuple(f"first_{setup.channels[k].name}" for k in self._measured)
         self.extra_channels = first if residual is None else (*first, BASE_CHANNEL)
-        """names of the channels that `view` adds"""
         self._channel = [c.name for c in setup.channels].index(COMMAND)
         span = setup.high - setup.low
         self._gain, self._offset = 2.0 * setup.channels[self._channel].scale / span, -2.0 * setup.low / span - 1.0
@@ -58,7 +85,15 @@ class Shaping:
         self._everyone = np.arange(n)
 
     def begin(self, observation: np.ndarray, lanes: np.ndarray | None = None) -> None:
-        """Episodes start in ``lanes`` (default all) with ``observation`` [len(lanes), channels]."""
+        """Begin episodes.
+
+        Parameters
+        ----------
+        observation : ndarray, shape (m, channels)
+            First observations of these episodes.
+        lanes : ndarray of int, shape (m,), optional
+            Environments where they begin; by default all.
+        """
         chosen = self._everyone if lanes is None else lanes
         if self._measured:
             self._first[chosen] = observation[:, self._measured]
@@ -70,19 +105,51 @@ class Shaping:
             self._base.begin(observation, chosen)
 
     def advance(self, observation: np.ndarray, lanes: np.ndarray | None = None) -> None:
-        """The next observation in ``lanes``: the base controller, where there is one, decides."""
+        """Take the next observation: the base controller, where there is one, decides.
+
+        Parameters
+        ----------
+        observation : ndarray, shape (m, channels)
+            As the environments give it.
+        lanes : ndarray of int, shape (m,), optional
+            Environments that it is from; by default all.
+        """
         if self._base is not None:
             self._base.advance(observation, self._everyone if lanes is None else lanes)
 
     def view(self, observation: np.ndarray, lanes: np.ndarray | None = None) -> np.ndarray:
-        """What the network sees, [len(lanes), channels + extra_channels] float32."""
+        """What the network sees.
+
+        Parameters
+        ----------
+        observation : ndarray, shape (m, channels)
+            As the environments give it.
+        lanes : ndarray of int, shape (m,), optional
+            Environments that it is from; by default all.
+
+        Returns
+        -------
+        ndarray of float32, shape (m, channels + extra_channels)
+            ``observation`` itself where no channels are added.
+        """
         if not self.extra_channels:
             return observation
         more = [self._first] if self._base is None else [self._first, self._base.action]
         return np.concatenate([observation, *(m if lanes is None else m[lanes] for m in more)], axis=1)
 
     def apply(self, asked: np.ndarray) -> np.ndarray:
-        """The environment's action [n, 1] when the network asks for ``asked``; within [-1, 1], float32."""
+        """The action of every environment.
+
+        Parameters
+        ----------
+        asked : ndarray, shape (n, 1)
+            The answer of the network; what is beyond [-1, 1] is clipped.
+
+        Returns
+        -------
+        ndarray of float32, shape (n, 1)
+            Within [-1, 1], smoothed and added to the base controller's action (equations at the head of this module).
+        """
         clipped = np.minimum(np.maximum(asked, -1.0), 1.0)  # np.clip takes twice as long
         self._last = np.asarray(self._smoothing * self._last + (1.0 - self._smoothing) * clipped, dtype=np.float32)
         if self._base is None:
@@ -91,12 +158,12 @@ class Shaping:
         return np.minimum(np.maximum(action, np.float32(-1.0)), np.float32(1.0))
 
     def state(self) -> dict[str, Any]:
-        """All that changes; take a copy of what it holds before going on."""
+        """Everything that changes, not copied: take a copy before going on."""
         base = None if self._base is None else self._base.__dict__
         return {"last": self._last, "first": self._first, "base": base}
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a copied `state`."""
+        """Go back to a copy of a `state` of a shaping with the same arguments."""
         self._last, self._first = state["last"].copy(), state["first"].copy()
         if self._base is not None:
             self._base.__dict__.update(state["base"])

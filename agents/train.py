@@ -32,7 +32,13 @@ CURVE_POINTS = 200
 
 
 class Interrupted(Exception):
-    """The training was stopped by Ctrl-C or SIGTERM; it is saved and can go on."""
+    """The training was stopped by Ctrl-C or SIGTERM; it is saved and can go on.
+
+    Attributes
+    ----------
+    policy : Policy
+        The policy as it was saved.
+    """
 
     def __init__(self, policy: Policy):
         super().__init__(f"stopped after {policy.steps} of {policy.metadata.settings['n_timesteps']} steps")
@@ -134,7 +140,7 @@ def training_env(settings: Settings) -> VecEnv:
     Returns
     -------
     VecEnv
-        To be closed by the caller.
+        To be closed by the caller. VecNormalize is outermost where observations or rewards are normalised.
     """
     env: VecEnv = CableVecEnv(
         settings.env_id, settings.n_envs, stagger=settings.stagger, smoothing=settings.smoothing,

@@ -18,25 +18,62 @@ from cable_envs.vector import CableVectorEnv
 
 
 def observation_space(setup: Setup, shaping: Shaping) -> gym.spaces.Box:
-    """The environment's observations with the channels that ``shaping`` adds."""
+    """The environment's observations with the channels that a shaping adds.
+
+    Parameters
+    ----------
+    setup : Setup
+        What defines the environment.
+    shaping : Shaping
+        What lies between it and the network.
+
+    Returns
+    -------
+    gymnasium.spaces.Box
+        Shape (channels + extra_channels,), float32.
+    """
     space, _ = make_spaces(setup)
     high = np.array([1.0 if n == BASE_CHANNEL else OBSERVATION_LIMIT for n in shaping.extra_channels], np.float32)
     return gym.spaces.Box(np.concatenate([space.low, -high]), np.concatenate([space.high, high]), dtype=np.float32)
 
 
 class CableVecEnv(VecEnv):
-    """``num_envs`` environments of ``env_id`` for stable-baselines3 (a `CableVectorEnv` in SAME_STEP mode).
+    """Environments for stable-baselines3, stepped in one call: a `CableVectorEnv` in SAME_STEP mode.
 
-    Environment i follows the trajectories of ``gymnasium.make(env_id)`` seeded with ``seed + i``. Where an episode
-    ends, its info holds "terminal_observation", "TimeLimit.truncated", "episode" {r: return, l: length, t: s since
-    construction} and the environment's own info; all other infos are empty dicts.
+    Environment i follows the trajectories of ``gymnasium.make(env_id)`` seeded with ``seed + i``.
 
-    ``stagger``: the first episode of environment i is cut after (i + 1) / num_envs of its length (a truncation), so
-    that the environments are spread over the episode from then on. Without it the whole batch stands at the same time
-    of the same reference, and every rollout shows a short piece of the task only.
+    Parameters
+    ----------
+    env_id : str
+        Registered id.
+    num_envs : int
+        Number of environments.
+    stagger : bool
+        Whether the first episode of environment i is cut after (i + 1) / num_envs of its length, as a truncation. The
+        environments are then spread over the episode. Without it the whole batch stands at the same time of the same
+        reference, and every rollout shows a short piece of the task only.
+    smoothing : float
+        Share of the last action that is kept at every step (`agents.shaping`).
+    residual : Residual, optional
+        Controller whose action is corrected. It adds a channel to the observation.
+    first_frame : bool
+        Whether the measurements at the start of the episode stay in view, as further channels.
+    **options
+        Options of `cable_envs.envs.CableEnv`.
 
-    ``smoothing``, ``residual``, ``first_frame``: what is done to actions and observations (see `agents.shaping`). A
-    policy trained so must be run so, as `agents.policy.Policy` does. The last two add channels to the observation.
+    Attributes
+    ----------
+    batch : CableVectorEnv
+        The environments.
+    channel_names : tuple of str
+        Names of the entries of an observation.
+
+    Notes
+    -----
+    Where an episode ends, its info holds "terminal_observation", "TimeLimit.truncated", "episode" (r: return, l: length
+    in steps, t: s since construction) and the environment's own info. All other infos are empty.
+
+    A policy that was trained with a shaping must be run with it, as `agents.policy.Policy` does.
     """
 
     def __init__(
@@ -51,7 +88,6 @@ class CableVecEnv(VecEnv):
         self.env_id, self.render_mode = env_id, self.batch.render_mode
         self._shaping = Shaping(self.batch.setup, num_envs, smoothing, residual, first_frame)
         self.channel_names = (*(c.name for c in self.batch.channels), *self._shaping.extra_channels)
-        """names of the entries of an observation"""
         super().__init__(num_envs, observation_space(self.batch.setup, self._shaping), self.batch.single_action_space)
         self._spec = gym.spec(env_id)
         self._started = time.monotonic()
@@ -66,6 +102,18 @@ class CableVecEnv(VecEnv):
         self._actions: np.ndarray | None = None
 
     def reset(self) -> np.ndarray:
+        """Begin an episode in every environment, with the seeds and options that were set before.
+
+        Returns
+        -------
+        ndarray of float32, shape (num_envs, channels)
+            Observations as the network sees them.
+
+        Raises
+        ------
+        ValueError
+            For options that are not the same for all environments.
+        """
         seeds = None if all(s is None for s in self._seeds) else list(self._seeds)
         if any(options != self._options[0] for options in self._options):
             raise ValueError("reset options must be the same for all environments of a batch")
@@ -81,9 +129,23 @@ class CableVecEnv(VecEnv):
         return self._shaping.view(observation)
 
     def step_async(self, actions: np.ndarray) -> None:
+        """Keep the actions, shape (num_envs, 1), for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Go on by one control period with the actions of `step_async`.
+
+        Returns
+        -------
+        observations : ndarray of float32, shape (num_envs, channels)
+            As the network sees them; the first of the next episode where one has ended.
+        rewards : ndarray of float32, shape (num_envs,)
+            Rewards of this step.
+        dones : ndarray of bool, shape (num_envs,)
+            Where an episode has ended.
+        infos : list of dict
+            One for each environment; see the class.
+        """
         assert self._actions is not None, "step_wait() without step_async()"
         action = self._shaping.apply(self._actions)
         observation, rewards, terminated, truncated, batch_infos = self.batch.step(action)
@@ -176,7 +238,7 @@ class CableVecEnv(VecEnv):
         }
 
     def state(self) -> dict[str, Any]:
-        """All that changes, as copies: what `restore` takes. To be taken between two steps."""
+        """Everything that changes, as copies: what `restore` takes. It is to be taken between two steps."""
         return {
             "batch": self.batch.state(), "shaping": copy.deepcopy(self._shaping.state()),
             "returns": self._returns.copy(), "lengths": self._lengths.copy(), "cuts": copy.copy(self._cuts),
@@ -192,10 +254,11 @@ class CableVecEnv(VecEnv):
         self._reset_seeds()
 
     def set_spread(self, share: float) -> None:
-        """Share of the randomisation ranges that episodes are drawn from, from the next reset on."""
+        """Draw episodes from a ``share`` of the randomisation ranges, about the nominal rig, from the next reset on."""
         self.batch.simulation.spread = share
 
     def close(self) -> None:
+        """Close the environments."""
         self.batch.close()
 
     def render(self, mode: str | None = None) -> np.ndarray | None:
@@ -203,20 +266,24 @@ class CableVecEnv(VecEnv):
         return self.batch.render()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
+        """The picture of the first environment where ``render_mode`` is "rgb_array"; None for all others."""
         return [self.batch.render() if self.render_mode == "rgb_array" else None, *[None] * (self.num_envs - 1)]
 
     # One batch stands for all environments: an attribute is the batch's own, the same for each.
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """An attribute of the batch, or the environment's "spec", once for each environment asked for."""
         value = self._spec if attr_name == "spec" else getattr(self.batch, attr_name)
         return [value for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Set an attribute of the batch; ValueError where it is asked for some environments only."""
         if len(list(self._get_indices(indices))) != self.num_envs:
             raise ValueError(f"'{attr_name}' belongs to the whole batch: it cannot be set for some environments only")
         setattr(self.batch, attr_name, value)
 
     def has_attr(self, attr_name: str) -> bool:
+        """Whether `get_attr` finds an attribute."""
         return attr_name == "spec" or hasattr(self.batch, attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
@@ -226,4 +293,5 @@ class CableVecEnv(VecEnv):
         return [result for _ in chosen]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
+        """False for each: no environment of a batch has a wrapper of its own."""
         return [False for _ in self._get_indices(indices)]

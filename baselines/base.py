@@ -20,7 +20,20 @@ OBSERVE = ("drive", "output", "full")
 
 
 class Levels(dict[str, str]):
-    """Observation level by plant; of those without an entry ``other``, or else what the plant's family says."""
+    """Observation level that is needed, by plant.
+
+    Parameters
+    ----------
+    named : mapping of str to str
+        Plant to level: "drive", "output" or "full".
+    other : str
+        Level of the plants without an entry; empty: what the plant's family says.
+
+    Examples
+    --------
+    >>> Levels({"cable_hole": "full"})["pulley_circuit"]
+    'drive'
+    """
 
     def __init__(self, named: Mapping[str, str], other: str = ""):
         super().__init__(named)
@@ -33,35 +46,69 @@ class Levels(dict[str, str]):
 class Controller:
     """Base of all reference controllers.
 
-    Life: ``c = make_controller(...)``; for every episode ``c.set_rig(true_values)`` (only an oracle listens) and
-    ``c.reset()``, then ``u = c.act(t, y, ref)`` once a control period.
+    `baselines.make_controller` makes one. For every episode call ``set_rig(true_values)``, which only an oracle heeds,
+    and `reset`; then call `act` once a control period.
 
-    ==============  ==========================================================================================
-    plant           "cable_hole", "pulley_circuit" or "pulley_chain"
-    action_mode     what u commands: "tension" N, "speed" m/s (hole); "position" rad, "torque" N m (circuit)
-    task            what the reference is: "position" (m, rad), "tension" (N, load side), "torque" (N m, grasp)
-    rig             nominal parameter values by name, SI; what is missing takes the plant's default
-    dt              control period, s
-    gains           values for names in `parameters`
-    ==============  ==========================================================================================
+    Parameters
+    ----------
+    plant : str
+        Name of a plant, as "cable_hole", "pulley_circuit", "pulley_chain".
+    action_mode : str
+        What a command is: for the hole "tension" (N) or "speed" (m/s), for the circuit "position" (rad) or "torque" (N
+        m), for others what the plant declares.
+    task : str
+        What the reference is: "position" (m or rad), "tension" (N, at the load) or "torque" (N m, of the grasp).
+    rig : mapping
+        Nominal parameters by name, SI. What is missing takes the plant's default.
+    dt : float
+        Control period, s.
+    **gains
+        Values for names in `parameters`. What is missing takes the default of the case.
 
-    Raises ConfigurationError for an unknown plant, mode, task, rig key or gain (naming the nearest), a value out of
-    bounds, and where the controller does not apply.
+    Attributes
+    ----------
+    name : str
+        Name of the controller on the command line and on boards.
+    information : str
+        What it was told: "model-free", "nominal", "identified" or "oracle". Controllers are ranked within each.
+    plants : tuple of str
+        Plants that it is made for.
+    tasks : tuple of str
+        Kinds of tasks that it does.
+    general : bool
+        Whether it also works on every plant that has a view (`cable_envs.plants.view`).
+    levels : mapping of str to str
+        Observation level needed on each plant: "drive", "output" or "full".
+    charged : mapping of str to int
+        What finding the default gains cost, shown on boards: ``{"tuning_trials": most gain sets tried for one case}``.
+    gain_tables : mapping of (str, str, str) to ParameterTable
+        (plant family, action mode, task) -> its tunable gains. A case that is missing has none.
+    parameters : ParameterTable
+        Tunable gains of this case.
+    gains : dict of str to float
+        Their values.
+    rig : dict of str to float
+        All parameters of the plant that it computes with, SI.
+    low, high : float
+        Range of commands, SI.
+    observe : str
+        Observation level that it needs here.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown plant, mode, task, parameter of the rig or gain (naming the nearest), a value out of bounds, and
+        where the controller does not apply.
     """
 
     name: ClassVar[str]
     information: ClassVar[str]
-    """"model-free" | "nominal" | "identified" | "oracle" (docs: protocol); ranked within"""
     plants: ClassVar[tuple[str, ...]] = (HOLE, *CIRCUITS)
     tasks: ClassVar[tuple[str, ...]] = ("position", "tension", "torque")
     general: ClassVar[bool] = False
-    """whether it works on every plant that has a view (`cable_envs.plants.view`), besides ``plants``"""
     levels: ClassVar[Mapping[str, str]] = Levels({HOLE: "output", **dict.fromkeys(CIRCUITS, "drive")})
-    """observation level needed on each plant: "drive" | "output" | "full" """
     charged: ClassVar[Mapping[str, int]] = {}
-    """what finding the default gains cost, shown on boards: {"tuning_trials": most gain sets tried for one case}"""
     gain_tables: ClassVar[Mapping[tuple[str, str, str], ParameterTable]] = {}
-    """(plant family, action mode, task) -> its tunable gains; a case that is missing has none"""
 
     def __init__(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: Any
@@ -79,7 +126,18 @@ class Controller:
 
     @classmethod
     def check_case(cls, plant: str, action_mode: str, task: str) -> None:
-        """Raise ConfigurationError unless this controller works on that plant, action mode and task."""
+        """Refuse a case that this controller does not work on.
+
+        Parameters
+        ----------
+        plant, action_mode, task : str
+            As of the class.
+
+        Raises
+        ------
+        ConfigurationError
+            For unknown names, and where the controller is not made for the plant, action mode or task.
+        """
         require_known(f"action mode of '{plant}'", [action_mode], action_modes(plant))
         require_known(f"task of '{plant}'", [task], tasks(plant))
         if plant not in cls.plants and not (cls.general and cls.sees(plant, action_mode)):
@@ -89,12 +147,12 @@ class Controller:
 
     @classmethod
     def sees(cls, plant: str, action_mode: str) -> bool:
-        """Whether a general controller finds what it needs in the plant's view."""
+        """Whether a general controller finds what it needs in the plant's view; a derived class may ask for more."""
         return bool(family_of(plant).view)
 
     @classmethod
     def applies(cls, plant: str, action_mode: str, task: str) -> bool:
-        """Whether `check_case` passes."""
+        """Whether `check_case` passes for a plant, action mode and task."""
         try:
             cls.check_case(plant, action_mode, task)
         except ConfigurationError:
@@ -103,51 +161,151 @@ class Controller:
 
     @classmethod
     def parameters_for(cls, plant: str, action_mode: str, task: str) -> ParameterTable:
-        """The tunable gains with their bounds and the defaults of this case: the space a tuner searches."""
+        """The tunable gains of a case: the space that a tuner searches.
+
+        Parameters
+        ----------
+        plant, action_mode, task : str
+            As of the class.
+
+        Returns
+        -------
+        ParameterTable
+            Gains with their units, bounds and defaults; empty where there are none.
+
+        Raises
+        ------
+        ConfigurationError
+            As `check_case`.
+        """
         cls.check_case(plant, action_mode, task)
         return cls.gain_tables.get((family(plant), action_mode, task), ParameterTable())
 
     def set_rig(self, rig: Mapping[str, Any]) -> None:
-        """Receive the true parameters of the coming episode, before `reset`. Ignored by everyone but the oracle."""
+        """Receive the true parameters (SI) of the coming episode, before `reset`; all but the oracle ignore them."""
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
-        """Adopt ``rig`` as the model this controller computes with; called once with the nominal values."""
+        """Adopt a rig (parameters in SI) as the model to compute with; called once with the nominal values."""
         self.rig = complete_rig(self.plant, rig)
         self.low, self.high = command_range(self.plant, self.action_mode, self.rig)
 
     def reset(self) -> None:
-        """Start an episode: every internal state as after construction."""
+        """Begin an episode: every internal state is as after construction."""
         raise NotImplementedError
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
-        """The command (SI) for the next control period.
+        """The command for the next control period.
 
-        t in s; y: measurements by signal name in SI, those of the level `observe`; ref = (r, r_dot, r_ddot) in SI.
+        Parameters
+        ----------
+        t : float
+            Time since the episode began, s.
+        y : mapping of str to float
+            Measurements by the name of the signal, SI: those of the level `observe`.
+        ref : tuple of three float
+            Reference with its first two derivatives, SI.
+
+        Returns
+        -------
+        float
+            In the unit of the action mode, SI.
         """
         raise NotImplementedError
 
     def limit(self, u: float) -> float:
-        """``u`` within the command range."""
+        """The command ``u`` within the range of commands."""
         return self.low if u < self.low else self.high if u > self.high else u
 
 
 def action_modes(plant: str) -> tuple[str, ...]:
-    """Names of a plant's action modes. Raises ConfigurationError for an unknown plant, naming the nearest."""
+    """Names of a plant's action modes.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+
+    Returns
+    -------
+    tuple of str
+        In the order in which the plant declares them.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown plant, naming the nearest.
+
+    Examples
+    --------
+    >>> action_modes("cable_hole")
+    ('tension', 'speed')
+    """
     return tuple(mode.name for mode in _plant(plant).action_modes)
 
 
 def tasks(plant: str) -> tuple[str, ...]:
-    """Kinds of tasks that a plant has. Raises ConfigurationError for an unknown plant, naming the nearest."""
+    """Kinds of tasks that a plant has.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+
+    Returns
+    -------
+    tuple of str
+        Of "position", "tension" and "torque"; empty where no task is made for it.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown plant, naming the nearest.
+
+    Examples
+    --------
+    >>> tasks("pulley_chain")
+    ('position', 'torque')
+    """
     return tuple(family_of(plant).outputs)
 
 
 def family(plant: str) -> str:
-    """The two circuit plants share signals and parameters: both are "circuit"; the hole is "hole"."""
+    """Name under which gain tables know a plant.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+
+    Returns
+    -------
+    str
+        "hole", or "circuit" for both circuit plants, which share signals and parameters; else the plant's name.
+    """
     return {HOLE: "hole", **dict.fromkeys(CIRCUITS, "circuit")}.get(plant, plant)
 
 
 def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
-    """All parameters of the plant in SI: ``rig`` over the plant's defaults, validated."""
+    """All parameters of a plant.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+    rig : mapping
+        Values over the plant's defaults: numbers in SI or ``{value, unit}``. Names such as "wrap_angle_2" make a hole
+        plant of several holes.
+
+    Returns
+    -------
+    dict of str to float
+        Every parameter by name, SI, validated.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown plant or parameter, naming the nearest, and values out of bounds.
+    """
     series = [k.removeprefix("wrap_angle_") for k in rig if k.startswith("wrap_angle_")]
     table = _plant(plant).parameters
     if family_of(plant).series and series:
@@ -158,7 +316,27 @@ def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
 
 
 def command_range(plant: str, action_mode: str, rig: Mapping[str, float]) -> tuple[float, float]:
-    """Commands a controller may give: the drive's own range, and never a tension beyond the safety limit."""
+    """Commands that a controller may give: the drive's own range, and never a tension beyond the safety limit.
+
+    Parameters
+    ----------
+    plant : str
+        The plant's own name.
+    action_mode : str
+        One of its action modes.
+    rig : mapping of str to float
+        All parameters of the plant, SI.
+
+    Returns
+    -------
+    low, high : float
+        In the unit of the action mode.
+
+    Examples
+    --------
+    >>> command_range("cable_hole", "tension", complete_rig("cable_hole", {}))
+    (0.0, 100.0)
+    """
     mode = next(mode for mode in _plant(plant).action_modes if mode.name == action_mode)
     bound = rig[mode.bound]
     if mode.one_sided:

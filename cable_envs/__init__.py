@@ -1,8 +1,8 @@
 """Gymnasium environments for benchmarking learning-based tension control of cable mechanisms.
 
 Importing this package registers ``cable_envs/{CableHole-Position, CableHole-Tension, PulleyCircuit-Position,
-PulleyCircuit-Torque}-{Step, Sine}-v0`` for ``gymnasium.make`` and ``gymnasium.make_vec``; nothing is compiled before
-the first environment is made.
+PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-v0`` for ``gymnasium.make`` and
+``gymnasium.make_vec``. Nothing is compiled before the first environment is made.
 
 What the package offers beside the ids is imported when it is first asked for:
 
@@ -11,6 +11,7 @@ What the package offers beside the ids is imported when it is first asked for:
 ``CableVectorEnv``     many, stepped in one call (`cable_envs.vector`)
 ``EFFECTS``            physics that a simulator may lack, by name (`cable_envs.effects`)
 ``load_rig``           a rig by preset name, path or mapping, as a ``Rig`` (`cable_envs.sim.rigs`)
+``Rig``                the parameters of one test rig (`cable_envs.sim.rigs`)
 ``replay``             recorded inputs through many mechanisms at once (`cable_envs.sim.replay`)
 ``ConfigurationError`` what every mistake in an option, a rig or a name raises (`cable_envs.core.errors`)
 ====================== ================================================================================

@@ -20,7 +20,26 @@ if TYPE_CHECKING:
 
 
 def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
-    """(observation space, action space) of one environment."""
+    """Observation space and action space of one environment.
+
+    Parameters
+    ----------
+    setup : Setup
+        What defines the environment.
+
+    Returns
+    -------
+    observation : gymnasium.spaces.Box
+        Shape (channels,), float32, within +/- `cable_envs.sim.tasks.OBSERVATION_LIMIT`.
+    action : gymnasium.spaces.Box
+        Shape (1,), float32, within [-1, 1].
+
+    Examples
+    --------
+    >>> from cable_envs.sim.setup import make_setup
+    >>> make_spaces(make_setup("CableHole-Position", "sine"))
+    (Box(-100.0, 100.0, (10,), float32), Box(-1.0, 1.0, (1,), float32))
+    """
     shape = (len(setup.channels),)
     observation = spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, shape, np.float32)
     return observation, spaces.Box(-1.0, 1.0, (1,), np.float32)
@@ -71,58 +90,144 @@ def _not_reset(action: float) -> Transition:
 class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     """Tension or position control of a cable mechanism.
 
-    ### Tasks
+    ## Description
 
-    | id (``cable_envs/...``)           | controlled output           | rig         | action (default mode)          |
-    |-----------------------------------|-----------------------------|-------------|--------------------------------|
-    | CableHole-Position-{Step,Sine}-v0 | load position [m]           | gu-inferred | driving tension 0..120 N       |
-    | CableHole-Tension-{Step,Sine}-v0  | load-side tension [N]       | gu-anchored | driving tension 0..120 N       |
-    | PulleyCircuit-Position-{..}-v0    | angle of driven pulley [rad]| zou-table2  | drive angle +/- limit [rad]    |
-    | PulleyCircuit-Torque-{..}-v0      | grasp torque [N m]          | zou-grasp   | motor torque +/- limit [N m]   |
+    A drive pulls a cable, which loses tension to friction and stretches on its way to a load. The agent commands the
+    drive so that one quantity of the mechanism, the output, follows a reference.
 
-    ### Spaces
+    | id (`cable_envs/...`)             | output                           | rig         | action mode | error_scale |
+    |-----------------------------------|----------------------------------|-------------|-------------|-------------|
+    | CableHole-Position-{Step,Sine}-v0 | load position [m]                | gu-inferred | tension     | 0.001 m     |
+    | CableHole-Tension-{Step,Sine}-v0  | load-side tension [N]            | gu-anchored | tension     | 0.5 N       |
+    | PulleyCircuit-Position-{..}-v0    | angle of the driven pulley [rad] | zou-table2  | position    | 0.02 rad    |
+    | PulleyCircuit-Torque-{..}-v0      | grasp torque [N m]               | zou-grasp   | torque      | 0.01 N m    |
+    | TendonSheath-Position-{..}-v0     | load position [m]                | bowden-1m   | position    | 0.0005 m    |
+    | TendonSheath-Tension-{..}-v0      | load-side tension [N]            | bowden-1m   | tension     | 0.5 N       |
 
-    action: ``Box(-1, 1, (1,))``, linear over the range of the action mode. observation: float32 vector, entry k is the
-    SI value of ``env.unwrapped.channels[k]`` over its scale, limited to +/- 100: the reference with two derivatives,
-    the tracking error (through the rigid transmission ratio where the output is not observed), the last command, then
-    the observed signals of the plant.
+    Rig and action mode are the defaults of the task.
 
-    ### Reward, end
+    ## Action Space
 
-    ``1 / (1 + |error| / error_scale) - effort_weight (a - a_previous)^2`` with the true output. Terminated when the
-    cable tears (peak tension above ``breaking_tension``) or the state is not finite; truncated after ``duration``.
+    `Box(-1, 1, (1,), float32)`, linear over the range of the action mode. A value beyond the range is clipped. The
+    parameters of the rig set the ranges; with the rig of the task they are:
 
-    ### Arguments (all optional)
+    | mechanism     | action mode | command         | range             |
+    |---------------|-------------|-----------------|-------------------|
+    | CableHole     | tension     | driving tension | 0 to 120 N        |
+    | CableHole     | speed       | drive speed     | -0.1 to 0.1 m/s   |
+    | PulleyCircuit | position    | drive angle     | -3 to 3 rad       |
+    | PulleyCircuit | torque      | motor torque    | -0.6 to 0.6 N m   |
+    | TendonSheath  | position    | drive position  | -0.05 to 0.05 m   |
+    | TendonSheath  | tension     | drive force     | 0 to 80 N         |
 
-    | name           | meaning                                                                              |
-    |----------------|--------------------------------------------------------------------------------------|
-    | rig            | preset name, YAML path, full mapping, or mapping of parameters to change             |
-    | effects        | physics besides: ``{"backlash": {"gap": 0.02}}`` (`cable_envs.effects`, ``EFFECTS``)   |
-    | effect_file    | a Python file with an effect of one's own (`cable_envs.plants.own_effects`)                 |
-    | plant          | "analytic" or "chain" (pulley circuit: span-and-contact chain)                       |
-    | action_mode    | hole: "tension", "speed"; circuit: "position", "torque"                              |
-    | observe        | "drive", "output", "full"; the circuit's default is "drive", the hole's "output"     |
-    | reference      | mapping such as ``{"kind": "multisine", "amplitude": 0.01, "frequency": 0.1}``       |
-    | randomize      | True (the task's ranges) or ``{parameter: {"scale": [a, b]}}`` or ``{low, high}``;   |
-    |                | a parameter may be an effect's ("backlash.gap")                                      |
-    | sensor_noise   | True, a factor on the task's standard deviations, or ``{signal: std in SI}``         |
-    | sensor_delay   | control steps by which measurements are late (the reference and the command are not) |
-    | action_delay   | control steps until an action acts                                                   |
-    | disturbance    | a reference-like mapping: force on the load [N] or torque on the output [N m]        |
-    | control_period | s, default 0.01                                                                      |
-    | substeps       | integration steps in a control period, default 20 (0.5 ms)                           |
-    | duration       | s, default 20 (hole) and 25 (circuit)                                                |
-    | render_mode    | "rgb_array" or "human"                                                               |
+    ## Observation Space
 
-    ``reset(options=...)`` takes "rig" (parameters for this episode), "reference", "disturbance", "initial_position".
+    `Box(-100, 100, (channels,), float32)`. Entry k is the SI value of `env.unwrapped.channels[k]` over its scale,
+    limited to +/- 100. `cablebench envs ID` lists the channels of an environment with their units and scales.
 
-    ### Info (floats, at every step)
+    | entry | channel                | value                                                              |
+    |-------|------------------------|--------------------------------------------------------------------|
+    | 0     | reference              | what the output should be now                                      |
+    | 1     | reference_rate         | its first derivative, with the scale of the reference              |
+    | 2     | reference_acceleration | its second derivative, with the scale of the reference             |
+    | 3     | error                  | reference minus measured output                                    |
+    | 4     | command                | what acted in the last control step, in the unit of the action mode|
+    | 5..   | signals                | the measured signals of the plant at the level `observe`           |
 
-    time, reference, output, error, command, overload (1 above ``tension_limit``), and every signal of the plant.
+    Where the output is not observed, a measured signal of the drive stands for it in the error, through the rigid
+    transmission ratio. A level has the signals of the level before it, and more:
 
-    ### Versions
+    | task                   | "drive"                                       | "output"                      |
+    |------------------------|-----------------------------------------------|-------------------------------|
+    | CableHole-Position     | drive_position, drive_velocity, drive_tension | load_position, load_velocity  |
+    | CableHole-Tension      | drive_position, drive_velocity, drive_tension | load_tension                  |
+    | PulleyCircuit-Position | drive_angle, drive_velocity, drive_torque     | output_angle, output_velocity |
+    | PulleyCircuit-Torque   | drive_angle, drive_velocity, drive_torque     | output_torque                 |
+    | TendonSheath-Position  | drive_position, drive_velocity, drive_tension | load_position, load_velocity  |
+    | TendonSheath-Tension   | drive_position, drive_velocity, drive_tension | load_tension                  |
 
-    v0: first release.
+    The level "full" adds the state of the load that "output" leaves out. For the hole it also adds `sliding`, for the
+    sheath `mobilised` and `sliding`, for the circuit `phase` and the four tensions of the cable.
+
+    ## Rewards
+
+    `1 / (1 + |error| / error_scale) - effort_weight (a - a_previous)^2` at every step. The error is that of the true
+    output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task.
+
+    ## Starting State
+
+    The mechanism is at rest where its output equals the reference at t = 0, or at `initial_position`. The command is
+    the one that keeps it there.
+
+    ## Episode End
+
+    1. Termination: the cable tears, which is when its peak tension in a control step exceeds `breaking_tension`.
+    2. Termination: the state is no longer finite, or the error has reached 1e12.
+    3. Truncation: `duration` is over.
+
+    ## Arguments
+
+    All are optional keywords of `gymnasium.make`.
+
+    | argument       | type                 | default     | meaning                                                |
+    |----------------|----------------------|-------------|--------------------------------------------------------|
+    | reference      | str or mapping       | that of id  | "step", "sine", or a signal such as                    |
+    |                |                      |             | `{"kind": "sine", "amplitude": 0.01, "frequency": 0.1}`|
+    |                |                      |             | (`cable_envs.sim.references`)                          |
+    | rig            | str, path or mapping | of the task | preset name, YAML file, whole rig, or parameters to    |
+    |                |                      |             | change                                                 |
+    | effects        | mapping              | none        | further physics, such as `{"backlash": {"gap": 0.02}}` |
+    |                |                      |             | (`cable_envs.effects.EFFECTS`)                         |
+    | effect_file    | path or Effect       | none        | an effect of one's own                                 |
+    |                |                      |             | (`cable_envs.plants.own_effects`)                      |
+    | plant          | str                  | "analytic"  | "chain" simulates the pulley circuit as a chain of     |
+    |                |                      |             | spans and contacts                                     |
+    | action_mode    | str                  | of the task | one of the action modes above                          |
+    | observe        | str                  | of the task | "drive", "output" or "full"; by default "drive" for    |
+    |                |                      |             | the circuit and "output" for the others                |
+    | randomize      | bool or mapping      | False       | parameters drawn at each reset: True for the ranges of |
+    |                |                      |             | the task, `{name: {"scale": [a, b]}}` about the rig, or|
+    |                |                      |             | `{name: {"low": a, "high": b}}` in SI; a name may be   |
+    |                |                      |             | that of an effect's parameter, as "backlash.gap"       |
+    | sensor_noise   | bool, float, mapping | False       | True for the standard deviations of the task, a factor |
+    |                |                      |             | on them, or `{signal: standard deviation in SI}`       |
+    | sensor_delay   | int                  | 0           | control steps by which measurements are late, at most  |
+    |                |                      |             | 100; the reference and the command are not             |
+    | action_delay   | int                  | 0           | control steps until an action acts, at most 100        |
+    | disturbance    | mapping              | none        | a signal as for the reference: force on the load [N]   |
+    |                |                      |             | or torque on the output [N m]                          |
+    | control_period | float                | 0.01        | seconds                                                |
+    | substeps       | int                  | 20          | integration steps in a control period, at most 10000   |
+    | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |
+    |                |                      |             | circuit and 20 for the others                          |
+    | render_mode    | str                  | none        | "rgb_array" or "human"                                 |
+
+    `reset(options=...)` takes "rig" (parameters to change), "reference", "disturbance" (mappings) and
+    "initial_position" (of the output, SI) for one episode. An option that does not exist or does not fit raises
+    `cable_envs.core.errors.ConfigurationError`, which says what would be right.
+
+    ```python
+    >>> import gymnasium
+    >>> import cable_envs
+    >>> env = gymnasium.make("cable_envs/CableHole-Position-Sine-v0", rig={"load_mass": 4.0}, sensor_noise=True)
+    >>> [channel.name for channel in env.unwrapped.channels[:5]]
+    ['reference', 'reference_rate', 'reference_acceleration', 'error', 'command']
+
+    ```
+
+    ## Info
+
+    Floats, with the same keys at every step: time [s], reference, output, error (all SI), command (in the unit of the
+    action mode), overload (1 where the peak tension exceeds `tension_limit`, else 0), and every signal of the plant.
+
+    ## Vectorized environment
+
+    `gymnasium.make_vec(id, num_envs=n)` makes a `cable_envs.vector.CableVectorEnv`, which steps all environments in one
+    call.
+
+    ## Version History
+
+    * v0: first release.
     """
 
     metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012 (Gymnasium's convention)
@@ -167,7 +272,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
 
     @property
     def true_rig(self) -> dict[str, float]:
-        """Parameters of the simulated rig in this episode, SI: what only an oracle may know."""
+        """Parameters of the simulated rig in this episode by name, in SI; only an oracle may know them."""
         return self.simulation.lane_rig(0)
 
     def reset(
@@ -178,7 +283,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Parameters
         ----------
         seed : int, optional
-            Seed of the environment's own generator; without one it goes on drawing.
+            Seed of the environment's own generator. Without one the generator goes on drawing.
         options : dict, optional
             What this episode has otherwise than the environment: "rig" (parameters to change), "reference",
             "disturbance" (mappings), "initial_position" (of the output, SI).
@@ -186,8 +291,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Returns
         -------
         observation : ndarray, shape (channels,), float32
-            Measurements over their scales.
-        info : dict
+            SI values of the channels over their scales.
+        info : dict of str to float
             SI numbers of this instant, with the same keys at every step.
 
         Raises
@@ -220,18 +325,20 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Returns
         -------
         observation : ndarray, shape (channels,), float32
+            SI values of the channels over their scales.
         reward : float
+            Reward of this step, at most 1.
         terminated : bool
-            The cable broke or left its limits.
+            The cable tore, or the state is no longer finite.
         truncated : bool
             The episode's time is over.
-        info : dict
+        info : dict of str to float
             SI numbers of this instant.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
-            Before `reset`, and after the end of an episode.
+            Before the first `reset`.
         ValueError
             For an action of another shape or that is no finite number.
         """
@@ -267,7 +374,19 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             self._renderer.show()
 
     def render(self) -> np.ndarray | None:
-        """The scene now as RGB [height, width, 3] where ``render_mode`` is "rgb_array", else nothing."""
+        """Draw the present state.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3), or None
+            The scene in RGB where ``render_mode`` is "rgb_array". None for "human", whose window `step` and `reset`
+            keep up to date. None without a mode, with a warning of Gymnasium.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first `reset`.
+        """
         if self.render_mode is None:
             gym.logger.warn("render() does nothing without render_mode; use gym.make(id, render_mode='rgb_array')")
             return None

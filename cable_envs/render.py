@@ -31,20 +31,33 @@ _ROWS = 1500  # samples that the trace keeps
 
 
 class Renderer:
-    """Draws one mechanism.
+    """Draws one mechanism and a trace of what it did.
 
-    Arguments:
-        plant: name of a plant: "cable_hole", "pulley_circuit", "pulley_chain", ...
-        rig: parameter names to SI numbers; what is missing takes the plant's default look.
-        task: a line for the title.
-        reference_unit: "m", "N", "rad" or "N m", the SI unit of reference and output.
-        mode: "rgb_array" (frames only) or "human" (a window, too).
-        window: seconds of trace.
-        scale: 1 gives frames of 960 x 640 pixels, 2 twice that.
-        fps: how often the window is redrawn per simulated second.
+    Parameters
+    ----------
+    plant : str
+        Name of a plant: "cable_hole", "pulley_circuit", "pulley_chain", "tendon_sheath".
+    rig : mapping of str to float
+        Parameters by name, SI. What is missing takes the plant's default look.
+    task : str
+        A line for the title.
+    reference_unit : str
+        SI unit of reference and output: "m", "N", "rad" or "N m".
+    mode : str
+        "rgb_array" for frames only, "human" for a window too.
+    window : float
+        Length of the trace, s, in [0.1, 3600].
+    scale : float
+        Size of the frames over 960 x 640 pixels, in [0.25, 8].
+    fps : float
+        How often the window is redrawn per simulated second, in [1, 240].
 
-    Raises ConfigurationError for an unknown plant, unit or mode and for numbers out of range, ImportError when
-    matplotlib (or, showing, pygame) is missing.
+    Raises
+    ------
+    ConfigurationError
+        For an unknown plant, unit or mode, a plant without a scene, and numbers out of range.
+    ImportError
+        Where matplotlib is missing.
     """
 
     def __init__(
@@ -80,25 +93,61 @@ class Renderer:
 
     @classmethod
     def for_setup(cls, setup: "Setup", mode: str) -> "Renderer":
-        """The renderer of an environment's `cable_envs.sim.setup.Setup`."""
+        """The renderer of an environment.
+
+        Parameters
+        ----------
+        setup : Setup
+            What defines the environment.
+        mode : str
+            "rgb_array" or "human".
+
+        Returns
+        -------
+        Renderer
+            With the task, the kind of reference and the rig in its title.
+        """
         kind = setup.reference.get("kind", "")
         task = f"{setup.task.name}, {kind}, rig {setup.rig.name}"
         return cls(setup.plant.name, setup.rig.values, task, setup.output_unit, mode)
 
     def push(self, signals: Mapping[str, float], time: float, reference: float, output: float) -> None:
-        """Store the state after a control step (SI, names of the plant's signals). Time that goes back starts anew."""
+        """Store the state after a control step.
+
+        Parameters
+        ----------
+        signals : mapping of str to float
+            Signals of the plant by name, SI. Those that are missing keep their last value, at first 0.
+        time : float
+            Time since the episode began, s. An earlier time than the last one clears the trace.
+        reference, output : float
+            In the unit of the reference.
+        """
         self._signals.update(signals)
         tensions = [self._signals[name] for name in self._picture.curve_signals]
         self._history.add(time, (reference, output, *tensions))
 
     def frame(self) -> np.ndarray:
-        """The present picture, uint8 [height, width, 3]; an array of its own at every call."""
+        """The present picture.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3)
+            A new array in RGB at every call; 640 x 960 pixels at scale 1.
+        """
         return self._picture.draw(self._signals, self._history)
 
     def show(self) -> None:
         """Bring the window up to date, at most ``fps`` times per simulated second and no faster than real time.
 
-        Handles the window's events at every call. Once the user has closed the window, does nothing.
+        It handles the window's events at every call. Once the user has closed the window, it does nothing.
+
+        Raises
+        ------
+        ConfigurationError
+            Where the renderer was made for frames only.
+        ImportError
+            Where pygame is missing.
         """
         if self.mode != "human":
             raise ConfigurationError("this renderer was made with mode 'rgb_array'; a window needs mode 'human'")
@@ -111,7 +160,7 @@ class Renderer:
         self._history.clear()
 
     def close(self) -> None:
-        """Close the window, if there is one. May be called more than once."""
+        """Close the window, if there is one. It may be called more than once."""
         if self._window is not None:
             self._window.close()
             self._window = None

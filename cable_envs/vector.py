@@ -19,16 +19,53 @@ if TYPE_CHECKING:
 
 
 class CableVectorEnv(VectorEnv):
-    """``num_envs`` environments of `CableEnv`, simulated together; same options, same trajectories to the bit.
+    """Many environments of `cable_envs.envs.CableEnv`, simulated together in one compiled call.
 
-    Environment i seeded with ``reset(seed=s)`` equals the single environment seeded with ``s + i``.
-    Further arguments: ``autoreset_mode`` (an AutoresetMode or its value), ``threads`` (default: as many as there are
-    cores, with at least 256 environments for each; give 1 inside worker processes), ``step_infos`` (False: a step
-    returns the infos of finished episodes only; `infos` gives the others when asked).
+    Environment i reset with ``seed=s`` has the trajectory of the single environment reset with ``seed=s + i``, to the
+    bit.
 
-    ``step`` takes actions [num_envs, 1]; rewards, terminations, truncations are [num_envs]; every info entry is an
-    array [num_envs] with its mask under the name with a leading underscore. In SAME_STEP mode the last observations and
-    infos of finished episodes are in ``final_obs`` [num_envs, channels] and ``final_info``.
+    Parameters
+    ----------
+    task : str
+        Name of a task in configs/tasks, as "CableHole-Position".
+    reference : str or mapping
+        "step", "sine", or a signal (`cable_envs.sim.references`).
+    num_envs : int
+        Number of environments, at least 1.
+    autoreset_mode : AutoresetMode or str
+        When an environment begins its next episode: NEXT_STEP, SAME_STEP or DISABLED as Gymnasium defines them.
+    threads : int, optional
+        Threads that share the environments. By default as many as there are cores, with at least 256 environments for
+        each. Give 1 inside worker processes.
+    step_infos : bool
+        False makes `step` return only what SAME_STEP mode says of finished episodes; `infos` gives the rest when asked.
+    render_mode : str, optional
+        "rgb_array" or "human". The first environment is drawn.
+    **options
+        Further options of `cable_envs.envs.CableEnv`, the same for all environments.
+
+    Attributes
+    ----------
+    setup : Setup
+        What defines the environments.
+    channels : tuple of Channel
+        Entries of an observation.
+    simulation : Simulation
+        The state of all environments.
+
+    Raises
+    ------
+    ConfigurationError
+        For options that do not exist or do not fit.
+    ValueError
+        For a number of environments or threads below 1, and for an unknown ``render_mode`` or ``autoreset_mode``.
+
+    Examples
+    --------
+    >>> import gymnasium
+    >>> envs = gymnasium.make_vec("cable_envs/CableHole-Position-Sine-v0", num_envs=4)
+    >>> envs.observation_space.shape, envs.action_space.shape
+    ((4, 10), (4, 1))
     """
 
     metadata = {**CableEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -82,12 +119,12 @@ class CableVectorEnv(VectorEnv):
     # Gymnasium declares one generator and allows one for each environment; none of them is to be replaced from outside
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The generator of each environment."""
+        """A tuple with the generator of each environment."""
         return tuple(self._generator(i) for i in range(self.num_envs))
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seed of each environment."""
+        """A tuple with the seed of each environment; a seed that was not given is drawn."""
         self.np_random  # noqa: B018 (draws the seeds that were not given)
         return tuple(self._seeds)
 
@@ -101,7 +138,31 @@ class CableVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
-        """Start new episodes: everywhere, or where ``options["reset_mask"]`` (bool [num_envs]) is true."""
+        """Begin an episode in every environment, or in some of them.
+
+        Parameters
+        ----------
+        seed : int or list of (int or None), optional
+            ``seed + i`` for environment i, or a seed for each. An environment without one goes on with its generator.
+        options : dict, optional
+            Those of `cable_envs.envs.CableEnv.reset`, and "reset_mask": ndarray of bool, shape (num_envs,), true where
+            an episode begins.
+
+        Returns
+        -------
+        observations : ndarray, shape (num_envs, channels), float32
+            Observations of all environments, whether they were reset or not.
+        infos : dict
+            As of `infos`, with values where an episode begins and zeros elsewhere.
+
+        Raises
+        ------
+        ConfigurationError
+            For options that do not exist or do not fit.
+        ValueError
+            For another number of seeds than of environments, and for a mask of another shape or type or without a true
+            entry.
+        """
         options = dict(options or {})
         mask = self._mask(options.pop("reset_mask", None))
         seeds: list[int | None]
@@ -148,7 +209,38 @@ class CableVectorEnv(VectorEnv):
         self._advance = self._team or self.simulation.advance()
 
     def step(self, actions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Go on by one control period in every environment: arrays [environments, ...], as Gymnasium has them."""
+        """Go on by one control period in every environment.
+
+        Parameters
+        ----------
+        actions : ndarray, shape (num_envs, 1)
+            Commands over their range, in [-1, 1]; what is beyond is clipped.
+
+        Returns
+        -------
+        observations : ndarray, shape (num_envs, channels), float32
+            SI values of the channels over their scales.
+        rewards : ndarray, shape (num_envs,)
+            Rewards of this step.
+        terminated, truncated : ndarray of bool, shape (num_envs,)
+            As of `cable_envs.envs.CableEnv.step`.
+        infos : dict
+            As of `infos`; empty where ``step_infos`` is false. In SAME_STEP mode, where an episode has ended, also
+            "final_obs", shape (num_envs, channels), and "final_info", with their masks under "_final_obs" and
+            "_final_info".
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Before the first `reset`; in DISABLED mode also while an environment has finished and is not reset.
+        ValueError
+            For actions of another shape or that are not finite.
+
+        Notes
+        -----
+        In NEXT_STEP mode the step after an end ignores the action of that environment: it returns the first observation
+        of the next episode and the reward 0.
+        """
         if not self._running:
             raise gym.error.ResetNeeded("call reset() before the first step()")
         self._ask(actions)
@@ -187,7 +279,13 @@ class CableVectorEnv(VectorEnv):
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
 
     def state(self) -> dict[str, Any]:
-        """All that changes, generators included, as copies: what `restore` takes."""
+        """Everything that changes from step to step, as copies.
+
+        Returns
+        -------
+        dict
+            State of simulation and generators, seeds, and which environments have finished: what `restore` takes.
+        """
         return {
             "simulation": self.simulation.state(),
             "generators": [None if g is None else g.bit_generator.state for g in self._generators],
@@ -197,7 +295,18 @@ class CableVectorEnv(VectorEnv):
         }
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go on from a `state` of a batch with the same options: the same trajectories to the bit."""
+        """Go on from a `state`: the same actions then give the same trajectories, to the bit.
+
+        Parameters
+        ----------
+        state : mapping
+            A `state` of a batch with the same options and number of environments.
+
+        Raises
+        ------
+        ConfigurationError
+            Where the state is of another shape.
+        """
         self.simulation.restore(state["simulation"])
         self._take_kernel()
         self._generators = [None] * self.num_envs
@@ -210,7 +319,19 @@ class CableVectorEnv(VectorEnv):
         self._any_finished, self._running = bool(self._finished.any()), state["running"]
 
     def infos(self, mask: np.ndarray | None = None) -> dict[str, Any]:
-        """The infos of the present state, [num_envs] each, their masks as ``_name``; zero where ``mask`` is false."""
+        """Infos of the present state.
+
+        Parameters
+        ----------
+        mask : ndarray of bool, shape (num_envs,), optional
+            Environments that are asked for; by default all.
+
+        Returns
+        -------
+        dict of str to ndarray
+            Every entry of `cable_envs.envs.CableEnv`'s info as an array of shape (num_envs,), zero where the mask is
+            false. The mask of an entry is under its name with a leading underscore.
+        """
         table = self._table.copy()
         if mask is None:
             mask = self._everyone
@@ -232,13 +353,24 @@ class CableVectorEnv(VectorEnv):
             self._renderer.show()
 
     def render(self) -> np.ndarray | None:  # type: ignore[override]  # one picture, not one of each
-        """The first environment of the batch."""
+        """Draw the first environment of the batch.
+
+        Returns
+        -------
+        ndarray of uint8, shape (height, width, 3), or None
+            The scene in RGB where ``render_mode`` is "rgb_array", else None.
+
+        Raises
+        ------
+        gymnasium.error.ResetNeeded
+            Without a ``render_mode``, and before the first `reset`.
+        """
         if self._renderer is None:
             raise gym.error.ResetNeeded("choose a render_mode and call reset() before render()")
         return self._renderer.frame() if self.render_mode == "rgb_array" else None
 
     def close_extras(self, **kwargs: Any) -> None:
-        """End the threads and close the window, where there are some."""
+        """End the threads and close the window, where there are some; Gymnasium's ``close`` calls it."""
         if self._team is not None:
             self._team.close()
         if self._renderer is not None:

@@ -11,20 +11,56 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def config_root() -> Path:
-    """The folder that holds rigs/, tasks/, agents/, protocols/."""
+    """The folder that holds rigs/, tasks/, agents/, protocols/ and controllers/."""
     installed = _PACKAGE / "configs"
     return installed if installed.is_dir() else _PACKAGE.parent / "configs"
 
 
 def config_names(kind: str) -> tuple[str, ...]:
-    """Names of the YAML files in ``configs/<kind>``, without their ending, in alphabetical order."""
+    """Names of the YAML files of a kind.
+
+    Parameters
+    ----------
+    kind : str
+        A folder of configs/, as "rigs".
+
+    Returns
+    -------
+    tuple of str
+        Without their ending, in alphabetical order; empty where there is no such folder.
+
+    Examples
+    --------
+    >>> "gu-inferred" in config_names("rigs")
+    True
+    """
     return tuple(sorted(path.stem for path in (config_root() / kind).glob("*.yaml")))
 
 
 def config_path(kind: str, name: str) -> Path:
-    """Path of ``configs/<kind>/<name>``.
+    """Path of a file of configs/.
 
-    Raises ConfigurationError naming the nearest file when there is none.
+    Parameters
+    ----------
+    kind : str
+        Its folder, as "rigs".
+    name : str
+        Its name, with the ending.
+
+    Returns
+    -------
+    Path
+        A file that is there.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none, with the nearest one.
+
+    Examples
+    --------
+    >>> config_path("rigs", "gu-inferred.yaml").name
+    'gu-inferred.yaml'
     """
     folder = config_root() / kind
     path = folder / name
@@ -35,7 +71,23 @@ def config_path(kind: str, name: str) -> Path:
 
 
 def read_yaml(path: Path | str) -> dict[str, Any]:
-    """The mapping in a YAML file; ConfigurationError when it cannot be read or is not a mapping."""
+    """The mapping in a YAML file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file, in UTF-8.
+
+    Returns
+    -------
+    dict
+        Its content.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the file cannot be read, is not valid YAML, or holds no mapping.
+    """
     import yaml  # only where a file is read: importing the package stays quick
 
     path = Path(path)

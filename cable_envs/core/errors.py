@@ -9,8 +9,22 @@ class ConfigurationError(ValueError):
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
-    """A clause for error messages: the closest valid name, or all of them when none is close.
+    """A clause for error messages: the closest valid name, and all of them.
 
+    Parameters
+    ----------
+    name : str
+        What was given.
+    valid : iterable of str
+        What there is.
+
+    Returns
+    -------
+    str
+        The list of all valid names in alphabetical order, behind the closest one where one is close.
+
+    Examples
+    --------
     >>> nearest("fricton", ["friction", "mass"])
     "did you mean 'friction'? Valid: friction, mass"
     """

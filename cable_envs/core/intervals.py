@@ -34,7 +34,7 @@ class Interval:
 
     @property
     def width(self) -> float:
-        """From the lower to the upper end."""
+        """Distance from the lower to the upper end."""
         return self.high - self.low
 
     def holds(self, value: float) -> bool:
@@ -43,7 +43,7 @@ class Interval:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """(low, high)."""
+        """Lower and upper end."""
         return self.low, self.high
 
 

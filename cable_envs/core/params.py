@@ -84,7 +84,17 @@ def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Whether ``value`` is a finite real number, of Python or NumPy (a bool is none).
+    """Whether a value is a finite real number, of Python or NumPy; a bool is none.
+
+    Parameters
+    ----------
+    value : Any
+        What was given.
+
+    Returns
+    -------
+    bool
+        False for NaN, infinities, and everything that is no number.
 
     Examples
     --------
@@ -97,7 +107,23 @@ def is_number(value: Any) -> bool:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One declared number: SI unit, default, inclusive physical bounds; ``source`` says where the default is from."""
+    """One declared number.
+
+    Attributes
+    ----------
+    name : str
+        Name of the parameter.
+    unit : str
+        SI unit.
+    default : float
+        Value where a rig says none.
+    low, high : float
+        Physical bounds, both included.
+    meaning : str
+        What it is, for people.
+    source : str
+        Where the default is from.
+    """
 
     name: str
     unit: str
@@ -108,7 +134,29 @@ class Parameter:
     source: str = ""
 
     def check(self, value: Any) -> float:
-        """``value`` (a number in SI, or a mapping with value and unit) as a float within bounds."""
+        """A given value as a number in SI.
+
+        Parameters
+        ----------
+        value : float or mapping
+            A number in SI, or a mapping with "value" and, unless it is in SI, "unit". "source" and "note" may stand
+            beside.
+
+        Returns
+        -------
+        float
+            Within the bounds, SI.
+
+        Raises
+        ------
+        ConfigurationError
+            For what is no number, a unit that does not fit, and values out of bounds.
+
+        Examples
+        --------
+        >>> Parameter("mass", "kg", 1.0, 0.0, 10.0, "mass of the load").check({"value": 500, "unit": "g"})
+        0.5
+        """
         if isinstance(value, Mapping):
             require_known(f"key in parameter '{self.name}'", value, ("value", "unit", "source", "note"))
             if "value" not in value:
@@ -129,7 +177,31 @@ class Parameter:
 class ParameterTable:
     """An ordered set of `Parameter`; the order is the row order of the kernels' parameter arrays.
 
-    ``aliases``: further names of some of them.
+    Parameters
+    ----------
+    *parameters : Parameter
+        In their order.
+    aliases : mapping of str to str, optional
+        Further names of some of them.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the parameters, without the aliases.
+
+    Raises
+    ------
+    ValueError
+        Where a name is declared twice.
+
+    Examples
+    --------
+    >>> mass, force = Parameter("mass", "kg", 1.0, 0.0, 10.0, "mass"), Parameter("force", "N", 0.0, -5.0, 5.0, "force")
+    >>> table = ParameterTable(mass, force)
+    >>> table.pack({"force": 2.0})
+    array([1., 2.])
+    >>> table.unpack([1.0, 2.0])
+    {'mass': 1.0, 'force': 2.0}
     """
 
     def __init__(self, *parameters: Parameter, aliases: Mapping[str, str] | None = None):
@@ -155,18 +227,31 @@ class ParameterTable:
         return self._items[name]
 
     def index(self, name: str) -> int:
-        """Row of ``name``."""
+        """Row of a parameter, by its name or an alias; ValueError where there is none."""
         return self.names.index(self._aliases.get(name, name))
 
     def pack(self, values: Mapping[str, Any]) -> np.ndarray:
-        """Values over the defaults as a float64 vector [len(self)], validated.
+        """Given values over the defaults.
 
-        Raises ConfigurationError for unknown names (with the nearest), wrong units and values out of bounds.
+        Parameters
+        ----------
+        values : mapping
+            Name or alias to a value as `Parameter.check` takes it.
+
+        Returns
+        -------
+        ndarray of float64, shape (len(self),)
+            In the order of the table, SI.
+
+        Raises
+        ------
+        ConfigurationError
+            For unknown names (with the nearest), wrong units and values out of bounds.
         """
         values = {self._aliases.get(name, name): value for name, value in values.items()}
         require_known("parameter", values, self.names)
         return np.array([p.check(values.get(p.name, p.default)) for p in self])
 
     def unpack(self, vector: np.ndarray) -> dict[str, float]:
-        """The inverse of `pack`."""
+        """The inverse of `pack`: values of shape (len(self),) by name."""
         return {name: float(v) for name, v in zip(self.names, vector, strict=True)}

@@ -23,20 +23,42 @@ CONSTANT, DRIFT = "constant", "drift"
 class EffectParameter:
     """One number of an effect. Units are those of straight motion; where the plant turns they become rad and N m.
 
-    null       | value that leaves the effect out, to the bit
-    typical    | size at which it is plainly seen, where the plant moves straight and where it turns
-    shape      | it only shapes the effect: `null` is its default, and does not say whether the effect is there
-    alias      | of an effect on a plant: name of the plant's own parameter that this number is; empty: it has none
-    lane       | name of the parameter whose row in kernels it shares: one number in another unit; empty: its own
+    Attributes
+    ----------
+    name : str
+        Name of the parameter within the effect.
+    unit : str
+        SI unit.
+    null : float
+        Value that leaves the effect out, to the bit.
+    low, high : float
+        Least and largest value, both included.
+    meaning : str
+        What it is, for people.
+    typical : float
+        Size at which the effect is plainly seen where the plant moves straight.
+    typical_turning : float, optional
+        The same where the plant turns; None: ``typical``.
+    shape : bool
+        Whether it only shapes the effect: ``null`` then is its default, and does not say whether the effect is there.
+    alias : str
+        Of an effect on a plant: name of the plant's own parameter that this number is; empty: it has none.
+    probes : tuple of float, optional
+        Values over the typical one at which a search tries it first. None: `PROBES` of a size; a shape is not searched.
+    signed : bool
+        Whether a search tries it on both sides of its null.
+    search_low : float, optional
+        Least value that is searched; None: ``low``.
+    inverse : bool
+        Whether a smaller number is a larger effect, as for a stiffness.
+    complete : bool
+        Whether ``high`` is all of it and no end of a search: a sensor cannot turn more than all signs round.
+    lane : str
+        Name of the parameter whose row in kernels it shares: one number in another unit; empty: its own.
 
-    What a search for the effect has to know (`diagnosis.model.hypotheses`):
-
-    probes     | values at which it is tried first, over the typical one; None: `PROBES` of a size, and of a shape that
-               | it is not searched: one number more than a recording usually shows
-    signed     | it is tried on both sides of its null
-    search_low | least value that is searched; None: `low`
-    inverse    | the smaller the number, the larger the effect: a stiffness
-    complete   | `high` is all of it and no end of a search: a sensor cannot turn more than all signs round
+    Notes
+    -----
+    What a search has to know (``probes`` to ``complete``) is read in `diagnosis.model.hypotheses`.
     """
 
     name: str
@@ -57,25 +79,87 @@ class EffectParameter:
     lane: str = ""
 
     def on(self, turning: bool, alias: str = "") -> "EffectParameter":
-        """The parameter on a plant: ``turning`` where its motion is an angle; ``alias``: see above."""
+        """The parameter as it is on a plant.
+
+        Parameters
+        ----------
+        turning : bool
+            Whether the motion of the plant is an angle.
+        alias : str
+            Name of the plant's own parameter that this number is; empty: it has none.
+
+        Returns
+        -------
+        EffectParameter
+            With its unit and typical size there.
+
+        Examples
+        --------
+        >>> gap = EffectParameter("gap", "m", 0.0, 0.0, 1.0, "width of the gap", 5e-4, typical_turning=0.03)
+        >>> gap.on(turning=True).unit, gap.on(turning=True).typical
+        ('rad', 0.03)
+        """
         if not turning:
             return replace(self, alias=alias)
         typical = self.typical if self.typical_turning is None else self.typical_turning
         return replace(self, unit=_TURNING.get(self.unit, self.unit), typical=typical, alias=alias)
 
     def declared(self, effect: str) -> Parameter:
-        """As a row of a plant's parameter table, under the dotted name."""
+        """The parameter as a row of a plant's parameter table.
+
+        Parameters
+        ----------
+        effect : str
+            Name of the effect.
+
+        Returns
+        -------
+        Parameter
+            Under the dotted name, with its null as default.
+        """
         return Parameter(f"{effect}.{self.name}", self.unit, self.null, self.low, self.high, self.meaning)
 
 
 @dataclass(frozen=True)
 class Effect:
-    """A canonical effect; see CONTRIBUTING.md, "Add an effect".
+    """An effect: physics that a simulator may lack. See CONTRIBUTING.md, "Add an effect".
 
-    proportional | twice the size is twice the change of every signal: one probe tells all
-    over_time    | `CONSTANT`: what changes with the elapsed time is not this effect; `DRIFT`: it changes with nothing
-                 | else; "": neither
-    wave         | names of its period and its phase, where it is a sine along the position; else None
+    Attributes
+    ----------
+    name : str
+        Name of the effect.
+    seam : str
+        Where it acts, one of `SEAMS`.
+    equation : str
+        Its law, for people.
+    source : str
+        Where the law is from.
+    parameters : tuple of EffectParameter
+        Its numbers.
+    validity : str
+        Where the law holds.
+    experiment : str
+        What isolates it.
+    confusable : tuple of str
+        Names of effects that the same data may also fit.
+    each_sensor : bool
+        Whether its parameters are the names of the plant's measured signals.
+    proportional : bool
+        Whether twice the size is twice the change of every signal, so that one probe tells all.
+    over_time : str
+        `CONSTANT`: what changes with the elapsed time is not this effect. `DRIFT`: it changes with nothing else. Empty:
+        neither.
+    wave : tuple of two str, optional
+        Names of its period and its phase, where it is a sine along the position.
+    plants : tuple of str
+        Of an effect with hooks: the plants that it acts on; empty: every one that asks at its seams.
+    hooks : mapping of str to callable
+        Seam -> plain scalar function that is compiled into the kernels there (`cable_envs.effects.own`).
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown seam, and for another value of ``over_time``.
     """
 
     name: str
@@ -85,18 +169,13 @@ class Effect:
     parameters: tuple[EffectParameter, ...]
     validity: str
     experiment: str
-    """what isolates it"""
     confusable: tuple[str, ...] = ()
-    """names that the same data may also fit"""
     each_sensor: bool = False
-    """its parameters are the names of the plant's measured signals"""
     proportional: bool = False
     over_time: str = ""
     wave: tuple[str, str] | None = None
     plants: tuple[str, ...] = ()
-    """of an effect with hooks: the plants that it acts on; empty: every one that asks at its seams"""
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
-    """seam -> plain scalar function that is compiled into the kernels at that seam (`cable_envs.effects.own`)"""
 
     def __hash__(self) -> int:
         return hash(self.name)
@@ -109,16 +188,46 @@ class Effect:
             raise ConfigurationError(f"effect '{self.name}': over_time '{self.over_time}' is none of {known}")
 
     def row(self, p: EffectParameter) -> str:
-        """Name of a parameter in a plant's table: the plant's own, or the dotted one."""
+        """Name of a parameter in a plant's table: the plant's own where ``alias`` says so, else "effect.parameter"."""
         return p.alias or f"{self.name}.{p.name}"
 
     def present(self, values: Mapping[str, float]) -> bool:
-        """Whether a rig's ``values`` (of the whole table, by name) have the effect; of an effect on a plant."""
+        """Whether a rig has the effect; of an effect as it is on a plant.
+
+        Parameters
+        ----------
+        values : mapping of str to float
+            Parameters of the rig by name, of the plant's whole table, SI.
+
+        Returns
+        -------
+        bool
+            True where a parameter that is no shape differs from its null.
+        """
         return any(values[self.row(p)] != p.null for p in self.parameters if not p.shape)
 
 
 def lane_of(effect: Effect, parameter: EffectParameter) -> str:
-    """Name of the row of an effect's parameter in a kernel."""
+    """Name of the row of an effect's parameter in a kernel.
+
+    Parameters
+    ----------
+    effect : Effect
+        The effect.
+    parameter : EffectParameter
+        One of its parameters.
+
+    Returns
+    -------
+    str
+        The effect's name and the parameter's, or that of the one whose row it shares.
+
+    Examples
+    --------
+    >>> from cable_envs.effects import EFFECTS
+    >>> lane_of(EFFECTS["backlash"], EFFECTS["backlash"].parameters[0])
+    'backlash_gap'
+    """
     return f"{effect.name}_{parameter.lane or parameter.name}"
 
 
@@ -151,7 +260,20 @@ class Acting:
     forms: tuple[Effect, ...] = ()
 
     def bound(self, effect: Effect, plant: str) -> Effect:
-        """The effect as it is on the plant; without parameters where it does not act."""
+        """An effect as it is on the plant.
+
+        Parameters
+        ----------
+        effect : Effect
+            One of the library, or a user's own.
+        plant : str
+            The plant's name.
+
+        Returns
+        -------
+        Effect
+            With its parameters, units and sizes there; without parameters where it does not act.
+        """
         if effect in self.forms:
             return effect
         if effect.each_sensor:

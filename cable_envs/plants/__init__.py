@@ -14,40 +14,69 @@ from cable_envs.plants.family import Family
 
 @cache
 def families() -> Mapping[str, Family]:
-    """Every family of plants by its name, in the order of their folders."""
+    """Every family of plants.
+
+    Returns
+    -------
+    mapping of str to Family
+        By name, in the order of their folders; read-only.
+    """
     folders = sorted(module.name for module in iter_modules(__path__) if module.ispkg)
     found = [import_module(f"{__name__}.{folder}").FAMILY for folder in folders]
     return MappingProxyType({family.name: family for family in found})
 
 
 def family(name: str) -> Family:
-    """The family of that name. Raises ConfigurationError with the nearest name."""
+    """The family of a name.
+
+    Parameters
+    ----------
+    name : str
+        As in rig files: "cable_hole", "pulley_circuit", "linear_drive", ...
+
+    Returns
+    -------
+    Family
+        What its folder says of itself.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is none, with the nearest name.
+    """
     if name not in families():
         raise ConfigurationError(f"unknown plant '{name}'; {nearest(name, families())}")
     return families()[name]
 
 
 def variants() -> tuple[str, ...]:
-    """Names of all variants of all plants."""
+    """Names of the variants of all plants, each once."""
     return tuple(dict.fromkeys(variant for one in families().values() for variant in one.variants))
 
 
 def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
-    """The plant ``name``.
+    """The plant that simulates rigs of a family.
 
     Parameters
     ----------
     name : str
         A family's name: "cable_hole", "pulley_circuit", "linear_drive", ...
     variant : str
-        Which simulator of it: "chain" is the circuit's chain of spans and contacts beside its closed form.
+        Which simulator of it: "chain" is the circuit's chain of spans and contacts beside its closed form. A family
+        without the variant gives its first one.
     holes : int
         How many holes are in series, where the family has such.
+
+    Returns
+    -------
+    Plant
+        Its kernels are compiled on first use.
 
     Raises
     ------
     ConfigurationError
-        Where there is no such plant or variant, naming the nearest.
+        Where there is no such plant or variant, naming the nearest, and for several holes where there is no such
+        series.
 
     Examples
     --------
@@ -73,20 +102,65 @@ def _built() -> Mapping[str, tuple[Family, Plant]]:
 
 
 def plants_with(effect: str) -> tuple[str, ...]:
-    """Names of the plants that an effect of the library acts on."""
+    """Names of the plants that an effect acts on.
+
+    Parameters
+    ----------
+    effect : str
+        Name of an effect of the library (`cable_envs.effects.EFFECTS`).
+
+    Returns
+    -------
+    tuple of str
+        Names of plants, each variant with its own.
+
+    Examples
+    --------
+    >>> plants_with("lateral_extrusion")
+    ('cable_hole',)
+    """
     return tuple(name for name, (_, plant) in _built().items() if plant.effects.effects[effect].parameters)
 
 
 def forms_of(effect: str) -> Mapping[str, Effect]:
-    """Plant -> an effect of the library with a law or parameters of its own there (`cable_envs.effects.Acting`)."""
+    """The plants on which an effect has a law or parameters of its own (`cable_envs.effects.Acting`).
+
+    Parameters
+    ----------
+    effect : str
+        Name of an effect of the library.
+
+    Returns
+    -------
+    mapping of str to Effect
+        Its form there by the name of the plant.
+    """
     forms = {name: plant.effects.acting.forms for name, (_, plant) in _built().items()}
     return {name: one for name, own in forms.items() for one in own if one.name == effect}
 
 
 def family_of(plant: str) -> Family:
-    """The family that a plant belongs to, by the plant's own name ("pulley_chain" is of "pulley_circuit").
+    """The family that a plant belongs to.
 
-    Raises ConfigurationError with the nearest name.
+    Parameters
+    ----------
+    plant : str
+        The plant's own name, which differs from the family's for a variant.
+
+    Returns
+    -------
+    Family
+        What its folder says of itself.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such plant, with the nearest name.
+
+    Examples
+    --------
+    >>> family_of("pulley_chain").name
+    'pulley_circuit'
     """
     if plant not in _built():
         raise ConfigurationError(f"unknown plant '{plant}'; {nearest(plant, _built())}")
@@ -94,5 +168,21 @@ def family_of(plant: str) -> Family:
 
 
 def title_of(tasks: str) -> str:
-    """A family's title by the first part of its tasks' names ("CableHole"); that itself where it is of none."""
+    """A family's title for people.
+
+    Parameters
+    ----------
+    tasks : str
+        First part of its tasks' names, as "CableHole".
+
+    Returns
+    -------
+    str
+        The title; ``tasks`` itself where it belongs to no family.
+
+    Examples
+    --------
+    >>> title_of("CableHole")
+    'Cable through a hole'
+    """
     return next((one.title for one in families().values() if one.tasks == tasks), tasks)

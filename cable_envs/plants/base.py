@@ -20,7 +20,17 @@ STEP_ROWS = Lanes("Step", STEP)
 
 @dataclass(frozen=True)
 class Signal:
-    """One row of a plant's signal array: a state, or something the plant reports."""
+    """One row of a plant's signal array: a state, or something that the plant reports.
+
+    Attributes
+    ----------
+    name : str
+        Name of the row.
+    unit : str
+        SI unit.
+    meaning : str
+        What it is, for people.
+    """
 
     name: str
     unit: str
@@ -29,56 +39,99 @@ class Signal:
 
 @dataclass(frozen=True)
 class ActionMode:
-    """How a command is understood by the drive."""
+    """How a command is understood by the drive.
+
+    Attributes
+    ----------
+    name : str
+        Name of the mode, as "tension".
+    unit : str
+        SI unit of the command.
+    bound : str
+        Name of the parameter that bounds the command. The range is [-bound, bound], or [0, bound] where `one_sided`.
+    one_sided : bool
+        Whether the command is never negative.
+    rest_signal : str
+        Signal whose value at rest is the command that keeps the plant at rest; where it is empty, that command is 0.
+    """
 
     name: str
     unit: str
     bound: str
-    """name of the parameter that bounds the command; the range is [-bound, bound], or [0, bound] when `one_sided`"""
     one_sided: bool = False
     rest_signal: str = ""
-    """signal whose value at rest is the command that keeps the plant at rest; empty: zero"""
 
 
 @dataclass(frozen=True)
 class Plant:
     """A plant: declared parameters, a kernel, and the names of what it computes.
 
-    Arrays are structures of arrays, one column for each simulated mechanism:
-    values [len(parameters), n] -> prepare -> p [len(coefficients), n]; x [len(signals), n]; u [len(INPUTS), n].
-    Values of the whole `table` make p and x with further rows: those of the effects, behind the plant's own.
+    Attributes
+    ----------
+    name : str
+        Name of the plant.
+    parameters : ParameterTable
+        Its own parameters; `table` has those of the effects too.
+    signals : tuple of Signal
+        What it computes.
+    signal_rows : Lanes
+        Names of the signals' rows in the kernel, in their order.
+    coefficient_rows : Lanes
+        What the kernel computes with; ``derive`` makes it from the parameters once an episode.
+    scratch : Lanes
+        Rows of the kernel's own that are forgotten after a call.
+    action_modes : tuple of ActionMode
+        What a command can be.
+    derive : callable
+        (values of every parameter by name, each of shape (n,); rows of the effects by name, or None) -> rows of the
+        coefficients by name. It raises ConfigurationError for what single bounds cannot exclude, and may complete rows
+        of the effects that are the plant's.
+    settle : callable
+        (x, s, p, e, position of the output, shape (n,)): writes the signals and the states of effects at rest there, by
+        name.
+    solve : callable
+        (x, p, u, w, e, s, g, lanes, substeps, dt): the stages of a block of columns, for the kernel
+        (`cable_envs.plants.kernel`).
+    effects : Layout
+        The effects that act on it.
+    step_rows : Lanes
+        Scratch of a control step with effects.
+    plain : bool
+        Whether there is a kernel without effects, which is quicker. It gives the same numbers to the bit where none is
+        on.
+    replays : tuple of str
+        How a recorded drive may drive it, besides its action modes (`cable_envs.sim.replay.replay`).
+    own : tuple of Effect
+        A user's own effects (`cable_envs.plants.own_effects`).
+
+    Notes
+    -----
+    Arrays are structures of arrays, with one column for each of n simulated mechanisms:
+
+    - values, shape (len(parameters), n), in SI; `prepare` turns them into p;
+    - p, shape (len(coefficients), n);
+    - x, shape (len(signals), n), in SI;
+    - u, shape (len(INPUTS), n): command, its rate, action mode and disturbance.
+
+    Values of the whole `table` give p and x further rows behind the plant's own: those of the effects.
     """
 
     name: str
     parameters: ParameterTable
-    """its own; `table` has those of the effects too"""
     signals: tuple[Signal, ...]
     signal_rows: Lanes
-    """names of the signals' rows in the kernel, in their order"""
     coefficient_rows: Lanes
-    """what the kernel computes with: made from the parameters once an episode, by ``derive``"""
     scratch: Lanes
-    """rows of the kernel's own that are forgotten after a call"""
     action_modes: tuple[ActionMode, ...]
     derive: Callable[[Mapping[str, np.ndarray], Any], Mapping[str, Any]]
-    """(values of every parameter [n], rows of the effects by name or None) -> rows of the coefficients by name.
-
-    It checks what single bounds cannot (raises ConfigurationError), and may complete rows of the effects that are the
-    plant's."""
     settle: Callable[[Any, Any, Any, Any, np.ndarray], None]
-    """(x, s, p, e, output position [n]): writes signals and states of effects at rest there, by name"""
     solve: Callable[..., None]
-    """(x, p, u, w, e, s, g, lanes, substeps, dt): the stages of a block of columns, for the kernel (`plants.kernel`)"""
     effects: Layout
     step_rows: Lanes = STEP_ROWS
-    """scratch of a control step with effects"""
     plain: bool = True
-    """whether there is a kernel without effects, which is quicker; the same numbers to the bit where none is on"""
 
     replays: tuple[str, ...] = ("follow", "imposed", "observed")
-    """how a recorded drive may drive it, besides its action modes (`cable_envs.sim.replay.replay`)"""
     own: tuple[Effect, ...] = ()
-    """a user's own effects (`cable_envs.plants.own_effects`)"""
 
     def __post_init__(self) -> None:
         if self.signal_rows.count != len(self.signals):
@@ -99,7 +152,7 @@ class Plant:
 
     @cached_property
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
-        """Without and with effects, see `advance`; compiled on first use."""
+        """Kernels (x, p, u, lo, hi, substeps, dt) without and with effects, as of `advance`; compiled on first use."""
         made = kernels(
             f"{self.name}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
             self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
@@ -107,10 +160,22 @@ class Plant:
         return made if self.plain else (made[1], made[1])
 
     def prepare(self, values: np.ndarray) -> np.ndarray:
-        """Coefficients [rows, n] of parameter columns [len(parameters), n] or [len(table), n].
+        """Coefficients of the kernel from parameters.
 
-        Those of the whole table give the rows of the effects too. Raises ConfigurationError for what the bounds of
-        single parameters cannot exclude.
+        Parameters
+        ----------
+        values : ndarray, shape (len(parameters), n) or (len(table), n)
+            Columns of parameters, SI.
+
+        Returns
+        -------
+        ndarray, shape (rows, n)
+            Coefficients. Values of the whole table give the rows of the effects too.
+
+        Raises
+        ------
+        ConfigurationError
+            For what the bounds of single parameters cannot exclude.
         """
         own, n = len(self.parameters), values.shape[1]
         given = dict(zip(self.parameters.names, values, strict=False))
@@ -122,7 +187,20 @@ class Plant:
         return np.ascontiguousarray(np.concatenate([rows, more]))
 
     def rest(self, p: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """Signals [rows, n] of mechanisms at rest with the output at ``position`` [n], SI."""
+        """Signals of mechanisms at rest.
+
+        Parameters
+        ----------
+        p : ndarray, shape (rows, n)
+            Coefficients, as of `prepare`.
+        position : ndarray, shape (n,), or float
+            Position of the output, SI.
+
+        Returns
+        -------
+        ndarray, shape (rows, n)
+            Signals, SI, and behind them the states of the effects where ``p`` has effects.
+        """
         own, n = self.coefficient_rows.count, p.shape[1]
         known = len(p) > own
         e = self.effects.lanes.over(p[own:]) if known else self.effects.lanes.zeros(n)
@@ -133,17 +211,46 @@ class Plant:
         return x
 
     def advance(self, x: np.ndarray, p: np.ndarray, u: np.ndarray, lo: int, hi: int, substeps: int, dt: float) -> None:
-        """Move columns lo..hi by ``substeps`` steps of ``dt`` seconds, in place."""
+        """Move columns ``lo`` to ``hi`` on by ``substeps`` steps of ``dt`` seconds.
+
+        Parameters
+        ----------
+        x : ndarray, shape (rows, n)
+            Signals and states of effects, as of `rest`. They are changed in place.
+        p : ndarray, shape (rows, n)
+            Coefficients, as of `prepare`.
+        u : ndarray, shape (len(INPUTS), n)
+            Inputs (`cable_envs.core.inputs`).
+        lo, hi : int
+            First column, and the one behind the last.
+        substeps : int
+            Integration steps.
+        dt : float
+            Length of one, s.
+        """
         self.kernels[self.needs_effects(p[:, lo:hi], u[:, lo:hi])](x, p, u, lo, hi, substeps, dt)
 
     def needs_effects(self, p: np.ndarray, u: np.ndarray | None = None) -> bool:
-        """Whether columns have an effect that is on, or a mode that only the kernel with effects knows."""
+        """Whether columns need the kernel with effects.
+
+        Parameters
+        ----------
+        p : ndarray, shape (rows, n)
+            Coefficients.
+        u : ndarray, shape (len(INPUTS), n), optional
+            Inputs.
+
+        Returns
+        -------
+        bool
+            True where an effect is on, or where a mode is asked for that only the kernel with effects knows.
+        """
         own = self.coefficient_rows.count
         on = len(p) > own and bool(p[own + self.effects.lanes.row("on")].any())
         return on or (u is not None and bool((INPUTS.over(u).mode > FOLLOW - 0.5).any()))
 
     def sense_row(self, signal: str) -> int:
-        """First row of a sensor's effects within p; -1 where it cannot have any."""
+        """First row of the effects of a signal's sensor within p; -1 where it cannot have any."""
         own = self.coefficient_rows.count
         return own + self.effects.sense_row(signal) if signal in self.effects.measured else -1
 
@@ -153,5 +260,5 @@ class Plant:
 
 
 def rows_of(signals: Iterable[Signal]) -> Lanes:
-    """Rows under the names of signals, for plants none of whose signals form a sequence."""
+    """Rows under the names of signals, in their order, for plants none of whose signals form a sequence."""
     return Lanes("Signals", [s.name for s in signals])

@@ -156,26 +156,42 @@ class Family:
         return hash(self.name)
 
     def output(self, kind: str) -> Output:
-        """The controlled quantity of a kind of task. Raises ConfigurationError where the family has none such."""
+        """The controlled quantity of a kind of task.
+
+        Parameters
+        ----------
+        kind : str
+            "position", "tension" or "torque".
+
+        Returns
+        -------
+        Output
+            One of ``outputs``.
+
+        Raises
+        ------
+        ConfigurationError
+            Where the family has none such.
+        """
         if kind not in self.outputs:
             known = ", ".join(self.outputs) or "none"
             raise ConfigurationError(f"{self.name} has no {kind} task; its tasks control: {known}")
         return self.outputs[kind]
 
     def draws(self) -> Any:
-        """The class that draws it. Raises ConfigurationError where there is none."""
+        """The class that draws it, imported now; ConfigurationError where there is none."""
         if not self.scene:
             raise ConfigurationError(f"{self.name} has no scene: rgb_array and human are not available")
         return _found(self.scene)
 
     def sees(self) -> Any:
-        """The class of its view. Raises ConfigurationError where there is none."""
+        """The class of its view, imported now; ConfigurationError where there is none."""
         if not self.view:
             raise ConfigurationError(f"{self.name} has no view: general reference controllers are not available")
         return _found(self.view)
 
     def records(self) -> Mapping[str, str]:
-        """Its channels. Raises ConfigurationError where it has no recordings."""
+        """Its channels with their SI units; ConfigurationError where it has no recordings."""
         if not self.channels:
             raise ConfigurationError(f"{self.name} has no channels: recordings of it cannot be read or written")
         return self.channels

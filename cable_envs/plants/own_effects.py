@@ -40,7 +40,23 @@ from cable_envs.plants.base import Plant
 
 
 def load_effect(path: str | Path) -> Effect:
-    """The ``EFFECT`` of a Python file; the file is run. Raises ConfigurationError that says what is wrong with it."""
+    """A user's own effect from a file.
+
+    Parameters
+    ----------
+    path : str or Path
+        A Python file that defines ``EFFECT``. The file is run.
+
+    Returns
+    -------
+    Effect
+        Checked by `check_effect`.
+
+    Raises
+    ------
+    ConfigurationError
+        Where there is no such file, it fails, it defines no effect, or the effect cannot be compiled in.
+    """
     path = Path(path)
     if not path.is_file():
         raise ConfigurationError(f"effect file {path}: there is no such file")
@@ -59,7 +75,21 @@ def load_effect(path: str | Path) -> Effect:
 
 
 def check_effect(effect: Effect, where: str) -> None:
-    """Raise ConfigurationError for what cannot be compiled in: names, seams, numbers of arguments."""
+    """Refuse an effect that cannot be compiled in.
+
+    Parameters
+    ----------
+    effect : Effect
+        A user's own effect.
+    where : str
+        Where it is from, for the error.
+
+    Raises
+    ------
+    ConfigurationError
+        For the name of a canonical effect or one that is no identifier, no hooks, unknown seams, and hooks with another
+        number of arguments than the seam and the parameters give them.
+    """
     if effect.name in EFFECTS:
         raise ConfigurationError(f"{where}: the name '{effect.name}' is that of a canonical effect")
     if not effect.name.isidentifier():
@@ -78,7 +108,25 @@ def check_effect(effect: Effect, where: str) -> None:
 
 @cache
 def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
-    """The plant with further effects; its kernel is compiled on first use."""
+    """A plant with further effects.
+
+    Parameters
+    ----------
+    plant : Plant
+        The plant without them.
+    own : tuple of Effect
+        A user's own effects.
+
+    Returns
+    -------
+    Plant
+        A copy whose kernel is compiled on first use; ``plant`` itself where there are none.
+
+    Raises
+    ------
+    ConfigurationError
+        Where an effect does not act on the plant, or the plant has no such seam.
+    """
     if not own:
         return plant
     for effect in own:

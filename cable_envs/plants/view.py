@@ -10,20 +10,71 @@ Reference = tuple[float, float, float]
 
 
 class Hauling(Protocol):
-    """A load hauled by a tension with direction-dependent losses: m y'' = T n^-s - G (Gu 2024, G28)."""
+    """A load hauled by a tension with losses that depend on the direction of motion.
+
+    Attributes
+    ----------
+    mass : float
+        m, kg.
+    stiffness : float
+        Stiffness of the spring on the load, N/m; 0 where there is none.
+    cable_stiffness : float
+        Stiffness of the cable between drive and load, N/m.
+
+    Notes
+    -----
+    m y'' = T n^-s - G (Gu 2024, G28), with the driving tension T and the sign s of the motion.
+    """
 
     mass: float
     stiffness: float
     cable_stiffness: float
 
     def ratio(self, speed: float, drive_tension: float, load_tension: float) -> float:
-        """n >= 1, the tension ratio while sliding at ``speed`` (m/s)."""
+        """Ratio of the tensions on both sides of the friction.
+
+        Parameters
+        ----------
+        speed : float
+            Speed of sliding, m/s.
+        drive_tension, load_tension : float
+            Tensions on both sides, N.
+
+        Returns
+        -------
+        float
+            n, at least 1.
+        """
 
     def resistance(self, position: float, velocity: float) -> float:
-        """G, N: what the load-side tension works against."""
+        """What the load-side tension works against.
+
+        Parameters
+        ----------
+        position : float
+            Of the load, m.
+        velocity : float
+            Of the load, m/s.
+
+        Returns
+        -------
+        float
+            G, N.
+        """
 
     def require_spring(self, task: str) -> None:
-        """Raise ConfigurationError where the load-side tension of a task cannot be set."""
+        """Refuse a task that needs a spring on the load where there is none.
+
+        Parameters
+        ----------
+        task : str
+            "position" or "tension".
+
+        Raises
+        ------
+        ConfigurationError
+            Where the load-side tension of the task cannot be set.
+        """
 
 
 class View:
@@ -42,23 +93,41 @@ class View:
         Measured signal that should follow the reference.
     pid : mapping of (str, str) to Gains
         (action mode, task) -> gains "kp", "ki", "kd" and "filter_time" of a PID on that signal.
+    hauls : tuple of str
+        Action modes in which the command is the tension at the drive: `hauling` then has the model.
     """
 
     pid: ClassVar[Mapping[tuple[str, str], Gains]]
     hauls: ClassVar[tuple[str, ...]] = ()
-    """action modes in which the command is the tension at the drive: `hauling` then has the model"""
     signal: str
 
     def __init__(self, rig: Mapping[str, float], action_mode: str, task: str):
         raise NotImplementedError
 
     def steady(self, ref: Reference, way: float) -> float:
-        """The command with which the output follows ``ref``.
+        """The command with which the output follows a reference.
 
-        way: share of the friction that acts, 1 where it opposes positive motion, -1 negative; 0: as if there was none.
+        Parameters
+        ----------
+        ref : tuple of three float
+            Reference with its first two derivatives, SI.
+        way : float
+            Share of the friction that acts: 1 where it opposes positive motion, -1 where it opposes negative motion, 0
+            as if there was none.
+
+        Returns
+        -------
+        float
+            In the unit of the action mode.
         """
         raise NotImplementedError
 
     def hauling(self) -> Hauling:
-        """The model for controllers of a hauled load; only in the action modes ``hauls``."""
+        """The model for controllers of a hauled load, in the action modes `hauls` only.
+
+        Returns
+        -------
+        Hauling
+            With the nominal parameters.
+        """
         raise NotImplementedError

@@ -60,7 +60,22 @@ def _multisine(q, i, s):
 
 @inline
 def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
-    """(r, dr/dt, d2r/dt2) of column i at time t [s]; jumps have no derivative and report zero."""
+    """Value of a signal with its first two derivatives, as a piece of a kernel.
+
+    Parameters
+    ----------
+    q : named tuple
+        Rows of `FIELDS` by name.
+    i : int
+        Column.
+    t : float
+        Time, s.
+
+    Returns
+    -------
+    tuple of three float
+        r, dr/dt and d2r/dt2 in SI. A jump has no derivative; 0 is given.
+    """
     kind, offset, amplitude = int(q.kind[i]), q.offset[i], q.amplitude[i]
     s = t - q.start[i]
     if kind == CONSTANT or s < 0.0:
@@ -92,14 +107,52 @@ def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
 
 @jit
 def evaluate(q, i, t):
-    """`signal` for callers in Python; q: columns of `FIELDS`."""
+    """Value of a signal with its first two derivatives, for callers in Python.
+
+    Parameters
+    ----------
+    q : ndarray, shape (FIELDS.count, n)
+        Columns as `pack_signal` makes them.
+    i : int
+        Column.
+    t : float
+        Time, s.
+
+    Returns
+    -------
+    tuple of three float
+        As of `signal`.
+    """
     return signal(_named(q), i, t)
 
 
 def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
-    """A validated column [len(FIELDS)] from a mapping; ``what`` ("reference", "disturbance") names it in errors.
+    """A signal as a column of `FIELDS`.
 
-    Raises ConfigurationError for unknown kinds or keys, missing keys, non-finite numbers.
+    Parameters
+    ----------
+    what : str
+        What errors call it: "reference" or "disturbance".
+    spec : mapping
+        "kind", one of `KINDS`, and numbers in SI: "offset", "amplitude", "frequency" (Hz), "start" (s), "phase" (rad),
+        "hold" (s). What is left out is 0, where the kind does not need it.
+
+    Returns
+    -------
+    ndarray, shape (FIELDS.count,)
+        The column. Its last row, the key of what is random, is 0.
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown kinds or keys, missing keys, and numbers that are not finite or, for a frequency or hold that the
+        kind needs, not above 0.
+
+    Examples
+    --------
+    >>> column = pack_signal("reference", {"kind": "sine", "amplitude": 0.01, "frequency": 0.2})
+    >>> dict(zip(FIELDS.names, column.tolist()))["frequency"]
+    0.2
     """
     if not isinstance(spec, Mapping):
         raise ConfigurationError(f"{what}: expected a mapping with 'kind', got {spec!r}")

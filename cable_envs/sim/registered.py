@@ -17,11 +17,12 @@ def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
     env_id : str
         Registered id, namespace and version included.
     options : mapping
-        Options of the environment, see `cable_envs.envs.CableEnv`.
+        Options of the environment (`cable_envs.envs.CableEnv`).
 
     Returns
     -------
     Setup
+        What the environment would be made from.
 
     Raises
     ------

@@ -77,29 +77,61 @@ def replay(
     sensors: bool = True,
     threads: int = 1,
 ) -> np.ndarray:
-    """Signals [T, len(signals), n] of n mechanisms driven by a record of T control steps.
+    """Signals of many mechanisms that are driven by one record, or by one record each.
 
-    argument    | meaning
-    ----------- | -----------------------------------------------------------------------------------------------------
-    values      | parameter columns [len(plant.table), n], SI (`Rig.column`), effects and all
-    command     | [T] for all columns or [T, n]: what the drive has reached, or is told, at the END of each step
-    period      | control period, s; the record's samples are that far apart
-    drive       | an action mode of the plant; "follow": the drive's position is exactly the command (a cubic through
-                | the samples, with the speeds ``rate``, by default central differences); "imposed": the cable's
-                | tension at the drive (cable_hole), the torque (circuits) or force (linear_drive) is the command;
-                | "observed" (linear_drive): the motor's force is ``disturbance`` plus what the servo, feeling the
-                | carriage, adds to hold it to the command: "force" is then what the recorded motion takes
-    rate        | speed of the command at the end of each step ("follow") or over it [T] or [T, n]; by default from
-                | its differences, 0 over the first step
-    hold        | "ramp": commands go from sample to sample in straight lines; "step": they jump and are held
-    disturbance | force or torque on the load [T] or [T, n]
-    start       | position of the output at rest before the first step, or [n]
-    state       | instead of ``start``: x [rows, n] to go on from (`Plant.rest` has its shape); it is moved on in place
-    substeps    | integration steps in each period
-    sensors     | False: the true signals, without the effects of sensors
-    threads     | how many threads share the columns
+    Parameters
+    ----------
+    plant : Plant
+        What simulates them.
+    values : ndarray, shape (len(plant.table), n)
+        Columns of parameters, SI, effects included (`cable_envs.sim.rigs.Rig.column`).
+    command : array_like, shape (T,) or (T, n)
+        What the drive has reached, or is told, at the end of each control step; of shape (T,) for all columns.
+    period : float
+        Control period, s; the samples of the record are that far apart.
+    drive : str
+        What the command is: an action mode of the plant, or one of the following, as far as the plant has it
+        (`Plant.replays`).
 
-    Raises ConfigurationError for wrong shapes and names.
+        - "follow": the drive's position is the command, on a cubic through the samples with the speeds ``rate``.
+        - "imposed": the command is the cable's tension at the drive (cable_hole), the torque (circuits) or the force
+          (linear_drive).
+        - "observed" (linear_drive): the motor's force is ``disturbance`` plus what the servo, feeling the carriage,
+          adds to hold it to the command. The signal "force" is then what the recorded motion takes.
+    signals : sequence of str
+        Names of the signals that are returned.
+    hold : str
+        "ramp": commands go from sample to sample in straight lines. "step": they jump and are held.
+    rate : array_like, shape (T,) or (T, n), optional
+        Speed of the command, at the end of each step for "follow", else over the step. By default it comes from
+        differences of the command: central ones for "follow", else those over a step with 0 over the first.
+    disturbance : array_like, shape (T,) or (T, n), optional
+        Force (N) or torque (N m) on the load.
+    start : float or ndarray, shape (n,)
+        Position of the output at rest before the first step, SI.
+    state : ndarray, shape (rows, n), optional
+        State to go on from instead of ``start``, of the shape that `Plant.rest` gives. It is changed in place.
+    substeps : int
+        Integration steps in each period.
+    sensors : bool
+        False returns the true signals, without the effects of sensors.
+    threads : int
+        Threads that share the columns.
+
+    Returns
+    -------
+    ndarray, shape (T, len(signals), n)
+        The signals at the end of each step, SI.
+
+    Raises
+    ------
+    ConfigurationError
+        For wrong shapes, numbers that are not finite, unknown names, and a drive that the plant cannot be replayed
+        with.
+
+    Notes
+    -----
+    All columns go through all steps in one compiled call. Sensors have no noise here.
     """
     n = values.shape[1] if np.ndim(values) == 2 else 0
     if n == 0 or len(values) != len(plant.table):
@@ -184,7 +216,28 @@ def _column(name: str, value, n: int) -> np.ndarray:
 def distort(
     plant: Plant, p: np.ndarray, signals: Sequence[str], out: np.ndarray, period: float, first: np.ndarray
 ) -> np.ndarray:
-    """What the sensors show of signals [T, k, n]: scale, bias, rectification, delay. ``first`` [k, n]: at the start."""
+    """What the sensors show of signals: scale and bias, then rectification, then delay.
+
+    Parameters
+    ----------
+    plant : Plant
+        Says which signals have a sensor.
+    p : ndarray, shape (coefficients, n)
+        As of `Plant.prepare`, with the rows of effects.
+    signals : sequence of str
+        Names of the k signals.
+    out : ndarray, shape (T, k, n)
+        Their true values, SI. It is not changed.
+    period : float
+        Time between two samples, s.
+    first : ndarray, shape (k, n)
+        Their true values before the first sample.
+
+    Returns
+    -------
+    ndarray, shape (T, k, n)
+        What is shown; ``out`` itself where no sensor has an effect.
+    """
     shown = out
     for k, name in enumerate(signals):
         row = plant.sense_row(name)

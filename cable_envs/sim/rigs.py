@@ -33,10 +33,33 @@ _KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "effec
 
 @dataclass(frozen=True)
 class Rig:
-    """A validated rig: ``values`` holds every parameter of its plant in SI, ``sources`` where given ones are from.
+    """The validated parameters of one test rig.
 
-    ``effects`` holds the parameters of effects that were given, under dotted names, in SI; all others are at null. What
-    is a parameter of the plant itself under another name ("viscous_friction.coefficient") is among ``values``.
+    Attributes
+    ----------
+    name : str
+        Name of the rig.
+    plant : str
+        Family of plants that simulates it, as "cable_hole".
+    holes : int
+        Holes in series; 1 where the family has no such series.
+    values : mapping of str to float
+        Every parameter of the plant, SI.
+    sources : mapping of str to str
+        Where the given parameters are from, by name.
+    description : str
+        For people.
+    effects : mapping of str to float
+        The given parameters of effects under dotted names ("backlash.gap"), SI. All others are at null. A parameter
+        that the plant itself has under another name ("viscous_friction.coefficient") is among ``values``.
+    own : tuple of Effect
+        A user's own effects, which ``effects`` may name too.
+
+    Examples
+    --------
+    >>> rig = load_rig("gu-inferred").replace({"load_mass": {"value": 4000.0, "unit": "g"}, "backlash.gap": 5e-4})
+    >>> rig.values["load_mass"], rig.effects
+    (4.0, {'backlash.gap': 0.0005})
     """
 
     name: str
@@ -47,10 +70,25 @@ class Rig:
     description: str = ""
     effects: Mapping[str, float] = field(default_factory=dict)
     own: tuple[Effect, ...] = ()
-    """a user's own effects, that ``effects`` may name too"""
 
     def column(self, plant: Plant) -> np.ndarray:
-        """The rig as a column [len(plant.table), 1]; ConfigurationError where an effect does not act on the plant."""
+        """The rig as a column of parameters.
+
+        Parameters
+        ----------
+        plant : Plant
+            A simulator of the rig.
+
+        Returns
+        -------
+        ndarray, shape (len(plant.table), 1)
+            Values in the order of the plant's table, SI; effects that were not given are at null.
+
+        Raises
+        ------
+        ConfigurationError
+            Where an effect of the rig does not act on the plant.
+        """
         for name, value in self.effects.items():
             if name not in plant.table and value != self.simulated_by().table[name].default:
                 plant.effects.check(name)
@@ -58,13 +96,43 @@ class Rig:
         return plant.table.pack({**self.values, **given})[:, None]
 
     def simulated_by(self, variant: str = "analytic") -> Plant:
-        """The plant that simulates this rig; ``variant`` "analytic" or "chain" for the pulley circuit."""
+        """The plant that simulates this rig.
+
+        Parameters
+        ----------
+        variant : str
+            "analytic", or "chain" for the pulley circuit as a chain of spans and contacts.
+
+        Returns
+        -------
+        Plant
+            With the user's own effects, where the rig has some.
+
+        Raises
+        ------
+        ConfigurationError
+            For an unknown variant, and for own effects that do not act on the plant.
+        """
         return with_own_effects(plant_for(self.plant, variant, self.holes), self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
-        """The same rig with some parameters changed (numbers in SI or ``{value, unit}``), validated.
+        """The same rig with some parameters changed.
 
-        Names are those of the plant, dotted ones of effects ("backlash.gap"), or effects with a mapping.
+        Parameters
+        ----------
+        changes : mapping
+            Name to value: a number in SI or ``{value, unit}``. A name is that of a parameter of the plant, a dotted one
+            of an effect ("backlash.gap"), or an effect with a mapping of its parameters.
+
+        Returns
+        -------
+        Rig
+            A new one, validated.
+
+        Raises
+        ------
+        ConfigurationError
+            For unknown names, units that do not fit and values out of bounds.
         """
         plant = self.simulated_by()
         own, effects = _sorted(changes, plant)
@@ -90,9 +158,31 @@ def _sorted(changes: Mapping[str, Any], plant: Plant) -> tuple[dict[str, Any], d
 
 
 def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Effect, ...] = ()) -> Rig:
-    """A `Rig` from the content of a rig file. Raises ConfigurationError that names ``origin`` and the key.
+    """A `Rig` from the content of a rig file.
 
-    own: a user's own effects, that the file may name.
+    Parameters
+    ----------
+    data : mapping
+        Keys of a rig file, as the text at the head of this module shows them. Only "plant" is required.
+    origin : str
+        What errors call the source; also the name of a rig without one.
+    own : tuple of Effect
+        A user's own effects, which the mapping may name.
+
+    Returns
+    -------
+    Rig
+        Validated; parameters that are not given have the default of the plant.
+
+    Raises
+    ------
+    ConfigurationError
+        Names ``origin`` and the key.
+
+    Examples
+    --------
+    >>> rig_from_mapping({"plant": "pulley_circuit", "name": "bench"}).name
+    'bench'
     """
     require_known(f"key in {origin}", data, _KEYS)
     if data.get("schema", SCHEMA) != SCHEMA:

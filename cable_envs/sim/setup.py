@@ -34,7 +34,43 @@ MAX_DELAY = 100
 
 @dataclass(frozen=True)
 class Setup:
-    """Everything that defines an environment but its random state."""
+    """Everything that defines an environment but its random state.
+
+    Attributes
+    ----------
+    task : Task
+        Content of the task's file.
+    rig : Rig
+        Nominal parameters and effects.
+    plant : Plant
+        What simulates the rig.
+    action_mode : ActionMode
+        What a command is.
+    mode_index : int
+        Place of the action mode in ``plant.action_modes``.
+    low, high : float
+        Commands of the actions -1 and 1, in the unit of the action mode.
+    channels : tuple of Channel
+        Entries of an observation, in order.
+    reference, disturbance : mapping
+        Signals as `cable_envs.sim.references.pack_signal` takes them.
+    randomize : tuple of (str, float, float)
+        Parameters that each episode draws anew, with the ends of their ranges in SI.
+    noise : ndarray, shape (len(plant.signals),)
+        Standard deviation of the noise on each signal of the plant, SI.
+    sensor_delay : int
+        Control steps by which all measurements are late.
+    sensor_steps : int
+        Control steps that the effect sensor_delay may need besides.
+    action_delay : int
+        Control steps until an action acts.
+    control_period : float
+        Time between two actions, s.
+    substeps : int
+        Integration steps in a control period.
+    steps : int
+        Control steps in an episode.
+    """
 
     task: Task
     rig: Rig
@@ -47,21 +83,17 @@ class Setup:
     reference: Mapping[str, Any]
     disturbance: Mapping[str, Any]
     randomize: tuple[tuple[str, float, float], ...]
-    """(parameter, low, high) in SI"""
     noise: np.ndarray
-    """standard deviation of each plant signal, SI"""
     sensor_delay: int
     sensor_steps: int
-    """control steps that the effect sensor_delay may need besides"""
     action_delay: int
     control_period: float
     substeps: int
     steps: int
-    """control steps in an episode"""
 
     @property
     def output_unit(self) -> str:
-        """Unit of the controlled quantity."""
+        """SI unit of the controlled quantity."""
         return self.plant.signals[self.plant.row(self.task.output)].unit
 
     @property
@@ -76,7 +108,7 @@ class Setup:
 
     @property
     def sensors(self) -> tuple[str, ...]:
-        """The signals that are measured, each once: those observed, and the one that stands for the output."""
+        """The signals that are measured, each once: those observed, and the `proxy`."""
         return tuple(dict.fromkeys([*(c.name for c in self.channels if c.measured), self.proxy]))
 
 
@@ -100,9 +132,36 @@ def make_setup(
     duration: float | None = None,
     **unknown: Any,
 ) -> Setup:
-    """Validate the options of an environment; see `cable_envs.envs.CableEnv` for their meaning.
+    """Validate the options of an environment.
 
-    Raises ConfigurationError that names the option and what would be right.
+    Parameters
+    ----------
+    task : str
+        Name of a task in configs/tasks, as "CableHole-Position".
+    reference : str or mapping
+        "step", "sine", or a signal as `cable_envs.sim.references.pack_signal` takes it.
+    rig, effects, effect_file, plant, action_mode, observe, randomize, sensor_noise, sensor_delay, action_delay
+        As of `cable_envs.envs.CableEnv`.
+    disturbance, control_period, substeps, duration
+        As of `cable_envs.envs.CableEnv`. None takes what the task says; a disturbance is then absent.
+    **unknown
+        Whatever else is given is refused, with the nearest option.
+
+    Returns
+    -------
+    Setup
+        What the environment is made from.
+
+    Raises
+    ------
+    ConfigurationError
+        Names the option and what would be right.
+
+    Examples
+    --------
+    >>> setup = make_setup("CableHole-Position", "step", duration=2.0)
+    >>> setup.steps, setup.output_unit, (setup.low, setup.high)
+    (200, 'm', (0.0, 120.0))
     """
     require_known("option", unknown, OPTIONS)
     declared = load_task(task)

@@ -21,12 +21,50 @@ RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
 
 
 def proxy_gain(setup: Setup) -> float:
-    """Value of the proxy signal for one unit of output if the cable were rigid and without friction."""
+    """Change of the proxy signal for one unit of output if the cable were rigid and without friction.
+
+    Parameters
+    ----------
+    setup : Setup
+        Names the task and the nominal rig.
+
+    Returns
+    -------
+    float
+        In the unit of the proxy over that of the output.
+    """
     return family(setup.rig.plant).output(setup.task.kind).rigid(setup.rig.values)
 
 
 class Simulation:
-    """``n`` environments side by side. Single environments are a simulation of one: there is no other code path."""
+    """The state of n environments side by side.
+
+    A single environment is a simulation of one: there is no other code path.
+
+    Parameters
+    ----------
+    setup : Setup
+        What defines the environments.
+    n : int
+        Number of environments.
+
+    Attributes
+    ----------
+    info_names : tuple of str
+        Names of the values of an info.
+    values : ndarray, shape (len(plant.table), n)
+        True parameters of the rig in the present episodes, SI.
+    buffers : Buffers
+        What the kernels read and write.
+    asked : ndarray, shape (n,)
+        Actions to take, in [-1, 1]; written by the caller.
+    spread : float
+        Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from.
+    with_effects : bool
+        Whether the kernel with effects is in use. Without effects both kernels give the same numbers.
+    kernel : callable
+        The kernel of a control step.
+    """
 
     def __init__(self, setup: Setup, n: int):
         self.setup, self.n = setup, n
@@ -34,7 +72,6 @@ class Simulation:
         self.info_names = (*INFO.names, *(s.name for s in plant.signals))
         self._column = setup.rig.column(plant)
         self.values = np.repeat(self._column, n, axis=1)
-        """True rig parameters [len(plant.table), n], SI."""
         self.buffers = Buffers.of(setup, n)
         self._named = self.buffers.named
         self._nominal = plant.prepare(self._column)
@@ -44,17 +81,27 @@ class Simulation:
         self._disturbance = pack_signal("disturbance", setup.disturbance)
         self._choose(setup.sensor_steps > 0 or self._has_effects(self._nominal))
         self.asked = self._named.asked
-        """Actions to take, in [-1, 1], [n]; written by the caller."""
         self.spread = 1.0
-        """Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from."""
 
     def reset(
         self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
     ) -> None:
-        """Start new episodes in ``lanes``; ``generators[k]`` draws for ``lanes[k]``.
+        """Begin new episodes.
 
-        options: "rig" (mapping of parameters for this episode), "reference", "disturbance" (mappings),
-        "initial_position" (output position at the start, SI). Raises ConfigurationError for anything else.
+        Parameters
+        ----------
+        lanes : ndarray of int, shape (m,)
+            Environments that begin one.
+        generators : sequence of numpy.random.Generator
+            ``generators[k]`` draws for environment ``lanes[k]``.
+        options : mapping, optional
+            "rig" (parameters to change), "reference", "disturbance" (mappings), "initial_position" (of the output, SI),
+            for these episodes.
+
+        Raises
+        ------
+        ConfigurationError
+            For other options, values that do not fit, and a sensor's delay longer than the environment was made for.
         """
         options = dict(options or {})
         require_known("reset option", options, RESET_OPTIONS)
@@ -99,17 +146,29 @@ class Simulation:
         self.kernel = steppers.kernels_of(self.setup.plant)[with_effects]
 
     def advance(self) -> Callable[[], None]:
-        """A call that takes all environments through a control period, with the actions in ``asked``.
+        """The step of all environments by one control period.
 
-        Results are in ``buffers``. A reset that brings the first effect in needs another one: `kernel` has changed.
+        Returns
+        -------
+        callable
+            Called without arguments, it takes the actions in ``asked`` and leaves its results in ``buffers``.
+
+        Notes
+        -----
+        The call belongs to the present `kernel`. A reset that brings in the first effect changes the kernel; `advance`
+        is then to be asked again.
         """
         b = self.buffers
         return partial(ready(self.kernel, b.block, b.obs, b.common, 0, self.n), b.block, b.obs, b.common, 0, self.n)
 
     def single_kernel(self) -> Callable[..., tuple]:
-        """The same for a single environment, with what it works on left open.
+        """The compiled step of a single environment.
 
-        (block, obs, common, action) -> (reward, terminated, truncated, *values of the info)
+        Returns
+        -------
+        callable
+            (block, obs, common, action) -> (reward, terminated, truncated, *values of the info), on the arrays of a
+            `Buffers`.
         """
         b, kernel = self.buffers, steppers.single_kernels_of(self.setup.plant)[self.with_effects]
         return ready(kernel, b.block, b.obs, b.common, 0.0)
@@ -164,7 +223,13 @@ class Simulation:
         s.action[lanes] = s.last_action[lanes] = np.clip(action, -1.0, 1.0)
 
     def state(self) -> dict[str, Any]:
-        """All that changes, as copies: what `restore` takes."""
+        """Everything that changes from step to step, as copies.
+
+        Returns
+        -------
+        dict
+            What `restore` takes.
+        """
         s = self.buffers
         return {
             "block": s.block.copy(), "obs": s.obs.copy(), "values": self.values.copy(), "spread": self.spread,
@@ -172,9 +237,17 @@ class Simulation:
         }  # fmt: skip
 
     def restore(self, state: Mapping[str, Any]) -> None:
-        """Go back to a `state` of a simulation with the same setup and number of environments.
+        """Go back to a `state`.
 
-        Raises ConfigurationError where it is of another shape: other settings, or a version with other parameters.
+        Parameters
+        ----------
+        state : mapping
+            A `state` of a simulation with the same setup and number of environments.
+
+        Raises
+        ------
+        ConfigurationError
+            Where it is of another shape: other settings, or a version with other parameters.
         """
         s = self.buffers
         for name, here in (("block", s.block), ("obs", s.obs), ("values", self.values)):
@@ -189,18 +262,40 @@ class Simulation:
         self._choose(state["with_effects"])
 
     def team(self, size: int) -> Team:
-        """`advance` on ``size`` threads."""
+        """The call of `advance`, shared by ``size`` threads; the caller's own is one of them."""
         s = self.buffers
         kernel = ready(self.kernel, s.block, s.obs, s.common, 0, self.n)
         return Team(kernel, (s.block, s.obs, s.common), self.n, size, LANES)
 
     def lane_rig(self, lane: int = 0) -> dict[str, float]:
-        """The true rig parameters of one environment in its present episode, SI; without those of effects."""
+        """True parameters of the rig of one environment in its present episode.
+
+        Parameters
+        ----------
+        lane : int
+            Number of the environment.
+
+        Returns
+        -------
+        dict of str to float
+            The plant's own parameters by name, SI, without those of effects.
+        """
         parameters = self.setup.plant.parameters
         return parameters.unpack(self.values[: len(parameters), lane])
 
     def lane_effects(self, lane: int = 0) -> dict[str, float]:
-        """The parameters of effects that are not at null in one environment, SI, under dotted names."""
+        """True parameters of effects of one environment in its present episode.
+
+        Parameters
+        ----------
+        lane : int
+            Number of the environment.
+
+        Returns
+        -------
+        dict of str to float
+            Those that are not at null, SI, under dotted names.
+        """
         table, own = self.setup.plant.table, len(self.setup.plant.parameters)
         values = table.unpack(self.values[:, lane])
         return {name: values[name] for name in table.names[own:] if values[name] != table[name].default}

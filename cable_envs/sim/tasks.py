@@ -34,18 +34,65 @@ INFO = Lanes("Info", ["time", "reference", "output", "error", "command", "overlo
 
 @dataclass(frozen=True)
 class Channel:
-    """One entry of the observation: observation = SI value / scale."""
+    """One entry of an observation, which is the SI value over the scale.
+
+    Attributes
+    ----------
+    name : str
+        Name of the signal, or of one of the channels that are no signal of the plant.
+    unit : str
+        SI unit.
+    scale : float
+        SI value that is observed as 1.
+    measured : bool
+        Whether it is a signal of the plant, measured by a sensor.
+    """
 
     name: str
     unit: str
     scale: float
     measured: bool
-    """whether it is a signal of the plant, measured by a sensor"""
 
 
 @dataclass(frozen=True)
 class Task:
-    """The content of a task file, validated (see configs/tasks)."""
+    """The validated content of a task file (configs/tasks).
+
+    Attributes
+    ----------
+    name, description : str
+        Name of the file, and what it is about.
+    rig : str
+        Preset that the task is made for.
+    output : str
+        Signal that should follow the reference.
+    proxy : str
+        Signal that stands for the output, through the rigid transmission ratio, where that is not observed.
+    action_mode : str
+        What a command is unless the environment says otherwise.
+    observe : str
+        Level of observation unless the environment says otherwise: "drive", "output" or "full".
+    duration, control_period : float
+        Length of an episode and of a control step, s.
+    substeps : int
+        Integration steps in a control step.
+    error_scale : float
+        Error at which the reward is one half, in the unit of the output.
+    effort_weight : float
+        Weight of the squared change of the action.
+    success_error : float
+        Largest error of the last fifth of an episode that counts as success, in the unit of the output.
+    references : mapping of str to mapping
+        Signals by name, "step" and "sine" (`cable_envs.sim.references`).
+    scales : mapping of str to float
+        SI value that is observed as 1, for every signal of the plant, "error" and "command".
+    observe_levels : mapping of str to list of str
+        Signals that each level adds to those of the level before it.
+    sensor_noise : mapping of str to float
+        Standard deviation of the noise on signals, SI, where noise is asked for.
+    randomize : mapping of str to mapping
+        Ranges of parameters, where randomisation is asked for: ``{"scale": [a, b]}`` or ``{"low": a, "high": b}``.
+    """
 
     name: str
     description: str
@@ -72,13 +119,55 @@ class Task:
         return self.name.split("-")[1].lower()
 
     def observed(self, level: str) -> tuple[str, ...]:
-        """Plant signals observed at a level; each level includes the ones before it."""
+        """Signals of the plant that are observed at a level.
+
+        Parameters
+        ----------
+        level : str
+            "drive", "output" or "full".
+
+        Returns
+        -------
+        tuple of str
+            Signals of this level and of those before it.
+
+        Raises
+        ------
+        ConfigurationError
+            For an unknown level.
+
+        Examples
+        --------
+        >>> load_task("CableHole-Tension").observed("output")
+        ('drive_position', 'drive_velocity', 'drive_tension', 'load_tension')
+        """
         require_known("observe level", [level], LEVELS)
         return tuple(n for lv in LEVELS[: LEVELS.index(level) + 1] for n in self.observe_levels[lv])
 
 
 def load_task(name: str) -> Task:
-    """The task ``name``, one of `TASKS`. Raises ConfigurationError for unknown names or keys."""
+    """A task by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of `TASKS`.
+
+    Returns
+    -------
+    Task
+        The content of its file.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown name, with the nearest, and for a file with missing or unknown keys.
+
+    Examples
+    --------
+    >>> load_task("PulleyCircuit-Torque").kind
+    'torque'
+    """
     require_known("task", [name], TASKS)
     data = read_yaml(config_path("tasks", f"{name}.yaml"))
     if data.pop("schema", None) != SCHEMA:
@@ -93,11 +182,41 @@ def load_task(name: str) -> Task:
 
 @inline
 def command_of(action, low, high):
-    """The command that an action in [-1, 1] asks for: linear over the range of the action mode."""
+    """The command that an action asks for, linear over the range of the action mode.
+
+    Parameters
+    ----------
+    action : float
+        In [-1, 1].
+    low, high : float
+        Commands of the actions -1 and 1.
+
+    Returns
+    -------
+    float
+        In the unit of ``low`` and ``high``.
+    """
     return low + 0.5 * (action + 1.0) * (high - low)
 
 
 @inline
 def reward(error, change, error_scale, effort_weight):
-    """Reward for an absolute tracking error and a change of the action."""
+    """Reward of a control step (equation at the head of this module).
+
+    Parameters
+    ----------
+    error : float
+        Absolute tracking error, SI.
+    change : float
+        Change of the action since the last step.
+    error_scale : float
+        Error at which the first term is one half, SI.
+    effort_weight : float
+        Weight of the squared change.
+
+    Returns
+    -------
+    float
+        At most 1.
+    """
     return 1.0 / (1.0 + error / error_scale) - effort_weight * change * change
