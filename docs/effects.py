@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cable_envs.effects import EFFECTS
 from cable_envs.effects.base import Effect, EffectParameter
-from cable_envs.plants import forms_of, plants_with
+from cable_envs.plants import families, forms_of, plant_for, plants_with
 
 FILE = Path(__file__).with_name("effects.md")
 HEAD = """# Effects that a simulator may lack
@@ -52,7 +52,7 @@ def section(effect: Effect) -> str:
             *map(line, effect.parameters),
             "",
             f"- Acts on: {plants}. Seam: {effect.seam}.",
-            *(form(plant, one) for plant, one in forms_of(effect.name).items()),
+            *(form(plant, one) for plant, one in forms_of(effect.name).items() if effect.name in EFFECTS),
             f"- Confused with: {confusable}. Isolated by: {effect.experiment}.",
             f"- Valid: {effect.validity}.",
             f"- Source: {effect.source}.",
@@ -60,9 +60,18 @@ def section(effect: Effect) -> str:
     )
 
 
+def of_one_plant() -> list[Effect]:
+    """Effects that a plant has for itself, beside the library's."""
+    plants = [plant_for(one.name, variant) for one in families().values() for variant in one.variants]
+    forms = {effect.name: effect for plant in plants for effect in plant.effects.acting.forms}
+    return [effect for name, effect in forms.items() if name not in EFFECTS]
+
+
 def page() -> str:
     """The whole page."""
-    return "\n".join([HEAD, *(section(effect) + "\n" for effect in EFFECTS.values())])
+    library = [section(effect) + "\n" for effect in EFFECTS.values()]
+    alone = [section(effect) + "\n" for effect in of_one_plant()]
+    return "\n".join([HEAD, *library, "# Effects of one plant only\n", *alone])
 
 
 if __name__ == "__main__":

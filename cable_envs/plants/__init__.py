@@ -107,7 +107,7 @@ def plants_with(effect: str) -> tuple[str, ...]:
     Parameters
     ----------
     effect : str
-        Name of an effect of the library (`cable_envs.effects.EFFECTS`).
+        Name of an effect of the library (`cable_envs.effects.EFFECTS`), or of one that a plant has for itself.
 
     Returns
     -------
@@ -119,7 +119,8 @@ def plants_with(effect: str) -> tuple[str, ...]:
     >>> plants_with("lateral_extrusion")
     ('cable_hole',)
     """
-    return tuple(name for name, (_, plant) in _built().items() if plant.effects.effects[effect].parameters)
+    has = {name: plant.effects.effects.get(effect) for name, (_, plant) in _built().items()}
+    return tuple(name for name, one in has.items() if one is not None and one.parameters)
 
 
 def forms_of(effect: str) -> Mapping[str, Effect]:

@@ -46,7 +46,7 @@ from diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
 VARIANT = "chain"
 STEP = 1e-3
 """Largest step of integration, s, with `EASY` or less; shorter with stiffer cables: with longer ones the chain raises
-small inertias (`circuit_ends.resolve`), which shows in the torques."""
+small inertias (`cable_envs.plants.circuit.ends.resolve`), which shows in the torques."""
 EASY = 2e4
 """N"""
 STIFF = 4e4

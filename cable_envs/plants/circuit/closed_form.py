@@ -5,7 +5,7 @@
                                                                                                               Z39-41
     torques    M_in = R0 (T01t - T01b);  M_out = R5 (T01t/K_t - T01b K_b) ccw, R5 (T01t K_t - T01b/K_b) cw   Z32, Z35
     output     J theta_out'' = M_out - load;  moving ccw takes the ccw branch, moving cw the cw branch
-    drive      position servo or torque, see `circuit_ends.drive_step`
+    drive      position servo or torque, see `cable_envs.plants.circuit.ends.drive_step`
 
 At one D the ccw branch never exceeds the cw branch: their difference is the friction of all idlers, lumped at the
 output and set-valued at rest. The output therefore sticks, exactly, while M_out_ccw(D) <= load <= M_out_cw(D). There
