@@ -66,21 +66,60 @@ print("all of it works")
 """
 
 
-def test_the_page_has_the_files_of_a_plant_an_effect_and_a_controller():
+TRY_LEARNING_AND_DATA = """
+import pathlib
+import numpy as np
+from agents.settings import load_settings
+from diagnosis.data.recording import load_recording
+from diagnosis.readers import reader
+from diagnosis.readers.base import Request
+from diagnosis.readers.writer import write_data_set
+
+# the agent: its settings, for any environment and for the one that it names
+assert load_settings("short-ppo", "cable_envs/CableHole-Position-Sine-v0").learner["gamma"] == 0.98
+other = load_settings("short-ppo", "cable_envs/PulleyCircuit-Torque-Step-v0")
+assert other.n_timesteps == 100_000 and "gamma" not in other.learner
+
+# the reader: a log becomes a recording in SI, its end held out
+rows = [f"{10 * k};{0.05 + 1e-4 * k:.4f};0.0491;{0.2 * k:.2f}" for k in range(900)]
+pathlib.Path("monday.csv").write_text("\\n".join(["t;F_motor;F_load;x", *rows]) + "\\n")
+done = write_data_set(reader("hoist-log").open_dataset(pathlib.Path("monday.csv"), Request()), pathlib.Path("out"))
+recording = load_recording(done.path)
+fit, heldout = recording.used_for("fit")[0], recording.used_for("heldout")[0]
+assert recording.system == "cable_hole" and heldout.time[0] > 6.0 - 1e-9 > fit.time[-1] - 0.02
+assert np.allclose(fit.data["drive_tension"][:2], [50.0, 50.1]) and np.isclose(fit.data["drive_position"][1], 2e-4)
+assert np.isclose(recording.noise["load_tension"], 2.0)
+print("all of it works")
+"""
+
+
+def test_the_page_has_the_files_of_everything_that_is_found_in_a_folder():
     folders = sorted({str(Path(path).parent) for path in FILES})
-    assert folders == ["baselines", "cable_envs/effects", "cable_envs/plants/slider", "configs/rigs", "configs/tasks"]
+    assert folders == [
+        "baselines", "cable_envs/effects", "cable_envs/plants/slider", "configs/agents", "configs/rigs",
+        "configs/tasks", "diagnosis/readers/sets",
+    ]  # fmt: skip
     assert not [path for path in FILES if (ROOT / path).exists()], "the examples must add files, not change any"
+
+
+def followed(folder, packages, script, **more):
+    """Run ``script`` on a copy of ``packages`` with the page's files in it."""
+    for package in packages:
+        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for path, text in FILES.items():
+        (folder / path).parent.mkdir(parents=True, exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": str(folder), **more}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=300, cwd=folder, env=environment
+    )
+    assert (done.returncode, done.stdout) == (0, "all of it works\n"), done.stderr
 
 
 @pytest.mark.nojit
 def test_a_plant_an_effect_and_a_controller_need_no_file_but_their_own(tmp_path):
-    for folder in ("cable_envs", "baselines", "configs"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
-    for path, text in FILES.items():
-        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / path).write_text(text, encoding="utf-8")
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "1"}
-    done = subprocess.run(
-        [sys.executable, "-c", TRY], capture_output=True, text=True, timeout=300, cwd=tmp_path, env=environment
-    )
-    assert (done.returncode, done.stdout) == (0, "all of it works\n"), done.stderr
+    followed(tmp_path, ("cable_envs", "baselines", "configs"), TRY, NUMBA_DISABLE_JIT="1")
+
+
+def test_an_agent_and_a_reader_of_data_need_no_file_but_their_own(tmp_path):
+    followed(tmp_path, ("cable_envs", "baselines", "configs", "agents", "diagnosis"), TRY_LEARNING_AND_DATA)
