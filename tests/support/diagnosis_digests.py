@@ -2,10 +2,11 @@
 
 Recordings are made by the proof's generators, and every answer is reduced to one digest per field of its JSON: names
 and numbers (to twelve digits), and the numbers within its texts; no words, no seconds, no version. So a text may be
-said better without a new digest, and a number may not change. The committed ones are of the state before the folders
-were rebuilt.
+said better without a new digest, and a number may not change.
 
-``python -m tests.support.diagnosis_digests [--write FILE] [--full FILE] [NAME ...]`` makes them.
+Refits differ in their last digits between kinds of processors, so digests are compared between two checkouts on one
+machine: ``python -m tests.support.diagnosis_digests --write FILE`` in one, ``--against FILE`` in the other. What must be
+the same everywhere, the verdicts and the names, is committed.
 """
 
 import argparse
@@ -143,20 +144,21 @@ def digested(found: Mapping[str, Any]) -> dict[str, str]:
 
 
 def main() -> None:
-    """Make the digests of all cases, or of those that are named."""
+    """Make the digests of all cases, or of those that are named; say what is not as before."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="cases; all of them where none is named")
     parser.add_argument("--write", type=Path, help="file for the digests")
+    parser.add_argument("--against", type=Path, default=FILE, help="digests to compare with, made on this machine")
     parser.add_argument("--full", type=Path, help="file for the names and numbers behind them")
     args = parser.parse_args()
     digests, contents = {}, {}
-    golden = json.loads(FILE.read_text(encoding="utf-8"))
+    golden = json.loads(args.against.read_text(encoding="utf-8"))
     for name in args.names or CASES:
         began = time.process_time()
         contents[name] = content(answered(CASES[name]))
         digests[name] = made = digested(contents[name])
         known = golden.get(name, {})
-        other = ", ".join(key for key in made if made[key] != known.get(key)) or "none"
+        other = ", ".join(key for key in known if made.get(key) != known[key]) or "none"
         spent = time.process_time() - began
         print(f"{name}: {made['verdict']} {made['named']}; {spent:.0f} s; not as before: {other}", flush=True)
         if args.write:
