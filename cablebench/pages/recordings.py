@@ -70,11 +70,12 @@ def summary(out: Path, names: Sequence[str]) -> str:
         "",
     ]
     lines += [
-        "| recording | named, in order | naive simulator, held-out error | with what was named |",
-        "|---|---|--:|--:|",
+        "| recording | named, in order | naive, held-out error | with what was named | from the corrected rig |",
+        "|---|---|--:|--:|---|",
     ]
     for row in glance(_sets(out, names)):
-        lines.append(f"| {row['title']} | {', '.join(row['named'])} | {row['naive']} | {row['final']} |")
+        again = ", ".join(row["again"])
+        lines.append(f"| {row['title']} | {', '.join(row['named'])} | {row['naive']} | {row['final']} | {again} |")
     return "\n".join(lines) + "\n"
 
 
@@ -87,7 +88,14 @@ def glance(sets: Mapping[str, Any]) -> list[dict[str, Any]]:
             named = [plain(step.get("effect") or step["name"]) for step in steps[1:]]
             rows.append({"title": title, "anchor": anchor, "named": named})
             rows[-1] |= {"naive": shown(steps[0]), "final": shown(steps[-1])}
+            rows[-1]["again"] = [plain(n) for n in again_of(sets[name])] or ["nothing"]
     return rows
+
+
+def again_of(numbers: Mapping[str, Any]) -> list[str]:
+    """What is named of a set when its diagnosis starts from the corrected rig, in any group of its records."""
+    findings = numbers.get("findings", {"": numbers.get("finding", numbers)})
+    return [name for finding in findings.values() for name in finding["again"]]
 
 
 def _sets(out: Path, names: Sequence[str]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ WRONG = "viscous_friction"
 
 @dataclass(frozen=True)
 class BandBrake:
-    """``viscous``: what viscous friction buys where it is the only effect; ``viscous_last``: on top of the answer."""
+    """``viscous``: viscous friction as the only effect; ``viscous_last``: its held-out gain on top of the answer."""
 
     finding: Finding
     viscous: EffectGain
@@ -25,7 +25,4 @@ def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: 
     tell("band brake")
     finding = find("band brake", recording, tell=tell)
     viscous = next(a for a in finding.alone if a.hypothesis.name == WRONG)
-    text = finding.left.get(WRONG, "")
-    words = text.split()
-    last = float(words[words.index("buys") + 1]) if "buys" in words else float("nan")
-    return BandBrake(finding, viscous, last)
+    return BandBrake(finding, viscous, finding.further[WRONG])

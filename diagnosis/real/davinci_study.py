@@ -21,6 +21,7 @@ from diagnosis.real.davinci import (
 )
 from diagnosis.real.davinci_splits import PUBLISHED, compare
 from diagnosis.real.feedforward import replayed, traces
+from diagnosis.real.finding import named_again
 from diagnosis.search.stepwise import inside
 from diagnosis.systems.transmission import TransmissionModel
 from diagnosis.systems.transmission_effects import hypotheses
@@ -45,7 +46,7 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
         "records": {"fit": [r.name for r in recording.used_for("fit")],
                     "heldout": [r.name for r in recording.used_for("heldout")]},
         "ladder": steps_table(whole.question.fit, steps), "inside": list(inside(steps)), "refused": refused,
-        "verdict": whole.diagnosis.verdict,
+        "verdict": whole.diagnosis.verdict, "again": list(named_again(recording, whole.diagnosis)),
         "equations": {name: known[name].equation for name in inside(steps)},
         "parameters": parameters(full, effective_samples(heldout, full)),
         "figures": {"record": traces(heldout, uses, SHOWN)},

@@ -1,7 +1,9 @@
 """What was found on one recording, as numbers and as curves, for a page: the diagnosis that unseen records judge."""
 
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,7 @@ from diagnosis.engine import examine
 from diagnosis.fit.likelihood import Judged
 from diagnosis.fit.score_tests import score_tests
 from diagnosis.fit.weights import rmse, weigh
-from diagnosis.model.verdict import EffectGain, Trace
+from diagnosis.model.verdict import Diagnosis, EffectGain, Trace
 from diagnosis.search.comparison import refits
 from diagnosis.search.stepwise import heldout_error
 from diagnosis.systems.question import Question
@@ -31,6 +33,10 @@ class Finding:
         Every hypothesis by itself on top of the nominals, with its RMS errors and held-out gain; the best first.
     left : Mapping of str to str
         Why what is not named was refused.
+    further : Mapping of str to float
+        Held-out gain of what is not named, on top of what is.
+    again : tuple of str
+        What is named when the diagnosis starts from the corrected rig (`named_again`).
     traces : tuple of Trace
         For figures.
     """
@@ -40,6 +46,8 @@ class Finding:
     steps: tuple[EffectGain, ...]
     alone: tuple[EffectGain, ...]
     left: Mapping[str, str]
+    further: Mapping[str, float]
+    again: tuple[str, ...]
     traces: tuple[Trace, ...]
     notes: tuple[str, ...] = ()
 
@@ -56,6 +64,7 @@ class Finding:
         return {
             "name": self.name, "verdict": self.verdict, "steps": [step.as_step() for step in self.steps],
             "alone": alone, "left": self.left, "notes": self.notes, "named": list(self.named),
+            "again": list(self.again),
         }  # fmt: skip
 
 
@@ -68,8 +77,35 @@ def find(
     answer = found.diagnosis
     return Finding(
         name, answer.verdict, answer.steps, _alone(found.question, found.selection.null), dict(found.selection.refused),
-        answer.traces, answer.notes,
+        dict(found.selection.further), named_again(recording, answer, effects=effects, without=without), answer.traces,
+        answer.notes,
     )  # fmt: skip
+
+
+def named_again(
+    recording: Recording, answer: Diagnosis, *, effects: Sequence[str] | None = None, without: Sequence[str] = ()
+) -> tuple[str, ...]:
+    """Effects that `cablebench diagnose --judge unseen --rig augmented.yaml` names, with the rig of an answer.
+
+    Parameters
+    ----------
+    recording : Recording
+        That was diagnosed.
+    answer : Diagnosis
+        Its answer, whose corrected rig is written to a file and loaded from it.
+    effects, without : sequence of str, optional
+        As of that diagnosis.
+
+    Returns
+    -------
+    tuple of str
+        Names; none where the corrected rig has all that the records show of the library.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        answer.write(Path(folder))
+        rig = Path(folder) / answer.augmented_rig
+        found = examine(recording, effects=effects, without=without, rig=rig, judge="unseen")
+    return tuple(step.hypothesis.name for step in found.diagnosis.steps[1:])
 
 
 def _alone(question: Question, null: Judged) -> tuple[EffectGain, ...]:

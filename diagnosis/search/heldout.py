@@ -46,6 +46,7 @@ def select_heldout(
     return Selection(
         null, final, accepted, tuple(s.score_tests for s in steps if s.score_tests is not None), (), before, after,
         bool(accepted) or noise, dict(steps[-1].refused), RULES, tuple(in_numbers(step, units) for step in steps),
+        further=dict(steps[-1].further),
     )  # fmt: skip
 
 

@@ -28,6 +28,8 @@ class Selection:
     rules: Rules = field(default_factory=Rules)
     steps: tuple[EffectGain, ...] = ()
     """of the stepwise selection, where the held-out records judge (`diagnosis.search.heldout`)"""
+    further: Mapping[str, float] = field(default_factory=dict)
+    """there, the held-out gain of every hypothesis that was refitted on top of the last model"""
     explained: float = 0.0
     """what the effects gain on all records that are asked whether what is left is noise, and what those that the rig
     has already gain on the fitted ones"""

@@ -57,12 +57,15 @@ class Step(EffectGain):
         The model with it.
     refused : Mapping of str to str
         Hypothesis -> why it was not taken at this step; at the last one, at the step that found none.
+    further : Mapping of str to float
+        At the last step: the held-out gain of every hypothesis that was refitted on top of it.
     score_tests : ScoreTests, optional
         From which it was chosen.
     """
 
     refit: Fit
     refused: Mapping[str, str] = field(default_factory=dict)
+    further: Mapping[str, float] = field(default_factory=dict)
     score_tests: ScoreTests | None = None
 
 
@@ -172,7 +175,7 @@ def stepwise(
         if not step.hypothesis.name:
             last = steps[-1]
             steps[-1] = replace(
-                last, refused=step.refused, rivals=last.rivals or step.rivals,
+                last, refused=step.refused, further=step.rivals, rivals=last.rivals or step.rivals,
                 score_tests=last.score_tests or step.score_tests,
             )  # fmt: skip
             break

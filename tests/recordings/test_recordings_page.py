@@ -10,7 +10,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
 from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
-from cablebench.pages.recordings import error, estimate, number, plain, render, summary, write_set
+from cablebench.pages.recordings import again_of, error, estimate, number, numbers_of, plain, render, summary, write_set
 from cablebench.pages.recordings_sets import SETS, numbers
 from diagnosis.model.hypotheses import Hypothesis
 from diagnosis.model.verdict import EffectGain, Estimate
@@ -37,6 +37,8 @@ def brake():
         (step("", 6000.0), step("backlash", 350.0)),
         (EffectGain(Hypothesis("viscous_friction", (), ()), -3.0, fit=worse, heldout=worse),),
         {},
+        {"viscous_friction": 0.2},
+        (),
         (),
     )
     return {"command": "cablebench recordings --only band-brake", "seconds": 9, "finding": numbers(finding),
@@ -108,5 +110,9 @@ def test_the_committed_page_is_made_of_its_numbers_and_needs_nothing_else():
     for finding in coupled["findings"].values():
         assert finding["named"][0] == "sensor_rectification"
     assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
-    named = read_json(COMMITTED / "band-brake.json.gz")["finding"]["named"]
+    brake = read_json(COMMITTED / "band-brake.json.gz")
+    named = brake["finding"]["named"]
+    assert brake["viscous_last"] < 6.0  # on top of the answer viscous friction gains less than is asked
+    for name in SETS:  # the rig that corrects a real set leaves nothing that the library could name
+        assert again_of(read_json(numbers_of(COMMITTED, name))) == []
     assert {"load_dependent_friction", "backlash"} < set(named) and "viscous_friction" not in named

@@ -5,8 +5,8 @@ and numbers (to twelve digits), and the numbers within its texts; no words, no s
 said better without a new digest, and a number may not change.
 
 Refits differ in their last digits between kinds of processors, so digests are compared between two checkouts on one
-machine: ``python -m tests.support.diagnosis_digests --write FILE`` in one, ``--against FILE`` in the other. What must be
-the same everywhere, the verdicts and the names, is committed.
+machine: ``python -m tests.support.diagnosis_digests --write FILE`` in one, ``--against FILE`` in the other. What must
+be the same everywhere, the verdicts and the names, is committed.
 """
 
 import argparse
