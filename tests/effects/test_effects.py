@@ -61,9 +61,8 @@ def test_effects_of_a_plant_have_rows_units_and_sizes(plant):
             assert effect.name in SENSE or p.alias or lane_of(effect, p) in plant.effects.lanes
 
 
-@pytest.mark.parametrize("variant", ["cable_hole", "pulley_circuit", "pulley_chain"])
-def test_aliases_are_parameters_of_the_plant_and_nulls_leave_the_physics_out(variant):
-    plant = plant_for(variant.replace("chain", "circuit"), "chain" if variant == "pulley_chain" else "analytic")
+@pytest.mark.parametrize("plant", PLANTS.values(), ids=PLANTS)
+def test_aliases_are_parameters_of_the_plant_and_nulls_leave_the_physics_out(plant):
     for name, parameter in plant.effects.aliases.items():
         assert parameter in plant.parameters.names
         assert plant.table[name] is plant.parameters[parameter]
