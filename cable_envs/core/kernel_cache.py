@@ -33,7 +33,9 @@ from numba.core.compiler import CompileResult
 from numba.core.dispatcher import Dispatcher
 from numba.core.extending import _Intrinsic
 from numba.core.serialize import dumps
+from numba.core.sigutils import normalize_signature
 from numba.core.types import Type
+from numba.core.typing import signature
 from numba.misc.appdirs import AppDirs
 
 FOLDER = "kernels"
@@ -253,7 +255,10 @@ class KernelCache(_Cache):
             reduced = pickle.loads(self._file(sig, target_context.codegen()).read_bytes())
         except (OSError, EOFError, pickle.UnpicklingError):
             return None
-        return CompileResult._rebuild(target_context, *reduced)
+        found = CompileResult._rebuild(target_context, *reduced)
+        # a named tuple's class comes back from the file as another one: the next call would not find what was loaded
+        args, _ = normalize_signature(sig)
+        return found._replace(signature=signature(found.signature.return_type, *args))
 
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the compiled version for a signature."""

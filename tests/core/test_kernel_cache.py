@@ -184,6 +184,36 @@ print(evaluate(np.zeros((8, 1)), 0, 0.5)[0], Count.compiled, evaluate._cache.cac
 """
 
 
+NAMED = """
+from cable_envs.core.kernels import jit
+from cable_envs.core.lanes import Lanes
+import numpy as np
+mass = Lanes("Mass", ["speed", "force"])
+
+@jit
+def push(x):
+    x.speed[0] += x.force[0]
+
+x = mass.over(np.ones((2, 1)))
+loads = [0]
+found = push._cache.load_overload
+def counted(*args):
+    loads[0] += 1
+    return found(*args)
+push._cache.load_overload = counted
+for _ in range(5):
+    push(x)
+print(x.speed[0], loads[0], Count.compiled)
+"""
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_a_kernel_on_named_rows_is_loaded_once(tmp_path):
+    """The class of a named tuple does not survive a file: calls after the first must find what was loaded."""
+    assert _run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "1"]
+    assert _run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "0"]
+
+
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_old_versions_are_deleted(tmp_path):
     day = 86_400.0
