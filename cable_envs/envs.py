@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 
+from cable_envs.core.kernels import handed
 from cable_envs.effects import Effect
 from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.rigs import Rig
@@ -80,7 +81,9 @@ def _transition(
     space: dict[str, Any] = {}
     exec(text, space)
     b = buffers
-    return space["make"](kernel, b.block, b.obs, b.common, b.obs[0].copy, type("Info", (), {}))
+    made = space["make"](kernel, *map(handed, (b.block, b.obs, b.common)), b.obs[0].copy, type("Info", (), {}))
+    made.buffers = b  # the kernel has addresses only
+    return made
 
 
 def _not_reset(action: float) -> Transition:
@@ -347,9 +350,12 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             fine = -1e30 < value < 1e30
         except (AttributeError, TypeError, ValueError):
             fine = False
-        result = self._transition(value if fine else self._checked(action))
-        if self.render_mode is not None:
-            self._draw(result[4])
+        if not fine:
+            value = self._checked(action)
+        if self.render_mode is None:
+            return self._transition(value)
+        result = self._transition(value)
+        self._draw(result[4])
         return result
 
     def _checked(self, action: Any) -> float:

@@ -34,6 +34,7 @@ LISTED = 64
 
 COMMON = np.dtype([
     *((name, np.int64) for name in (
+        "rows",  # of the block
         "signals", "states", "coefficients",  # rows of the plant, of its effects' states, of all coefficients
         "shown", "ring", "waiting",  # rows where these begin
         "channels", "sensors", "proxy",  # how many; which sensor stands for the output
@@ -73,9 +74,8 @@ class Buffers:
         """Zeroed buffers for ``n`` environments."""
         common = _common(setup)
         c = common[0]
-        rows = c.waiting + c.action_delay
         return cls(
-            block=np.zeros((rows, n if n == 1 else n + 8)),
+            block=np.zeros((c.rows, n if n == 1 else n + 8)),
             obs=np.zeros((n, c.channels), dtype=np.float32),
             common=common,
         )
@@ -133,6 +133,7 @@ def _common(setup: Setup) -> np.recarray:
     c.shown = ENVIRONMENT.count + c.signals + c.states + c.coefficients
     c.ring = c.shown + c.sensors
     c.waiting = c.ring + (c.slots * c.sensors if c.slots > 1 else 0)
+    c.rows = c.waiting + c.action_delay
     c.output, c.peak = plant.row(task.output), plant.row("peak_tension")
     c.substeps, c.last_step, c.mode = setup.substeps, setup.steps, setup.mode_index
     c.dt, c.period = setup.control_period / setup.substeps, setup.control_period

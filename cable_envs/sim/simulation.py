@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.kernels import LANES, ready
+from cable_envs.core.kernels import LANES, handed, ready
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
 from cable_envs.plants import family
@@ -167,11 +167,11 @@ class Simulation:
         Returns
         -------
         callable
-            (block, obs, common, action) -> (reward, terminated, truncated, *values of the info), on the arrays of a
-            `Buffers`.
+            (block, obs, common, action) -> (reward, terminated, truncated, *values of the info), on the arrays of
+            `buffers` as `cable_envs.core.kernels.handed` gives them.
         """
         b, kernel = self.buffers, steppers.single_kernels_of(self.setup.plant)[self.with_effects]
-        return ready(kernel, b.block, b.obs, b.common, 0.0)
+        return ready(kernel, handed(b.block), handed(b.obs), handed(b.common), 0.0)
 
     def _check_delays(self, values: np.ndarray) -> None:
         delays = values[self._delays].max(axis=1)

@@ -15,12 +15,12 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import clip, inline, inlined, instantiate, jit, minimum, select
+from cable_envs.core.kernels import clip, inline, inlined, instantiate, jit, minimum, received, select
 from cable_envs.core.noise import normal
 from cable_envs.effects.lanes import SENSE
 from cable_envs.effects.sensor_delay import between, seen_at
 from cable_envs.plants.base import Plant
-from cable_envs.sim.buffers import ENVIRONMENT
+from cable_envs.sim.buffers import COMMON, ENVIRONMENT
 from cable_envs.sim.references import FIELDS, signal
 from cable_envs.sim.tasks import INFO, OBSERVATION_LIMIT, command_of, reward
 
@@ -183,8 +183,13 @@ def _step(block, obs, common, lo, hi):
 
 
 def _step_one(block, obs, common, asked):
-    """`_step` of a single environment; returns reward, terminated, truncated, and the values of its info."""
-    s, c = _environment(block), common[0]
+    """`_step` of a single environment; returns reward, terminated, truncated, and the values of its info.
+
+    Its arrays come as `kernels.handed` gives them.
+    """
+    c = received(common, COMMON, (1,))[0]
+    block, obs = received(block, np.float64, (c.rows, 1)), received(obs, np.float32, (1, c.channels))
+    s = _environment(block)
     rows = c.signals + c.states
     x, p = block[_X : _X + rows], block[_X + rows : _X + rows + c.coefficients]
     s.asked[0] = asked
@@ -213,7 +218,10 @@ def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
 
 @cache
 def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], Callable[..., tuple]]:
-    """The same for a single environment: (block, obs, common, action) -> reward, terminated, truncated, infos."""
+    """The same for a single environment: (block, obs, common, action) -> reward, terminated, truncated, infos.
+
+    The arrays are `kernels.handed`.
+    """
     name, column = f"step_one_{plant.name}_{len(plant.signals)}", plant.signal_rows.column
     return (
         instantiate(_step_one, name, advance=inlined(plant.kernels[0]), distorted=None, signal_column=column),
