@@ -292,17 +292,27 @@ else:
 @inline
 def load(tile_, array, first, lanes):
     """Copy columns first..first+lanes of ``array`` into a tile."""
-    for row in range(tile_.shape[0]):
-        for lane in range(lanes):
-            tile_[row, lane] = array[row, first + lane]
+    if lanes == LANES:  # the compiler then knows how many there are
+        for row in range(tile_.shape[0]):
+            for lane in range(LANES):
+                tile_[row, lane] = array[row, first + lane]
+    else:
+        for row in range(tile_.shape[0]):
+            for lane in range(lanes):
+                tile_[row, lane] = array[row, first + lane]
 
 
 @inline
 def store(tile_, array, first, lanes):
     """Copy a tile back into columns first..first+lanes of ``array``."""
-    for row in range(tile_.shape[0]):
-        for lane in range(lanes):
-            array[row, first + lane] = tile_[row, lane]
+    if lanes == LANES:
+        for row in range(tile_.shape[0]):
+            for lane in range(LANES):
+                array[row, first + lane] = tile_[row, lane]
+    else:
+        for row in range(tile_.shape[0]):
+            for lane in range(lanes):
+                array[row, first + lane] = tile_[row, lane]
 
 
 @inline
