@@ -8,8 +8,10 @@ from typing import Any, cast
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, tile_images
 
+from agents.lane import Lane
 from agents.shaping import BASE_CHANNEL, Residual, Shaping
 from cable_envs.envs import make_spaces
 from cable_envs.sim.setup import Setup
@@ -109,15 +111,9 @@ class CableVecEnv(VecEnv):
         ndarray of float32, shape (num_envs, channels)
             Observations as the network sees them.
 
-        Raises
-        ------
-        ValueError
-            For options that are not the same for all environments.
         """
-        seeds = None if all(s is None for s in self._seeds) else list(self._seeds)
-        if any(options != self._options[0] for options in self._options):
-            raise ValueError("reset options must be the same for all environments of a batch")
-        observation, infos = self.batch.reset(seed=seeds, options=self._options[0] or None)
+        observation = self._begin(range(self.num_envs), self._seeds, self._options)
+        infos = self.batch.infos()
         self._reset_seeds()
         self._reset_options()
         self._shaping.begin(observation)
@@ -127,6 +123,48 @@ class CableVecEnv(VecEnv):
         self._plan_cut()
         self.reset_infos = [self._lane_info(infos, i) for i in range(self.num_envs)]
         return self._shaping.view(observation)
+
+    def _begin(
+        self, lanes: Iterable[int], seeds: Sequence[int | None], options: Sequence[Mapping[str, Any] | None]
+    ) -> np.ndarray:
+        """New episodes in some lanes, together where their options are the same; observations of all environments."""
+        left = list(lanes)
+        observation = np.empty(0)
+        while left:
+            same = [lane for lane in left if (options[lane] or {}) == (options[left[0]] or {})]
+            mask = np.isin(np.arange(self.num_envs), same)
+            given = [seeds[lane] if mask[lane] else None for lane in range(self.num_envs)]
+            observation, _ = self.batch.reset(seed=given, options={**(options[left[0]] or {}), "reset_mask": mask})
+            left = [lane for lane in left if lane not in same]
+        return observation
+
+    def begin(
+        self, lane: int, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[np.ndarray, dict[str, Any]]:
+        """Begin an episode in one environment.
+
+        Parameters
+        ----------
+        lane : int
+            Its number.
+        seed, options
+            As of `cable_envs.envs.CableEnv.reset`.
+
+        Returns
+        -------
+        observation : ndarray of float32, shape (channels,)
+            As the network sees it.
+        info : dict
+            Of this environment.
+        """
+        observation = self._begin([lane], [seed] * self.num_envs, [options] * self.num_envs)
+        here = np.array([lane])
+        self._shaping.begin(observation[here], here)
+        self._returns[lane], self._lengths[lane] = 0.0, 0
+        if self._cuts is not None:
+            self._cuts[lane] = -1
+        self.reset_infos[lane] = self._lane_info(self.batch.infos(), lane)
+        return self._shaping.view(observation[here], here)[0], self.reset_infos[lane]
 
     def step_async(self, actions: np.ndarray) -> None:
         """Keep the actions, shape (num_envs, 1), for `step_wait`."""
@@ -261,20 +299,26 @@ class CableVecEnv(VecEnv):
         """Close the environments."""
         self.batch.close()
 
-    def render(self, mode: str | None = None) -> np.ndarray | None:
-        """The first environment of the batch (``mode`` is ignored: it is chosen at construction)."""
-        return self.batch.render()
-
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """The picture of the first environment where ``render_mode`` is "rgb_array"; None for all others."""
-        return [self.batch.render() if self.render_mode == "rgb_array" else None, *[None] * (self.num_envs - 1)]
+        """The pictures of the environments ``render_lanes`` where ``render_mode`` is "rgb_array"; None for others."""
+        shown = dict(zip(self.batch.render_lanes, self.batch.render() or (), strict=False))
+        return [shown.get(lane) for lane in range(self.num_envs)]
 
-    # One batch stands for all environments: an attribute is the batch's own, the same for each.
+    def render(self, mode: str | None = None) -> np.ndarray | None:
+        """The pictures of the environments ``render_lanes`` side by side, or None without a ``render_mode``."""
+        if self.render_mode != "rgb_array":
+            return None if self.render_mode is None else self.batch.render()  # type: ignore[return-value]  # None
+        return tile_images([picture for picture in self.get_images() if picture is not None])
+
+    # What `agents.lane.Lane` has is asked of each environment; all else is the batch's own, the same for each.
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the batch, or the environment's "spec", once for each environment asked for."""
+        """An attribute of each environment asked for."""
+        lanes = [Lane(self, number) for number in self._get_indices(indices)]
+        if hasattr(Lane, attr_name) and not attr_name.startswith("__"):
+            return [getattr(lane, attr_name) for lane in lanes]
         value = self._spec if attr_name == "spec" else getattr(self.batch, attr_name)
-        return [value for _ in self._get_indices(indices)]
+        return [value for _ in lanes]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
         """Set an attribute of the batch; ValueError where it is asked for some environments only."""
@@ -284,14 +328,16 @@ class CableVecEnv(VecEnv):
 
     def has_attr(self, attr_name: str) -> bool:
         """Whether `get_attr` finds an attribute."""
-        return attr_name == "spec" or hasattr(self.batch, attr_name)
+        return attr_name == "spec" or hasattr(Lane, attr_name) or hasattr(self.batch, attr_name)
 
     def env_method(self, method_name: str, *args: Any, indices: VecEnvIndices = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the batch once; the result stands for every environment asked for."""
-        chosen: Iterable[int] = self._get_indices(indices)
+        """Call a method of each environment asked for; one that only the batch has is called once for all of them."""
+        chosen = list(self._get_indices(indices))
+        if hasattr(Lane, method_name) and not method_name.startswith("__"):
+            return [getattr(Lane(self, number), method_name)(*args, **kwargs) for number in chosen]
         result = getattr(self.batch, method_name)(*args, **kwargs)
         return [result for _ in chosen]
 
     def env_is_wrapped(self, wrapper_class: type[gym.Wrapper], indices: VecEnvIndices = None) -> list[bool]:
-        """False for each: no environment of a batch has a wrapper of its own."""
-        return [False for _ in self._get_indices(indices)]
+        """True for `Monitor`, as the infos hold what it would write; no environment has another wrapper."""
+        return [issubclass(Monitor, wrapper_class) for _ in self._get_indices(indices)]

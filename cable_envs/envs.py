@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 
 from cable_envs.core.kernels import handed
 from cable_envs.effects import Effect
 from cable_envs.sim.buffers import Buffers
+from cable_envs.sim.registered import described
 from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup, make_setup
-from cable_envs.sim.simulation import Simulation
+from cable_envs.sim.simulation import Simulation, generator_of
 from cable_envs.sim.tasks import OBSERVATION_LIMIT
 
 if TYPE_CHECKING:
@@ -50,7 +52,7 @@ Transition = tuple[np.ndarray, float, bool, bool, dict[str, float]]
 
 
 def _transition(
-    names: tuple[str, ...], kernel: Callable[..., tuple], buffers: Buffers
+    names: tuple[str, ...], kernel: Callable[..., tuple], buffers: Buffers, ended: Callable[[], None]
 ) -> Callable[[float], Transition]:
     """A step without checks: from an action to what `CableEnv.step` returns.
 
@@ -62,6 +64,8 @@ def _transition(
         (block, obs, common, action) -> (reward, terminated, truncated, *values of the info).
     buffers : Buffers
         Those of the environment.
+    ended : callable
+        Called where the episode ends.
 
     Notes
     -----
@@ -72,22 +76,31 @@ def _transition(
     if not all(name.isidentifier() for name in names):
         raise ValueError(f"info names must be identifiers: {names}")
     values = ", ".join(f"info.{name}" for name in names)
-    text = f"""def make(kernel, block, obs, common, copy, Info):
+    text = f"""def make(kernel, block, obs, common, copy, Info, ended):
     def transition(action):
         info = Info()
         reward, terminated, truncated, {values} = kernel(block, obs, common, action)
+        if terminated or truncated:
+            ended()
         return copy(), reward, terminated, truncated, info.__dict__
     return transition"""
     space: dict[str, Any] = {}
     exec(text, space)
     b = buffers
-    made = space["make"](kernel, *map(handed, (b.block, b.obs, b.common)), b.obs[0].copy, type("Info", (), {}))
+    arrays = map(handed, (b.block, b.obs, b.common))
+    made = space["make"](kernel, *arrays, b.obs[0].copy, type("Info", (), {}), ended)
     made.buffers = b  # the kernel has addresses only
     return made
 
 
 def _not_reset(action: float) -> Transition:
     raise gym.error.ResetNeeded("call reset() before the first step() of an episode")
+
+
+_MADE_AGAIN = frozenset((
+    "setup", "simulation", "_lane", "_obs", "_table", "_transition", "_going", "_kernel", "_renderer",
+))  # fmt: skip
+"""Attributes that a copy makes for itself."""
 
 
 class CableEnv(gym.Env[np.ndarray, np.ndarray]):
@@ -220,8 +233,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
 
     ## Info
 
-    Floats, with the same keys at every step: time [s], reference, output, error (all SI), command (in the unit of the
-    action mode), overload (1 where the peak tension exceeds `tension_limit`, else 0), and every signal of the plant.
+    Floats (NumPy's in the info of a reset), with the same keys at every step: time [s], reference, output, error (all
+    SI), command (in the unit of the action mode), overload (1 where the peak tension exceeds `tension_limit`, else 0),
+    and every signal of the plant.
 
     ## Vectorized environment
 
@@ -233,7 +247,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first release.
     """
 
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 50}  # noqa: RUF012 (Gymnasium's convention)
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -263,15 +278,116 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             action_delay=action_delay, disturbance=disturbance, control_period=control_period, substeps=substeps,
             duration=duration, **unknown,
         )  # fmt: skip
+        self._arguments: dict[str, Any] = {
+            "task": task, "reference": reference, "rig": rig, "effects": effects, "effect_file": effect_file,
+            "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
+            "sensor_noise": sensor_noise, "sensor_delay": sensor_delay, "action_delay": action_delay,
+            "disturbance": disturbance, "control_period": control_period, "substeps": substeps, "duration": duration,
+        }  # fmt: skip
         self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(1.0 / self.setup.control_period)}
         self.observation_space, self.action_space = make_spaces(self.setup)
         self.channels = self.setup.channels
+        self._build()
+
+    def _build(self) -> None:
+        """What lies in memory that a kernel knows by its address."""
         self.simulation = Simulation(self.setup, 1)
         self._lane = np.zeros(1, dtype=np.int64)
         self._obs, self._table = self.simulation.buffers.obs[0], self.simulation.buffers.table[:, 0]
         self._transition: Callable[[float], Transition] = _not_reset
+        self._going: Callable[[float], Transition] = _not_reset
         self._kernel: Callable[..., None] | None = None
         self._renderer: Renderer | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what lies in memory that a kernel knows by its address: it is made again."""
+        state = {name: value for name, value in self.__dict__.items() if name not in _MADE_AGAIN}
+        drawn = self._renderer is not None
+        return {**state, "_np_random": self._np_random, "_copied": (self.state(), drawn)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy goes on as the original does, to the bit."""
+        copied, drawn = state["_copied"]
+        self.__dict__.update({name: value for name, value in state.items() if name != "_copied"})
+        self.setup = make_setup(**self._arguments)
+        self._build()
+        self.restore(copied)
+        if drawn:
+            self._draw(self._info())
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium knows of the environment, with the length of its episodes (`described`)."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = described(spec, self.setup)
+
+    def state(self) -> dict[str, Any]:
+        """Everything that changes from step to step, the random generator included, as copies.
+
+        Returns
+        -------
+        dict
+            What `restore` takes, also that of a `cable_envs.vector.CableVectorEnv`.
+
+        Examples
+        --------
+        >>> env = CableEnv("CableHole-Position", "sine", sensor_noise=True)
+        >>> env.reset(seed=1)[0].shape
+        (10,)
+        >>> kept = env.state()
+        >>> first = env.step(np.array([0.1]))[0]
+        >>> env.restore(kept)
+        >>> bool((env.step(np.array([0.1]))[0] == first).all())
+        True
+        """
+        drawn = self._np_random
+        return {
+            "simulation": self.simulation.state(),
+            "generators": [None if drawn is None else drawn.bit_generator.state],
+            "seeds": [self._np_random_seed],
+            "running": self._kernel is not None,
+        }
+
+    def restore(self, state: Mapping[str, Any]) -> None:
+        """Go on from a `state`: the same actions then give the same trajectory, to the bit.
+
+        Parameters
+        ----------
+        state : mapping
+            A `state` of an environment with the same options, or of one lane of a batch with them.
+
+        Raises
+        ------
+        ConfigurationError
+            Where the state is of other options or of several environments.
+        """
+        self.simulation.restore(state["simulation"])
+        self._np_random, self._np_random_seed = generator_of(state["generators"][0]), state["seeds"][0]
+        if state["running"]:
+            self._take_kernel()
+
+    def _take_kernel(self) -> None:
+        """The step with the simulation's present kernel, or what a step after the end of an episode does."""
+        if self.simulation.kernel is not self._kernel:  # the first episode, or the first with effects
+            self._kernel = self.simulation.kernel
+            names, kernel = self.simulation.info_names, self.simulation.single_kernel()
+            self._going = _transition(names, kernel, self.simulation.buffers, self._ended)
+        self._transition = self._going
+        _, terminated, truncated = self.simulation.buffers.outcome[:3, 0]
+        if terminated or truncated:
+            self._ended()
+
+    def _ended(self) -> None:
+        """From now on a step says that the episode is over."""
+        self._transition = self._late
+
+    def _late(self, action: float) -> Transition:
+        gym.logger.warn("step() after the end of an episode: call reset() first; what it returns now means nothing")
+        return self._going(action)
 
     @property
     def true_rig(self) -> dict[str, float]:
@@ -305,17 +421,17 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         """
         super().reset(seed=seed)
         self.simulation.reset(self._lane, [self.np_random], options)
-        if self.simulation.kernel is not self._kernel:  # the first episode, or the first with effects
-            self._kernel = self.simulation.kernel
-            self._transition = _transition(
-                self.simulation.info_names, self.simulation.single_kernel(), self.simulation.buffers
-            )
+        self._take_kernel()
         if self._renderer is not None:
             self._renderer.reset()
-        info = dict(zip(self.simulation.info_names, self._table.tolist(), strict=True))
+        info = self._info()
         if self.render_mode is not None:
             self._draw(info)
         return self._obs.copy(), info
+
+    def _info(self) -> dict[str, float]:
+        """The info of this instant, as NumPy's numbers: libraries ask those of a reset for their types."""
+        return dict(zip(self.simulation.info_names, self._table.copy(), strict=True))
 
     def step(self, action: np.ndarray) -> Transition:
         """Go on by one control period.

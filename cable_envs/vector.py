@@ -1,21 +1,38 @@
 """Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from cable_envs.core.team import WORTHWHILE, Team, available_cores
 from cable_envs.envs import CableEnv, make_spaces
+from cable_envs.sim.registered import described
 from cable_envs.sim.setup import make_setup
-from cable_envs.sim.simulation import Simulation
+from cable_envs.sim.simulation import Simulation, generator_of
 from cable_envs.sim.steppers import ask
 
 if TYPE_CHECKING:
     from cable_envs.render import Renderer
+
+
+LISTED = "rgb_array_list"
+"""Render mode that keeps the pictures of all steps; Gymnasium makes it of a single environment by a wrapper."""
+_MADE_AGAIN = frozenset((
+    "setup", "simulation", "_team", "_kernel", "_advance", "_obs", "_table", "_reward", "_flags", "_renderers",
+    "_frames", "_generators",
+))  # fmt: skip
+"""Attributes that a copy makes for itself."""
+
+
+def _whole(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise ValueError(f"{name}: expected a whole number >= 1, got {value!r}")
+    return value
 
 
 class CableVectorEnv(VectorEnv):
@@ -40,7 +57,11 @@ class CableVectorEnv(VectorEnv):
     step_infos : bool
         False makes `step` return only what SAME_STEP mode says of finished episodes; `infos` gives the rest when asked.
     render_mode : str, optional
-        "rgb_array" or "human". The first environment is drawn.
+        "rgb_array", "rgb_array_list" or "human".
+    render_lanes : sequence of int, optional
+        Environments that are drawn; by default all. A window shows the first of them.
+    max_episode_steps : int, optional
+        Steps after which an episode is truncated, where that is before its ``duration``.
     **options
         Further options of `cable_envs.envs.CableEnv`, the same for all environments.
 
@@ -69,6 +90,7 @@ class CableVectorEnv(VectorEnv):
     """
 
     metadata = {**CableEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+    _spec: EnvSpec | None = None
 
     def __init__(
         self,
@@ -80,29 +102,34 @@ class CableVectorEnv(VectorEnv):
         threads: int | None = None,
         step_infos: bool = True,
         render_mode: str | None = None,
+        render_lanes: Sequence[int] | None = None,
+        max_episode_steps: int | None = None,
         **options: Any,
     ):
-        if isinstance(num_envs, bool) or not isinstance(num_envs, int) or num_envs < 1:
-            raise ValueError(f"num_envs: expected a whole number >= 1, got {num_envs!r}")
-        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
-            raise ValueError(f"unknown render_mode {render_mode!r}; valid: {', '.join(self.metadata['render_modes'])}")
+        num_envs = _whole("num_envs", num_envs)
+        if render_mode is not None and render_mode not in (*self.metadata["render_modes"], LISTED):
+            known = ", ".join((*self.metadata["render_modes"], LISTED))
+            raise ValueError(f"unknown render_mode {render_mode!r}; valid: {known}")
         super().__init__()
-        self.setup = make_setup(task, reference, **options)
+        self._arguments = {"task": task, "reference": reference, **options}
+        self.setup = make_setup(**self._arguments)
+        if max_episode_steps is not None:
+            steps = min(_whole("max_episode_steps", max_episode_steps), self.setup.steps)
+            self._arguments["duration"] = steps * self.setup.control_period
+            self.setup = make_setup(**self._arguments)
         self.num_envs, self.render_mode = num_envs, render_mode
         self.autoreset_mode, self.step_infos = AutoresetMode(autoreset_mode), step_infos
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        fps = round(1.0 / self.setup.control_period)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode, "render_fps": fps}
+        self.render_lanes = tuple(range(num_envs) if render_lanes is None else render_lanes)
+        if not all(isinstance(lane, int) and 0 <= lane < num_envs for lane in self.render_lanes):
+            raise ValueError(f"render_lanes: expected numbers of environments below {num_envs}, got {render_lanes!r}")
         self.single_observation_space, self.single_action_space = make_spaces(self.setup)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.channels = self.setup.channels
-        self.simulation = Simulation(self.setup, num_envs)
         size = max(min(available_cores(), num_envs // WORTHWHILE), 1) if threads is None else threads
-        if isinstance(size, bool) or not isinstance(size, int) or size < 1:
-            raise ValueError(f"threads: expected a whole number >= 1, got {threads!r}")
-        self._threads = size
-        self._team: Team | None = None
-        self._kernel: Callable[..., None] | None = None
-        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._threads = _whole("threads", size)
         self._seeds = [-1] * num_envs
         self._all = np.arange(num_envs)
         self._everyone = np.ones(num_envs, dtype=np.bool_)
@@ -110,11 +137,51 @@ class CableVectorEnv(VectorEnv):
         self._finished = np.zeros(num_envs, dtype=np.bool_)
         self._any_finished = False
         self._running = False
+        self._build()
+
+    def _build(self) -> None:
+        """What lies in memory that a kernel reads and writes."""
+        self.simulation = Simulation(self.setup, self.num_envs)
+        self._team: Team | None = None
+        self._kernel: Callable[..., None] | None = None
+        self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self._names = self.simulation.info_names
         self._masks = tuple(f"_{name}" for name in self._names)
         self._obs, self._table = self.simulation.buffers.obs, self.simulation.buffers.table
         self._reward, *self._flags = self.simulation.buffers.outcome[:3]
-        self._renderer: Renderer | None = None
+        self._renderers: dict[int, Renderer] = {}
+        self._frames: dict[int, list[np.ndarray]] = {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but what lies in memory that a kernel reads and writes: it is made again."""
+        state = {name: value for name, value in self.__dict__.items() if name not in _MADE_AGAIN}
+        return {**state, "_copied": (self.state(), bool(self._renderers), self._frames)}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """A copy goes on as the original does, to the bit."""
+        copied, drawn, frames = state["_copied"]
+        self.__dict__.update({name: value for name, value in state.items() if name != "_copied"})
+        self._everyone.flags.writeable = False
+        self.setup = make_setup(**self._arguments)
+        self._build()
+        self.restore(copied)
+        if drawn:
+            self._draw()
+            self._frames = frames
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """What Gymnasium knows of the batch, with the length of its episodes."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = described(spec, self.setup)
+
+    @property
+    def true_rig(self) -> tuple[dict[str, float], ...]:
+        """Parameters of each simulated rig in its present episode, as of `cable_envs.envs.CableEnv.true_rig`."""
+        return tuple(map(self.simulation.lane_rig, range(self.num_envs)))
 
     # Gymnasium declares one generator and allows one for each environment; none of them is to be replaced from outside
     @property  # type: ignore[misc]
@@ -278,45 +345,76 @@ class CableVectorEnv(VectorEnv):
             bad = self._all[~np.isfinite(actions[:, 0])]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
 
-    def state(self) -> dict[str, Any]:
+    def state(self, lanes: Sequence[int] | np.ndarray | None = None) -> dict[str, Any]:
         """Everything that changes from step to step, as copies.
+
+        Parameters
+        ----------
+        lanes : sequence of int, optional
+            Environments whose state it is; by default all.
 
         Returns
         -------
         dict
-            State of simulation and generators, seeds, and which environments have finished: what `restore` takes.
+            State of simulation and generators, and seeds: what `restore` takes, and for one environment also
+            `cable_envs.envs.CableEnv.restore`.
         """
+        chosen = self._lanes(lanes)
+        drawn = [self._generators[lane] for lane in chosen]
         return {
-            "simulation": self.simulation.state(),
-            "generators": [None if g is None else g.bit_generator.state for g in self._generators],
-            "seeds": list(self._seeds),
-            "finished": self._finished.copy(),
+            "simulation": self.simulation.state(chosen),
+            "generators": [None if g is None else g.bit_generator.state for g in drawn],
+            "seeds": [self._seeds[lane] for lane in chosen],
             "running": self._running,
         }
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], lanes: Sequence[int] | np.ndarray | None = None) -> None:
         """Go on from a `state`: the same actions then give the same trajectories, to the bit.
 
         Parameters
         ----------
         state : mapping
-            A `state` of a batch with the same options and number of environments.
+            A `state` of a batch or of a single environment with the same options. That of one environment goes into
+            every one that is restored, as a planner wants it that tries many actions from one state.
+        lanes : sequence of int, optional
+            Environments that go back; by default all.
 
         Raises
         ------
         ConfigurationError
-            Where the state is of another shape.
+            Where the state is of other options, or of another number of environments than one or those restored.
+
+        Examples
+        --------
+        >>> import gymnasium
+        >>> env = gymnasium.make("cable_envs/CableHole-Position-Sine-v0")
+        >>> _ = env.reset(seed=1)
+        >>> envs = gymnasium.make_vec("cable_envs/CableHole-Position-Sine-v0", num_envs=3)
+        >>> envs.unwrapped.restore(env.unwrapped.state())
+        >>> envs.step(np.array([[0.0], [0.1], [0.2]]))[0].shape
+        (3, 10)
         """
-        self.simulation.restore(state["simulation"])
-        self._take_kernel()
-        self._generators = [None] * self.num_envs
-        for lane, found in enumerate(state["generators"]):
-            if found is not None:
-                generator, _ = gym.utils.seeding.np_random(0)
-                generator.bit_generator.state = found
-                self._generators[lane] = generator
-        self._seeds, self._finished = list(state["seeds"]), state["finished"].copy()
-        self._any_finished, self._running = bool(self._finished.any()), state["running"]
+        chosen = self._lanes(lanes)
+        if lanes is not None and not self._running:
+            raise gym.error.ResetNeeded("call reset() before some of the environments are restored")
+        self.simulation.restore(state["simulation"], None if lanes is None else chosen)
+        many = len(state["seeds"]) > 1
+        for k, lane in enumerate(chosen):
+            self._generators[lane] = generator_of(state["generators"][k if many else 0])
+            self._seeds[lane] = state["seeds"][k if many else 0]
+        self._running = self._running or state["running"]
+        self._finished = (self._flags[0] > 0.0) | (self._flags[1] > 0.0)
+        self._any_finished = bool(self._finished.any())
+        if self._running:
+            self._take_kernel()
+
+    def _lanes(self, lanes: Sequence[int] | np.ndarray | None) -> np.ndarray:
+        if lanes is None:
+            return self._all
+        chosen = np.asarray(lanes)
+        if chosen.ndim != 1 or chosen.dtype.kind not in "iu" or not np.isin(chosen, self._all).all():
+            raise ValueError(f"lanes: expected numbers of environments below {self.num_envs}, got {lanes!r}")
+        return chosen
 
     def infos(self, mask: np.ndarray | None = None) -> dict[str, Any]:
         """Infos of the present state.
@@ -341,38 +439,50 @@ class CableVectorEnv(VectorEnv):
         return {**dict(zip(self._names, table, strict=True)), **dict.fromkeys(self._masks, mask)}
 
     def _draw(self) -> None:
-        if self._renderer is None:
-            from cable_envs.render import Renderer
+        from cable_envs.render import Renderer
 
-            self._renderer = Renderer.for_setup(self.setup, str(self.render_mode))
-        first = dict(zip(self._names, self._table[:, 0].tolist(), strict=True))
-        if first["time"] == 0.0:
-            self._renderer.reset()
-        self._renderer.push(first, first["time"], first["reference"], first["output"])
-        if self.render_mode == "human":
-            self._renderer.show()
+        mode = "human" if self.render_mode == "human" else "rgb_array"
+        for lane in self.render_lanes[:1] if mode == "human" else self.render_lanes:
+            if lane not in self._renderers:
+                self._renderers[lane] = Renderer.for_setup(self.setup, mode)
+            renderer = self._renderers[lane]
+            now = dict(zip(self._names, self._table[:, lane].tolist(), strict=True))
+            if now["time"] == 0.0:
+                renderer.reset()
+            renderer.push(now, now["time"], now["reference"], now["output"])
+            if self.render_mode == LISTED:
+                self._frames.setdefault(lane, []).append(renderer.frame())
+        if mode == "human":
+            self._renderers[self.render_lanes[0]].show()
 
-    def render(self) -> np.ndarray | None:  # type: ignore[override]  # one picture, not one of each
-        """Draw the first environment of the batch.
+    def render(self) -> tuple[Any, ...] | None:
+        """Draw the environments ``render_lanes``.
 
         Returns
         -------
-        ndarray of uint8, shape (height, width, 3), or None
-            The scene in RGB where ``render_mode`` is "rgb_array", else None.
+        tuple or None
+            One entry for each of them. With ``render_mode`` "rgb_array" the scene in RGB, an ndarray of uint8 of shape
+            (height, width, 3). With "rgb_array_list" the list of the scenes since the last call. None for "human",
+            whose window shows the first of them.
 
         Raises
         ------
         gymnasium.error.ResetNeeded
             Without a ``render_mode``, and before the first `reset`.
         """
-        if self._renderer is None:
+        if not self._renderers:
             raise gym.error.ResetNeeded("choose a render_mode and call reset() before render()")
-        return self._renderer.frame() if self.render_mode == "rgb_array" else None
+        if self.render_mode == "human":
+            return None
+        if self.render_mode == LISTED:
+            frames, self._frames = self._frames, {}
+            return tuple(frames.get(lane, []) for lane in self.render_lanes)
+        return tuple(self._renderers[lane].frame() for lane in self.render_lanes)
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and close the window, where there are some; Gymnasium's ``close`` calls it."""
         if self._team is not None:
             self._team.close()
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
+        for renderer in self._renderers.values():
+            renderer.close()
+        self._renderers = {}

@@ -8,6 +8,38 @@ class ConfigurationError(ValueError):
     """A rig, task, option or command-line value that cannot be used; the message says what would be right."""
 
 
+class UnknownOption(ConfigurationError, TypeError):
+    """A keyword argument that an environment does not have.
+
+    It is a TypeError in Python's words too: libraries offer an argument and go on without it where Python refuses it.
+    """
+
+    @classmethod
+    def of(cls, maker: str, name: str, valid: Iterable[str]) -> "UnknownOption":
+        """The error for one name.
+
+        Parameters
+        ----------
+        maker : str
+            What was called, for the message.
+        name : str
+            The argument that it does not have.
+        valid : iterable of str
+            Those that it has.
+
+        Returns
+        -------
+        UnknownOption
+            To be raised.
+
+        Examples
+        --------
+        >>> print(UnknownOption.of("CableEnv", "rgi", ["rig"]))
+        CableEnv() got an unexpected keyword argument 'rgi'; did you mean 'rig'? Valid: rig
+        """
+        return cls(f"{maker}() got an unexpected keyword argument '{name}'; {nearest(name, valid)}")
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """A clause for error messages: the closest valid name, and all of them.
 

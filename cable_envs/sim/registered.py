@@ -1,11 +1,14 @@
-"""The setup behind a registered environment id."""
+"""A registered environment id: the setup behind it, and what Gymnasium is told of an environment."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
+from gymnasium.envs.registration import EnvSpec
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup, make_setup
 
 
@@ -40,3 +43,25 @@ def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
     if spec is None or "task" not in spec.kwargs:
         raise ConfigurationError(f"unknown environment '{env_id}'; {nearest(env_id, cable_envs.ENV_IDS)}")
     return make_setup(**{**spec.kwargs, **options})
+
+
+def described(spec: EnvSpec | None, setup: Setup) -> EnvSpec | None:
+    """What Gymnasium knows of an environment, with what only the environment knows of itself.
+
+    Parameters
+    ----------
+    spec : EnvSpec or None
+        As Gymnasium made it.
+    setup : Setup
+        What defines the environment.
+
+    Returns
+    -------
+    EnvSpec or None
+        With ``max_episode_steps``, which is ``duration`` over ``control_period``, and with a `Rig` as the content of
+        its file, so that ``to_json`` writes what ``from_json`` and ``gymnasium.make`` take.
+    """
+    if spec is None:
+        return None
+    kwargs = {name: value.content() if isinstance(value, Rig) else value for name, value in spec.kwargs.items()}
+    return replace(spec, max_episode_steps=setup.steps, kwargs=kwargs)

@@ -71,6 +71,29 @@ class Rig:
     effects: Mapping[str, float] = field(default_factory=dict)
     own: tuple[Effect, ...] = ()
 
+    def content(self) -> dict[str, Any]:
+        """The rig as the content of a rig file.
+
+        Returns
+        -------
+        dict
+            Of names, numbers and text: what `load_rig` takes. A user's own effects are in their own files.
+        """
+        table = self.simulated_by().table
+        parameters = {
+            name: {"value": value, "unit": table[name].unit}
+            | ({"source": self.sources[name]} if name in self.sources else {})
+            for name, value in self.values.items()
+        }
+        effects: dict[str, dict[str, float]] = {}
+        for name, value in self.effects.items():
+            effect, parameter = name.split(".", 1)
+            effects.setdefault(effect, {})[parameter] = value
+        return {
+            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes,
+            "description": self.description, "parameters": parameters, "effects": effects,
+        }  # fmt: skip
+
     def column(self, plant: Plant) -> np.ndarray:
         """The rig as a column of parameters.
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.errors import ConfigurationError, UnknownOption, nearest, require_known
 from cable_envs.core.params import is_number
 from cable_envs.effects import Effect, dotted
 from cable_envs.plants import families
@@ -163,7 +163,8 @@ def make_setup(
     >>> setup.steps, setup.output_unit, (setup.low, setup.high)
     (200, 'm', (0.0, 120.0))
     """
-    require_known("option", unknown, OPTIONS)
+    for name in unknown:
+        raise UnknownOption.of("CableEnv", name, OPTIONS)
     declared = load_task(task)
     own: tuple[Effect, ...] = ()
     if effect_file is not None:

@@ -36,6 +36,26 @@ def proxy_gain(setup: Setup) -> float:
     return family(setup.rig.plant).output(setup.task.kind).rigid(setup.rig.values)
 
 
+def generator_of(state: Mapping[str, Any] | None) -> np.random.Generator | None:
+    """A random generator of Gymnasium's kind in a state.
+
+    Parameters
+    ----------
+    state : mapping or None
+        ``generator.bit_generator.state``.
+
+    Returns
+    -------
+    numpy.random.Generator or None
+        None for None.
+    """
+    if state is None:
+        return None
+    generator = np.random.Generator(np.random.PCG64(0))
+    generator.bit_generator.state = state
+    return generator
+
+
 class Simulation:
     """The state of n environments side by side.
 
@@ -222,44 +242,64 @@ class Simulation:
         action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
         s.action[lanes] = s.last_action[lanes] = np.clip(action, -1.0, 1.0)
 
-    def state(self) -> dict[str, Any]:
+    def state(self, lanes: np.ndarray | None = None) -> dict[str, Any]:
         """Everything that changes from step to step, as copies.
+
+        Parameters
+        ----------
+        lanes : ndarray of int, shape (m,), optional
+            Environments whose state it is; by default all.
 
         Returns
         -------
         dict
-            What `restore` takes.
+            What `restore` takes: of the single environment as of those of a batch.
         """
+        chosen = np.arange(self.n) if lanes is None else lanes
         s = self.buffers
         return {
-            "block": s.block.copy(), "obs": s.obs.copy(), "values": self.values.copy(), "spread": self.spread,
-            "with_effects": self.with_effects,
+            "block": s.block[:, chosen], "obs": s.obs[chosen], "values": self.values[:, chosen],
+            "spread": self.spread, "with_effects": self.with_effects, "common": s.common.tobytes(),
         }  # fmt: skip
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, Any], lanes: np.ndarray | None = None) -> None:
         """Go back to a `state`.
 
         Parameters
         ----------
         state : mapping
-            A `state` of a simulation with the same setup and number of environments.
+            A `state` of a simulation with the same setup, of one environment or of as many as are restored. That of one
+            goes into each of them.
+        lanes : ndarray of int, shape (m,), optional
+            Environments that go back; by default all.
 
         Raises
         ------
         ConfigurationError
-            Where it is of another shape: other settings, or a version with other parameters.
+            Where it is of other settings, of another number of environments, or of a version with other parameters.
         """
+        chosen = np.arange(self.n) if lanes is None else lanes
         s = self.buffers
-        for name, here in (("block", s.block), ("obs", s.obs), ("values", self.values)):
-            if np.shape(state[name]) != here.shape:
-                raise ConfigurationError(
-                    f"the saved state does not fit this simulation ({name}: {np.shape(state[name])} saved, here "
-                    f"{here.shape}): it was saved with other settings, another number of environments or another "
-                    "version; begin again, or go on with what saved it"
-                )
-        s.block[...], s.obs[...], self.values[...] = state["block"], state["obs"], state["values"]
-        self.spread = state["spread"]
-        self._choose(state["with_effects"])
+        saved = np.shape(state["block"])[-1]
+        if saved not in (1, len(chosen)):
+            raise ConfigurationError(
+                f"the saved state does not fit: it is of {saved} environments, and {len(chosen)} are to be restored; "
+                "the state of one goes into any number"
+            )
+        fits = (
+            state.get("common") == s.common.tobytes()
+            and np.shape(state["block"])[0] == len(s.block)
+            and np.shape(state["values"])[0] == len(self.values)
+        )
+        if not fits:
+            raise ConfigurationError(
+                "the saved state does not fit this simulation: it was saved with other settings or by another version; "
+                "begin again, or go on with what saved it"
+            )
+        s.block[:, chosen], s.obs[chosen], self.values[:, chosen] = state["block"], state["obs"], state["values"]
+        if lanes is None:
+            self.spread = state["spread"]
+        self._choose(state["with_effects"] or (lanes is not None and self.with_effects))
 
     def team(self, size: int) -> Team:
         """The call of `advance`, shared by ``size`` threads; the caller's own is one of them."""

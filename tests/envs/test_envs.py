@@ -331,7 +331,7 @@ def test_tension_task_needs_a_spring():
 
 
 def test_unknown_keywords_and_ids_are_refused():
-    with pytest.raises(ConfigurationError, match="unknown option 'sensor_nois'; did you mean 'sensor_noise'"):
+    with pytest.raises(ConfigurationError, match="argument 'sensor_nois'; did you mean 'sensor_noise'"):
         make(HOLE, sensor_nois=True)
     with pytest.raises(gym.error.NameNotFound, match="CableHole-Position-Step"):
         gym.make("cable_envs/CableHole-Positio-Step-v0")

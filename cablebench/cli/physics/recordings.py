@@ -20,7 +20,7 @@ def recordings(
     only: Annotated[list[str] | None, typer.Option(help="Run this set alone; may be repeated.")] = None,
     page_only: Annotated[bool, typer.Option("--page-only", help="Make the page again from what is there.")] = False,
 ) -> None:
-    """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 6 minutes on two cores."""
+    """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 6 minutes."""
     from cable_envs.core.files import write_atomic
     from cablebench.pages.recordings import PAGE, SUMMARY, render, summary, write_set
     from cablebench.pages.recordings_sets import SETS
