@@ -14,7 +14,7 @@ from tests.test_house import LAYERS
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("cable_envs", "baselines", "agents", "identification", "diagnosis", "proof", "reproduction", "cablebench")
-FOLDERS = (*PACKAGES, "benchmarks", "boards", "configs", "docs", "tests")
+FOLDERS = (*PACKAGES, "benchmarks", "boards", "configs", "docs", "examples", "tests")
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 MADE_UP = {"weight_pid.py", "my_format.py", "my_controller.py", "mine.py", "spring.py"}
 """Files that a reader makes himself."""
