@@ -1,0 +1,108 @@
+"""Libraries that step these environments: each is used as its own users use it. docs/interop.md has the versions."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from cable_envs import ENV_IDS
+
+HOLE = "cable_envs/CableHole-Position-Sine-v0"
+
+
+def batch(n=3, **options):
+    return gym.make_vec(HOLE, num_envs=n, vectorization_mode="vector_entry_point", **options)
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_gymnasiums_checker(env_id):
+    from gymnasium.utils.env_checker import check_env
+
+    check_env(gym.make(env_id).unwrapped, skip_render_check=True)
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_stable_baselines3s_checker(env_id):
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(gym.make(env_id))
+
+
+def test_gymnasiums_wrappers_that_ask_for_the_length_of_an_episode():
+    env = gym.wrappers.TimeAwareObservation(gym.make(HOLE))
+    observation, _ = env.reset(seed=0)
+    assert env.observation_space.contains(observation)
+
+
+def test_gymnasiums_vector_wrappers():
+    from gymnasium.wrappers.vector import NormalizeReward, RecordEpisodeStatistics
+
+    envs = NormalizeReward(RecordEpisodeStatistics(batch(duration=0.05)))
+    envs.reset(seed=0)
+    said = [envs.step(np.zeros((3, 1), np.float32))[-1] for _ in range(5)]
+    assert said[-1]["episode"]["l"].tolist() == [5, 5, 5]
+
+
+def test_a_video_plays_in_real_time(tmp_path):
+    moviepy = pytest.importorskip("moviepy")
+    pytest.importorskip("matplotlib")
+    env = gym.wrappers.RecordVideo(gym.make(HOLE, render_mode="rgb_array", duration=0.3), str(tmp_path / "film"))
+    env.reset(seed=0)
+    for _ in range(30):
+        env.step(np.zeros(1, np.float32))
+    env.close()
+    with moviepy.VideoFileClip(str(next(tmp_path.rglob("*.mp4")))) as clip:
+        assert clip.duration == pytest.approx(0.3, abs=0.03)
+
+
+def test_videos_of_a_batch(tmp_path):
+    pytest.importorskip("moviepy")
+    pytest.importorskip("matplotlib")
+    from gymnasium.wrappers.vector import RecordVideo
+
+    envs = RecordVideo(
+        batch(2, render_mode="rgb_array", duration=0.05), str(tmp_path / "films"), episode_trigger=lambda k: True
+    )
+    envs.reset(seed=0)
+    for _ in range(7):
+        envs.step(np.zeros((2, 1), np.float32))
+    envs.close()
+    assert list(tmp_path.rglob("*.mp4"))
+
+
+def test_sb3_contribs_time_feature_stays_in_its_range():
+    wrappers = pytest.importorskip("sb3_contrib.common.wrappers")
+    env = wrappers.TimeFeatureWrapper(gym.make(HOLE, duration=0.5))
+    observation, _ = env.reset(seed=0)
+    seen = [observation[-1], *(env.step(np.zeros(1, np.float32))[0][-1] for _ in range(50))]
+    assert seen[0] == 1.0 and min(seen) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_torchrls_environment(env_id):
+    pytest.importorskip("torchrl")
+    from torchrl.envs.libs.gym import GymEnv
+    from torchrl.envs.utils import check_env_specs
+
+    check_env_specs(GymEnv(env_id))
+
+
+def test_skrls_wrapper_of_the_batch():
+    torch, wrappers = pytest.importorskip("torch"), pytest.importorskip("skrl.envs.wrappers.torch")
+    envs = wrappers.wrap_env(batch(4))
+    envs.reset()
+    assert tuple(envs.step(torch.zeros(4, 1))[0].shape) == (4, 10)
+
+
+def test_d3rlpys_loader_of_an_export(tmp_path, monkeypatch):
+    pytest.importorskip("d3rlpy")
+    minari = pytest.importorskip("minari")
+    from cablebench.cli import main
+
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    words = ["--controller", "pid", "--format", "minari", "--episodes", "2", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as end:
+        main(["export", "CableHole-Position-Sine", *words, "--option", "duration=0.5", "--option", "sensor_noise=true"])
+    assert end.value.code == 0
+    import d3rlpy
+
+    data, env = d3rlpy.datasets.get_minari(next(iter(minari.list_local_datasets())))
+    assert len(data.episodes) == 2 and env.reset(seed=0)[0].shape == (10,)
