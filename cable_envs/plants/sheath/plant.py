@@ -1,7 +1,8 @@
 """A drive pulls a load by a tendon in a bent sheath (Bowden cable); a return spring pulls the load back.
 
 The tendon slides in a sheath of the total bend Theta; the capstan law holds along it however the bend is spread
-(Kaneko et al., IEEE ICRA 1991, 1481; Palli and Melchiorri, IEEE ICRA 2006, 3826). With the share s in [0, 1] of the
+(Kaneko et al., A new consideration on tendon-tension control system of robot hands, IEEE ICRA 1991; Palli and
+Melchiorri, Model and control of tendon-sheath transmission systems, IEEE ICRA 2006). With the share s in [0, 1] of the
 bend between the drive and a place, the tendon sliding there with the speed v,
 
     dT/ds = -mu Theta T sign(v)          T(s) = T1 e^(-r s),   r = +mu Theta pulled in, -mu Theta paid out
@@ -11,7 +12,8 @@ bend between the drive and a place, the tendon sliding there with the speed v,
     so         T2 = Tm r / (e^r - 1),    T1 = T2 + r Tm,        k (x - y) + c (x' - y') = Tm >= 0
 
 The sheath carries the tendon's tension as compression at every place, so it gives way under the same mean Tm, in
-series with the tendon (Agrawal et al., IEEE T-RO 26 (2010) 1051, without its lumped elements). Load and drive:
+series with the tendon (Agrawal, Peine and Yao, Modeling of transmission characteristics across a cable-conduit system,
+IEEE Transactions on Robotics 26 (2010), without its lumped elements). Load and drive:
 
     load       m y'' = T2 - preload - k_l y - c_l y' - F_c sign(y') + disturbance
     position   x'' = w^2 (command - x) + 2 z w (command_rate - x'),     within acceleration and speed limits
