@@ -28,12 +28,15 @@ from typing import Any
 
 from gymnasium.envs.registration import register
 
-from cable_envs.core.config import config_names
+from cable_envs.core.config import config_names, config_path, read_yaml
 
 __version__ = "0.1.0"
 
 ENV_IDS = tuple(f"cable_envs/{task}-{reference}-v0" for task in config_names("tasks") for reference in ("Step", "Sine"))
 """Every registered environment id: each task of configs/tasks with a step and with a sinusoid."""
+
+_THRESHOLDS = {_task: read_yaml(config_path("thresholds", f"{_task}.yaml")) for _task in config_names("thresholds")}
+"""Task -> reference -> return of an episode from which it counts as solved."""
 
 for _id in ENV_IDS:
     _task, _reference = _id.removeprefix("cable_envs/").removesuffix("-v0").rsplit("-", 1)
@@ -42,6 +45,7 @@ for _id in ENV_IDS:
         entry_point="cable_envs.envs:CableEnv",
         vector_entry_point="cable_envs.vector:CableVectorEnv",
         kwargs={"task": _task, "reference": _reference},
+        reward_threshold=_THRESHOLDS.get(_task, {}).get(_reference.lower()),
         # what Gymnasium's default wrappers check the environments check themselves; a fifth of a step's time
         order_enforce=False,
         disable_env_checker=True,

@@ -13,6 +13,8 @@ from gymnasium.envs.registration import EnvSpec
 from cable_envs import ENV_IDS, load_rig
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
+from cablebench.entrants.named import reference_entrants
+from cablebench.run.evaluation import run_episode
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Torque-Step-v0"
 HARD = {"sensor_noise": True, "randomize": True, "sensor_delay": 2, "action_delay": 1, "duration": 0.3}
@@ -172,6 +174,19 @@ def test_specs_say_how_long_an_episode_is(env_id):
     timed = gym.wrappers.TimeAwareObservation(env)
     timed.reset(seed=0)
     assert gym.make(env.spec).spec.max_episode_steps == 50
+
+
+@pytest.mark.parametrize("env_id", ENV_IDS)
+def test_a_task_counts_as_solved_where_the_best_reference_controller_is(env_id):
+    """And the open loop, which every task beats, is below."""
+    threshold = gym.spec(env_id).reward_threshold
+    setup, found = setup_of(env_id, {}), {}
+    for entrant in reference_entrants():
+        options = entrant.needs(env_id, setup)
+        if options is not None and entrant.name in ("open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid"):
+            env = gym.make(env_id, **options)
+            found[entrant.name] = float(np.sum(run_episode(env, entrant.make(env.unwrapped.setup), seed=0).reward))
+    assert found["open-loop"] < threshold <= max(found.values()) < threshold + 10.0
 
 
 def test_a_batch_takes_the_length_that_gymnasium_hands_over():
