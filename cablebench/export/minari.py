@@ -15,17 +15,21 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
+import numpy as np
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.provenance import versions
 from cablebench.entrants.entrant import Entrant
+from cablebench.entrants.named import reference_entrants
 from cablebench.export.trace import Trace
-from cablebench.run.evaluation import core_of, env_id_of
+from cablebench.run.evaluation import core_of, env_id_of, run_episode
 
 ROOT_VARIABLE = "MINARI_DATASETS_PATH"
 """Where Minari looks for datasets; its functions know no argument for it."""
 
+SCORED = 3
+"""Episodes of the open loop and of the oracle for the scores of a dataset."""
 _EXAMPLE = "cable/CableHole-Position-Sine/pid-v0"
 
 
@@ -89,6 +93,7 @@ def write_dataset(
                 author=author, author_email=author_email, code_permalink=code_permalink,
                 description=_description(env, entrant, traces),
                 requirements=[f"cable-envs>={cable_envs.__version__}", f"minari>={minari.__version__}"],
+                **reference_scores(env, [t.seed for t in traces[:SCORED]]),
             )  # fmt: skip
             dataset.storage.update_metadata(_about(env, entrant))
             dataset.storage.update_episode_metadata([{"rig": json.dumps(dict(t.rig))} for t in traces])
@@ -96,6 +101,38 @@ def write_dataset(
         shutil.rmtree(folder, ignore_errors=True)
         raise
     return folder
+
+
+def reference_scores(env: gym.Env, seeds: Sequence[int]) -> dict[str, float | int]:
+    """What `minari.get_normalized_score` takes for 0 and for 1: mean returns of the open loop and of the oracle.
+
+    Parameters
+    ----------
+    env : gymnasium.Env
+        The environment of the dataset; they run on copies with its options, the oracle with all observations.
+    seeds : sequence of int
+        Of the episodes.
+
+    Returns
+    -------
+    dict
+        ``ref_min_score``, ``ref_max_score`` and ``num_episodes_average_score``; empty for a task that has no oracle.
+    """
+    setup, env_id, given = core_of(env).setup, env_id_of(env), dict(env.spec.kwargs) if env.spec else {}
+    options = {name: value for name, value in given.items() if name not in ("task", "reference", "render_mode")}
+    returns = {}
+    for entrant in reference_entrants():
+        needed = entrant.needs(env_id, setup)
+        if entrant.name in ("open-loop", "oracle") and needed is not None:
+            own = gym.make(env_id, **{**options, **needed})
+            runs = [run_episode(own, entrant.make(core_of(own).setup), seed=seed) for seed in seeds]
+            returns[entrant.name] = float(np.mean([np.sum(episode.reward) for episode in runs]))
+    if set(returns) != {"open-loop", "oracle"}:
+        return {}
+    return {
+        "ref_min_score": returns["open-loop"], "ref_max_score": returns["oracle"],
+        "num_episodes_average_score": len(seeds),
+    }  # fmt: skip
 
 
 def load(root: Path, dataset_id: str) -> Any:

@@ -92,8 +92,9 @@ def test_skrls_wrapper_of_the_batch():
     assert tuple(envs.step(torch.zeros(4, 1))[0].shape) == (4, 10)
 
 
-def test_d3rlpys_loader_of_an_export(tmp_path, monkeypatch):
-    pytest.importorskip("d3rlpy")
+@pytest.fixture
+def exported(tmp_path, monkeypatch):
+    """Minari, with a dataset that was exported."""
     minari = pytest.importorskip("minari")
     from cablebench.cli import main
 
@@ -102,7 +103,18 @@ def test_d3rlpys_loader_of_an_export(tmp_path, monkeypatch):
     with pytest.raises(SystemExit) as end:
         main(["export", "CableHole-Position-Sine", *words, "--option", "duration=0.5", "--option", "sensor_noise=true"])
     assert end.value.code == 0
-    import d3rlpy
+    return minari
 
-    data, env = d3rlpy.datasets.get_minari(next(iter(minari.list_local_datasets())))
+
+def test_minaris_normalised_score(exported):
+    data = exported.load_dataset(next(iter(exported.list_local_datasets())))
+    low, high = (data.storage.metadata[f"ref_{end}_score"] for end in ("min", "max"))
+    scores = exported.get_normalized_score(data, np.array([low, high, 0.5 * (low + high)]))
+    assert low < high and scores.tolist() == pytest.approx([0.0, 1.0, 0.5])
+    assert data.spec.env_spec.max_episode_steps == 50
+
+
+def test_d3rlpys_loader_of_an_export(exported):
+    d3rlpy = pytest.importorskip("d3rlpy")
+    data, env = d3rlpy.datasets.get_minari(next(iter(exported.list_local_datasets())))
     assert len(data.episodes) == 2 and env.reset(seed=0)[0].shape == (10,)
