@@ -65,7 +65,7 @@ def diagnose(
     effects: Sequence[str] | None = None,
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
-    rig: Path | str | Rig | None = None,
+    rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
     judge: str = "noise",
     seed: int = 0,
@@ -77,13 +77,14 @@ def diagnose(
     Parameters
     ----------
     recording : Recording, Path or str
-        A recording, its YAML file, or the folder that holds it.
+        A recording (`Recording.from_arrays` makes one of arrays), its YAML file, or the folder that holds it.
     effects, without : sequence of str, optional
         Canonical names of effects to look for only, and not to look for.
     effect_file : Path, str or Effect, optional
         An effect of one's own (`cable_envs.plants.own_effects`), looked for beside the canonical ones.
-    rig : Path, str or Rig, optional
-        A rig (augmented.yaml) whose values and effects replace those of the recording.
+    rig : Path, str, Rig or Mapping, optional
+        A rig (augmented.yaml) whose values and effects replace those of the recording; a mapping is the content of
+        such a file, as in the field ``rig`` of an earlier answer.
     variant : str
         "analytic" or "chain": the form of a circuit that is held against it; "": the chain.
     judge : str
@@ -125,7 +126,7 @@ def examine(
     effects: Sequence[str] | None = None,
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
-    rig: Path | str | Rig | None = None,
+    rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
     judge: str = "noise",
     seed: int = 0,
@@ -159,7 +160,7 @@ def examine(
         "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
-        "rig": None if rig is None else str(getattr(rig, "name", rig)), "variant": variant or None,
+        "rig": _name_of(rig), "variant": variant or None,
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
@@ -174,7 +175,7 @@ def request_of(
     effects: Sequence[str] | None = None,
     without: Sequence[str] = (),
     effect_file: Path | str | Effect | None = None,
-    rig: Path | str | Rig | None = None,
+    rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
 ) -> Request:
     """What the caller wants looked for, checked against the recording's plant; parameters as of `diagnose`.
@@ -198,12 +199,19 @@ def request_of(
     return Request(only, tuple(without), own, _rig_values(recording, rig, own), variant)
 
 
+def _name_of(rig: Path | str | Rig | Mapping[str, Any] | None) -> str | None:
+    """What an answer calls the rig that it was given."""
+    if rig is None:
+        return None
+    return str(rig.get("name", "rig") if isinstance(rig, Mapping) else getattr(rig, "name", rig))
+
+
 def _own(effect: Path | str | Effect) -> Effect:
     return effect if isinstance(effect, Effect) else load_effect(effect)
 
 
 def _rig_values(
-    recording: Recording, rig: Path | str | Rig | None, own: tuple[Effect, ...]
+    recording: Recording, rig: Path | str | Rig | Mapping[str, Any] | None, own: tuple[Effect, ...]
 ) -> Mapping[str, float] | None:
     """Numbers that the rig gives, SI; what it leaves at the plant's default says nothing."""
     if rig is None:
@@ -213,8 +221,8 @@ def _rig_values(
     if loaded.plant != plant:
         raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {plant}")
     values = dict(loaded.values)
-    if not isinstance(rig, Rig) and Path(rig).suffix in (".yaml", ".yml"):
-        content = read_yaml(Path(rig))
+    if isinstance(rig, Mapping) or (not isinstance(rig, Rig) and Path(rig).suffix in (".yaml", ".yml")):
+        content = rig if isinstance(rig, Mapping) else read_yaml(Path(rig))
         named = set(content.get("parameters") or {})
         aliases = loaded.simulated_by().effects.aliases
         named |= {aliases[full] for full in _dotted_names(content.get("effects") or {}) if full in aliases}

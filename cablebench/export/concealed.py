@@ -17,8 +17,8 @@ from cable_envs.core.files import write_atomic
 from cable_envs.plants import family
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.setup import Setup
-from cablebench.export.recording import FILE, channel_entry, check_folder
-from diagnosis.data.recording import SCHEMA
+from cablebench.export.recording import channel_entry, check_folder
+from diagnosis.data.writing import FILE, SCHEMA
 from proof.excitation import reference
 from proof.sensors import stamps
 from proof.simulators import cable_hole, pulley_circuit

@@ -9,6 +9,7 @@ repeats the last command.
 import csv
 import io
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +20,13 @@ import yaml
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.files import write_atomic
 from cable_envs.plants import family
-from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
-from cable_envs.sim.rigs import Rig, load_rig
+from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
 from cablebench.run.evaluation import core_of, env_id_of
-from diagnosis.data.recording import SCHEMA, channels_of, parameters_of
-
-FILE = "recording.yaml"
-TABLES = ("csv", "parquet")
+from diagnosis.data.description import channels_of, parameters_of
+from diagnosis.data.writing import FILE, SCHEMA, TABLES, rig_entry
 
 
 def check_environment(setup: Setup) -> None:
@@ -74,7 +72,7 @@ def write_recording(
         columns = channel_columns(setup, trace, measured(full, trace))
         write_atomic(folder / name, (_csv if table == "csv" else _parquet)(columns))
         records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
-    rig, rig_file = _rig_entry(setup.rig)
+    rig, rig_file = rig_entry(replace(setup.rig, effects={}, own=()))  # what it has more is not told
     if rig_file is not None:
         write_atomic(folder / rig, rig_file)
     system = setup.rig.plant
@@ -137,26 +135,6 @@ def _parameters(rig: Rig, names: Sequence[str]) -> dict[str, Any]:
         values["hole_radius"] = values["radius_ratio"] * values["cable_radius"]
     table = parameters_of(rig.plant)
     return {name: {"value": float(values[name]), "unit": table[name].unit} for name in names}
-
-
-def _rig_entry(rig: Rig) -> tuple[str, str | None]:
-    """(entry for "rig", content of the rig file): the preset's name where nothing was changed, else a file beside."""
-    try:
-        preset = load_rig(rig.name)
-    except ConfigurationError:
-        preset = None
-    if preset is not None and (preset.values, preset.plant, preset.holes) == (rig.values, rig.plant, rig.holes):
-        return rig.name, None
-    table = rig.simulated_by().parameters
-    parameters = {}
-    for p in table:
-        parameters[p.name] = {"value": float(rig.values[p.name]), "unit": p.unit}
-        if preset is not None and p.name in rig.sources and preset.values.get(p.name) == rig.values[p.name]:
-            parameters[p.name]["source"] = rig.sources[p.name]
-    content: dict[str, Any] = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
-    if family(rig.plant).series:
-        content["holes"] = rig.holes
-    return "rig/rig.yaml", yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
 
 
 def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str:

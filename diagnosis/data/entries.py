@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
 
@@ -25,6 +27,12 @@ class Doubt:
     channel: str | None = None
     start: float = float("-inf")
     end: float = float("inf")
+
+    def as_entry(self) -> dict[str, Any]:
+        """What stands under ``quality`` of a record."""
+        more = (("channel", self.channel, self.channel is not None), ("from_s", self.start, np.isfinite(self.start)),
+                ("to_s", self.end, np.isfinite(self.end)), ("note", self.note, bool(self.note)))  # fmt: skip
+        return {"kind": self.kind} | {key: value for key, value, said in more if said}
 
 
 def read_conditions(entry: Any, where: str) -> dict[str, float | str]:

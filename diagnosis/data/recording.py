@@ -3,7 +3,7 @@
 ```yaml
 schema: cable-recording/1
 system: cable_hole              # cable_hole | pulley_circuit | linear_drive
-rig: gu-inferred                # optional: a preset, or a rig file relative to this one
+rig: gu-inferred                # optional: a preset, a rig file relative to this one, or what would stand in it
 known:   {wrap_angle: {value: 60, unit: deg}}                      # measured and trusted
 nominal: {friction_coefficient: {value: 0.43, std: 0.05}}          # believed, to be refitted
 records:
@@ -28,127 +28,25 @@ A record at rest tells the noise of all channels with its colour (`diagnosis.mod
 Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cable_envs.core.config import read_yaml
-from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.core.params import ParameterTable, to_si
-from cable_envs.sim.rigs import Rig, load_rig
-from diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.files import jsonable
+from cable_envs.core.params import is_number
+from cable_envs.sim.rigs import Rig
+from diagnosis.data.description import Channel, Quantity, channels_of, read_channels, read_quantities, read_rig
+from diagnosis.data.memory import channel_entries, frames_of, record_entries, tables_of
+from diagnosis.data.record import Read, Record, cut, read_record
 from diagnosis.data.tables import read_columns
+from diagnosis.data.writing import SCHEMA, check_table, rig_entry, table_name, write_folder
 
-SCHEMA = "cable-recording/1"
-USES = ("fit", "heldout", "rest")
-HOLDS = ("line", "step")
-"""Of a command between its samples."""
 _KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
-_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "hold", "note")
-_RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
-_VALUE_KEYS = ("value", "unit", "std", "source", "note")
-
-
-def channels_of(system: str) -> Mapping[str, str]:
-    """SI unit of every channel of a system. Positive signs as in the plants: hauling in, lifting, counter-clockwise.
-
-    Raises ConfigurationError for an unknown system, naming the nearest, and for one that has no recordings.
-    """
-    from cable_envs.plants import families, family
-
-    if system not in families():
-        raise ConfigurationError(f"unknown system '{system}'; {nearest(system, families())}")
-    return family(system).records()
-
-
-@cache
-def parameters_of(system: str) -> ParameterTable:
-    """Parameters that ``known`` and ``nominal`` of a recording may name: those of the plant and measured radii."""
-    from cable_envs.plants import family, plant_for
-
-    return ParameterTable(*plant_for(system).parameters, *family(system).beside)
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A parameter's value and standard deviation.
-
-    Parameters
-    ----------
-    value : float
-        SI.
-    std : float, optional
-        SI; None where none was given.
-    """
-
-    value: float
-    std: float | None = None
-
-
-@dataclass(frozen=True)
-class Channel:
-    """How a channel is read; ``noise_std`` in SI, None where not given.
-
-    hold: between its samples a command goes on a "line", or is held in a "step": a row's acts until the next row.
-    """
-
-    name: str
-    column: str
-    unit: str
-    si_unit: str
-    scale: float = 1.0
-    offset: float = 0.0
-    noise_std: float | None = None
-    offset_free: str | None = None
-    note: str = ""
-    hold: str = "line"
-
-    def to_si(self, raw: np.ndarray) -> np.ndarray:
-        """Raw numbers of the column as SI."""
-        return (raw * self.scale + self.offset) * to_si(1.0, self.unit, self.si_unit, self.name)
-
-
-@dataclass(frozen=True)
-class Record:
-    """One data file: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time.
-
-    Parameters
-    ----------
-    name : str
-        Its file's name.
-    use : str
-        "fit", "heldout" or "rest".
-    data : Mapping of str to ndarray
-        [samples] by channel.
-    conditions, offsets : Mapping
-        In SI too; the offsets are in the data already.
-    quality : tuple of Doubt
-        Spans of time that are no measurements.
-    """
-
-    name: str
-    use: str
-    data: Mapping[str, np.ndarray]
-    conditions: Mapping[str, float | str] = field(default_factory=dict)
-    offsets: Mapping[str, float] = field(default_factory=dict)
-    quality: tuple[Doubt, ...] = ()
-
-    @property
-    def time(self) -> np.ndarray:
-        """s, strictly increasing [samples]."""
-        return self.data["time"]
-
-    def usable(self, channel: str) -> np.ndarray:
-        """Whether each sample of a channel is a measurement: neither empty nor stuck nor saturated [samples]."""
-        good = ~np.isnan(self.data[channel])
-        for doubt in self.quality:
-            if doubt.kind in UNUSABLE and doubt.channel in (channel, None):
-                good &= (self.time < doubt.start) | (self.time > doubt.end)
-        return good
 
 
 @dataclass(frozen=True)
@@ -158,7 +56,7 @@ class Recording:
     Parameters
     ----------
     path : Path
-        Its YAML file.
+        Its YAML file; of a recording in memory its name.
     system : str
         The plant: "cable_hole", "pulley_circuit" or "linear_drive".
     rig : Rig, optional
@@ -182,6 +80,177 @@ class Recording:
     records: tuple[Record, ...]
     description: str = ""
     source: Mapping[str, Any] = field(default_factory=dict)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        system: str,
+        records: Mapping[str, Any] | Sequence[Mapping[str, Any]],
+        *,
+        time: Any = None,
+        units: Mapping[str, str] | None = None,
+        noise: Mapping[str, float] | None = None,
+        channels: Mapping[str, Mapping[str, Any]] | None = None,
+        known: Mapping[str, Any] | None = None,
+        nominal: Mapping[str, Any] | None = None,
+        rig: Rig | Mapping[str, Any] | Path | str | None = None,
+        heldout: Sequence[str] | str = (),
+        after: float | None = None,
+        rest: str | None = None,
+        about: Mapping[str, Mapping[str, Any]] | None = None,
+        description: str = "",
+        source: Mapping[str, Any] | None = None,
+        name: str = "memory",
+    ) -> "Recording":
+        """A recording of arrays in memory, checked as `load_recording` checks files.
+
+        Parameters
+        ----------
+        system : str
+            The plant, as "linear_drive".
+        records : Mapping, or sequence of Mapping
+            One record as {channel: array [samples]}, several as {name: {channel: array}}, or a sequence of records,
+            which are called record_1, record_2 and so on. Arrays are copied; NaN is a gap, except in time.
+        time : array_like [samples], optional
+            Times of records that have no channel "time" of their own.
+        units : Mapping of str to str, optional
+            Channel -> unit of its numbers; where none is given, the SI unit.
+        noise : Mapping of str to float, optional
+            Channel -> standard deviation of its noise, in the channel's unit.
+        channels : Mapping of str to Mapping, optional
+            What else is said of a channel: scale, offset, offset_free, hold, note, as in recording.yaml.
+        known, nominal : Mapping, optional
+            Parameters that were measured, and that are believed and may be refitted: {name: number in SI}, or
+            {name: {value, unit, std}}.
+        rig : Rig, Mapping, Path or str, optional
+            What gives the other numbers: a rig, the content of its file, its file, or a preset's name.
+        heldout : sequence of str, or str
+            Names of the records that no fit sees.
+        after : float, optional
+            s behind each record's start from which on the rest is held out, as a record of its own.
+        rest : str, optional
+            Name of the record in which nothing moves.
+        about : Mapping of str to Mapping, optional
+            Record -> its conditions, offsets, quality, as in recording.yaml.
+        description, source
+            For people.
+        name : str
+            What errors and answers call the recording.
+
+        Returns
+        -------
+        Recording
+            All numbers in SI.
+
+        Raises
+        ------
+        ConfigurationError
+            For what `load_recording` refuses, arrays that are no numbers or of different lengths, and unknown names,
+            with the nearest valid one.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> t = np.linspace(0.0, 2.0, 401)
+        >>> runs = {"slow": {"position": 10 * np.sin(t), "force": np.cos(t)},
+        ...         "fast": {"position": 10 * np.sin(5 * t), "force": np.cos(5 * t)}}
+        >>> recording = Recording.from_arrays(
+        ...     "linear_drive", runs, time=t, units={"position": "mm"}, noise={"position": 0.01},
+        ...     nominal={"mass": {"value": 2.3, "std": 0.4}}, heldout="fast",
+        ... )
+        >>> recording.noise, [record.use for record in recording.records]
+        ({'position': 1e-05}, ['fit', 'heldout'])
+        """  # fmt: skip
+        path = Path(name)
+        channels_of(system)
+        tables = tables_of(records, time, system, path.name)
+        content = {
+            "system": system, "rig": rig, "known": known, "nominal": nominal, "description": description,
+            "source": source, "channels": channel_entries(tables, system, units, noise, channels, path.name),
+            "records": record_entries(list(tables), heldout, rest, about, path.name),
+        }  # fmt: skip
+        found = _checked(content, path, lambda record, _: tables[record])
+        return found if after is None else _with_ends_held_out(found, after)
+
+    @classmethod
+    def from_dataframe(
+        cls, system: str, frames: Any, columns: Mapping[str, Any] | None = None, **told: Any
+    ) -> "Recording":
+        """A recording of pandas DataFrames, checked as `load_recording` checks files.
+
+        Parameters
+        ----------
+        system : str
+            The plant, as "linear_drive".
+        frames : DataFrame, Mapping of str to DataFrame, or sequence of DataFrame
+            One record, several by name, or several that are called record_1, record_2 and so on.
+        columns : Mapping of str, optional
+            Channel -> column; others are left out. Where it is not given, every column is called as its channel.
+            Times are the column of "time", or else the index. Dates count from a record's first row.
+        **told
+            As of `from_arrays`: units, noise, known and so on.
+
+        Returns
+        -------
+        Recording
+            All numbers in SI.
+
+        Raises
+        ------
+        ConfigurationError
+            As `from_arrays`, and for missing columns.
+
+        Examples
+        --------
+        ::
+
+            log = pandas.read_csv("run.csv")
+            Recording.from_dataframe(
+                "linear_drive", log, {"time": "t", "position": "x", "force": "F"}, units={"position": "mm"}, after=8.0
+            )
+        """
+        channels_of(system)
+        units = told.get("units")
+        clock = units.get("time", "s") if isinstance(units, Mapping) else "s"
+        tables = frames_of(frames, columns, clock, system, str(told.get("name", "memory")))
+        return cls.from_arrays(system, tables, **told)
+
+    def write(self, folder: Path | str, table: str = "csv") -> Path:
+        """The recording as a folder that `load_recording` reads: recording.yaml, a table for each record, its rig.
+
+        Numbers are written in SI, with the offsets of records in them, and read back as they are to the last bit.
+
+        Parameters
+        ----------
+        folder : Path or str
+            Made where it is missing.
+        table : str
+            "csv", or "parquet", which suits long records.
+
+        Returns
+        -------
+        Path
+            The YAML file.
+
+        Raises
+        ------
+        ConfigurationError
+            Where the folder holds a YAML file or a table of that name; then nothing is written.
+        """
+        check_table(table)
+        names = {record.name: table_name(record.name, table) for record in self.records}
+        if len(set(names.values())) < len(names):
+            raise ConfigurationError(f"{self.path}: two records would be written to one file: {', '.join(names)}")
+        entry, file = (None, None) if self.rig is None else rig_entry(self.rig)
+        content: dict[str, Any] = {"schema": SCHEMA, "description": self.description, "system": self.system}
+        content["rig"] = entry
+        for key, quantities in (("known", self.known), ("nominal", self.nominal)):
+            content[key] = {name: quantity.as_entry() for name, quantity in quantities.items()}
+        content["records"] = [{"data": names[r.name], **r.as_entry()} for r in self.records]
+        content["channels"] = {name: channel.as_entry() for name, channel in self.channels.items()}
+        content["source"] = jsonable(self.source)
+        tables = {names[record.name]: record.data for record in self.records}
+        return write_folder(Path(folder), {k: v for k, v in content.items() if v}, tables, file)
 
     def used_for(self, use: str) -> tuple[Record, ...]:
         """Records for "fit", "heldout" or "rest"."""
@@ -254,22 +323,31 @@ def load_recording(path: Path | str) -> Recording:
     require_known(f"key in {path.name}", data, _KEYS)
     if data.get("schema") != SCHEMA:
         raise ConfigurationError(f"{path}: 'schema' must be '{SCHEMA}', found {data.get('schema')!r}")
+
+    def read(file: str, channels: Mapping[str, Channel]) -> Mapping[str, np.ndarray]:
+        return read_columns(path.parent / file, {name: channel.column for name, channel in channels.items()})
+
+    return _checked(data, path, read)
+
+
+def _checked(data: Mapping[str, Any], path: Path, read: Read) -> Recording:
+    """The recording that ``data`` describes, with the keys of a YAML file; ``read`` gives its numbers."""
     system = str(data.get("system"))
     try:
         channels_of(system)
     except ConfigurationError as error:
         raise ConfigurationError(f"{path}: {error}") from None
-    rig = _rig(data.get("rig"), system, path)
-    known = _quantities(data.get("known"), system, f"{path.name}: known")
-    nominal = _quantities(data.get("nominal"), system, f"{path.name}: nominal")
+    rig = read_rig(data.get("rig"), system, path)
+    known = read_quantities(data.get("known"), system, f"{path.name}: known")
+    nominal = read_quantities(data.get("nominal"), system, f"{path.name}: nominal")
     for name in nominal:
         if name in known:
             raise ConfigurationError(f"{path.name}: '{name}' is both known and nominal; it can be only one")
-    channels = _channels(data.get("channels"), system, path.name)
+    channels = read_channels(data.get("channels"), system, path.name)
     entries = data.get("records")
     if not isinstance(entries, list) or not entries:
         raise ConfigurationError(f"{path.name}: 'records' must be a list of {{data: FILE, use: fit or heldout}}")
-    records = tuple(_record(entry, k, channels, path) for k, entry in enumerate(entries))
+    records = tuple(read_record(entry, k, channels, read, path.name) for k, entry in enumerate(entries))
     names = [record.name for record in records]
     if len(set(names)) < len(names):
         raise ConfigurationError(f"{path.name}: a data file is listed twice in 'records'")
@@ -284,6 +362,16 @@ def load_recording(path: Path | str) -> Recording:
     return Recording(path, system, rig, known, nominal, channels, records, description, source)
 
 
+def _with_ends_held_out(recording: Recording, after: float) -> Recording:
+    """What lies ``after`` seconds behind a record's start is held out. Raises ConfigurationError where nothing does."""
+    if not is_number(after) or after <= 0.0:
+        raise ConfigurationError(f"{recording.path}: after: expected seconds, more than 0, got {after!r}")
+    records = tuple(part for record in recording.records for part in cut(record, after, recording.channels))
+    if len(records) == len(recording.records):
+        raise ConfigurationError(f"{recording.path}: after: nothing lies {after:g} s behind the start of a record")
+    return replace(recording, records=records)
+
+
 def _yaml_of(path: Path) -> Path:
     if not path.is_dir():
         return path
@@ -292,124 +380,3 @@ def _yaml_of(path: Path) -> Path:
         listed = ", ".join(p.name for p in found) or "none"
         raise ConfigurationError(f"{path}: a recording's folder holds exactly one YAML file, found {listed}")
     return found[0]
-
-
-def _rig(entry: Any, system: str, path: Path) -> Rig | None:
-    if entry is None:
-        return None
-    if not isinstance(entry, str):
-        raise ConfigurationError(f"{path.name}: 'rig' must be a preset's name or a file, got {entry!r}")
-    beside = path.parent / entry
-    rig = load_rig(beside if beside.is_file() else Path(entry) if Path(entry).is_file() else Path(entry).stem)
-    if rig.plant != system:
-        raise ConfigurationError(f"{path.name}: rig '{entry}' belongs to {rig.plant}, the recording to {system}")
-    return rig
-
-
-def _quantities(entries: Any, system: str, origin: str) -> dict[str, Quantity]:
-    if entries is None:
-        return {}
-    if not isinstance(entries, Mapping):
-        raise ConfigurationError(f"{origin}: expected a mapping of name: {{value, unit, std}}")
-    table, found = parameters_of(system), {}
-    require_known(f"parameter in {origin}", entries, table.names)
-    for name, entry in entries.items():
-        given = dict(entry) if isinstance(entry, Mapping) else {"value": entry}
-        require_known(f"key in {origin}: {name}", given, _VALUE_KEYS)
-        std, unit = given.pop("std", None), str(given.get("unit", table[name].unit))
-        try:
-            value = table[name].check(given)
-        except ConfigurationError as error:
-            raise ConfigurationError(f"{origin}: {error}") from error
-        if std is not None:
-            std = to_si(_number(std, f"{origin}: std of {name}", positive=True), unit, table[name].unit, name)
-        found[name] = Quantity(value, std)
-    return found
-
-
-def _channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
-    if not isinstance(entries, Mapping) or "time" not in entries:
-        raise ConfigurationError(f"{origin}: 'channels' must be a mapping of name: {{column, unit}} and hold 'time'")
-    units, found = channels_of(system), {}
-    require_known(f"channel in {origin}", entries, units)
-    for name, entry in entries.items():
-        where = f"{origin}: channel {name}"
-        if not isinstance(entry, Mapping) or "column" not in entry or "unit" not in entry:
-            raise ConfigurationError(f"{where}: expected {{column: NAME, unit: {units[name]}}}, got {entry!r}")
-        require_known(f"key in {where}", entry, _CHANNEL_KEYS)
-        numbers = {k: _number(entry[k], f"{where}: {k}") for k in ("scale", "offset", "noise_std") if k in entry}
-        if numbers.get("scale") == 0.0:
-            raise ConfigurationError(f"{where}: scale 0 would make every sample equal")
-        factor = to_si(1.0, str(entry["unit"]), units[name], where)
-        noise = numbers.pop("noise_std", None)
-        if noise is not None and noise <= 0:
-            raise ConfigurationError(f"{where}: noise_std must be positive, got {noise:g}")
-        noise = None if noise is None else noise * factor
-        found[name] = Channel(
-            name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise,
-            offset_free=offset_free(entry, name, where), note=str(entry.get("note", "")), hold=hold(entry, name, where),
-        )  # fmt: skip
-    return found
-
-
-def offset_free(entry: Mapping[str, Any], name: str, where: str) -> str | None:
-    """What says for which records a channel's zero is one; None: it is known. Raises ConfigurationError."""
-    free = entry.get("offset_free")
-    if free is not None and (not isinstance(free, str) or name == "time"):
-        raise ConfigurationError(
-            f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
-        )
-    return free
-
-
-def hold(entry: Mapping[str, Any], name: str, where: str) -> str:
-    """How a channel goes on between its samples, of `HOLDS`. Raises ConfigurationError."""
-    found = str(entry.get("hold", "line"))
-    require_known(f"hold in {where}", [found], HOLDS)
-    if found == "step" and not name.endswith("_command"):
-        raise ConfigurationError(f"{where}: 'hold: step' is for commands (..._command); a sensor holds nothing")
-    return found
-
-
-def _number(value: Any, where: str, positive: bool = False) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not np.isfinite(value):
-        raise ConfigurationError(f"{where}: expected a number, got {value!r}")
-    if positive and value <= 0:
-        raise ConfigurationError(f"{where}: must be positive, got {value:g}")
-    return float(value)
-
-
-def _record(entry: Any, index: int, channels: Mapping[str, Channel], path: Path) -> Record:
-    where = f"{path.name}: record {index + 1}"
-    if not isinstance(entry, Mapping) or "data" not in entry:
-        raise ConfigurationError(f"{where}: expected {{data: FILE, use: fit or heldout}}, got {entry!r}")
-    require_known(f"key in {where}", entry, _RECORD_KEYS)
-    use = str(entry.get("use", "fit"))
-    if use not in USES:
-        raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
-    file = path.parent / str(entry["data"])
-    raw = read_columns(file, {name: channel.column for name, channel in channels.items()})
-    data = {name: channel.to_si(raw[name]) for name, channel in channels.items()}
-    _check_time(data["time"], file.name, channels["time"].column)
-    for name, values in data.items():
-        if np.isnan(values).all():
-            raise ConfigurationError(f"{file.name}, channel {name} (column '{channels[name].column}'): no values")
-    offsets = read_offsets(entry.get("offsets"), channels, where)
-    for name, offset in offsets.items():
-        data[name] = data[name] + offset
-    conditions, quality = read_conditions(entry.get("conditions"), where), entry.get("quality")
-    return Record(str(entry["data"]), use, data, conditions, offsets, read_doubts(quality, channels, where))
-
-
-def _check_time(time: np.ndarray, file: str, column: str) -> None:
-    where = f"{file}, channel time (column '{column}')"
-    if len(time) < 2:
-        raise ConfigurationError(f"{where}: a record needs at least two samples, found {len(time)}")
-    if np.isnan(time).any():
-        raise ConfigurationError(f"{where}, row {1 + int(np.argmax(np.isnan(time)))}: no time")
-    falling = np.diff(time) <= 0
-    if falling.any():
-        row = 2 + int(np.argmax(falling))
-        raise ConfigurationError(
-            f"{where}, row {row}: time must increase, {time[row - 2]:g} s is followed by {time[row - 1]:g} s"
-        )

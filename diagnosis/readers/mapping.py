@@ -27,8 +27,9 @@ from typing import Any
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
+from diagnosis.data.description import channels_of, hold, offset_free
 from diagnosis.data.entries import read_conditions
-from diagnosis.data.recording import USES, channels_of, hold, offset_free
+from diagnosis.data.record import USES
 from diagnosis.readers.base import ChannelSpec
 from diagnosis.readers.text import DELIMITERS, Layout
 

@@ -5,26 +5,21 @@ numbers as they were published; scales and turned signs are in the YAML file, wi
 """
 
 import contextlib
-import os
-import shutil
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.data.recording import SCHEMA, channels_of
+from cable_envs.core.errors import ConfigurationError, require_known
+from diagnosis.data.description import channels_of
+from diagnosis.data.record import behind
+from diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, yaml_text
 from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
 from diagnosis.readers.checks import Clock, RecordCheck, Summary
 from diagnosis.readers.compare import outliers
 from diagnosis.readers.split import select
-
-FILE = "recording.yaml"
-TABLES = ("csv", "parquet")
 
 
 @dataclass(frozen=True)
@@ -61,7 +56,7 @@ def write_data_set(
     after = data.after if after is None and heldout is None else after
     held = _heldout(data, records, heldout)
     _check_folder(out, records, table)
-    with _staging(out) as stage:
+    with staging(out) as stage:
         logs, summaries, files = {}, {}, {}
         for record in records:
             logs[record.name] = log = Log(record.file)
@@ -74,8 +69,8 @@ def write_data_set(
         for name, found in outliers(moving, summaries, data.group, resets).items():
             logs[name].faults.extend(found)
         content = _content(data, records, files, logs, command)
-        (stage / FILE).write_text(_yaml(content), encoding="utf-8")
-        _move(stage, out)
+        (stage / FILE).write_text(yaml_text(content), encoding="utf-8")
+        move(stage, out)
     rows = {name: count for parts in files.values() for name, (count, _) in parts.items()}
     uses = {name: use for parts in files.values() for name, (_, use) in parts.items()}
     faults = [line for name in logs for line in _lines(logs[name])]
@@ -117,37 +112,6 @@ def _check_folder(out: Path, records: Sequence[RecordSpec], table: str) -> None:
         raise ConfigurationError(f"two records would be named {twice}")
 
 
-@contextlib.contextmanager
-def _staging(out: Path) -> Iterator[Path]:
-    made = [p for p in (out, *out.parents) if not p.exists()]
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".import-", dir=out))
-    except OSError as error:
-        raise ConfigurationError(f"cannot write to {out}: {error.strerror or error}") from error
-    try:
-        yield stage
-    except OSError as error:
-        raise ConfigurationError(f"cannot import to {out}: {error}") from error
-    finally:
-        shutil.rmtree(stage, ignore_errors=True)
-        for folder in made:  # only those that are still empty: after a failure
-            with contextlib.suppress(OSError):
-                folder.rmdir()
-
-
-def _move(stage: Path, out: Path) -> None:
-    moved: list[Path] = []
-    try:
-        for file in sorted(stage.iterdir(), key=lambda p: p.name == FILE):
-            os.replace(file, out / file.name)
-            moved.append(out / file.name)
-    except BaseException:
-        for file in moved:
-            file.unlink(missing_ok=True)
-        raise
-
-
 def _stream(
     data: DataSet, record: RecordSpec, stage: Path, table: str, log: Log, strict: bool, use: str, after: float | None
 ) -> tuple[dict[str, tuple[int, str]], Summary]:
@@ -172,7 +136,7 @@ def _stream(
             lines = None if chunk.lines is None else [chunk.lines[int(k)] for k in np.flatnonzero(keep)]
             chunk = Chunk({n: v[keep] for n, v in chunk.columns.items()}, lines)
             check.feed(chunk, time)
-            later = np.zeros(len(time), bool) if after is None else time - clock.first >= after - 1e-9
+            later = np.zeros(len(time), bool) if after is None else behind(time, clock.first, after)
             first.write({n: v[~later] for n, v in chunk.columns.items()})
             if rest and later.any():
                 rest.write({n: v[later] for n, v in chunk.columns.items()})
@@ -190,54 +154,6 @@ def _stream(
         if not np.isfinite(low):
             raise ConfigurationError(f"{record.file}, channel {name}: no values")
     return files, summary
-
-
-class Table:
-    """A CSV or Parquet file that grows by chunks. CSV: the shortest decimals that read back as the same number."""
-
-    def __init__(self, path: Path, headers: Mapping[str, str]) -> None:
-        self.path, self._headers, self.rows = path, headers, 0
-        self._parquet = path.suffix == ".parquet"
-
-    def __enter__(self) -> "Table":
-        if self._parquet:
-            try:
-                import pyarrow
-                import pyarrow.parquet as parquet
-            except ModuleNotFoundError as error:
-                raise ConfigurationError("Parquet needs pyarrow: pip install 'cable-envs[parquet]'") from error
-            self._arrow = pyarrow
-            schema = pyarrow.schema([(header, pyarrow.float64()) for header in self._headers.values()])
-            self._file = parquet.ParquetWriter(self.path, schema)
-        else:
-            self._file = self.path.open("w", encoding="utf-8", newline="")
-            self._file.write(",".join(map(_quoted, self._headers.values())) + "\n")
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    def write(self, columns: Mapping[str, np.ndarray]) -> None:
-        """Append rows; NaN becomes an empty cell."""
-        rows = len(columns["time"])
-        if not rows:
-            return
-        if self._parquet:
-            self._file.write_table(self._arrow.table({h: columns[n] for n, h in self._headers.items()}))
-        else:
-            cells = [_texts(columns[name]) for name in self._headers]
-            self._file.write("\n".join(map(",".join, zip(*cells))) + "\n")
-        self.rows += rows
-
-
-def _quoted(name: str) -> str:
-    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n') else name
-
-
-def _texts(values: np.ndarray) -> list[str]:
-    if np.isfinite(values).all() and (values == np.rint(values)).all() and np.abs(values).max() < 2**53:
-        return list(map(str, values.astype(np.int64).tolist()))
-    return [repr(v) if v == v else "" for v in values.tolist()]
 
 
 def _content(
@@ -282,15 +198,3 @@ def _quality(fault: Fault, data: DataSet) -> dict[str, Any]:
     if fault.start is not None and fault.end is not None:
         entry |= {"from_s": float(fault.start), "to_s": float(fault.end)}
     return entry | {"note": str(fault)}
-
-
-def _yaml(content: Mapping[str, Any]) -> str:
-    """Blocks at the top, one line for each channel and record where it fits."""
-    return yaml.safe_dump(dict(content), sort_keys=False, default_flow_style=None, width=120, allow_unicode=True)
-
-
-def check_table(table: str) -> str:
-    """``table`` if it is a known kind. Raises ConfigurationError."""
-    if table not in TABLES:
-        raise ConfigurationError(f"--table: unknown format '{table}'; {nearest(table, TABLES)}")
-    return table

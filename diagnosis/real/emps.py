@@ -20,7 +20,8 @@ import numpy as np
 from scipy.signal import butter, decimate, filtfilt
 
 from cable_envs.core.intervals import NORMAL_95
-from diagnosis.data.recording import Quantity, Record, Recording
+from diagnosis.data.description import Quantity
+from diagnosis.data.recording import Record, Recording
 from diagnosis.fit.likelihood import refit_and_learn
 from diagnosis.fit.refit import Start
 from diagnosis.fit.weights import with_sandwich_covariance

@@ -9,7 +9,8 @@ from scipy.signal import savgol_filter
 
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
-from diagnosis.data.recording import Record, Recording, channels_of
+from diagnosis.data.description import channels_of
+from diagnosis.data.recording import Record, Recording
 from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from diagnosis.model.model import Block, Coordinate, Free
 from diagnosis.systems.question import Request

@@ -12,7 +12,8 @@ from cable_envs.plants import family, plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.family import Replayed
 from cable_envs.plants.own_effects import with_own_effects
-from diagnosis.data.recording import Record, Recording, channels_of
+from diagnosis.data.description import channels_of
+from diagnosis.data.recording import Record, Recording
 from diagnosis.model.model import Coordinate, Free
 from diagnosis.systems.common import (
     HELD_STEPS,

@@ -13,7 +13,8 @@ from cablebench.cli import main
 from cablebench.entrants.entrant import controller_entrant
 from cablebench.export.recording import check_split, write_recording
 from cablebench.export.trace import measured, random_entrant, record
-from diagnosis.data.recording import load_recording, parameters_of
+from diagnosis.data.description import parameters_of
+from diagnosis.data.recording import load_recording
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 SHORT = {"duration": 0.3, "sensor_noise": True}

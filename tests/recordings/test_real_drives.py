@@ -10,7 +10,7 @@ from cable_envs.plants.band_brake.effects import RIGID
 from cable_envs.plants.band_brake.plant import PLANT as BRAKE
 from cable_envs.plants.drive.plant import PLANT
 from cable_envs.sim.replay import replay
-from diagnosis.data.recording import Quantity
+from diagnosis.data.description import Quantity
 from diagnosis.fit.likelihood import refit_and_learn
 from diagnosis.fit.refit import Start
 from diagnosis.fit.weights import reweighted_refit, rmse, with_sandwich_covariance

@@ -6,7 +6,8 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import families
-from diagnosis.data.recording import channels_of, load_recording, parameters_of
+from diagnosis.data.description import channels_of, parameters_of
+from diagnosis.data.recording import load_recording
 
 BASE = {
     "schema": "cable-recording/1",

@@ -43,7 +43,7 @@ def recorded(study: Study, folder: Path) -> Path:
 
 def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, Any]]:
     """(the diagnosis as JSON, content of augmented.yaml) of recordings of the hidden rig."""
-    from cablebench.export.recording import FILE
+    from diagnosis.data.writing import FILE
     from diagnosis.engine import diagnose
 
     recording, folder = out / "recording", out / "diagnosis"

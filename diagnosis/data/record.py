@@ -1,0 +1,137 @@
+"""One record of a recording: its samples, and what is said of it alone."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from diagnosis.data.description import Channel
+from diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
+
+USES = ("fit", "heldout", "rest")
+_RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
+AT_ONCE = 1e-9
+"""s by which a sample may come before a cut and still count as behind it: clocks are rounded."""
+
+Read = Callable[[str, Mapping[str, Channel]], Mapping[str, np.ndarray]]
+"""(what stands under "data", channels) -> raw numbers [samples] by channel."""
+
+
+@dataclass(frozen=True)
+class Record:
+    """One run of a rig: arrays [samples] in SI by channel. Gaps (empty cells) are NaN, except in time.
+
+    Parameters
+    ----------
+    name : str
+        Its file's name, or what it is called in memory.
+    use : str
+        "fit", "heldout" or "rest".
+    data : Mapping of str to ndarray
+        [samples] by channel.
+    conditions, offsets : Mapping
+        In SI too; the offsets are in the data already.
+    quality : tuple of Doubt
+        Spans of time that are no measurements.
+    """
+
+    name: str
+    use: str
+    data: Mapping[str, np.ndarray]
+    conditions: Mapping[str, float | str] = field(default_factory=dict)
+    offsets: Mapping[str, float] = field(default_factory=dict)
+    quality: tuple[Doubt, ...] = ()
+
+    @property
+    def time(self) -> np.ndarray:
+        """s, strictly increasing [samples]."""
+        return self.data["time"]
+
+    def usable(self, channel: str) -> np.ndarray:
+        """Whether each sample of a channel is a measurement: neither empty nor stuck nor saturated [samples]."""
+        good = ~np.isnan(self.data[channel])
+        for doubt in self.quality:
+            if doubt.kind in UNUSABLE and doubt.channel in (channel, None):
+                good &= (self.time < doubt.start) | (self.time > doubt.end)
+        return good
+
+    def as_entry(self) -> dict[str, Any]:
+        """What stands under ``records`` of a recording besides the file: numbers in SI, offsets are in the data."""
+        entry: dict[str, Any] = {"use": self.use}
+        more = (("conditions", dict(self.conditions)), ("quality", [doubt.as_entry() for doubt in self.quality]))
+        return entry | {key: value for key, value in more if value}
+
+
+def read_record(entry: Any, index: int, channels: Mapping[str, Channel], read: Read, origin: str) -> Record:
+    """The record of an entry under ``records``, whose numbers ``read`` gives; ``index`` counts from 0.
+
+    Raises ConfigurationError that names the record, and where it applies the channel, its column and the row.
+    """
+    where = f"{origin}: record {index + 1}"
+    if not isinstance(entry, Mapping) or "data" not in entry:
+        raise ConfigurationError(f"{where}: expected {{data: FILE, use: fit or heldout}}, got {entry!r}")
+    require_known(f"key in {where}", entry, _RECORD_KEYS)
+    use, name = str(entry.get("use", "fit")), str(entry["data"])
+    if use not in USES:
+        raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
+    raw = read(name, channels)
+    data = {n: channel.to_si(raw[n]) for n, channel in channels.items()}
+    offsets = read_offsets(entry.get("offsets"), channels, where)
+    conditions = read_conditions(entry.get("conditions"), where)
+    quality = read_doubts(entry.get("quality"), channels, where)
+    _check_samples(data, name, channels)
+    for n, offset in offsets.items():
+        data[n] = data[n] + offset
+    return Record(name, use, data, conditions, offsets, quality)
+
+
+def _check_samples(data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel]) -> None:
+    """ConfigurationError for times that are missing or do not increase, and for a channel without a value."""
+    _check_time(data["time"], _place(name, channels["time"]))
+    for n, values in data.items():
+        if np.isnan(values).all():
+            raise ConfigurationError(f"{_place(name, channels[n])}: no values")
+
+
+def _place(record: str, channel: Channel) -> str:
+    """Where a number stands, for errors; a column that is called as its channel is not named twice."""
+    column = "" if channel.column == channel.name else f" (column '{channel.column}')"
+    return f"{record.rpartition('/')[2]}, channel {channel.name}{column}"
+
+
+def _check_time(time: np.ndarray, where: str) -> None:
+    if len(time) < 2:
+        raise ConfigurationError(f"{where}: a record needs at least two samples, found {len(time)}")
+    if np.isnan(time).any():
+        raise ConfigurationError(f"{where}, row {1 + int(np.argmax(np.isnan(time)))}: no time")
+    falling = np.diff(time) <= 0
+    if falling.any():
+        row = 2 + int(np.argmax(falling))
+        raise ConfigurationError(
+            f"{where}, row {row}: time must increase, {time[row - 2]:g} s is followed by {time[row - 1]:g} s"
+        )
+
+
+def behind(time: np.ndarray, start: float, after: float) -> np.ndarray:
+    """Whether each sample, s, comes ``after`` seconds or later behind the record's start [samples]."""
+    return time - start >= after - AT_ONCE
+
+
+def cut(record: Record, after: float, channels: Mapping[str, Channel]) -> tuple[Record, ...]:
+    """A record, and what lies ``after`` seconds behind its start as a held-out one; a record at rest is never cut.
+
+    Raises ConfigurationError where a part lacks a channel's values.
+    """
+    later = behind(record.time, record.time[0], after)
+    if record.use == "rest" or np.count_nonzero(later) < 2:
+        return (record,)
+    first = replace(record, data={n: values[~later] for n, values in record.data.items()})
+    rest = replace(
+        record, name=f"{record.name}_after", use="heldout", data={n: v[later] for n, v in record.data.items()},
+        conditions={**record.conditions, "continues": record.name},
+    )  # fmt: skip
+    for part in (first, rest):
+        _check_samples(part.data, part.name, channels)
+    return first, rest
