@@ -5,6 +5,8 @@
     found = diagnose("my-recording/")           # a folder with recording.yaml and one table for each record
     print(found.verdict, [effect.name for effect in found.effects])
 
+`Recording.from_arrays` and `Recording.from_dataframe` make a recording of numbers in memory, without a folder.
+
 The package from the question to the answer; each folder imports only those below it:
 
 ==================  =====================================================================================

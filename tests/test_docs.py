@@ -172,6 +172,17 @@ def test_the_example_settings_load(tmp_path):
     assert settings.information == named_entrant("pid").information  # a residual agent knows what its controller knows
 
 
+def test_the_example_in_memory_gives_what_it_says(capsys):
+    (source,) = blocks("your-own-recording.md", "python")
+    exec(compile(source, "your-own-recording.md", "exec"), {})
+    verdict, stiffness = capsys.readouterr().out.splitlines()
+    assert verdict == "named ['position_dependent_load']" and verdict in source
+    value, low, high = map(float, re.search(r"# ([\d.]+) N/m, within ([\d.]+) and ([\d.]+)", source).groups())
+    found = [float(number) for number in re.findall(r"(?:value|low|high)=([\d.]+)", stiffness)]
+    assert found == pytest.approx([value, low, high], rel=5e-3)  # three digits, as the page gives them
+    assert low < 60.0 < high
+
+
 def test_the_example_log_becomes_a_recording(tmp_path):
     """The log and the mapping of "Your own recording", made longer, through its own commands."""
     from cablebench.cli import main

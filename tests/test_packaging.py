@@ -16,7 +16,7 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 EXTRAS = (
     "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
-    "minari", "h5py", "rosbags", "optuna", "sqlalchemy", "ray", "markdown_it",
+    "minari", "h5py", "rosbags", "asammdf", "mcap", "pandas", "optuna", "sqlalchemy", "ray", "markdown_it",
 )  # fmt: skip
 
 
@@ -97,6 +97,13 @@ def test_only_export_and_its_command_know_recordings_and_minari():
     )  # MATLAB 7.3 is HDF5
     bags = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.readers.formats.rosbag"]
     assert _offences(bags, "rosbags") == []
+    for name, library in (("mdf", "asammdf"), ("mcap", "mcap")):
+        files = [
+            f for package in PACKAGES for f in _files(package) if _module(f) != f"diagnosis.readers.formats.{name}"
+        ]
+        assert _offences(files, library) == []
+    frames = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.data.memory"]
+    assert _offences(frames, "pandas") == []
 
 
 def test_tools_above_the_simulator_stay_below_the_command_line():

@@ -18,6 +18,8 @@ EXTRAS = {
     "pyarrow": "parquet",
     **dict.fromkeys(("minari", "h5py"), "offline"),
     "rosbags": "ros",
+    "asammdf": "mdf",
+    **dict.fromkeys(("mcap", "mcap_protobuf", "mcap_ros2"), "mcap"),
 }
 """Module that may be missing -> the extra that brings it."""
 

@@ -15,7 +15,8 @@ records:                                              # optional: by file name o
 group: tool                                           # optional: the condition that tells tools or sessions apart
 ```
 
-``mat``: ``column`` is a variable, ``data.motor.q`` or ``X(:,2)``. ``rosbag``: ``topic`` and ``field`` instead.
+``mat``: ``column`` is a variable, ``data.motor.q`` or ``X(:,2)``. ``mdf``: a channel, ``GROUP:NAME`` where several
+groups have it. ``rosbag``, ``mcap``: ``topic`` and ``field`` instead.
 """
 
 import fnmatch
@@ -122,7 +123,7 @@ def _channels(
 def _column(entry: Mapping[str, Any], where: str, topics: bool, name: str) -> Any:
     if topics:
         if "topic" not in entry or ("field" not in entry and name != "time"):
-            raise ConfigurationError(f"{where}: a bag needs {{topic, field, unit}}")
+            raise ConfigurationError(f"{where}: messages need {{topic, field, unit}}")
         return str(entry["topic"]), str(entry.get("field", ""))
     column = entry.get("column")
     if not isinstance(column, (str, int)) or isinstance(column, bool):

@@ -19,13 +19,14 @@ def import_(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="da-vinci-jaw, band-brake, emps, coupled-drives, table, mat, rosbag, or a .py file with open_dataset.",
+            help="da-vinci-jaw, band-brake, emps, coupled-drives, table, mat, mdf, rosbag, mcap, or a .py file with "
+            "open_dataset.",
         ),
     ],
     path: Annotated[Path, typer.Argument(help="A file, or a folder of them.")],
     out: Annotated[Path, typer.Option(help="Folder for recording.yaml and one table for each record.")],
     mapping: Annotated[
-        Path | None, typer.Option(help="table, mat, rosbag: YAML that says which column is which channel.")
+        Path | None, typer.Option(help="table, mat, mdf, rosbag, mcap: YAML that says which column is which channel.")
     ] = None,
     select: Annotated[
         list[str] | None, typer.Option(help="Only these records: a pattern of names, or CONDITION=VALUE; repeatable.")

@@ -1,1 +1,1 @@
-"""Readers of files that anybody may have: tables, MATLAB files, ROS bags."""
+"""Readers of files that anybody may have: tables, MATLAB, MDF and MCAP files, ROS bags."""
