@@ -1,6 +1,6 @@
 """Arrays and data frames in the form of a recording's file: tables by record, entries of channels and records."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -48,7 +48,9 @@ def tables_of(records: Any, time: Any, system: str, origin: str) -> Tables:
     """
     units = channels_of(system)
     tables: Tables = {}
-    for name, given in named(records, Mapping, "a mapping of channel: array", origin).items():
+    for name, given in named(
+        records, Mapping, "a mapping of channel: array (from_dataframe takes data frames)", origin
+    ).items():
         where = f"{origin}, record '{name}'"
         arrays = dict(given) if time is None or "time" in given else {"time": time, **given}
         require_known(f"channel in {where}", arrays, units)
@@ -177,16 +179,19 @@ def record_entries(
     about: Mapping[str, Mapping[str, Any]] | None, origin: str,
 ) -> list[dict[str, Any]]:  # fmt: skip
     """What stands under ``records`` of a recording."""
-    held = [heldout] if isinstance(heldout, str) else list(heldout)
-    still = [] if rest is None else [rest]
+    if not isinstance(heldout, Iterable):
+        raise ConfigurationError(f"{origin}: heldout: expected names of records, got {heldout!r}")
+    held = [heldout] if isinstance(heldout, str) else list(map(str, heldout))
+    still = [] if rest is None else [str(rest)]
     _require_mapping(about, f"{origin}: about")
-    for what, given in (("heldout", held), ("rest", still), ("about", about or {})):
-        require_known(f"record in {origin}: {what}", map(str, given), names)
+    about = {str(name): said for name, said in (about or {}).items()}
+    for what, given in (("heldout", held), ("rest", still), ("about", about)):
+        require_known(f"record in {origin}: {what}", given, names)
     if set(held) & set(still):
         raise ConfigurationError(f"{origin}: record '{rest}' is both held out and at rest; it can be only one")
     entries = []
     for name in names:
-        said = (about or {}).get(name)
+        said = about.get(name)
         _require_mapping(said, f"{origin}: about: {name}")
         require_known(f"key in {origin}: about: {name}", said or {}, _ABOUT_KEYS)
         use = "rest" if name in still else "heldout" if name in held else "fit"

@@ -162,7 +162,7 @@ class Recording:
         ({'position': 1e-05}, ['fit', 'heldout'])
         """  # fmt: skip
         path = Path(name)
-        channels_of(system)
+        channels_of(str(system))
         tables = tables_of(records, time, system, path.name)
         content = {
             "system": system, "rig": rig, "known": known, "nominal": nominal, "description": description,
@@ -209,7 +209,7 @@ class Recording:
                 "linear_drive", log, {"time": "t", "position": "x", "force": "F"}, units={"position": "mm"}, after=8.0
             )
         """
-        channels_of(system)
+        channels_of(str(system))
         units = told.get("units")
         clock = units.get("time", "s") if isinstance(units, Mapping) else "s"
         tables = frames_of(frames, columns, clock, system, str(told.get("name", "memory")))

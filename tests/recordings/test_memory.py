@@ -158,6 +158,13 @@ def test_one_record_or_a_list_and_a_shared_clock():
     two = Recording.from_arrays("linear_drive", [columns, columns], time=time, heldout=["record_2"])
     assert [r.name for r in one.records] == ["record_1"]
     assert [(r.name, r.use) for r in two.records] == [("record_1", "fit"), ("record_2", "heldout")]
+    numbered = Recording.from_arrays(
+        "linear_drive", {1: columns, 2: columns}, time=time, heldout=[2], about={1: {"conditions": {"load": 5}}}
+    )
+    assert [(r.name, r.use, dict(r.conditions)) for r in numbered.records] == [
+        ("1", "fit", {"load": 5.0}),
+        ("2", "heldout", {}),
+    ]
     columns["position"][:] = 7.0
     assert two.records[0].data["position"].max() < 1.0  # a recording keeps its own copy
 
@@ -176,6 +183,8 @@ REFUSED = [
     ({"noise": [0.1]}, r"memory: noise: expected a mapping, got \[0.1\]"),
     ({"channels": {"force": {"unit": "N"}}}, "channels: force: 'unit' is said by units and noise"),
     ({"channels": {"force": {"scael": 2.0}}}, "channel force 'scael'; did you mean 'scale'"),
+    ({"system": ["linear_drive"]}, "unknown system"),
+    ({"heldout": 1}, "heldout: expected names of records, got 1"),
     ({"heldout": "record_3"}, "record in memory: heldout 'record_3'; did you mean 'record_1'"),
     ({"heldout": "record_1"}, "memory: no record has 'use: fit'"),
     ({"rest": "record_1", "heldout": "record_1"}, "both held out and at rest"),
@@ -199,8 +208,8 @@ REFUSED = [
     ({"records": {"force": np.zeros(5)}}, "there is no channel 'time'"),
     ({"records": []}, "there is no record"),
     ({"records": {}}, "there is no record"),
-    ({"records": 5}, "expected a mapping of channel: array, or several by name, got int"),
-    ({"records": [small(), 5]}, "record 'record_2': expected a mapping of channel: array, got int"),
+    ({"records": 5}, "expected a mapping of channel: array .*, or several by name, got int"),
+    ({"records": [small(), 5]}, "record 'record_2': expected a mapping of channel: array .*, got int"),
     ({"records": {"a/b": small()}}, "a name is a text without slashes"),
     ({"records": [small(), {n: v for n, v in small().items() if n != "force"}]}, "must have the same channels: force"),
     ({"after": -1.0}, "after: expected seconds, more than 0"),
