@@ -44,6 +44,7 @@ from baselines import controller_class
 from cable_envs import ENV_IDS
 from cable_envs.core.config import config_names, config_path, config_root, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.file_options import check_options_of_file
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 
@@ -283,6 +284,7 @@ def load_settings(
     require_known(f"key in {path.name}", data, ("algorithm", "default", "search", *ENV_IDS))
     merged: dict[str, Any] = {}
     for part in (data.get("default") or {}, data.get(env_id) or {}, changes or {}):
+        check_options_of_file(part.get("env_options") or {}, f"env_options in {path.name}")
         nested = {k: {**(merged.get(k) or {}), **(part[k] or {})} for k in _MAPPINGS if k in part}
         merged |= {**part, **nested}
     merged["env_options"] = {**(merged.get("env_options") or {}), **(env_options or {})}

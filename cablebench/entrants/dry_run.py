@@ -13,7 +13,6 @@ import gymnasium as gym
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.sim.registered import setup_of
 from cablebench.entrants.entrant import Entrant
 from cablebench.protocol.protocol import Protocol
 
@@ -42,10 +41,9 @@ def dry_run(entrant: Entrant, protocol: Protocol, tasks: Sequence[str] = ()) -> 
     track = (protocol.run or tuple(t.name for t in protocol.tracks))[0]
     found: list[Tried] = []
     for cell in protocol.cells(tuple(tasks), (track,)):
-        options = cell.environment_options()
-        needs = entrant.needs(cell.task.env, setup_of(cell.task.env, options))
-        if needs is not None and cell.task.env not in {t.env_id for t in found}:
-            found.append(_try(entrant, cell.task.env, {**options, **needs}, protocol.tune.first))
+        options = entrant.enters(cell.task.env, cell.environment_options())
+        if options is not None and cell.task.env not in {t.env_id for t in found}:
+            found.append(_try(entrant, cell.task.env, options, protocol.tune.first))
     if not found:
         ids = ", ".join(tasks or [t.env for t in protocol.tasks])
         raise ConfigurationError(f"'{entrant.title}' enters none of the tasks: {ids}")

@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from cable_envs.core.errors import require_known
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.file_options import KNOWN
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
 
@@ -14,6 +16,20 @@ INFORMATION = ("model-free", "nominal", "identified", "oracle")
 
 BUDGETS = ("environment_steps", "tuning_trials", "identification_samples")
 """What is charged and shown, for one training seed."""
+
+CHOICES = ("action_mode", "observe")
+"""The environment options that an entrant may choose: what it observes and what its command is. All others say which
+episodes are run and are the protocol's."""
+
+
+def check_choices(options: Mapping[str, Any], who: str) -> None:
+    """Refuse options that an entrant may not choose. Raises ConfigurationError that names the first of them."""
+    for name in options:
+        if name in KNOWN and name not in CHOICES:
+            raise ConfigurationError(
+                f"{who}: the option '{name}' is the protocol's; an entrant may only choose {', '.join(CHOICES)}"
+            )
+    require_known(f"option of {who}", options, CHOICES)
 
 
 @dataclass(frozen=True)
@@ -42,6 +58,22 @@ class Entrant:
     def title(self) -> str:
         """Its name, with the training seed where it has one."""
         return self.name if self.training_seed is None else f"{self.name} (seed {self.training_seed})"
+
+    def enters(self, env_id: str, options: Mapping[str, Any]) -> dict[str, Any] | None:
+        """The options of the environment that it enters under a protocol's ``options``; None where it does not enter.
+
+        Raises ConfigurationError where it asks for what the protocol decides.
+        """
+        needs = self.needs(env_id, setup_of(env_id, options))
+        if needs is None:
+            return None
+        check_choices(needs, f"'{self.title}'")
+        for name, value in needs.items():
+            if options.get(name, value) != value:
+                raise ConfigurationError(
+                    f"'{self.title}' needs {name}={value}; the protocol sets {name}={options[name]} on {env_id}"
+                )
+        return {**options, **needs}
 
     def replay(self, protocol: str, env_id: str, track: str) -> str:
         """The command that runs its episodes of a task and track again."""
@@ -99,7 +131,7 @@ def agent_entrant(
     """One trained policy for one environment id.
 
     ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are environment options
-    that shape its observation and action as in training (observe, action_mode); ``path`` is where it is saved, for the
+    that shape its observation and action as in training (`CHOICES`); ``path`` is where it is saved, for the
     replay command; ``settings`` should hold a hash of the saved file.
     """
     shape = dict(options or {})

@@ -11,10 +11,11 @@ env: CableHole-Position-Sine          # the environment it was trained for
 algo: sac                             # stable-baselines3's name of the algorithm
 seed: 0                               # training seed
 policy_kwargs: {net_arch: [64, 64], activation_fn: tanh}
-options: {observe: output}            # environment options that shape observation and action
+options: {observe: output}            # observe and action_mode, nothing else: the rest is the protocol's
 ```
 
-Only weights are read (``torch.load(..., weights_only=True)``): nothing is unpickled, so such a policy cannot run code.
+Only weights are read (``torch.load(..., weights_only=True)``): nothing is unpickled, and ``options`` cannot name a file
+that is run, so such a policy cannot run code.
 A pickled normaliser (``vecnormalize.pkl``), TorchScript and ONNX are not read for that reason.
 """
 
@@ -26,7 +27,7 @@ from typing import Any
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number
-from cablebench.entrants.entrant import BUDGETS, INFORMATION
+from cablebench.entrants.entrant import BUDGETS, INFORMATION, check_choices
 from cablebench.protocol.protocol import Task
 
 SCHEMA = "cable-policy-file/1"
@@ -84,9 +85,11 @@ def load_policy_file(path: str | Path) -> PolicyFile:
     seed = data.get("seed", 0)
     if isinstance(seed, bool) or not isinstance(seed, int):
         raise ConfigurationError(f"{path}: seed = {seed!r}; expected a whole number")
+    options = _mapping(path, data, "options")
+    check_choices(options, str(path))
     return PolicyFile(
         data["name"].strip(), policy, information, charged, env_id, str(data.get("algo") or ""), seed,
-        _mapping(path, data, "policy_kwargs"), _mapping(path, data, "options"),
+        _mapping(path, data, "policy_kwargs"), options,
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.sim.file_options import check_options_of_file
 from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
 
 SCHEMA = 1
@@ -171,14 +172,21 @@ def _task(data: Any, source: str) -> Task:
     if not isinstance(data, Mapping) or "env" not in data:
         raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', not {data!r}")
     require_known(f"key in a task of {source}", data, ("env", "options"))
-    return Task(str(data["env"]), dict(data.get("options") or {}))
+    return Task(str(data["env"]), _options(data, f"{source}, task '{data['env']}'"))
+
+
+def _options(data: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """Environment options of a task or track; none of them may lead to code being run."""
+    options = data.get("options") or {}
+    check_options_of_file(options, place)
+    return dict(options)
 
 
 def _track(name: str, data: Mapping[str, Any], source: str) -> Track:
     require_known(f"key in track '{name}' of {source}", data, ("options", "episodes", "sweeps"))
     sweeps = tuple(_sweep(n, s, f"{source}, track '{name}'") for n, s in (data.get("sweeps") or {}).items())
     episodes = _count(data.get("episodes", 0), f"tracks.{name}.episodes", source, 0)
-    return Track(str(name), dict(data.get("options") or {}), episodes, sweeps)
+    return Track(str(name), _options(data, f"{source}, track '{name}'"), episodes, sweeps)
 
 
 def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
@@ -186,6 +194,8 @@ def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
     require_known(f"key in sweep '{name}' of {source}", data, keys)
     if sum(bool(data.get(key)) for key in ("scale", "add", "option")) != 1:
         raise ConfigurationError(f"{source}: sweep '{name}' needs one of 'scale', 'add' (rig parameters) and 'option'")
+    if data.get("option"):
+        check_options_of_file({data["option"]: None}, f"sweep '{name}' of {source}")
     add = {
         str(mechanism): {n: _number(v, f"{name}.add.{mechanism}.{n}", source) for n, v in sizes.items()}
         for mechanism, sizes in (data.get("add") or {}).items()

@@ -14,7 +14,6 @@ import gymnasium as gym
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.sim.registered import setup_of
 from cablebench.entrants.entrant import Entrant
 from cablebench.protocol.actors import Actor
 from cablebench.protocol.episode import Episode
@@ -212,12 +211,10 @@ def make_plan(
     cells = protocol.cells(tuple(tasks), tuple(tracks))
     plan = []
     for cell in cells:
-        options = cell.environment_options()
-        setup = setup_of(cell.task.env, options)
         for entrant in entrants:
-            needs = entrant.needs(cell.task.env, setup)
-            if needs is not None:
-                plan.append((cell, entrant, {**options, **needs}))
+            options = entrant.enters(cell.task.env, cell.environment_options())
+            if options is not None:
+                plan.append((cell, entrant, options))
     for entrant in entrants:
         if not any(e is entrant for _, e, _ in plan):
             ids = ", ".join(dict.fromkeys(c.task.env for c in cells))

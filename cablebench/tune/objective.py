@@ -12,7 +12,6 @@ from contextlib import closing
 import gymnasium as gym
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import REFERENCE
 from cablebench.entrants.entrant import Entrant, controller_entrant
@@ -45,11 +44,10 @@ def mean_loss(entrant: Entrant, cells: Sequence[Cell], seeds: Sequence[int], con
     """The mean loss of an entrant over the seeds of every cell. Raises ConfigurationError where it does not enter."""
     losses: list[float] = []
     for cell in cells:
-        options = cell.environment_options()
-        needs = entrant.needs(cell.task.env, setup_of(cell.task.env, options))
-        if needs is None:
+        options = entrant.enters(cell.task.env, cell.environment_options())
+        if options is None:
             raise ConfigurationError(f"'{entrant.title}' does not apply to {cell.task.env}")
-        with closing(gym.make(cell.task.env, disable_env_checker=True, **{**options, **needs})) as env:
+        with closing(gym.make(cell.task.env, disable_env_checker=True, **options)) as env:
             setup = core_of(env).setup
             actor = entrant.make(setup)
             for seed in seeds:

@@ -80,10 +80,18 @@ def board_folder(name: str) -> Path:
 
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
-    """The protocol of that name, or that of the newest record."""
+    """The protocol of that name, or that of the newest record: one of ours, as records never lead to another file."""
+    from cable_envs.core.config import config_names
     from cablebench.protocol.files import load_protocol
 
-    return load_protocol(name or records[-1]["protocol"])
+    if name is None:
+        name, known = str(records[-1].get("protocol")), config_names("protocols")
+        if name not in known:
+            raise ConfigurationError(
+                f"the newest record is of protocol '{name}', which is none of {', '.join(known)}: "
+                "give its file with --protocol"
+            )
+    return load_protocol(name)
 
 
 def make_board(
