@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.board.notes import notes
-from cablebench.board.scoring import Record, episode_key, latest, score_episodes, whole_runs
+from cablebench.board.scoring import Record, belonging, episode_key, latest, score_episodes, whole_runs
 from cablebench.board.statistics import (
     Scores,
     bootstrap,
@@ -26,7 +26,9 @@ from cablebench.protocol.metrics import METRICS
 from cablebench.protocol.protocol import Protocol
 
 
-def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = "", place: str = "") -> Board:
+def build_board(
+    protocol: Protocol, records: Iterable[Record], remarks: str = "", place: str = "", left_out: str = ""
+) -> Board:
     """A ranked board from a store's records.
 
     Parameters
@@ -39,6 +41,8 @@ def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = ""
         Shown on the board, Markdown.
     place : str
         Flags of the command line that name the store, for the commands that replay a row.
+    left_out : str
+        What of the store could not be used (`cablebench.run.store.Reading.remark`); a note on the board.
 
     Returns
     -------
@@ -52,7 +56,8 @@ def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = ""
     """
     everything = list(records)
     configuration = protocol.hash()
-    own, incomplete = whole_runs(latest([r for r in everything if r["protocol_hash"] == configuration]))
+    own, foreign = belonging([r for r in everything if r["protocol_hash"] == configuration], protocol)
+    own, incomplete = whole_runs(latest(own))
     if not own:
         raise ConfigurationError(
             f"the store has no whole run of protocol '{protocol.name}' (configuration {configuration}); "
@@ -78,11 +83,19 @@ def build_board(protocol: Protocol, records: Iterable[Record], remarks: str = ""
         seeds=tuple(sorted({r["seed"] for r in own})),
         training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
         episodes=len(own),
-        notes=notes(everything, own, incomplete, tables, protocol),
+        notes=(*notes(everything, own, incomplete, tables, protocol), *_left_out(left_out, foreign)),
         sweeps=_sweeps(scored),
         remarks=remarks,
         place=place,
     )
+
+
+def _left_out(remark: str, foreign: int) -> list[str]:
+    """What of the store is not on the board because it could not be used."""
+    found = [f"{remark}."] if remark else []
+    if foreign:
+        found.append(f"{foreign} records of episodes that the protocol does not have were left out.")
+    return found
 
 
 def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.random.Generator) -> Table:

@@ -57,6 +57,33 @@ def whole_runs(records: list[Record]) -> tuple[list[Record], list[str]]:
     return [r for k, run in runs.items() if k not in short for r in run], names
 
 
+def belonging(records: Iterable[Record], protocol: Protocol) -> tuple[list[Record], int]:
+    """Records of episodes that the protocol has, and how many are of others.
+
+    A seed or track that is not the protocol's would make everybody else's runs look incomplete.
+
+    Parameters
+    ----------
+    records : iterable of mapping
+        All with the protocol's hash.
+    protocol : Protocol
+
+    Returns
+    -------
+    records : list of mapping
+        Those whose task, track, swept value and seed are the protocol's.
+    others : int
+        How many were left out.
+    """
+    seeds: dict[tuple[Any, ...], frozenset[int]] = {}
+    for cell in protocol.cells(tracks=tuple(t.name for t in protocol.tracks)):
+        sweep = (cell.sweep.name, cell.value) if cell.sweep else (None, None)
+        seeds[(cell.task.env, cell.track.name, *sweep)] = frozenset(protocol.seeds(cell.episodes))
+    given = list(records)
+    kept = [r for r in given if r["seed"] in seeds.get(episode_key(r)[:-1], ())]
+    return kept, len(given) - len(kept)
+
+
 def episode_key(record: Record) -> tuple[Any, ...]:
     """What two records share when they are the same episode run by different entrants."""
     return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]

@@ -10,6 +10,7 @@ USAGE_ERROR = 2
 
 EXTRAS = {
     **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "markdown_it", "matplotlib", "PIL"), "bench"),
+    **dict.fromkeys(("pydantic", "filelock"), "bench"),
     **dict.fromkeys(("torch", "stable_baselines3", "sb3_contrib", "tensorboard"), "agents"),
     **dict.fromkeys(("optuna", "sqlalchemy"), "tuning"),
     "ray": "ray",

@@ -23,7 +23,7 @@ TRAJECTORY_POINTS = 400
 def known_seeds(store: ResultStore) -> dict[str, set[int]]:
     """The seeds that the store holds of every run."""
     found: dict[str, set[int]] = {}
-    for record in store.records():
+    for record in store.read().records:
         found.setdefault(record["run"], set()).add(record["seed"])
     return found
 

@@ -6,7 +6,8 @@ import json
 import os
 import warnings
 import zlib
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,37 +15,52 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
+from cablebench.run.schema import SCHEMA, wrong_with
 
-SCHEMA = 1
-"""Version of the record format; a store written by a newer version is refused, not misread."""
+LARGEST = 2**31
+"""Bytes that a compressed part may unpack to: a few kilobytes of zeros must not fill the memory."""
+
+SHOWN = 5
+"""Lines that are named one by one where some are left out."""
 
 
 class StoreWarning(UserWarning):
-    """A line of a results store that could not be read and was skipped."""
+    """Lines of a results store that were left out."""
 
 
-def _parse(path: Path, number: int, line: bytes) -> dict[str, Any] | None:
-    """The record in a line; None, with a warning, where there is none."""
+@dataclass(frozen=True)
+class Reading:
+    """What a store holds: the records that can be used, and what was left out, as "file:line: why"."""
+
+    records: list[dict[str, Any]]
+    left_out: tuple[str, ...] = ()
+
+    @property
+    def remark(self) -> str:
+        """What was left out, in one sentence; empty where nothing was."""
+        if not self.left_out:
+            return ""
+        count, more = len(self.left_out), len(self.left_out) - SHOWN
+        lines = "1 line of the store was" if count == 1 else f"{count} lines of the store were"
+        rest = f"; and {more} more" if more > 0 else ""
+        return f"{lines} left out: {'; '.join(self.left_out[:SHOWN])}{rest}"
+
+
+def _parse(line: bytes) -> tuple[Any, str]:
+    """(the record in a line, what is wrong with it)."""
     try:
         record = json.loads(line)
-    except ValueError:  # JSON and UTF-8 errors both are
-        record = None
-    if not isinstance(record, dict):
-        warnings.warn(f"{path}:{number}: not a whole record, skipped", StoreWarning, stacklevel=3)
-        return None
-    schema = record.get("schema")
-    if not isinstance(schema, int) or schema > SCHEMA:
-        raise ConfigurationError(
-            f"{path}:{number}: schema {schema!r}; this version reads up to {SCHEMA}. Upgrade cable-envs."
-        )
-    return record
+    except (ValueError, RecursionError):  # JSON and UTF-8 errors both are ValueError
+        return None, "not a whole record"
+    return record, wrong_with(record)
 
 
 class ResultStore:
     """Records in one ``.jsonl`` file: appended, never rewritten.
 
-    Reading skips a line that cannot be parsed and says so (`StoreWarning`); a torn last line, as a crash leaves it, is
-    closed with a newline before the next record is appended, so it never swallows that record.
+    Every line is checked by `cablebench.run.schema` before it is used: a line that is no record, or a malformed one, is
+    left out and said (`StoreWarning`), so that one bad line costs nobody else's rows. A torn last line, as a crash
+    leaves it, is closed with a newline before the next record is appended, so it never swallows that record.
 
     A compressed part, ``<path>.gz``, may hold older records: it is read first, and only `pack` writes it.
     """
@@ -63,13 +79,19 @@ class ResultStore:
         ----------
         records : mapping or iterable of mappings
             One record, or several. NaN and infinities become null.
+
+        Raises
+        ------
+        ConfigurationError
+            For a record that a reader would leave out; then none is added.
         """
-        batch = [records] if isinstance(records, Mapping) else list(records)
+        batch = [jsonable({"schema": SCHEMA, **r}) for r in ([records] if isinstance(records, Mapping) else records)]
         if not batch:
             return
-        lines = "".join(
-            json.dumps(jsonable({"schema": SCHEMA, **r}), allow_nan=False, separators=(",", ":")) + "\n" for r in batch
-        )
+        for record in batch:
+            if wrong := wrong_with(record):
+                raise ConfigurationError(f"{self.path}: a record that is to be added: {wrong}")
+        lines = "".join(json.dumps(r, allow_nan=False, separators=(",", ":")) + "\n" for r in batch)
         self.path.parent.mkdir(parents=True, exist_ok=True)
         with open(self.path, "ab+") as file:
             if file.tell() and not self._ends_line(file):
@@ -84,7 +106,7 @@ class ResultStore:
         return file.read(1) == b"\n"
 
     def records(self) -> list[dict[str, Any]]:
-        """All readable records, oldest first.
+        """All records that can be used, oldest first.
 
         Returns
         -------
@@ -93,30 +115,69 @@ class ResultStore:
         Raises
         ------
         ConfigurationError
-            When a record has a schema newer than this program knows, and when the compressed part is damaged.
+            When the compressed part is damaged.
 
         Warns
         -----
         StoreWarning
-            For each line that cannot be read.
+            Names the lines that were left out, and why.
         """
-        found: list[dict[str, Any]] = []
-        for path, content in ((self.packed, self._unpacked()), (self.path, self._plain())):
+        reading = self.read()
+        if reading.left_out:
+            warnings.warn(reading.remark, StoreWarning, stacklevel=2)
+        return reading.records
+
+    def read(self, strict: bool = False) -> Reading:
+        """The records, and what was left out.
+
+        Parameters
+        ----------
+        strict : bool
+            Whether a line that would be left out is an error.
+
+        Returns
+        -------
+        Reading
+            Records oldest first.
+
+        Raises
+        ------
+        ConfigurationError
+            When the compressed part is damaged; with ``strict``, for lines that are no records or malformed ones.
+        """
+        records, left_out = [], []
+        for place, _, record, wrong in self._lines():
+            if wrong:
+                left_out.append(f"{place}: {wrong}")
+            else:
+                records.append(record)
+        reading = Reading(records, tuple(left_out))
+        if strict and left_out:
+            raise ConfigurationError(reading.remark.replace("left out", "refused", 1))
+        return reading
+
+    def _lines(self) -> Iterator[tuple[str, bytes, Any, str]]:
+        """(file and number, content, record, what is wrong with it) of every line, the compressed part's first."""
+        plain = self._plain()  # read first: what `pack` moves in between is then seen twice, not never
+        for path, content in ((self.packed, self._unpacked()), (self.path, plain)):
             for number, line in enumerate(content.split(b"\n"), start=1):
-                if line.strip() and (record := _parse(path, number, line)) is not None:
-                    found.append(record)
-        return found
+                if line.strip():
+                    yield f"{path}:{number}", line, *_parse(line)
 
     def pack(self) -> Path:
         """Move everything into the compressed part, whole or not at all; returns its path.
 
-        Repeated lines are kept once, lines that cannot be read are left out (`StoreWarning`). The same records give the
-        same bytes. A crash in between leaves records in both parts, which the next `pack` puts right.
+        Repeated lines are kept once; a malformed record is kept as it is, for people to look at, and only what is no
+        JSON object (a torn line) is dropped. The same records give the same bytes. A crash in between leaves records in
+        both parts, which the next `pack` puts right.
         """
-        lines: dict[str, None] = {}
-        for record in self.records():
-            lines[json.dumps(record, allow_nan=False, separators=(",", ":"))] = None
-        content = "".join(line + "\n" for line in lines).encode()
+        lines: dict[bytes, None] = {}
+        for _, line, record, wrong in self._lines():
+            if not wrong:
+                lines[json.dumps(record, allow_nan=False, separators=(",", ":")).encode()] = None
+            elif isinstance(record, dict):
+                lines[line.strip()] = None
+        content = b"".join(line + b"\n" for line in lines)
         path = write_atomic(self.packed, gzip.compress(content, 9, mtime=0))
         self.path.unlink(missing_ok=True)
         return path
@@ -128,9 +189,13 @@ class ResultStore:
         if not self.packed.exists():
             return b""
         try:
-            return gzip.decompress(self.packed.read_bytes())
+            with gzip.open(self.packed) as file:
+                content = file.read(LARGEST + 1)
         except (OSError, EOFError, zlib.error) as error:
             raise ConfigurationError(f"{self.packed} is damaged ({error}): restore it from version control") from None
+        if len(content) > LARGEST:
+            raise ConfigurationError(f"{self.packed} unpacks to more than {LARGEST} bytes: it is no store of records")
+        return content
 
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
         """Save the trajectories of a run; they replace what was there.

@@ -10,60 +10,65 @@ import pytest
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
 from cablebench.run.store import ResultStore, StoreWarning
+from tests.support.board_records import a_record as record
 
 
 def test_records_come_back_in_order_with_their_schema(tmp_path):
     store = ResultStore(tmp_path / "new" / "r.jsonl")
     assert store.records() == []
-    store.append({"a": 1})
-    store.append([{"a": 2}, {"a": 3}])
-    assert [r["a"] for r in store.records()] == [1, 2, 3]
+    store.append(record(1))
+    store.append([record(2), record(3)])
+    assert [r["seed"] for r in store.records()] == [1, 2, 3]
     assert {r["schema"] for r in store.records()} == {1}
 
 
 def test_a_torn_last_line_is_skipped_and_does_not_swallow_the_next_record(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append([{"a": 1}, {"a": 2}])
+    store.append([record(1), record(2)])
     whole = store.path.read_bytes()
     for cut in range(len(whole) - 1, whole.index(b"\n") + 1, -1):  # a crash at any byte of the second record
         store.path.write_bytes(whole[:cut])
-        torn = whole[:cut].endswith(b"}")  # all of it but the newline: still a whole record
+        torn = cut == len(whole) - 1  # all of it but the newline: still a whole record
         if torn:
-            assert [r["a"] for r in store.records()] == [1, 2]
+            assert [r["seed"] for r in store.records()] == [1, 2]
         else:
             with pytest.warns(StoreWarning, match="r.jsonl:2"):
-                assert [r["a"] for r in store.records()] == [1]
-        store.append({"a": 9})
+                assert [r["seed"] for r in store.records()] == [1]
+        store.append(record(9))
         if torn:
-            assert [r["a"] for r in store.records()] == [1, 2, 9]
+            assert [r["seed"] for r in store.records()] == [1, 2, 9]
         else:
             with pytest.warns(StoreWarning):
-                assert [r["a"] for r in store.records()] == [1, 9]
+                assert [r["seed"] for r in store.records()] == [1, 9]
 
 
 def test_binary_rubbish_in_the_middle_costs_one_line(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append({"a": 1})
+    store.append(record(1))
     with store.path.open("ab") as file:
         file.write(b"\xff\xfe\x00\n[1, 2]\n")
-    store.append({"a": 2})
+    store.append(record(2))
     with pytest.warns(StoreWarning) as caught:
-        assert [r["a"] for r in store.records()] == [1, 2]
-    assert len(caught) == 2  # a list is no record either
+        assert [r["seed"] for r in store.records()] == [1, 2]
+    assert len(caught) == 1 and "2 lines" in str(caught[0].message)  # a list is no record either
 
 
-def test_a_newer_schema_is_refused(tmp_path):
+def test_a_newer_schema_is_left_out_and_strictly_refused(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append({"schema": 99, "a": 1})
-    with pytest.raises(ConfigurationError, match="schema 99"):
-        store.records()
+    store.append(record(1))
+    with store.path.open("a") as file:
+        file.write(json.dumps({**record(2), "schema": 99}) + "\n")
+    with pytest.warns(StoreWarning, match=r"r\.jsonl:2: schema 99.*upgrade"):
+        assert [r["seed"] for r in store.records()] == [1]
+    with pytest.raises(ConfigurationError, match=r"1 line of the store was refused: .*r\.jsonl:2: schema 99"):
+        store.read(strict=True)
 
 
 def test_appending_never_rewrites_what_is_there(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append({"a": 1})
+    store.append(record(1))
     before = store.path.read_bytes()
-    store.append({"a": 2})
+    store.append(record(2))
     assert store.path.read_bytes().startswith(before)
 
 
@@ -126,15 +131,15 @@ def test_thinned_trajectories_keep_the_signals_that_are_asked_for(tmp_path):
 
 def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append([{"a": 1}, {"a": 2}])
+    store.append([record(1), record(2)])
     before = store.records()
     assert store.pack() == tmp_path / "r.jsonl.gz" and not store.path.exists()
     first = store.packed.read_bytes()
     assert store.records() == before
-    store.append({"a": 3})
-    assert [r["a"] for r in store.records()] == [1, 2, 3] and store.packed.read_bytes() == first
+    store.append(record(3))
+    assert [r["seed"] for r in store.records()] == [1, 2, 3] and store.packed.read_bytes() == first
     store.pack()
-    assert [r["a"] for r in ResultStore(tmp_path / "r.jsonl").records()] == [1, 2, 3]
+    assert [r["seed"] for r in ResultStore(tmp_path / "r.jsonl").records()] == [1, 2, 3]
     store.pack()  # the same records, the same bytes: nothing for version control to see
     again = store.packed.read_bytes()
     store.pack()
@@ -143,22 +148,22 @@ def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):
 
 def test_a_crash_while_packing_loses_and_repeats_nothing(tmp_path, monkeypatch):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append([{"a": 1, "x": 0.1 + 0.2}, {"a": 2}])
+    store.append([record(1, x=0.1 + 0.2), record(2)])
     with monkeypatch.context() as patch:
         patch.setattr(os, "replace", lambda *_: (_ for _ in ()).throw(OSError("disk full")))
         with pytest.raises(OSError, match="disk full"):
             store.pack()
-    assert [r["a"] for r in store.records()] == [1, 2]
+    assert [r["seed"] for r in store.records()] == [1, 2]
     plain = store.path.read_bytes()
     store.pack()
     store.path.write_bytes(plain)  # the crash came between writing the one and removing the other
     store.pack()
-    assert [r["a"] for r in store.records()] == [1, 2] and store.records()[0]["x"] == 0.1 + 0.2
+    assert [r["seed"] for r in store.records()] == [1, 2] and store.records()[0]["x"] == 0.1 + 0.2
 
 
 def test_a_damaged_compressed_part_is_named(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
-    store.append({"a": 1})
+    store.append(record(1))
     store.pack()
     store.packed.write_bytes(store.packed.read_bytes()[:-6])
     with pytest.raises(ConfigurationError, match=r"r\.jsonl\.gz is damaged"):

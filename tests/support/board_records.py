@@ -91,6 +91,17 @@ def made_episode(
     )
 
 
+def a_record(seed: int = 0, **more) -> dict:
+    """A record that a store takes, of an episode that nobody ran."""
+    return {
+        "schema": 1, "protocol_hash": "0123456789ab", "run": "run", "env_id": "cable_envs/CableHole-Position-Sine-v0",
+        "task": "CableHole-Position-Sine", "family": "CableHole", "track": "nominal", "entrant": "somebody",
+        "information": "nominal", "training_seed": None, "seed": seed, "output_unit": "m", "command_unit": "N",
+        "metrics": {"rmse": 0.001, "failed": 0.0}, "versions": {"cable-envs": "0.1.0"}, "charged": {},
+        "replay": "cablebench evaluate --controller somebody", **more,
+    }  # fmt: skip
+
+
 def made_records(protocol: Protocol, store=None, entrants=ENTRANTS) -> list[dict]:
     """One record for each episode of every cell; ppo has 3 training seeds and fails now and then when randomised."""
     records = []

@@ -65,7 +65,7 @@ def demo(
         agents = [policy_entrant(str(folder)) for _, folder in jobs.values()]
         if agents:
             evaluate(chosen, agents, store=store, progress=report)
-    make_board(chosen, store, store.records(), out, as_json)
+    make_board(chosen, store, store.read(), out, as_json)
     say.print(f"done in {time.monotonic() - started:.0f} s; open {out / 'board.html'} in a browser", markup=False)
 
 

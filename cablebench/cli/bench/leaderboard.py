@@ -25,9 +25,12 @@ def leaderboard(
         Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: the results folder.")
     ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
+    strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
     """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it.
+
+    A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
     --pack compresses records and board.json (to records.jsonl.gz, board.json.gz) and drops what the page does not draw
     of the trajectories. board.html is no part of a packed folder: this command makes it again from what is there.
@@ -36,12 +39,14 @@ def leaderboard(
 
     folder, flags = results_folder(board, results, protocol)
     store = ResultStore(folder / RECORDS)
-    records = store.records()
+    reading = store.read(strict)
+    records = reading.records
     if not records:
         command = f"cablebench evaluate --protocol {board or 'quick'} --results {folder}"
-        raise ConfigurationError(f"no records in {store.path}: run `{command}` first")
+        left = f" ({reading.remark})" if reading.left_out else ""
+        raise ConfigurationError(f"no records in {store.path}{left}: run `{command}` first")
     chosen = protocol_of(records, protocol or board)
-    made = make_board(chosen, store, records, out or folder, as_json, place=flags)
+    made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
     if pack:
         _pack(store, made, len(records), out or folder)
 
@@ -95,9 +100,11 @@ def protocol_of(records: list[Any], name: str | None) -> Any:
 
 
 def make_board(
-    protocol: Any, store: Any, records: list[Any], folder: Path, as_json: bool, place: str = "", show: bool = True
+    protocol: Any, store: Any, reading: Any, folder: Path, as_json: bool, place: str = "", show: bool = True
 ) -> Any:
     """Build the board, write its three files, and show it: as JSON on standard output, or as a table.
+
+    ``reading``: the store's `Reading`; what it left out is said on standard error and on the board.
 
     ``place``: the flags that name the results folder, for replay commands; without them a row shows the command that
     evaluated it.
@@ -109,9 +116,11 @@ def make_board(
 
     remarks = store.path.parent / REMARKS
     text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""
-    board = build_board(protocol, records, text, place)
+    if reading.left_out:
+        console(stderr=True).print(reading.remark, markup=False)
+    board = build_board(protocol, reading.records, text, place, reading.remark)
     try:
-        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, records))
+        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, reading.records))
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
     if as_json and show:

@@ -42,7 +42,10 @@ def replay(
     from cablebench.run.store import ResultStore
 
     folder, _ = results_folder(board, results)
-    everything = ResultStore(folder / RECORDS).records()
+    reading = ResultStore(folder / RECORDS).read()
+    everything = reading.records
+    if reading.left_out:
+        console(stderr=True).print(reading.remark, markup=False)
     if not everything:
         raise ConfigurationError(f"no records in {folder / RECORDS}")
     chosen = protocol_of(everything, protocol or board)

@@ -50,7 +50,7 @@ def submit(
         ask(submission.executes, trust)
     say = console(stderr=True)
     store = ResultStore(folder / RECORDS)
-    records = store.records()
+    records = store.read().records  # what is left out of it is said with the board
     with _tried(submission, path, bool(name)) as place:
         entrant = _recipe(submission.flag, place)()
         tried = dry_run(entrant, chosen, tasks)
@@ -71,7 +71,7 @@ def submit(
     recipes = (*_missing(chosen, records, entered, track), recipe)
     # what the store holds is skipped: an interrupted submission goes on where it was when it is given again
     evaluate_on(backend, jobs, ray_address, chosen, recipes, (entered, tuple(track or ()), store), resume=True)
-    made = make_board(chosen, store, store.records(), folder, as_json, place=flags)
+    made = make_board(chosen, store, store.read(), folder, as_json, place=flags)
     _place(made, entrant, say)
 
 
