@@ -7,11 +7,13 @@ import os
 import warnings
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
@@ -19,6 +21,9 @@ from cablebench.run.schema import SCHEMA, wrong_with
 
 LARGEST = 2**31
 """Bytes that a compressed part may unpack to: a few kilobytes of zeros must not fill the memory."""
+
+PATIENCE = 600.0
+"""s that a writer waits for the others; packing a million records takes minutes."""
 
 SHOWN = 5
 """Lines that are named one by one where some are left out."""
@@ -63,6 +68,9 @@ class ResultStore:
     leaves it, is closed with a newline before the next record is appended, so it never swallows that record.
 
     A compressed part, ``<path>.gz``, may hold older records: it is read first, and only `pack` writes it.
+
+    Any number of processes may write at once: whoever appends or packs holds the lock ``<path>.lock``, which the
+    system takes from a process that dies. Reading needs no lock.
     """
 
     def __init__(self, path: str | Path):
@@ -92,13 +100,27 @@ class ResultStore:
             if wrong := wrong_with(record):
                 raise ConfigurationError(f"{self.path}: a record that is to be added: {wrong}")
         lines = "".join(json.dumps(r, allow_nan=False, separators=(",", ":")) + "\n" for r in batch)
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.path, "ab+") as file:
+        with self.locked(), open(self.path, "ab+") as file:
             if file.tell() and not self._ends_line(file):
                 lines = "\n" + lines
             file.write(lines.encode())
             file.flush()
             os.fsync(file.fileno())
+
+    @contextmanager
+    def locked(self) -> Iterator[None]:
+        """Nobody else writes meanwhile; the folder is made where it is missing.
+
+        Raises ConfigurationError where another process keeps the store for longer than `PATIENCE`.
+        """
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with FileLock(self.path.with_name(self.path.name + ".lock"), timeout=PATIENCE, poll_interval=0.01):
+                yield
+        except Timeout:
+            raise ConfigurationError(
+                f"{self.path} has been held by another process for {PATIENCE:g} s: end it, or wait for it"
+            ) from None
 
     @staticmethod
     def _ends_line(file: Any) -> bool:
@@ -171,16 +193,20 @@ class ResultStore:
         JSON object (a torn line) is dropped. The same records give the same bytes. A crash in between leaves records in
         both parts, which the next `pack` puts right.
         """
+        with self.locked():
+            path = write_atomic(self.packed, gzip.compress(self._whole(), 9, mtime=0))
+            self.path.unlink(missing_ok=True)
+        return path
+
+    def _whole(self) -> bytes:
+        """Every record once, and the malformed ones as they are."""
         lines: dict[bytes, None] = {}
         for _, line, record, wrong in self._lines():
             if not wrong:
                 lines[json.dumps(record, allow_nan=False, separators=(",", ":")).encode()] = None
             elif isinstance(record, dict):
                 lines[line.strip()] = None
-        content = b"".join(line + b"\n" for line in lines)
-        path = write_atomic(self.packed, gzip.compress(content, 9, mtime=0))
-        self.path.unlink(missing_ok=True)
-        return path
+        return b"".join(line + b"\n" for line in lines)
 
     def _plain(self) -> bytes:
         return self.path.read_bytes() if self.path.exists() else b""
