@@ -140,7 +140,8 @@ def evaluate(
     tasks, tracks : sequence of str
         Names; empty means all tasks and the protocol's own choice of tracks.
     store : ResultStore, optional
-        Gets each record as soon as its episode has ended, and the trajectories of each run's median and worst episode.
+        Gets each record as soon as its episode has ended, and the trajectories of each run's median and worst episode
+        before the record that makes the run whole.
     progress : callable, optional
         Called with a `Progress` before each episode and once at the end.
     resume : bool
@@ -179,10 +180,11 @@ def evaluate(
                 record = make_record(protocol, cell, entrant, options, run, seed, facts(episode))
                 records.append(record)
                 kept.append((badness(record), episode))
-                if store is not None:
-                    store.append(record)
-            if store is not None:
-                store.keep_trajectories(run, typical(kept))
+                if store is None:
+                    continue
+                if seed == seeds[-1]:  # with the last record the run is whole, and a resumed evaluation leaves it out
+                    store.keep_trajectories(run, typical(kept))
+                store.append(record)
     if progress is not None:
         progress(Progress(total, total, "done"))
     return records

@@ -87,8 +87,8 @@ def evaluate_in_jobs(
             episodes, trajectories = done.value()
             found[run] = [make_record(protocol, *about[run], run, seed, seen) for seed, seen in episodes]
             if store is not None:
+                store.keep_trajectories(run, trajectories)  # first: with its records a run counts as done
                 store.append(found[run])
-                store.keep_trajectories(run, trajectories)
             running.pop(run, None)
             finished += len(episodes)
             report(JobProgress(run, 0, 0, f"{about[run][1].title} on {about[run][0].key}"))

@@ -1,5 +1,7 @@
 """Evaluation on the real environments, with episodes of half a second."""
 
+from functools import partial
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,9 +13,11 @@ from cablebench.board.board import build_board
 from cablebench.board.scoring import latest
 from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entrant
 from cablebench.entrants.named import reference_entrants
+from cablebench.jobs.work import Context, Done, perform
 from cablebench.protocol.actors import ControllerActor, PolicyActor
 from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
 from cablebench.run.evaluation import evaluate, run_episode
+from cablebench.run.jobs import evaluate_in_jobs
 from cablebench.run.store import ResultStore
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
@@ -283,3 +287,62 @@ def test_unknown_names_are_refused_with_the_nearest():
         setup_of("cable_envs/CableHole-Position-Sin-v0", {})
     with pytest.raises(ConfigurationError, match="did you mean 'nominal'"):
         Entrant("x", "nominl", make=lambda s: PolicyActor(Policy()), needs=lambda e, s: {}, arguments="")
+
+
+class Killed(Exception):
+    """Stands for the end of the process at this point."""
+
+
+class DyingStore(ResultStore):
+    """A store whose process ends before its n-th write."""
+
+    def __init__(self, path, writes):
+        super().__init__(path)
+        self.writes = writes
+
+    def _write(self):
+        if self.writes == 0:
+            raise Killed
+        self.writes -= 1
+
+    def append(self, records):
+        self._write()
+        super().append(records)
+
+    def keep_trajectories(self, run, episodes):
+        self._write()
+        return super().keep_trajectories(run, episodes)
+
+
+class Here:
+    """A backend that runs its jobs in this process."""
+
+    def run(self, jobs, progress):
+        for job in jobs:
+            yield Done(job, *perform(job, Context(lambda *_: None, {})))
+
+
+@pytest.mark.parametrize("jobs", [False, True], ids=["serial", "jobs"])
+def test_whoever_is_killed_a_whole_run_has_its_trajectories(tmp_path, jobs):
+    """The record that makes a run whole is written last: a resumed evaluation leaves nothing out that is missing."""
+
+    def run(store, resume=False):
+        if jobs:
+            return evaluate_in_jobs(
+                protocol(), [partial(controller_entrant, "pid")], Here(), [HOLE], ["nominal"], store, resume=resume
+            )
+        return evaluate(protocol(), [controller_entrant("pid")], [HOLE], ["nominal"], store, resume=resume)
+
+    for writes in range(4):
+        store = DyingStore(tmp_path / f"{writes}.jsonl", writes)
+        try:
+            run(store)
+        except Killed:
+            pass
+        else:
+            break
+        again = ResultStore(store.path)
+        run(again, resume=True)
+        records = latest(again.records())
+        assert len(records) == 2 and set(again.trajectories(records[0]["run"])) == {"median", "worst"}, writes
+    assert writes == (2 if jobs else 3)  # every place to be killed at was tried
