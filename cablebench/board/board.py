@@ -24,6 +24,7 @@ from cablebench.board.tables import Board, Row, Table
 from cablebench.entrants.entrant import INFORMATION
 from cablebench.protocol.metrics import METRICS
 from cablebench.protocol.protocol import Protocol
+from cablebench.run.makers import told_apart
 
 
 def build_board(
@@ -57,7 +58,8 @@ def build_board(
     everything = list(records)
     configuration = protocol.hash()
     own, foreign = belonging([r for r in everything if r["protocol_hash"] == configuration], protocol)
-    own, incomplete = whole_runs(latest(own))
+    reserved = (protocol.open_loop, protocol.oracle, *protocol.paper.values())
+    own, incomplete = whole_runs(latest(told_apart(own, reserved)))
     if not own:
         raise ConfigurationError(
             f"the store has no whole run of protocol '{protocol.name}' (configuration {configuration}); "

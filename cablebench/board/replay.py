@@ -11,9 +11,10 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, nearest
-from cablebench.board.scoring import Record, episode_key, latest, score_episodes
+from cablebench.board.scoring import Record, episode_key, latest, newest, score_episodes
 from cablebench.board.statistics import interquartile_mean
 from cablebench.protocol.protocol import Protocol
+from cablebench.run.makers import told_apart
 
 TIMED = ("inference_us",)
 """Metrics that measure the machine: no two runs have the same."""
@@ -67,10 +68,11 @@ def rows_of(records: Sequence[Record], protocol: Protocol, entrant: str, env_id:
     ConfigurationError
         With the nearest names where there is no such row.
     """
-    own = [r for r in latest(records) if r["protocol_hash"] == protocol.hash()]
+    reserved = (protocol.open_loop, protocol.oracle, *protocol.paper.values())
+    own = told_apart((r for r in records if r["protocol_hash"] == protocol.hash()), reserved)
     if not own:
         raise ConfigurationError(f"no records of protocol '{protocol.name}' (configuration {protocol.hash()})")
-    row = [r for r in own if (r["entrant"], r["env_id"], r["track"]) == (entrant, env_id, track)]
+    row = newest(latest(r for r in own if (r["entrant"], r["env_id"], r["track"]) == (entrant, env_id, track)))
     if row:
         return row
     for key, value in (("entrant", entrant), ("env_id", env_id), ("track", track)):

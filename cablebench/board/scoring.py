@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from cablebench.protocol.protocol import Protocol
+from cablebench.run.makers import content_of
 
 GAP_FLOOR = 0.5
 """Least denominator, as a share of the median distance between open loop and oracle in the condition: an open loop that
@@ -22,8 +23,19 @@ Record = Mapping[str, Any]
 
 
 def latest(records: Iterable[Record]) -> list[Record]:
-    """Each episode of each entrant and training seed once: where it was run again, the newest record counts."""
-    return list({(r["entrant"], r["training_seed"], *episode_key(r)): r for r in records}.values())
+    """Each episode of each entrant, training seed and content once: where it was run again, the newest counts."""
+    return list({(r["entrant"], r["training_seed"], content_of(r), *episode_key(r)): r for r in records}.values())
+
+
+def newest(records: Iterable[Record]) -> list[Record]:
+    """Of each entrant, training seed, task and track only what its newest record is of: contents are never mixed."""
+    given = list(records)
+    content = {_run_of(r): content_of(r) for r in given}
+    return [r for r in given if content[_run_of(r)] == content_of(r)]
+
+
+def _run_of(record: Record) -> tuple[Any, ...]:
+    return record["task"], record["track"], record["entrant"], record["training_seed"]
 
 
 def whole_runs(records: list[Record]) -> tuple[list[Record], list[str]]:
@@ -39,22 +51,24 @@ def whole_runs(records: list[Record]) -> tuple[list[Record], list[str]]:
     Returns
     -------
     records : list of mapping
-        Of runs that have every episode their task and track was run on.
+        Of runs that have every episode their task and track was run on; where an entrant was run with several contents,
+        those of the newest.
     names : list of str
         Of the others, with how much there is.
     """
     episodes: dict[tuple[str, str], set[tuple[Any, ...]]] = {}
-    runs: dict[tuple[str, str, str, Any], list[Record]] = {}
+    runs: dict[tuple[Any, ...], list[Record]] = {}
     for r in records:
         episodes.setdefault((r["task"], r["track"]), set()).add(episode_key(r))
-        runs.setdefault((r["task"], r["track"], r["entrant"], r["training_seed"]), []).append(r)
+        runs.setdefault((*_run_of(r), content_of(r)), []).append(r)
     short = {k: run for k, run in runs.items() if len(run) < len(episodes[k[:2]])}
     names = [
         f"{entrant}{'' if seed is None else f' seed {seed}'} on {task} {track} "
         f"({len(run)} of {len(episodes[task, track])} episodes)"
-        for (task, track, entrant, seed), run in short.items()
+        for (task, track, entrant, seed, _), run in short.items()
     ]
-    return [r for k, run in runs.items() if k not in short for r in run], names
+    whole = {id(r) for k, run in runs.items() if k not in short for r in run}
+    return newest(r for r in records if id(r) in whole), names
 
 
 def belonging(records: Iterable[Record], protocol: Protocol) -> tuple[list[Record], int]:

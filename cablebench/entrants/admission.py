@@ -100,10 +100,19 @@ def _from_yaml(path: Path, name: str) -> Submission:
 
 
 def check_name(entrant: Any, records: list[Mapping[str, Any]], reserved: tuple[str, ...]) -> None:
-    """Refuse a name that is a reference's, or under which the records know somebody else on the same environments."""
+    """Refuse a name that is a reference's, or under which the records know somebody else.
+
+    A name belongs to its maker (`Entrant.maker`). The same maker may hand in further training seeds of the same name,
+    and, under another name, other settings.
+    """
     if entrant.name in reserved:
         raise ConfigurationError(f"'{entrant.name}' is the name of a reference: choose another with --name")
     for r in records:
+        if r["entrant"] == entrant.name and r.get("maker", "") != entrant.maker:
+            raise ConfigurationError(
+                f"'{entrant.name}' is on the board already, by another maker: choose another name with --name, or say "
+                "--maker with the phrase that it was handed in with"
+            )
         same = (r["entrant"], r["training_seed"]) == (entrant.name, entrant.training_seed)
         if same and (r.get("settings") or {}) != dict(entrant.settings) and _enters(entrant, r["env_id"]):
             raise ConfigurationError(

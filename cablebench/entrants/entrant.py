@@ -49,6 +49,8 @@ class Entrant:
     settings: Mapping[str, Any] = field(default_factory=dict)
     """whatever decides its behaviour: gains, policy file and its hash, ..."""
     versions: Mapping[str, str] = field(default_factory=dict)
+    maker: str = ""
+    """key of who handed it in (`cablebench.run.makers`); empty: who keeps the store"""
 
     def __post_init__(self) -> None:
         require_known("information class", [self.information], INFORMATION)

@@ -40,6 +40,8 @@ def run_key(protocol: Protocol, cell: Cell, entrant: Entrant, options: Mapping[s
         "training_seed": entrant.training_seed,
         "source": versions()["source"],
     }
+    if entrant.maker:
+        decides["maker"] = entrant.maker
     return configuration_hash(decides)
 
 
@@ -108,6 +110,7 @@ def make_record(
         "settings": dict(entrant.settings),
         "charged": dict(entrant.charged),
         "versions": {**versions(), **entrant.versions},
+        "maker": entrant.maker,
         "replay": entrant.replay(protocol.name, cell.task.env, cell.track.name),
         **found,
     }

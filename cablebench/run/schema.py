@@ -76,6 +76,7 @@ class _Record(_Strict):
     metrics: _Metrics
     machine: Text = ""
     created: Text = ""
+    maker: Annotated[str, Field(pattern=r"^[0-9a-f]{0,64}$")] = ""
 
     @model_validator(mode="after")
     def _is_of_one_piece(self) -> "_Record":

@@ -227,3 +227,6 @@ def test_names_are_not_taken_twice(written):
     with pytest.raises(ConfigurationError, match="on the board already"):
         check_name(entrant, [record], ())
     check_name(entrant, [{**record, "settings": dict(entrant.settings)}], ())
+    others = {**record, "settings": dict(entrant.settings), "maker": "abc", "training_seed": 5}
+    with pytest.raises(ConfigurationError, match="by another maker"):
+        check_name(entrant, [others], ())

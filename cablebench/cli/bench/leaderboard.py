@@ -113,14 +113,16 @@ def make_board(
     from cablebench.board.learning import learning_curves
     from cablebench.board.notes import REMARKS
     from cablebench.board.report import print_board, render_json, write_board
+    from cablebench.run.makers import told_apart
 
     remarks = store.path.parent / REMARKS
     text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""
     if reading.left_out:
         console(stderr=True).print(reading.remark, markup=False)
     board = build_board(protocol, reading.records, text, place, reading.remark)
+    own = told_apart(r for r in reading.records if r["protocol_hash"] == protocol.hash())
     try:
-        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, reading.records))
+        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, own))
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
     if as_json and show:

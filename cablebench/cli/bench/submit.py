@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,6 +25,7 @@ def submit(
     results: Annotated[Path | None, typer.Option(help="Results folder; default: boards/NAME.")] = None,
     protocol: Annotated[str | None, typer.Option(help="Protocol, if not --board's: a name or a YAML file.")] = None,
     name: Annotated[str | None, typer.Option(help="Name on the board, instead of the file's own.")] = None,
+    maker: Annotated[str | None, typer.Option(help="A phrase that only you know: with it you add to your row.")] = None,
     env: Annotated[list[str] | None, typer.Option(help="Only this environment; repeatable.")] = None,
     track: Annotated[list[str] | None, typer.Option(help="Only this track; repeatable.")] = None,
     trust: Annotated[
@@ -35,11 +37,15 @@ def submit(
     ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
-    """Check a controller or policy, run the protocol, and add its row to the board."""
+    """Check a controller or policy, run the protocol, and add its row to the board.
+
+    The row is its maker's: without --maker, only the same files can be handed in again under the same name.
+    """
     require_ours("baselines")
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run
     from cablebench.protocol.files import load_protocol
+    from cablebench.run.makers import maker_key
     from cablebench.run.store import ResultStore
 
     folder, flags = results_folder(board or (None if results else "quick"), results, protocol)
@@ -53,6 +59,8 @@ def submit(
     records = store.read().records  # what is left out of it is said with the board
     with _tried(submission, path, bool(name)) as place:
         entrant = _recipe(submission.flag, place)()
+        key = maker_key(maker, entrant.name) if maker else submission.hash()
+        entrant = replace(entrant, maker=key)
         tried = dry_run(entrant, chosen, tasks)
         check_name(entrant, [r for r in records if r["protocol_hash"] == chosen.hash()], _reserved())
     for t in tried:
@@ -65,7 +73,7 @@ def submit(
         kept = submission.keep(folder)
     except OSError as error:
         raise ConfigurationError(f"cannot copy {path} to {folder}: {error.strerror or error}") from error
-    recipe = _recipe(submission.flag, kept)
+    recipe = replace(_recipe(submission.flag, kept), maker=key)
     entrant = recipe()
     entered = tuple(t.env_id for t in tried)
     recipes = (*_missing(chosen, records, entered, track), recipe)

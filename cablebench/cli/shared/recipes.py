@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +28,13 @@ class NamedEntrant:
     gains: tuple[tuple[str, float], ...] = ()
     files: tuple[tuple[str, bytes], ...] = ()
     """(path, content)"""
+    maker: str = ""
+    """as of `cablebench.entrants.entrant.Entrant`"""
 
     def __call__(self) -> Any:
+        return replace(self._found(), maker=self.maker)
+
+    def _found(self) -> Any:
         if all(_holds(Path(path), content) for path, content in self.files):
             return self._make(self.name)
         base = Path(self.files[0][0]).parent
