@@ -155,10 +155,10 @@ def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
     from baselines import CONTROLLERS
 
     if controller.endswith(".py"):
-        from cablebench.entrants.submission import FileController, controller_kind
+        from cablebench.entrants.apart import controller_kind
 
         kind = controller_kind(path.parent / controller)
-        if not gains and not isinstance(kind, FileController):
+        if not gains and kind.derived:
             raise ConfigurationError(f"{path}: 'gains' must say which environments {controller} enters")
         return kind
     if controller not in CONTROLLERS:

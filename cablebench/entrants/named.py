@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cablebench.entrants.apart import submission_entrant
 from cablebench.entrants.controller_files import FOLDER, controller_file_entrant, shipped_files
 from cablebench.entrants.entrant import Entrant, controller_entrant
-from cablebench.entrants.submission import submission_entrant
 
 
 def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:

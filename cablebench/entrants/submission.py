@@ -25,47 +25,23 @@ you trust.
 import hashlib
 import inspect
 import math
-import shlex
 import types
 from collections import defaultdict
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number
-from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import LEVELS
-from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
-from cablebench.protocol.actors import ControllerActor
+from cablebench.entrants.entrant import BUDGETS, INFORMATION
 from cablebench.protocol.protocol import Task
 
 _DECLARED = ("name", "information", "observe", "tasks", "charged")
 
 
-def submission_entrant(path: str | Path) -> Entrant:
-    """The entrant of a .py file. Executes the file.
-
-    Raises ConfigurationError that names the file and what is wrong: no reset() or act(), a wrong signature or
-    declaration, an error while it is loaded.
-    """
-    kind = controller_kind(path)
-    arguments = f"--controller {shlex.quote(str(path))}"
-    if not isinstance(kind, FileController):
-        return replace(controller_entrant(kind), arguments=arguments, settings={"source": kind.source_hash})
-    return Entrant(
-        kind.name, kind.information,
-        make=lambda setup: ControllerActor(kind.made_for(setup), setup),
-        needs=kind.needs,
-        arguments=arguments,
-        charged=kind.charged,
-        settings={"source": kind.source_hash},
-    )  # fmt: skip
-
-
-def controller_kind(path: str | Path) -> Any:
+def load_kind(path: str | Path) -> Any:
     """A `FileController` of a .py file, or the file's class derived from `baselines.Controller`. Executes the file."""
     from baselines import Controller
 
@@ -104,11 +80,11 @@ def execute(path: Path, content: bytes) -> types.ModuleType:
     try:
         exec(compile(content, str(path), "exec"), module.__dict__)
     except (Exception, SystemExit) as error:
-        raise ConfigurationError(f"{path} cannot be loaded: {_told(error)}") from None
+        raise ConfigurationError(f"{path} cannot be loaded: {told(error)}") from None
     return module
 
 
-def _told(error: BaseException) -> str:
+def told(error: BaseException) -> str:
     """An error of somebody's code in one line, with the line number where there is one."""
     trace = error.__traceback__
     while trace is not None and trace.tb_next is not None:
@@ -147,12 +123,12 @@ class FileController:
         return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,
                            "rig": dict(rig)}, gains)  # fmt: skip
 
-    def made_for(self, setup: Setup) -> "Played":
-        """A controller for an environment with this setup, from a fresh run of the file."""
-        return self._made({
-            "plant": setup.plant.name, "action_mode": setup.action_mode.name, "task": setup.task.kind,
-            "dt": setup.control_period, "low": setup.low, "high": setup.high, "rig": dict(setup.rig.values),
-        })  # fmt: skip
+    def within(
+        self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, low: float, high: float
+    ) -> "Played":
+        """A controller, from a fresh run of the file, for an environment with that range of commands."""
+        return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,
+                           "rig": dict(rig)})  # fmt: skip
 
     def _made(self, about: dict[str, Any], gains: Mapping[str, float] | None = None) -> "Played":
         if self.information == "model-free":
@@ -163,17 +139,10 @@ class FileController:
                 inspect.signature(offered).bind(**(gains or {}))
                 offered = offered(**(gains or {}))
             except Exception as error:
-                raise ConfigurationError(f"{self.path}: {offered.__name__} cannot be made: {_told(error)}") from None
+                raise ConfigurationError(f"{self.path}: {offered.__name__} cannot be made: {told(error)}") from None
         elif gains:
             raise ConfigurationError(f"{self.path}: gains need a class, whose constructor takes them; it has functions")
         return Played(self.path, offered, about, true_rig=self.information == "oracle")
-
-    def needs(self, env_id: str, setup: Setup) -> Mapping[str, Any] | None:
-        """Environment options it needs, or None where it does not enter."""
-        if self.envs and env_id not in self.envs:
-            return None
-        level = self.levels[setup.plant.name]
-        return {} if level is None else {"observe": level}
 
     def _text(self, value: Any, key: str, example: str = "'my-controller'") -> str:
         if not isinstance(value, str) or not value.strip():
@@ -271,4 +240,4 @@ class Played:
             return function(*arguments)
         except Exception as error:
             at = f" at t = {arguments[0]:g} s" if name == "act" and math.isfinite(arguments[0]) else ""
-            raise ConfigurationError(f"{self.path}: {name}() raised {_told(error)}{at}") from None
+            raise ConfigurationError(f"{self.path}: {name}() raised {told(error)}{at}") from None

@@ -7,10 +7,11 @@ import pytest
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
 from cablebench.entrants.admission import check_name, read_submission
+from cablebench.entrants.apart import submission_entrant
 from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.entrants.dry_run import dry_run, within
 from cablebench.entrants.named import named_entrant
-from cablebench.entrants.submission import submission_entrant
+from cablebench.entrants.submission import load_kind
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
 from cablebench.run.evaluation import evaluate
 
@@ -129,7 +130,10 @@ def act(t, y, ref):
 def test_it_is_told_what_its_class_allows(written, information):
     entrant = submission_entrant(written(TOLD.format(information=information)))
     setup = setup_of(HOLE, {})
-    controller = entrant.make(setup).controller
+    kind = load_kind(written(TOLD.format(information=information)))  # what the other process runs
+    assert kind.information == entrant.information
+    case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
+    controller = kind.within(*case, setup.rig.values, 0.01, setup.low, setup.high)
     true = {**setup.rig.values, "load_mass": 7.5}
     controller.set_rig(true)
     controller.reset()
@@ -138,7 +142,8 @@ def test_it_is_told_what_its_class_allows(written, information):
     expected = {"model-free": None, "nominal": dict(setup.rig.values), "oracle": true}[information]
     assert told.get("rig") == expected
     assert controller.act(0.0, {}, (0.0, 0.0, 0.0)) == 60.0
-    assert entrant.make(setup).controller._offered.seen == []  # every environment has a module of its own
+    assert entrant.make(setup).controller.act is not None
+    assert kind(*case, setup.rig.values, 0.01)._offered.seen == []  # every environment has a module of its own
 
 
 CLASS = """
@@ -164,7 +169,9 @@ def test_a_class_takes_gains_from_a_controller_file(written):
     written(CLASS, "p.py")
     text = "schema: cable-controller/1\nname: p-tuned\ncontroller: p.py\ngains: {CableHole-Position-Sine: {kp: 5.0}}\n"
     entrant = controller_file_entrant(written(text, "p.yaml"))
-    assert entrant.make(setup_of(HOLE, {})).controller._offered.kp == 5.0
+    controller = entrant.make(setup_of(HOLE, {})).controller
+    controller.reset()
+    assert controller.act(0.0, {"load_position": 0.0}, (1.0, 0.0, 0.0)) == 55.0
     assert entrant.needs(HOLE, setup_of(HOLE, {})) == {"observe": "output"} and entrant.information == "nominal"
     with pytest.raises(ConfigurationError, match="kd"):
         controller_file_entrant(written(text.replace("kp", "kd"), "p.yaml"))
