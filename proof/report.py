@@ -74,12 +74,23 @@ def together(parts: Sequence[Mapping[str, Any]]) -> dict[str, list[Result]]:
     }
 
 
+def missing_words(about: Mapping[str, Any]) -> list[str]:
+    """A sentence for each method that was killed on some cases, from ``about["missing"]``: method -> case -> how."""
+    lines = []
+    for method, cases in about.get("missing", {}).items():
+        if cases:
+            named = "; ".join(f"{name}: {why}" for name, why in list(cases.items())[:5])
+            lines.append(f"Missing, and not counted, because {method} was killed: {len(cases)} cases ({named}).")
+    return lines
+
+
 def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> str:
     """One table: a line for each row of the proof, a column for each method."""
     columns = {method: table(own) for method, own in results.items()}
     names = [row.name for row in next(iter(columns.values()), [])]
     lines = [f"# Blind proof: {about['cases_total']} cases", "", f"`{about['command']}`", ""]
     lines += [f"State of the tool (hash of its sources): `{about['state']}`", ""] if "state" in about else []
+    lines += [f"{line}\n" for line in missing_words(about)]
     lines += ["| measured | wanted | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
     for k, name in enumerate(names):
         row = next(iter(columns.values()))[k]

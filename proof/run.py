@@ -3,7 +3,8 @@
     manifest.json                 hash of every sealed key and recording; written before anything is diagnosed
     recordings/<case>/            all that a tool is given
     keys/<case>.json              salt and key; read by `scored` only
-    verdicts/<method>/<case>.json verdict, seconds, or why there is none
+    verdicts/<method>/<case>.json verdict, seconds, or why there is none; "missing": the tool was killed, which says
+                                  nothing about it: the case is tried again, and counted by nobody until then
 
 Every step keeps what is finished: the same call goes on from there. Jobs have the signature of `cablebench.jobs`. The
 tool that is judged, and what reads a recording for the baselines, are handed in: nothing of either is imported here.
@@ -11,6 +12,7 @@ tool that is judged, and what reads a recording for the baselines, are handed in
 
 import json
 import shutil
+import signal
 import subprocess
 import tempfile
 import time
@@ -29,6 +31,13 @@ from proof.sealing import MANIFEST_SCHEMA, opened, seal
 TOOL = "diagnose"
 LIMIT = 900.0
 """s that the tool may take for one recording."""
+
+INTERRUPTED = (130, 137, 143)
+"""Exit codes that say, like a signal itself, that somebody ended the tool (SIGINT, SIGKILL, SIGTERM)."""
+
+
+class Killed(Exception):
+    """The tool was ended from outside: by a signal, as of a machine without memory, or by the time limit."""
 
 
 def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
@@ -51,7 +60,10 @@ def write_manifest(out: Path, lines: Mapping[str, Mapping[str, str]], about: Map
     file = out / "manifest.json"
     manifest = {"schema": MANIFEST_SCHEMA, **about, "cases": {name: dict(lines[name]) for name in sorted(lines)}}
     if file.is_file():
-        before = json.loads(file.read_text(encoding="utf-8"))
+        try:
+            before = json.loads(file.read_text(encoding="utf-8"))
+        except ValueError as problem:
+            raise ConfigurationError(f"{file} is damaged ({problem}): choose another --out") from None
         if before != json.loads(json.dumps(manifest)):
             changed = [n for n in manifest["cases"] if before.get("cases", {}).get(n) != manifest["cases"][n]]
             same_plan = before.get("plan") == manifest.get("plan")
@@ -66,7 +78,7 @@ def diagnose_one(
     context: Any, name: str, out: str, method: str, command: Sequence[str] = (),
     read: Callable[[Path], Any] | None = None,
 ) -> bool:  # fmt: skip
-    """Job: the verdict of a method on one recording. A finished one is kept.
+    """Job: the verdict of a method on one recording. A finished one is kept, a missing one tried again.
 
     The tool works on a copy of the recording in an empty folder: nothing beside it tells what it is. Baselines run
     here.
@@ -93,28 +105,41 @@ def diagnose_one(
     """
     file = Path(out, "verdicts", method, f"{name}.json")
     if file.is_file():
-        return json.loads(file.read_text(encoding="utf-8"))["verdict"] is not None
-    started, verdict, error = time.monotonic(), None, ""
+        content = json.loads(file.read_text(encoding="utf-8"))
+        if not _missing(content):
+            return content["verdict"] is not None
+    started, verdict, error, killed = time.monotonic(), None, "", ""
     with tempfile.TemporaryDirectory(prefix="recording-") as place:
         folder = Path(place, "recording")
         shutil.copytree(Path(out, "recordings", name), folder)
         try:
             verdict = _tool(command, folder, Path(place)) if method == TOOL else _baseline(method, folder, read)
+        except Killed as problem:  # that says nothing about the tool
+            killed = str(problem)
         except Exception as problem:  # a tool that fails has given no verdict: that is a result
             error = f"{type(problem).__name__}: {problem}"[:2000]
     content = {"verdict": verdict, "error": error, "seconds": round(time.monotonic() - started, 3)}
+    if killed:
+        content["missing"] = killed
     write_atomic(file, json.dumps(content, indent=1) + "\n")
     return verdict is not None
 
 
+def _missing(content: Mapping[str, Any]) -> str:
+    """Why a verdict is missing, as its file says; empty where there is one, or where the tool failed by itself."""
+    return str(content.get("missing", ""))
+
+
 def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
-    done = subprocess.run(
-        [*command, str(folder), "--json"],
-        capture_output=True,
-        text=True,
-        timeout=LIMIT,
-        cwd=place,
-    )
+    try:
+        done = subprocess.run(
+            [*command, str(folder), "--json"], capture_output=True, text=True, timeout=LIMIT, cwd=place
+        )
+    except subprocess.TimeoutExpired:
+        raise Killed(f"not ended within {LIMIT:g} s") from None
+    if done.returncode < 0 or done.returncode in INTERRUPTED:
+        number = -done.returncode if done.returncode < 0 else done.returncode - 128
+        raise Killed(f"killed by signal {number} ({signal.Signals(number).name})")
     if done.returncode != 0:
         raise RuntimeError(f"exit code {done.returncode}: {done.stderr.strip()[-1500:]}")
     return checked(json.loads(done.stdout))
@@ -139,18 +164,27 @@ def checked(verdict: Any) -> dict[str, Any]:
 
 
 def scored(out: Path, manifest: Mapping[str, Any], method: str) -> list[Result]:
-    """Results of a method: every verdict is there before the first key is opened.
+    """Results of a method: every verdict is there before the first key is opened. Missing cases are not among them.
 
-    Raises ConfigurationError where a verdict is missing or a key is not the sealed one.
+    Raises ConfigurationError where a case was not tried yet or a key is not the sealed one.
     """
-    verdicts = {}
-    for name in manifest["cases"]:
-        file = out / "verdicts" / method / f"{name}.json"
-        if not file.is_file():
-            raise ConfigurationError(f"{file}: no verdict yet")
-        verdicts[name] = json.loads(file.read_text(encoding="utf-8"))["verdict"]
+    found = {name: _content(out, method, name) for name in manifest["cases"]}
+    verdicts = {name: content["verdict"] for name, content in found.items() if not _missing(content)}
     keys = {n: opened(out / "keys" / f"{n}.json", line["sealed"]) for n, line in manifest["cases"].items()}
-    return [judge(keys[name], verdicts[name]) for name in manifest["cases"]]
+    return [judge(keys[name], verdict) for name, verdict in verdicts.items()]
+
+
+def missing(out: Path, manifest: Mapping[str, Any], method: str) -> dict[str, str]:
+    """The cases on which a method was killed, with how: no verdict, and no failure either."""
+    found = {name: _missing(_content(out, method, name)) for name in manifest["cases"]}
+    return {name: why for name, why in found.items() if why}
+
+
+def _content(out: Path, method: str, name: str) -> dict[str, Any]:
+    file = out / "verdicts" / method / f"{name}.json"
+    if not file.is_file():
+        raise ConfigurationError(f"{file}: no verdict yet")
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
 def prove(

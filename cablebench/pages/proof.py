@@ -5,7 +5,7 @@ from typing import Any
 
 from cable_envs.drawing import pages
 from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
-from proof.report import WORDS
+from proof.report import WORDS, missing_words
 
 
 def render(record: Mapping[str, Any]) -> str:
@@ -22,7 +22,8 @@ def render(record: Mapping[str, Any]) -> str:
         for name, method in methods.items()
     ]
     content = {"record": record, "methods": methods, "rows": _rows(methods), "figures": figures, "words": WORDS}
-    return pages.render("cablebench.pages", "templates/proof.html.j2", {**content, "broken": record["broken_rules"]})
+    content |= {"broken": record["broken_rules"], "missing": missing_words(record)}
+    return pages.render("cablebench.pages", "templates/proof.html.j2", content)
 
 
 def _rows(methods: Mapping[str, Any]) -> list[dict[str, Any]]:

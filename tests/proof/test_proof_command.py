@@ -149,3 +149,64 @@ def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
     record = json.loads(out)
     assert code == 1 and record["broken_rules"][0].startswith("false alarms: 1 of 1")
     assert record["methods"]["diagnose"]["cases"][0]["answer"] == ["backlash"]
+
+
+TOOL = """
+import json, os, signal, sys, time
+from pathlib import Path
+if not Path({allowed!r}).exists() and Path({mark!r}).exists() is False:
+    Path({mark!r}).touch()
+    {end}
+print(json.dumps({{"schema": "cable-diagnosis/1", "verdict": "no_detectable_mismatch", "effects": []}}))
+"""
+
+
+@pytest.mark.parametrize(("end", "why"), [
+    ("os.kill(os.getpid(), signal.SIGKILL)", "killed by signal 9 (SIGKILL)"),
+    ("os.kill(os.getpid(), signal.SIGTERM)", "killed by signal 15 (SIGTERM)"),
+    ("sys.exit(130)", "killed by signal 2 (SIGINT)"),
+    ("time.sleep(30)", "not ended within 1 s"),
+    ("sys.exit(1)", ""),  # it failed by itself: that is a result
+])  # fmt: skip
+def test_a_killed_tool_is_missing_and_no_wrong_answer(capsys, tmp_path, monkeypatch, end, why):
+    import sys
+
+    from proof import cases, run
+    from proof.cases import Case
+
+    two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "nothing")]
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
+    monkeypatch.setattr(run, "LIMIT", 1.0 if "sleep" in end else 60.0)
+    code_of_tool = TOOL.format(mark=str(tmp_path / "mark"), allowed=str(tmp_path / "allowed"), end=end)
+    monkeypatch.setattr(command, "_tool_command", lambda _: [sys.executable, "-c", code_of_tool])
+    monkeypatch.setattr(command, "open_backend", lambda *_: _Here())
+    arguments = ("--no-baselines", "--out", str(tmp_path / "p"), "--json")
+    code, out, err = _run(capsys, *arguments)
+    record = json.loads(out)
+    counted = len(record["methods"]["diagnose"]["cases"])
+    page = (tmp_path / "p" / "proof.html").read_text()
+    if not why:
+        assert counted == 2 and "missing" not in record and "Missing" not in page
+        return
+    assert code == 1 and counted == record["cases_total"] == 1
+    assert record["missing"] == {"diagnose": {"case-0001": why}} and "tries them again" in err
+    assert all("Missing, and not counted" in text for text in (page, (tmp_path / "p" / "proof.md").read_text()))
+    (tmp_path / "allowed").touch()
+    record = json.loads(_run(capsys, *arguments)[1])  # the same command again: now there is a verdict
+    assert len(record["methods"]["diagnose"]["cases"]) == 2 and "missing" not in record
+
+
+class _Here:
+    """A backend that runs jobs in this process."""
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def run(self, jobs):
+        from cablebench.jobs.work import Context, Done, perform
+
+        for job in jobs:
+            yield Done(job, *perform(job, Context(lambda *_: None, {})))

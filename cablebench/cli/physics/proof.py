@@ -80,8 +80,9 @@ def proof(
         raise typer.Exit(INTERRUPTED) from None
     results = {method: scored(out, manifest, method) for method in methods}
     plan = {"seed": seed, "systems": systems, "cases": cases, "quick": quick}
-    about = {"command": asked, "state": manifest["state"], "plan": plan}
-    if _report(out, results, about, quick, as_json) and tool:
+    about = {"command": asked, "state": manifest["state"], "plan": plan, **_missing(out, manifest, methods)}
+    broken = _report(out, results, about, quick, as_json)
+    if (broken and tool) or "missing" in about:
         raise typer.Exit(1)
 
 
@@ -161,6 +162,14 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
                 update(method, k, len(wanted))
 
 
+def _missing(out: Path, manifest: dict[str, Any], methods: Sequence[str]) -> dict[str, Any]:
+    """What the record says of cases on which a method was killed; nothing where there are none."""
+    from proof.run import missing
+
+    killed = {method: missing(out, manifest, method) for method in methods}
+    return {"missing": killed} if any(killed.values()) else {}
+
+
 def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
     """The report of several parts of one proof; the fail rules that the tool breaks.
 
@@ -172,6 +181,11 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
     records = parts_of(parts)
     about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
     about |= {"state": records[0]["state"]} if "state" in records[0] else {}
+    killed: dict[str, dict[str, str]] = {}
+    for record in records:
+        for method, cases in record.get("missing", {}).items():
+            killed.setdefault(method, {}).update(cases)
+    about |= {"missing": killed} if killed else {}
     results = together(records)
     broken = _report(out, results, about, bool(about["plan"]["quick"]), as_json)
     return broken if TOOL in results else []
@@ -190,6 +204,8 @@ def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick:
     write_atomic(out / "proof.json.gz", packed_json(whole))
     write_atomic(out / "proof.md", text)
     write_atomic(out / "proof.html", render(whole))
+    for line in report.missing_words(about):
+        console(stderr=True).print(f"{line} The same command tries them again.", markup=False)
     if as_json:
         print_json(whole)
     else:
