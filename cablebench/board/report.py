@@ -1,5 +1,6 @@
 """A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -71,6 +72,7 @@ def print_board(board: Board, console: Any) -> None:
     """Print the tables on a ``rich.console.Console``; columns that do not fit its width are in the files only."""
     from rich.markup import escape
     from rich.table import Table as RichTable
+    from rich.text import Text
 
     for table in (*board.overall, *board.tables):
         head, body = cells(table)
@@ -85,11 +87,11 @@ def print_board(board: Board, console: Any) -> None:
             if previous and previous != row.information:
                 view.add_section()
             previous = row.information
-            view.add_row(*(line[k] for k in kept), style="bold" if row.rank == 1 else "")
+            view.add_row(*(Text(line[k]) for k in kept), style="bold" if row.rank == 1 else "")
         console.print(view)
         console.print()
     for remark in legend(board):
-        console.print(remark, style="dim", highlight=False)
+        console.print(remark, style="dim", highlight=False, markup=False)
 
 
 def legend(board: Board) -> list[str]:
@@ -122,12 +124,32 @@ def render_markdown(board: Board) -> str:
         out += ["", f"## {heading(table)}", ""]
         left = {"controller", "class"}
         out += ["| " + " | ".join(head) + " |", "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
-        out += ["| " + " | ".join(line) + " |" for line in body]
+        out += ["| " + " | ".join([line[0], _plain(line[1]), *line[2:]]) + " |" for line in body]
         if table.omitted:
-            out += ["", f"Not in this table because they did not run all tasks: {', '.join(table.omitted)}."]
+            out += [
+                "",
+                f"Not in this table because they did not run all tasks: {', '.join(map(_plain, table.omitted))}.",
+            ]
     out += ["", "## Replay", ""]
-    out += [f"- {t.task}, {t.track}, {r.entrant}: `{board.replay(t, r)}`" for t in board.tables for r in t.rows]
+    out += [
+        f"- {t.task}, {t.track}, {_plain(r.entrant)}: {_code(board.replay(t, r))}" for t in board.tables for r in t.rows
+    ]
     out += ["", "## Provenance", ""]
     out += [f"- test seeds: {seed_text(board.seeds)}", f"- training seeds: {seed_text(board.training_seeds)}"]
-    out += [f"- versions: {', '.join(f'{k} {v}' for k, v in board.versions.items())}", f"- machine: {board.machine}"]
+    versions = ", ".join(_plain(f"{k} {v}") for k, v in board.versions.items())
+    out += [f"- versions: {versions}", f"- machine: {_plain(board.machine)}"]
     return "\n".join(out) + "\n"
+
+
+def _plain(text: str) -> str:
+    """Text of a record in Markdown: what would be HTML, a link, code or the end of a cell is shown as it is."""
+    for mark, shown in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), *((c, f"\\{c}") for c in "|`[]*")):
+        text = text.replace(mark, shown)
+    return " ".join(text.split())
+
+
+def _code(text: str) -> str:
+    """Text of a record as code in Markdown: between more backticks than it holds in a row."""
+    fence = "`" * (1 + max((len(run) for run in re.findall("`+", text)), default=0))
+    inner = " ".join(text.split())
+    return f"{fence}{inner}{fence}" if "`" not in text else f"{fence} {inner} {fence}"

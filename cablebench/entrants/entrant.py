@@ -32,6 +32,18 @@ def check_choices(options: Mapping[str, Any], who: str) -> None:
     require_known(f"option of {who}", options, CHOICES)
 
 
+IN_NAMES = " ._+-()=,:/@#%"
+"""What a name on a board may hold besides letters and digits of any script: nothing that a page, a table, a figure or a
+terminal takes for markup."""
+
+LONGEST_NAME = 100
+
+
+def is_name(text: str) -> bool:
+    """Whether a text can be a name on a board."""
+    return 0 < len(text) <= LONGEST_NAME and all(c.isalnum() or c in IN_NAMES for c in text)
+
+
 @dataclass(frozen=True)
 class Entrant:
     """One policy to evaluate. Several entrants may share a name: the training seeds of an agent, or gains per task."""
@@ -53,6 +65,10 @@ class Entrant:
     """key of who handed it in (`cablebench.run.makers`); empty: who keeps the store"""
 
     def __post_init__(self) -> None:
+        if not is_name(self.name):
+            raise ConfigurationError(
+                f"{self.name[:LONGEST_NAME]!r} is no name for a board: 1 to {LONGEST_NAME} letters, digits and {IN_NAMES}"
+            )
         require_known("information class", [self.information], INFORMATION)
         require_known("budget", self.charged, BUDGETS)
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
-from cablebench.entrants.entrant import BUDGETS, INFORMATION
+from cablebench.entrants.entrant import BUDGETS, IN_NAMES, INFORMATION, is_name
 from cablebench.protocol.protocol import Task
 
 SCHEMA = 1
@@ -20,6 +20,12 @@ SCHEMA = 1
 def _one_line(text: str) -> str:
     if not text.isprintable():
         raise ValueError("expected one line of printable characters")
+    return text
+
+
+def _a_name(text: str) -> str:
+    if not is_name(text):
+        raise ValueError("expected a name of letters, digits and " + IN_NAMES)
     return text
 
 
@@ -62,7 +68,7 @@ class _Record(_Strict):
     sweep: Name | None = None
     sweep_value: Number | None = None
     sweep_unit: Text = "1"
-    entrant: Name
+    entrant: Annotated[Name, AfterValidator(_a_name)]
     information: Literal[INFORMATION]
     training_seed: Seed | None
     seed: Seed

@@ -121,5 +121,5 @@ def print_summary(records: Sequence[Mapping[str, Any]], out: Any) -> None:
     for (task, track, entrant, unit), group in groups.items():
         complete = [r["metrics"]["rmse"] for r in group if not r["metrics"]["failed"]]
         rmse = number(float(np.median(complete))) if complete else "–"
-        table.add_row(task, track, entrant, str(len(group)), str(len(group) - len(complete)), rmse, Text(unit))
+        table.add_row(task, track, Text(entrant), str(len(group)), str(len(group) - len(complete)), rmse, Text(unit))
     out.print(table)
