@@ -67,7 +67,8 @@ class Entrant:
     def __post_init__(self) -> None:
         if not is_name(self.name):
             raise ConfigurationError(
-                f"{self.name[:LONGEST_NAME]!r} is no name for a board: 1 to {LONGEST_NAME} letters, digits and {IN_NAMES}"
+                f"{self.name[:LONGEST_NAME]!a} is no name for a board: it may hold 1 to {LONGEST_NAME} letters, "
+                f"digits and {IN_NAMES.strip()}"
             )
         require_known("information class", [self.information], INFORMATION)
         require_known("budget", self.charged, BUDGETS)

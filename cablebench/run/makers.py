@@ -38,7 +38,7 @@ def maker_key(phrase: str, name: str) -> str:
 
 def content_of(record: Record) -> str:
     """Hash of what ran: settings with the hash of the file or weights, and what it was told."""
-    return configuration_hash([record.get("settings") or {}, record["information"]])
+    return configuration_hash([record.get("settings") or {}, record.get("information")])
 
 
 def training_of(record: Record) -> str:

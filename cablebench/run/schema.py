@@ -5,8 +5,8 @@ finite numbers, and texts that are one printable line.
 """
 
 from collections.abc import Mapping
-from functools import cache
-from typing import Annotated, Any, Literal
+from functools import cache, partial
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, model_validator
 
@@ -20,6 +20,12 @@ SCHEMA = 1
 def _one_line(text: str) -> str:
     if not text.isprintable():
         raise ValueError("expected one line of printable characters")
+    return text
+
+
+def _one_of(known: tuple[str, ...], text: str) -> str:
+    if text not in known:
+        raise ValueError(f"expected one of {', '.join(known)}")
     return text
 
 
@@ -69,12 +75,12 @@ class _Record(_Strict):
     sweep_value: Number | None = None
     sweep_unit: Text = "1"
     entrant: Annotated[Name, AfterValidator(_a_name)]
-    information: Literal[INFORMATION]
+    information: Annotated[str, AfterValidator(partial(_one_of, INFORMATION))]
     training_seed: Seed | None
     seed: Seed
     options: dict[str, Any] = {}
     settings: dict[str, Any] = {}
-    charged: dict[Literal[BUDGETS], Positive]
+    charged: dict[Annotated[str, AfterValidator(partial(_one_of, BUDGETS))], Positive]
     versions: dict[Text, Text]
     replay: Command
     output_unit: Text
