@@ -1,7 +1,7 @@
 """From store records to a ranked board."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -78,7 +78,7 @@ def build_board(
         protocol=protocol,
         tables=tables,
         overall=_overall(tables, protocol, rng),
-        created=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        created=_date(own),
         configuration=configuration,
         versions={name: version for r in own for name, version in r["versions"].items()},
         machine=own[-1].get("machine", ""),
@@ -90,6 +90,18 @@ def build_board(
         remarks=remarks,
         place=place,
     )
+
+
+def _date(records: Sequence[Record]) -> str:
+    """When the newest record was made: the same records give the same board on every day."""
+    dates = []
+    for record in records:
+        try:
+            made = datetime.fromisoformat(record.get("created", ""))
+        except ValueError:  # a record may say what it likes about that
+            continue
+        dates.append(made.astimezone(UTC) if made.tzinfo else made.replace(tzinfo=UTC))
+    return max(dates).strftime("%Y-%m-%d %H:%M UTC") if dates else "no date"
 
 
 def _left_out(remark: str, foreign: int) -> list[str]:
