@@ -305,9 +305,9 @@ class CableVecEnv(VecEnv):
         return [shown.get(lane) for lane in range(self.num_envs)]
 
     def render(self, mode: str | None = None) -> np.ndarray | None:
-        """The pictures of the environments ``render_lanes`` side by side, or None without a ``render_mode``."""
-        if self.render_mode != "rgb_array":
-            return None if self.render_mode is None else self.batch.render()  # type: ignore[return-value]  # None
+        """The pictures of the environments ``render_lanes`` side by side; None where ``render_mode`` is another."""
+        if self.render_mode != "rgb_array":  # a window shows by itself
+            return None
         return tile_images([picture for picture in self.get_images() if picture is not None])
 
     # What `agents.lane.Lane` has is asked of each environment; all else is the batch's own, the same for each.
