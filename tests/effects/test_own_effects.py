@@ -66,7 +66,7 @@ def test_in_an_environment(file):
         )
         env.reset(seed=1)
         for _ in range(30):
-            *_, info = env.step(np.array([0.5], np.float32))
+            *_, info = env.step(np.array([0.2], np.float32))
         seen.append(info["output_torque"])
     assert abs(seen[0] - seen[1]) > 0.05
     with pytest.raises(ConfigurationError, match="unknown effect 'cubic_spring'"):
