@@ -1,7 +1,8 @@
 """Everything a training needs to go on to the bit: model, optimiser, replay buffer, environments, generators.
 
 A checkpoint is taken between two rollouts, where stable-baselines3 keeps nothing in local variables. It is read with
-pickle: load only your own. What is handed to others is the policy file (`agents.policy`), which holds no code.
+pickle: load only your own. What is handed to others is the policy file (`cable_envs.agents.policy`), which holds no
+code.
 """
 
 import io
@@ -16,8 +17,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecFrameStack, VecNormalize
 
-from agents.settings import Settings
-from agents.vec_env import CableVecEnv
+from cable_envs.agents.settings import Settings
+from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 
@@ -37,7 +38,7 @@ def layers(model: BaseAlgorithm) -> list[VecEnv]:
     Returns
     -------
     list of VecEnv
-        From the outside in, the `agents.vec_env.CableVecEnv` last.
+        From the outside in, the `cable_envs.agents.vec_env.CableVecEnv` last.
     """
     env = model.get_env()
     assert env is not None, "a model without environments"
@@ -129,7 +130,7 @@ def restore_model(state: dict[str, Any], settings: Settings, env: VecEnv) -> Bas
     settings : Settings
         Those of the training.
     env : VecEnv
-        As of `agents.train.training_env` for these settings. It is changed.
+        As of `cable_envs.agents.train.training_env` for these settings. It is changed.
 
     Returns
     -------

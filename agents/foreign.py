@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from stable_baselines3.common.policies import BasePolicy
 
-from agents.settings import ALGORITHMS, make_settings
+from cable_envs.agents.settings import ALGORITHMS, make_settings
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.envs import make_spaces
 from cable_envs.sim.registered import setup_of

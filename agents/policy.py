@@ -25,9 +25,9 @@ from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
-from agents.settings import ALGORITHMS, Settings
-from agents.shaping import Shaping
-from agents.vec_env import observation_space
+from cable_envs.agents.settings import ALGORITHMS, Settings
+from cable_envs.agents.shaping import Shaping
+from cable_envs.agents.vec_env import observation_space
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.envs import make_spaces
@@ -62,7 +62,7 @@ class Metadata:
     channels : tuple of str
         Observation channels in order.
     settings : mapping
-        Fields of `agents.settings.Settings`.
+        Fields of `cable_envs.agents.settings.Settings`.
     settings_hash : str
         Their hash.
     versions : mapping of str to str

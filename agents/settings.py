@@ -39,9 +39,9 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
-from agents.shaping import Residual, Shaping
-from baselines import controller_class
 from cable_envs import ENV_IDS
+from cable_envs.agents.shaping import Residual, Shaping
+from cable_envs.baselines import controller_class
 from cable_envs.core.config import config_names, config_path, config_root, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.file_options import check_options_of_file
@@ -103,9 +103,9 @@ class Settings:
         Options of the environment.
     stagger : bool
         Whether first episodes are cut short so that the environments spread over the episode
-        (`agents.vec_env.CableVecEnv`).
+        (`cable_envs.agents.vec_env.CableVecEnv`).
     smoothing : float
-        Share of the last action that is kept at every step (`agents.shaping`), in [0, 1).
+        Share of the last action that is kept at every step (`cable_envs.agents.shaping`), in [0, 1).
     tuning_trials : int
         Trainings that were tried to find these settings; charged to the agent on the board.
     algorithm_name : str
@@ -121,7 +121,7 @@ class Settings:
     noise_std : float
         Its standard deviation (for Ornstein-Uhlenbeck noise sigma), where actions are in [-1, 1].
     residual : mapping
-        Fields of `agents.shaping.Residual`; empty: the agent acts alone.
+        Fields of `cable_envs.agents.shaping.Residual`; empty: the agent acts alone.
     curriculum : mapping
         ``{"randomize": [first, last]}``: the ranges of the randomisation open between these shares of the training;
         empty: they are whole from the start.

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from baselines import make_controller
+from cable_envs.baselines import make_controller
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import COMMAND, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
 
@@ -31,7 +31,7 @@ class Residual:
     Attributes
     ----------
     controller : str
-        Name of the controller (`baselines.CONTROLLERS`).
+        Name of the controller (`cable_envs.baselines.CONTROLLERS`).
     share : float
         Largest correction, over half the range of actions.
     gains : mapping

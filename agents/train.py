@@ -18,10 +18,10 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
-from agents import checkpoint
-from agents.policy import FILE, Metadata, Policy, load_policy, policy_file, read_policy, save_policy
-from agents.settings import Settings
-from agents.vec_env import CableVecEnv
+from cable_envs.agents import checkpoint
+from cable_envs.agents.policy import FILE, Metadata, Policy, load_policy, policy_file, read_policy, save_policy
+from cable_envs.agents.settings import Settings
+from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
 
 ProgressReport = Callable[[int, int, str], None]

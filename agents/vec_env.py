@@ -11,8 +11,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices, tile_images
 
-from agents.lane import Lane
-from agents.shaping import BASE_CHANNEL, Residual, Shaping
+from cable_envs.agents.lane import Lane
+from cable_envs.agents.shaping import BASE_CHANNEL, Residual, Shaping
 from cable_envs.envs import make_spaces
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import OBSERVATION_LIMIT
@@ -55,7 +55,7 @@ class CableVecEnv(VecEnv):
         environments are then spread over the episode. Without it the whole batch stands at the same time of the same
         reference, and every rollout shows a short piece of the task only.
     smoothing : float
-        Share of the last action that is kept at every step (`agents.shaping`).
+        Share of the last action that is kept at every step (`cable_envs.agents.shaping`).
     residual : Residual, optional
         Controller whose action is corrected. It adds a channel to the observation.
     first_frame : bool
@@ -75,7 +75,7 @@ class CableVecEnv(VecEnv):
     Where an episode ends, its info holds "terminal_observation", "TimeLimit.truncated", "episode" (r: return, l: length
     in steps, t: s since construction) and the environment's own info. All other infos are empty.
 
-    A policy that was trained with a shaping must be run with it, as `agents.policy.Policy` does.
+    A policy that was trained with a shaping must be run with it, as `cable_envs.agents.policy.Policy` does.
     """
 
     def __init__(

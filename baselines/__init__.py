@@ -1,6 +1,6 @@
 """Reference controllers of the cable benchmark: SI in, SI out, no knowledge of environments.
 
->>> import baselines
+>>> from cable_envs import baselines
 >>> rig = {"load_mass": 5.0}
 >>> controller = baselines.make_controller("mrac-g22", plant="cable_hole", action_mode="tension", task="position",
 ...                                        rig=rig, dt=0.01)
@@ -8,7 +8,7 @@
 >>> command = controller.act(0.0, {"load_position": 0.0, "load_velocity": 0.0, "drive_tension": 49.0,
 ...                                "load_tension": 49.0}, (0.01, 0.0, 0.0))
 
-The API is described in `baselines.base.Controller`.
+The API is described in `cable_envs.baselines.base.Controller`.
 """
 
 from collections.abc import Mapping
@@ -17,11 +17,11 @@ from pkgutil import iter_modules
 from types import MappingProxyType
 from typing import Any
 
-from baselines.base import Controller
+from cable_envs.baselines.base import Controller
 from cable_envs.core.errors import ConfigurationError, nearest
 
-CABLE_BENCHMARK = True
-"""Marks this package: other distributions also install a top-level `baselines`, and callers check for this name."""
+if __name__ != "cable_envs.baselines":
+    raise ImportError("the folder baselines/ of this checkout is imported as cable_envs.baselines")
 
 SHOWN = ("open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompensated-pid", "oracle")
 """The order in which controllers are listed to people; what is not named here comes behind, by name."""
@@ -59,4 +59,4 @@ def make_controller(
     return controller_class(name)(plant, action_mode, task, rig, dt, **gains)
 
 
-__all__ = ["CABLE_BENCHMARK", "CONTROLLERS", "Controller", "controller_class", "make_controller"]
+__all__ = ["CONTROLLERS", "Controller", "controller_class", "make_controller"]

@@ -46,8 +46,8 @@ class Levels(dict[str, str]):
 class Controller:
     """Base of all reference controllers.
 
-    `baselines.make_controller` makes one. For every episode call ``set_rig(true_values)``, which only an oracle heeds,
-    and `reset`; then call `act` once a control period.
+    `cable_envs.baselines.make_controller` makes one. For every episode call ``set_rig(true_values)``, which only an
+    oracle heeds, and `reset`; then call `act` once a control period.
 
     Parameters
     ----------

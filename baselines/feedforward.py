@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import CIRCUITS, Controller, Reference
-from baselines.circuit_model import CircuitModel
-from baselines.general import SMOOTH, SteadyPid, pid_table, view_of
-from baselines.parts import Pid, Smoother, follow_direction
+from cable_envs.baselines.base import CIRCUITS, Controller, Reference
+from cable_envs.baselines.circuit_model import CircuitModel
+from cable_envs.baselines.general import SMOOTH, SteadyPid, pid_table, view_of
+from cable_envs.baselines.parts import Pid, Smoother, follow_direction
 from cable_envs.core.params import Parameter, ParameterTable
 
 _EXCEEDED = 1.05

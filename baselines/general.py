@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping
 
-from baselines.base import Reference
-from baselines.parts import Pid, Smoother, follow_direction
+from cable_envs.baselines.base import Reference
+from cable_envs.baselines.parts import Pid, Smoother, follow_direction
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.plants import family_of
 from cable_envs.plants.view import View

@@ -46,9 +46,9 @@ from typing import Any, ClassVar
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from baselines.base import HOLE, Controller, Reference
-from baselines.general import view_of
-from baselines.hole_model import HoleModel
+from cable_envs.baselines.base import HOLE, Controller, Reference
+from cable_envs.baselines.general import view_of
+from cable_envs.baselines.hole_model import HoleModel
 from cable_envs.core.errors import require_known
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.plants import family_of

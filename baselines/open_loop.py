@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import Controller, Levels, Reference
-from baselines.circuit_model import IdealCircuit
-from baselines.general import view_of
-from baselines.hole_model import HoleModel
-from baselines.parts import approach_speed
+from cable_envs.baselines.base import Controller, Levels, Reference
+from cable_envs.baselines.circuit_model import IdealCircuit
+from cable_envs.baselines.general import view_of
+from cable_envs.baselines.hole_model import HoleModel
+from cable_envs.baselines.parts import approach_speed
 
 _APPROACH = 0.15
 """share of the drive's acceleration used to answer a step"""

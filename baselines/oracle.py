@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import HOLE, Controller, Levels, Reference
-from baselines.general import SMOOTH, SteadyPid, pid_table, view_of
-from baselines.oracle_circuit import CircuitOracle
-from baselines.oracle_hole import HoleOracle
+from cable_envs.baselines.base import HOLE, Controller, Levels, Reference
+from cable_envs.baselines.general import SMOOTH, SteadyPid, pid_table, view_of
+from cable_envs.baselines.oracle_circuit import CircuitOracle
+from cable_envs.baselines.oracle_hole import HoleOracle
 from cable_envs.core.params import Parameter, ParameterTable
 
 

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from baselines.base import Reference
-from baselines.circuit_model import CircuitModel
-from baselines.parts import approach_speed, follow_direction
+from cable_envs.baselines.base import Reference
+from cable_envs.baselines.circuit_model import CircuitModel
+from cable_envs.baselines.parts import approach_speed, follow_direction
 
 _ARRIVED_ANGLE, _ARRIVED_SPEED = 5e-3, 0.1
 """the drive counts as arrived within these of its target, rad and rad/s"""

@@ -2,9 +2,9 @@
 
 from collections.abc import Mapping
 
-from baselines.base import Reference
-from baselines.hole_model import HoleModel
-from baselines.parts import approach_speed
+from cable_envs.baselines.base import Reference
+from cable_envs.baselines.hole_model import HoleModel
+from cable_envs.baselines.parts import approach_speed
 
 _TENSION_SHARE = 0.97
 """share of the safety limit that may be asked for: what is left covers the ripple of the elastic cable"""

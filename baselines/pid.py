@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-from baselines.base import Controller, Reference
-from baselines.circuit_model import IdealCircuit
-from baselines.general import FEEDFORWARD, SteadyPid, pid_table, view_of
-from baselines.hole_model import HoleModel
-from baselines.parts import Pid
+from cable_envs.baselines.base import Controller, Reference
+from cable_envs.baselines.circuit_model import IdealCircuit
+from cable_envs.baselines.general import FEEDFORWARD, SteadyPid, pid_table, view_of
+from cable_envs.baselines.hole_model import HoleModel
+from cable_envs.baselines.parts import Pid
 from cable_envs.core.params import Parameter, ParameterTable
 
 

@@ -121,8 +121,8 @@ def training_share(pairs: int, seconds: float) -> Iterator[Result]:
     except ImportError:
         yield Result(name, "<= 5 %", note="needs the extra 'agents'")
         return
-    from agents.settings import load_settings
-    from agents.vec_env import CableVecEnv
+    from cable_envs.agents.settings import load_settings
+    from cable_envs.agents.vec_env import CableVecEnv
 
     torch.set_num_threads(1)
     for env_id in (HOLE, CIRCUIT):

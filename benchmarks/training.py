@@ -1,4 +1,4 @@
-"""Stepping and PPO through `agents.vec_env.CableVecEnv`, against what stable-baselines3 makes by default.
+"""Stepping and PPO through `cable_envs.agents.vec_env.CableVecEnv`, against what stable-baselines3 makes by default.
 
 SB3's default is ``make_vec_env(id, n_envs)``: one ``gymnasium.make`` for each environment, in a Monitor, stepped one
 after another (DummyVecEnv), and n_envs is 1. Task, network, batch size and epochs are those of configs/agents/ppo.yaml
@@ -31,8 +31,8 @@ def against_sb3(pairs: int, seconds: float) -> Iterator[Result]:
     except ImportError:
         yield Result("CableVecEnv / SB3's default", f">= {TARGET:g}", note="needs the extra 'agents'")
         return
-    from agents.settings import load_settings
-    from agents.vec_env import CableVecEnv
+    from cable_envs.agents.settings import load_settings
+    from cable_envs.agents.vec_env import CableVecEnv
 
     torch.set_num_threads(1)
     pairs, seconds = min(pairs, PAIRS), min(seconds, SECONDS)

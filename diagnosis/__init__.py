@@ -1,6 +1,6 @@
 """What a recording shows that its simulator leaves out: effects, their sizes, and how sure that is.
 
-    from diagnosis import diagnose, load_recording
+    from cable_envs.diagnosis import diagnose, load_recording
 
     found = diagnose("my-recording/")           # a folder with recording.yaml and one table for each record
     print(found.verdict, [effect.name for effect in found.effects])
@@ -29,25 +29,28 @@ docs/diagnosis.md says what is done and why, with sources.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+if __name__ != "cable_envs.diagnosis":
+    raise ImportError("the folder diagnosis/ of this checkout is imported as cable_envs.diagnosis")
+
 if TYPE_CHECKING:
-    from diagnosis.data.recording import Recording, load_recording
-    from diagnosis.engine import diagnose
-    from diagnosis.model.verdict import Diagnosis
+    from cable_envs.diagnosis.data.recording import Recording, load_recording
+    from cable_envs.diagnosis.engine import diagnose
+    from cable_envs.diagnosis.model.verdict import Diagnosis
 
 __all__ = ["Diagnosis", "Recording", "diagnose", "load_recording"]
 
 _WHERE = {
-    "Diagnosis": "diagnosis.model.verdict",
-    "Recording": "diagnosis.data.recording",
-    "diagnose": "diagnosis.engine",
-    "load_recording": "diagnosis.data.recording",
+    "Diagnosis": "cable_envs.diagnosis.model.verdict",
+    "Recording": "cable_envs.diagnosis.data.recording",
+    "diagnose": "cable_envs.diagnosis.engine",
+    "load_recording": "cable_envs.diagnosis.data.recording",
 }
 
 
 def __getattr__(name: str) -> Any:
     """Names of ``__all__``, imported when they are first asked for: kernels take a second to load."""
     if name not in _WHERE:
-        raise AttributeError(f"module 'diagnosis' has no attribute '{name}'")
+        raise AttributeError(f"module 'cable_envs.diagnosis' has no attribute '{name}'")
     return getattr(import_module(_WHERE[name]), name)
 
 

@@ -20,25 +20,25 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
+from cable_envs.diagnosis.fit.likelihood import refit_nominals
+from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.model.noise import resolution
+from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
+from cable_envs.diagnosis.model.verdict import Diagnosis
+from cable_envs.diagnosis.report.answer import answer
+from cable_envs.diagnosis.search.detectable import limited_by_the_model
+from cable_envs.diagnosis.search.heldout import select_heldout
+from cable_envs.diagnosis.search.select import select
+from cable_envs.diagnosis.search.selection import Selection
+from cable_envs.diagnosis.search.steps import Steps, digest
+from cable_envs.diagnosis.systems import looked_at, plant_of, prepare
+from cable_envs.diagnosis.systems.common import resample, sample_period
+from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.effects import Effect
 from cable_envs.plants import plant_for, variants
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.rigs import Rig, load_rig
-from diagnosis.data.recording import Record, Recording, load_recording
-from diagnosis.fit.likelihood import refit_nominals
-from diagnosis.intake.gate import gate
-from diagnosis.model.noise import resolution
-from diagnosis.model.rest import RestNoise, bridged, noise_at_rest
-from diagnosis.model.verdict import Diagnosis
-from diagnosis.report.answer import answer
-from diagnosis.search.detectable import limited_by_the_model
-from diagnosis.search.heldout import select_heldout
-from diagnosis.search.select import select
-from diagnosis.search.selection import Selection
-from diagnosis.search.steps import Steps, digest
-from diagnosis.systems import looked_at, plant_of, prepare
-from diagnosis.systems.common import resample, sample_period
-from diagnosis.systems.question import Question, Request
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
@@ -237,7 +237,7 @@ def _dotted_names(effects: Mapping[str, Any]) -> list[str]:
 
 
 def ask(recording: Recording, request: Request) -> Question:
-    """The question of a recording (`diagnosis.systems`), with something held out."""
+    """The question of a recording (`cable_envs.diagnosis.systems`), with something held out."""
     if recording.used_for("heldout"):
         return prepare(recording, request)
     cut, ends = kept_back(recording)

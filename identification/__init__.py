@@ -4,3 +4,6 @@
 the alternatives; `information` says how well each parameter is determined. numpy, scipy and the kernels of `cable_envs`
 only (`cma` for `cma_es`); nothing here knows environments.
 """
+
+if __name__ != "cable_envs.identification":
+    raise ImportError("the folder identification/ of this checkout is imported as cable_envs.identification")

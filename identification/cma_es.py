@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from identification.fit import Fit, at_bounds
-from identification.problem import RatioProblem
+from cable_envs.identification.fit import Fit, at_bounds
+from cable_envs.identification.problem import RatioProblem
 
 
 @dataclass(frozen=True)

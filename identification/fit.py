@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.problem import RatioProblem
+from cable_envs.identification.problem import RatioProblem
 
 
 @dataclass(frozen=True)
@@ -18,7 +18,7 @@ class Fit:
     method : str
         Its name.
     parameters : Mapping of str to float
-        All of `identification.model.NAMES`, SI.
+        All of `cable_envs.identification.model.NAMES`, SI.
     cost : float
         Sum of squares, Eq. (23), Gu 2024, weighted where the problem is.
     evaluations : int

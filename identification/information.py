@@ -13,9 +13,9 @@ from scipy.optimize import brentq
 from scipy.stats import chi2
 
 from cable_envs.core.intervals import Interval
-from identification.least_squares import refine
-from identification.model import FORMS, NAMES, ratio_jacobian
-from identification.problem import RatioProblem
+from cable_envs.identification.least_squares import refine
+from cable_envs.identification.model import FORMS, NAMES, ratio_jacobian
+from cable_envs.identification.problem import RatioProblem
 
 _SINGULAR = 1e-12
 """eigenvalues of the scaled information below this share of the largest are rounding"""
@@ -105,7 +105,7 @@ def fisher(
     problem : RatioProblem
         Points with their noise.
     parameters : Mapping of str to float
-        Where slopes are taken: all of `identification.model.NAMES`, SI.
+        Where slopes are taken: all of `cable_envs.identification.model.NAMES`, SI.
     names : sequence of str, optional
         Of which parameters; by default the problem's free ones.
     prior_std : Mapping of str to float, optional

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares as trust_region
 
-from identification.fit import Fit, at_bounds
-from identification.problem import RatioProblem
+from cable_envs.identification.fit import Fit, at_bounds
+from cable_envs.identification.problem import RatioProblem
 
 
 @dataclass(frozen=True)

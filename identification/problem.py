@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from identification.model import FORMS, GAIN, NAMES, costs, ratio_jacobian, ratios
+from cable_envs.identification.model import FORMS, GAIN, NAMES, costs, ratio_jacobian, ratios
 
 BOUNDS: Mapping[str, tuple[float, float]] = {
     "delta": (0.0, 0.1), "mu": (0.05, 1.0), "K": (10.0, 20e3), "omega": (1.0, 4.0), "rho0": (0.2, 20.0),
@@ -170,11 +170,11 @@ def ratio_at(parameters: Mapping[str, float], wrap, speed, model: str = "exact")
     Parameters
     ----------
     parameters : Mapping of str to float
-        All of `identification.model.NAMES`, SI.
+        All of `cable_envs.identification.model.NAMES`, SI.
     wrap, speed : array_like
         rad, m/s; they broadcast.
     model : str
-        Of `identification.model.FORMS`.
+        Of `cable_envs.identification.model.FORMS`.
 
     Returns
     -------

@@ -9,3 +9,6 @@ cases        a seed makes a recording folder and its key; `refit` sets the size 
 sealing      keys with salted hashes, fixed before the tool runs
 scoring      tables against the fail rules;  baselines   what the same cases look like to simpler methods
 """
+
+if __name__ != "cable_envs.proof":
+    raise ImportError("the folder proof/ of this checkout is imported as cable_envs.proof")

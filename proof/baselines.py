@@ -87,7 +87,7 @@ def _of_hole(recording: Any, data: Mapping[str, np.ndarray]) -> Balance:
     v = _slope(y, t)
     mass, spring = _value(recording, "load_mass"), _value(recording, "load_stiffness")
     pull = mass * (9.81 + _slope(v, t)) + spring * y
-    from proof.simulators.numerics import tension_ratio
+    from cable_envs.proof.simulators.numerics import tension_ratio
 
     mu, wrap = _value(recording, "friction_coefficient"), _value(recording, "wrap_angle")
     ratio = np.log(tension_ratio(_value(recording, "radius_ratio"), mu, wrap))

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from proof import effects as library
-from proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
-from proof.excitation import DESIGNS, reference
-from proof.refit import Refit
-from proof.rigs import CLOCK, TrueRig, observe, random_rig
-from proof.sensors import Colour, flat, quantise, random_colour, stamps
+from cable_envs.proof import effects as library
+from cable_envs.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
+from cable_envs.proof.excitation import DESIGNS, reference
+from cable_envs.proof.refit import Refit
+from cable_envs.proof.rigs import CLOCK, TrueRig, observe, random_rig
+from cable_envs.proof.sensors import Colour, flat, quantise, random_colour, stamps
 
 KEY_SCHEMA = "cable-proof-key/1"
 KINDS = ("single", "pair", "nothing", "decoy", "strange")
@@ -38,7 +38,7 @@ class Case:
     seed : int
         Of all that is drawn for it.
     system : str
-        One of `proof.effects.SYSTEMS`.
+        One of `cable_envs.proof.effects.SYSTEMS`.
     kind : str
         One of `KINDS`.
     effects : tuple of str
@@ -46,7 +46,7 @@ class Case:
     band : str
         One of `BANDS`: what the effect adds to the RMS; empty without effects.
     noise : str
-        One of `proof.sensors.NOISES`.
+        One of `cable_envs.proof.sensors.NOISES`.
     """
 
     name: str

@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from proof.rigs import CLOCK, SIMULATE, TrueRig, observe
+from cable_envs.proof.rigs import CLOCK, SIMULATE, TrueRig, observe
 
 STEPS = 6
 """Of a refit at most; it ends where what is left is most of what there is."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
-from proof.scoring import Result, Row, calibration, confusion, failures, restored, table
+from cable_envs.proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
 

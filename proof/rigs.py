@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from proof.effects import Missing
-from proof.sensors import distort
-from proof.simulators import cable_hole, linear_drive, pulley_circuit
+from cable_envs.proof.effects import Missing
+from cable_envs.proof.sensors import distort
+from cable_envs.proof.simulators import cable_hole, linear_drive, pulley_circuit
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def random_rig(system: str, rng: np.random.Generator, effects: tuple[Missing, ..
     Parameters
     ----------
     system : str
-        One of `proof.effects.SYSTEMS`.
+        One of `cable_envs.proof.effects.SYSTEMS`.
     rng : numpy.random.Generator
         Draws its numbers.
     effects : tuple of Missing

@@ -23,10 +23,10 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
-from proof.baselines import BASELINES
-from proof.cases import Case, digest, make
-from proof.scoring import Result, judge
-from proof.sealing import MANIFEST_SCHEMA, opened, seal
+from cable_envs.proof.baselines import BASELINES
+from cable_envs.proof.cases import Case, digest, make
+from cable_envs.proof.scoring import Result, judge
+from cable_envs.proof.sealing import MANIFEST_SCHEMA, opened, seal
 
 TOOL = "diagnose"
 LIMIT = 900.0
@@ -92,11 +92,11 @@ def diagnose_one(
     out : str
         The proof's folder.
     method : str
-        `TOOL`, or a key of `proof.baselines.BASELINES`.
+        `TOOL`, or a key of `cable_envs.proof.baselines.BASELINES`.
     command : sequence of str
         The tool, to which FOLDER --json are added.
     read : callable, optional
-        (folder) -> recording, as the baselines take it (`proof.baselines`).
+        (folder) -> recording, as the baselines take it (`cable_envs.proof.baselines`).
 
     Returns
     -------

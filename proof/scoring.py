@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
-from proof.effects import share_class
+from cable_envs.proof.effects import share_class
 
 OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "none", "failed")
 """exact: the names, all and only; class: a truth is among declared alternatives of its class; partly: one of two named,
@@ -68,7 +68,7 @@ def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
     Parameters
     ----------
     key : Mapping
-        Of `proof.cases.make`.
+        Of `cable_envs.proof.cases.make`.
     verdict : Mapping, optional
         Of schema "cable-diagnosis/1"; None: the tool gave none.
 

@@ -18,7 +18,7 @@ def distort(time: np.ndarray, signals: Mapping[str, np.ndarray], faults: Mapping
     signals : Mapping of str to ndarray
         [ticks] by channel.
     faults : Mapping of str to float
-        "kind:channel" -> size (`proof.effects`).
+        "kind:channel" -> size (`cable_envs.proof.effects`).
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """What a proof says in a dozen lines: the table of README, from the proof's record.
 
-``python -m proof.summary docs/proof/proof.json.gz`` prints it.
+``python -m cable_envs.proof.summary docs/proof/proof.json.gz`` prints it.
 """
 
 import sys
@@ -8,8 +8,8 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.core.files import read_json
-from proof.report import cell
-from proof.scoring import Row
+from cable_envs.proof.report import cell
+from cable_envs.proof.scoring import Row
 
 LINES = (
     ("effect adds more than 10 % to the RMS: its exact name", "right name exactly, effect adds >10 %"),
@@ -39,7 +39,7 @@ def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> 
     Parameters
     ----------
     record : Mapping
-        Record of a proof, as `proof.report.record` makes it.
+        Record of a proof, as `cable_envs.proof.report.record` makes it.
     methods : Mapping
         Methods that get a column, by their names in the record, with the columns' headings.
 

@@ -1,6 +1,7 @@
 """Both papers recomputed: every table and figure beside the printed numbers.
 
-An item is one module with a function ``reproduce(progress) -> Result``, named in `reproduction.registry.ITEMS`::
+An item is one module with a function ``reproduce(progress) -> Result``, named in
+`cable_envs.reproduction.registry.ITEMS`::
 
     def reproduce(progress: Progress) -> Result:
         progress(0.0, "nine cables")                          # share done, what is being done
@@ -14,3 +15,6 @@ An item is one module with a function ``reproduce(progress) -> Result``, named i
 `Result.rows` become the JSON; figures, extra tables and notes go into the report only. Progress, two processes,
 files and the page are the registry's and the report's business.
 """
+
+if __name__ != "cable_envs.reproduction":
+    raise ImportError("the folder reproduction/ of this checkout is imported as cable_envs.reproduction")

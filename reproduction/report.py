@@ -11,7 +11,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.core.text import number
 from cable_envs.drawing import pages
-from reproduction.registry import ITEMS, PAPERS, STATUSES, Result
+from cable_envs.reproduction.registry import ITEMS, PAPERS, STATUSES, Result
 
 
 def as_rows(results: Sequence[Result]) -> list[dict[str, Any]]:

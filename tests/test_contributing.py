@@ -18,7 +18,8 @@ FILES = {match["path"]: match["text"] for match in BLOCK.finditer(PAGE)}
 
 TRY = """
 import gymnasium as gym, numpy as np
-import baselines, cable_envs
+import cable_envs
+from cable_envs import baselines
 from cable_envs.effects import EFFECTS
 from cable_envs.plants import families, plant_for
 from cable_envs.core.errors import ConfigurationError
@@ -69,11 +70,11 @@ print("all of it works")
 TRY_LEARNING_AND_DATA = """
 import pathlib
 import numpy as np
-from agents.settings import load_settings
-from diagnosis.data.recording import load_recording
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request
-from diagnosis.readers.writer import write_data_set
+from cable_envs.agents.settings import load_settings
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request
+from cable_envs.diagnosis.readers.writer import write_data_set
 
 # the agent: its settings, for any environment and for the one that it names
 assert load_settings("short-ppo", "cable_envs/CableHole-Position-Sine-v0").learner["gamma"] == 0.98
@@ -105,7 +106,7 @@ def test_the_page_has_the_files_of_everything_that_is_found_in_a_folder():
 def followed(folder, packages, script, **more):
     """Run ``script`` on a copy of ``packages`` with the page's files in it."""
     for package in packages:
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, folder / package, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for path, text in FILES.items():
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")

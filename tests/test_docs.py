@@ -159,7 +159,7 @@ def test_the_example_enters_the_tasks_it_names(example):
 
 def test_the_example_settings_load(tmp_path):
     pytest.importorskip("torch")
-    from agents.settings import load_settings
+    from cable_envs.agents.settings import load_settings
 
     (text,) = blocks("train-your-agent.md", "yaml")
     path = tmp_path / "my-agent.yaml"
@@ -185,8 +185,8 @@ def test_the_example_in_memory_gives_what_it_says(capsys):
 
 def test_the_example_log_becomes_a_recording(tmp_path):
     """The log and the mapping of "Your own recording", made longer, through its own commands."""
+    from cable_envs.diagnosis.data.recording import load_recording
     from cablebench.cli import main
-    from diagnosis.data.recording import load_recording
 
     (text,), (mapping,) = blocks("your-own-recording.md", "text"), blocks("your-own-recording.md", "yaml")
     (tmp_path / "logs").mkdir()

@@ -10,16 +10,16 @@ from pathlib import Path
 import pytest
 
 from cable_envs.effects import EFFECTS
+from tests.support.tree import FOLDERS as PACKAGES
+from tests.support.tree import LINKED, ROOT, module
 from tests.test_house import LAYERS
 
-ROOT = Path(__file__).parents[1]
-PACKAGES = ("cable_envs", "baselines", "agents", "identification", "diagnosis", "proof", "reproduction", "cablebench")
 FOLDERS = (*PACKAGES, "benchmarks", "boards", "configs", "docs", "examples", "tests")
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 MADE_UP = {"weight_pid.py", "my_format.py", "my_controller.py", "mine.py", "spring.py"}
 """Files that a reader makes himself."""
 MADE_BY_COMMANDS = {"boards/quick/board.html"}
-EXAMPLES = {"data.motor.q", "minari.load_dataset"}
+EXAMPLES = {"core.symlinks", "data.motor.q", "minari.load_dataset"}
 TUTORIALS = ("slider", "Slider")
 """What CONTRIBUTING makes, step by step (`tests/test_contributing.py`)."""
 STRICT = {"physics.md"}
@@ -39,7 +39,7 @@ def modules() -> dict[str, list[str]]:
     found: dict[str, list[str]] = {}
     for path in files():
         if path.endswith(".py") and path.split("/")[0] in PACKAGES:
-            name = path.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
+            name = module(ROOT / path)
             found.setdefault(name.rpartition(".")[2], []).append(name)
     return found
 
@@ -69,7 +69,7 @@ def resolves(name: str) -> bool:
     for k in range(len(words), 0, -1):
         try:
             found = importlib.import_module(".".join(words[:k]))
-        except ModuleNotFoundError:
+        except ImportError:
             continue
         for word in words[k:]:
             if not hasattr(found, word) and word not in getattr(found, "__annotations__", ()):
@@ -151,8 +151,8 @@ def test_the_check_notices_what_is_not_there():
         "cable_envs/contact.py", "cable_envs.contact", "contact.tension_ration", "backlash.gab", "tests/nowhere/",
         "nowhere.py", "test_that_nobody_wrote", "Statics.walking",
     ]  # fmt: skip
-    code = "```python\nfrom diagnosis.engine import diagnose, nothing\nimport numpy\n```\n"
-    assert lacking(code, page) == ["diagnosis.engine.nothing"]
+    code = "```python\nfrom cable_envs.diagnosis.engine import diagnose, nothing\nimport numpy\n```\n"
+    assert lacking(code, page) == ["cable_envs.diagnosis.engine.nothing"]
 
 
 def test_readme_draws_the_tree_as_it_is():
@@ -165,7 +165,8 @@ def test_readme_draws_the_tree_as_it_is():
             drawn += [inside + name for name in names[2].split()]
     assert [name for name in drawn if not (ROOT / name).exists()] == []
     assert {f"{folder}/" for folder in FOLDERS} <= set(drawn)
-    parts = {f"cable_envs/{p.name}/" for p in (ROOT / "cable_envs").iterdir() if (p / "__init__.py").exists()}
+    inside = (ROOT / "cable_envs").iterdir()
+    parts = {f"cable_envs/{p.name}/" for p in inside if (p / "__init__.py").exists() and p.name not in LINKED}
     assert parts <= {*drawn, "cable_envs/drawing/"}
 
 

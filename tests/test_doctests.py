@@ -2,23 +2,20 @@
 
 import doctest
 import importlib
-import tomllib
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+from tests.support.tree import FOLDERS, module, sources
+
 FLAGS = doctest.NORMALIZE_WHITESPACE | doctest.ELLIPSIS
 
 
 def _with_examples() -> list[str]:
     """Modules that hold an example: only these are imported, so that the test does not load every library."""
     return [
-        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-        for package in (*PACKAGES, "tests/support")
-        for path in sorted((ROOT / package).rglob("*.py"))
+        module(path)
+        for package in (*FOLDERS, "tests/support")
+        for path in sources(package)
         if ">>> " in path.read_text(encoding="utf-8")
     ]
 

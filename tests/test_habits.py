@@ -6,6 +6,8 @@ from pathlib import Path
 
 import yaml
 
+from tests.support.tree import FOLDERS
+
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 PACKAGES = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
@@ -48,9 +50,9 @@ def test_versions_of_python_agree():
 
 
 def test_every_package_says_that_it_has_types():
-    assert [p for p in PACKAGES if not (ROOT / p / "py.typed").is_file()] == []
+    assert [p for p in FOLDERS if not (ROOT / p / "py.typed").is_file()] == []
     assert PROJECT["tool"]["mypy"]["packages"] == PACKAGES
-    assert PROJECT["tool"]["coverage"]["run"]["source"] == PACKAGES
+    assert PROJECT["tool"]["coverage"]["run"]["source"] == [*FOLDERS]
 
 
 def test_hooks_need_no_network():

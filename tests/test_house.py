@@ -5,15 +5,15 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[1]
+from tests.support.tree import FOLDERS, ROOT, module, sources
 
 LAYERS = (
     ("cablebench.cli",),
     ("cablebench",),
-    ("reproduction",),
-    ("agents",),
-    ("diagnosis", "proof", "identification"),
-    ("baselines",),
+    ("cable_envs.reproduction",),
+    ("cable_envs.agents",),
+    ("cable_envs.diagnosis", "cable_envs.proof", "cable_envs.identification"),
+    ("cable_envs.baselines",),
     ("cable_envs.vector",),
     ("cable_envs.envs",),
     ("cable_envs.render",),
@@ -41,7 +41,7 @@ INSIDE = {
         "",
     ),
     "cablebench.cli": ("", "bench", "learn", "physics", "shared"),
-    "diagnosis": (
+    "cable_envs.diagnosis": (
         "",
         "report",
         "search",
@@ -60,15 +60,9 @@ INSIDE = {
 MOST = 13
 """Modules that a folder may hold, without its ``__init__``: what one can overlook, and one to spare."""
 
-PACKAGES = ("cable_envs", "baselines", "agents", "identification", "diagnosis", "proof", "reproduction", "cablebench")
-
 
 def _modules() -> dict[str, Path]:
-    found = {}
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            found[".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")] = path
-    return found
+    return {module(path): path for folder in FOLDERS for path in sources(folder)}
 
 
 def _imports(path: Path, known: dict[str, Path]) -> set[str]:
@@ -174,9 +168,12 @@ def test_no_folder_is_a_hall():
     assert many == {}
 
 
+PROOF, TOOL = "cable_envs.proof", "cable_envs.diagnosis"
+
+
 def test_the_proof_shares_nothing_with_what_it_judges():
-    assert [f"{n} imports {o}" for n in GRAPH if _inside(n, "proof") for o in GRAPH[n] if _inside(o, "diagnosis")] == []
-    assert [f"{n} imports {o}" for n in GRAPH if _inside(n, "diagnosis") for o in GRAPH[n] if _inside(o, "proof")] == []
+    assert [f"{n} imports {o}" for n in GRAPH if _inside(n, PROOF) for o in GRAPH[n] if _inside(o, TOOL)] == []
+    assert [f"{n} imports {o}" for n in GRAPH if _inside(n, TOOL) for o in GRAPH[n] if _inside(o, PROOF)] == []
 
 
 def test_plants_never_import_siblings():

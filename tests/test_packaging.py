@@ -11,9 +11,11 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.support.tree import FOLDERS, LINKED, ROOT, module, sources
+
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-PACKAGES = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
+FORMATS = "cable_envs.diagnosis.readers.formats"
+INSTALLED = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"])
 EXTRAS = (
     "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
     "minari", "h5py", "rosbags", "asammdf", "mcap", "pandas", "optuna", "sqlalchemy", "ray", "markdown_it",
@@ -32,85 +34,76 @@ def _imports(path: Path) -> set[str]:
     return found
 
 
-def _files(package: str) -> list[Path]:
-    return sorted((ROOT / package).rglob("*.py"))
-
-
-def _module(path: Path) -> str:
-    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
-
-
 def _inside(name: str, *parents: str) -> bool:
     return any(name == parent or name.startswith(parent + ".") for parent in parents)
 
 
 def _offences(files: list[Path], *forbidden: str) -> list[str]:
-    return [f"{_module(f)} imports {name}" for f in files for name in sorted(_imports(f)) if _inside(name, *forbidden)]
+    """Imports of ``forbidden`` modules; those of a folder that is linked into `cable_envs` go by the folder's name."""
+    names = [f"cable_envs.{name}" if name.split(".")[0] in LINKED else name for name in forbidden]
+    return [f"{module(f)} imports {name}" for f in files for name in sorted(_imports(f)) if _inside(name, *names)]
 
 
 def test_declared_packages():
-    assert {"cable_envs", "baselines", "agents", "cablebench"} <= set(PACKAGES)
-    assert not {"tests", "configs", "benchmarks", "docs"} & set(PACKAGES)
+    assert INSTALLED == ("cable_envs", "cablebench")
+    for folder in (*LINKED, "configs"):
+        assert (ROOT / "cable_envs" / folder).samefile(ROOT / folder), folder
 
 
 def test_simulator_imports_nothing_above_it():
-    assert _offences(_files("cable_envs"), "baselines", "agents", "cablebench", "torch", "stable_baselines3") == []
+    assert _offences(sources("cable_envs"), "baselines", "agents", "cablebench", "torch", "stable_baselines3") == []
 
 
 def test_controllers_know_no_environment():
     above = ["cable_envs.envs", "cable_envs.vector", "cable_envs.render", "cable_envs.drawing"]
     above += [f"cable_envs.sim.{m}" for m in ("simulation", "steppers", "setup", "tasks")]
-    assert _offences(_files("baselines"), "gymnasium", "agents", "cablebench", "torch", "numba", *above) == []
+    assert _offences(sources("baselines"), "gymnasium", "agents", "cablebench", "torch", "numba", *above) == []
     third = {
         name.split(".")[0]
-        for f in _files("baselines")
+        for f in sources("baselines")
         for name in _imports(f)
         if name.split(".")[0] not in sys.stdlib_module_names
     }
-    assert third <= {"baselines", "cable_envs", "numpy", "scipy"}
+    assert third <= {"cable_envs", "numpy", "scipy"}
 
 
 def test_torch_only_in_agents():
-    files = [f for package in PACKAGES if package != "agents" for f in _files(package)]
+    files = [f for package in FOLDERS if package != "agents" for f in sources(package)]
     assert _offences(files, "torch", "stable_baselines3") == []
 
 
 def test_benchmark_does_not_know_agents_or_its_command_line():
     command_line = ("cablebench.cli",)
-    files = [f for f in _files("cablebench") if not _inside(_module(f), *command_line)]
+    files = [f for f in sources("cablebench") if not _inside(module(f), *command_line)]
     assert _offences(files, "agents", "typer", *command_line) == []
-    assert _offences(_files("agents"), *command_line) == []
+    assert _offences(sources("agents"), *command_line) == []
 
 
 def test_only_export_and_its_command_know_recordings_and_minari():
     # the benchmark knows no diagnosis; the pages about it and the experiment on it do
     about_it = ("cablebench.pages",)
     above = ("cablebench.export", "cablebench.cli", *about_it)
-    files = [f for f in _files("cablebench") if not _inside(_module(f), *above)]
+    files = [f for f in sources("cablebench") if not _inside(module(f), *above)]
     assert _offences(files, "diagnosis", "minari", "cablebench.export") == []
-    pages = [f for f in _files("cablebench") if _inside(_module(f), *about_it)]
+    pages = [f for f in sources("cablebench") if _inside(module(f), *about_it)]
     assert _offences(pages, "minari", "cablebench.export", "agents", "baselines") == []
-    others = [f for package in PACKAGES for f in _files(package) if _module(f) != "cablebench.export.minari"]
+    others = [f for package in FOLDERS for f in sources(package) if module(f) != "cablebench.export.minari"]
     assert _offences(others, "minari") == []
-    assert (
-        _offences([f for f in others if _module(f) != "diagnosis.readers.formats.mat"], "h5py") == []
-    )  # MATLAB 7.3 is HDF5
-    bags = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.readers.formats.rosbag"]
+    assert _offences([f for f in others if module(f) != f"{FORMATS}.mat"], "h5py") == []  # MATLAB 7.3 is HDF5
+    bags = [f for package in FOLDERS for f in sources(package) if module(f) != f"{FORMATS}.rosbag"]
     assert _offences(bags, "rosbags") == []
     for name, library in (("mdf", "asammdf"), ("mcap", "mcap")):
-        files = [
-            f for package in PACKAGES for f in _files(package) if _module(f) != f"diagnosis.readers.formats.{name}"
-        ]
+        files = [f for package in FOLDERS for f in sources(package) if module(f) != f"{FORMATS}.{name}"]
         assert _offences(files, library) == []
-    frames = [f for package in PACKAGES for f in _files(package) if _module(f) != "diagnosis.data.memory"]
+    frames = [f for package in FOLDERS for f in sources(package) if module(f) != "cable_envs.diagnosis.data.memory"]
     assert _offences(frames, "pandas") == []
 
 
 def test_tools_above_the_simulator_stay_below_the_command_line():
-    assert _offences(_files("identification"), "cablebench", "agents", "baselines", "reproduction", "gymnasium") == []
-    assert _offences(_files("diagnosis"), "cablebench", "agents", "baselines", "reproduction") == []
-    assert _offences(_files("reproduction"), "agents", "typer", "cablebench.cli", "cablebench.cli") == []
-    below = [f for p in ("cable_envs", "baselines", "agents") for f in _files(p)]
+    assert _offences(sources("identification"), "cablebench", "agents", "baselines", "reproduction", "gymnasium") == []
+    assert _offences(sources("diagnosis"), "cablebench", "agents", "baselines", "reproduction") == []
+    assert _offences(sources("reproduction"), "agents", "typer", "cablebench.cli", "cablebench.cli") == []
+    below = [f for p in ("cable_envs", "baselines", "agents") for f in sources(p)]
     assert _offences(below, "identification", "diagnosis", "reproduction") == []
 
 
@@ -124,7 +117,8 @@ class Blocked:
 
 BLOCKED = set(sys.argv[1].split(","))
 sys.meta_path.insert(0, Blocked())
-import gymnasium, cable_envs, baselines
+import gymnasium, cable_envs
+from cable_envs import baselines
 for env_id in cable_envs.ENV_IDS:
     env = gymnasium.make(env_id, duration=0.1, observe="full")
     setup = env.unwrapped.setup
@@ -164,17 +158,14 @@ def test_command_line_without_extras_says_what_to_install():
     assert done.stderr.endswith("pip install 'cable-envs[agents]'\n") and done.stderr.count("\n") == 1
 
 
-def test_another_distributions_package_is_refused(tmp_path):
-    """`baselines` is also a name on PyPI: the one found must carry our marker."""
-    (tmp_path / "baselines").mkdir()
-    (tmp_path / "baselines" / "__init__.py").write_text("")
-    code = (
-        f"import sys; sys.path[:0] = [{str(tmp_path)!r}, {str(ROOT)!r}];"
-        "from cablebench.cli import main; main(['evaluate'])"
+@pytest.mark.parametrize("folder", LINKED)
+def test_a_folder_of_the_checkout_is_imported_by_its_installed_name_only(folder):
+    """Under two names it would be there twice, with classes that are not each other's."""
+    done = _python("-c", f"import {folder}", cwd=ROOT)
+    assert done.returncode == 1
+    assert done.stderr.endswith(
+        f"ImportError: the folder {folder}/ of this checkout is imported as cable_envs.{folder}\n"
     )
-    done = _python("-c", code, cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("cablebench: error: the package 'baselines' at ") and str(tmp_path) in done.stderr
 
 
 def test_import_takes_less_than_a_second():
@@ -225,10 +216,12 @@ def test_wheel_holds_packages_and_configuration_only(tmp_path):
     with zipfile.ZipFile(wheel) as archive:
         names = archive.namelist()
         archive.extractall(tmp_path / "site")
-    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(PACKAGES)
+    assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(INSTALLED)
     assert "cable_envs/configs/tasks/CableHole-Position.yaml" in names
     assert {"cablebench/board/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
-    assert {f"{package}/py.typed" for package in PACKAGES} <= set(names)
+    assert {"cable_envs/py.typed", "cablebench/py.typed", *(f"cable_envs/{name}/py.typed" for name in LINKED)} <= set(
+        names
+    )
     environment = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     done = _python("-P", "-c", WITHOUT_EXTRAS, ",".join(EXTRAS), cwd=tmp_path, env=environment)
     assert done.returncode == 0, done.stderr

@@ -1,4 +1,4 @@
-"""Where the YAML files live: ``configs/`` beside the packages in a checkout, inside ``cable_envs`` when installed."""
+"""Where the YAML files live: ``cable_envs/configs``, which in a checkout is a link to ``configs/`` at its top."""
 
 import hashlib
 import json
@@ -12,8 +12,13 @@ _PACKAGE = Path(__file__).parents[1]
 
 def config_root() -> Path:
     """The folder that holds rigs/, tasks/, agents/, protocols/ and controllers/."""
-    installed = _PACKAGE / "configs"
-    return installed if installed.is_dir() else _PACKAGE.parent / "configs"
+    folder = (_PACKAGE / "configs").resolve()
+    if not folder.is_dir():
+        raise ConfigurationError(
+            f"there is no folder {folder}: in a checkout it is a symbolic link, which git makes after "
+            "`git config core.symlinks true` and `git checkout -- cable_envs`"
+        )
+    return folder
 
 
 def config_names(kind: str) -> tuple[str, ...]:

@@ -11,8 +11,8 @@ class Interval:
     """An estimate with the ends of its confidence interval, all in one unit.
 
     Derived types say more: over what a bootstrap resampled (`cablebench.board.statistics.BootstrapInterval`), which end
-    only a search bound gives (`identification.information.ProfileInterval`), the unit of a parameter
-    (`diagnosis.model.verdict.Estimate`).
+    only a search bound gives (`cable_envs.identification.information.ProfileInterval`), the unit of a parameter
+    (`cable_envs.diagnosis.model.verdict.Estimate`).
 
     Attributes
     ----------

@@ -7,13 +7,16 @@ from collections.abc import Sequence
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
-from pathlib import Path
+from pathlib import Path, PurePath
 
 from cable_envs.core.config import config_root
 from cable_envs.core.errors import ConfigurationError
 
-SIMULATION = ("cable_envs", "baselines")
+SIMULATION = ("cable_envs", "cable_envs.baselines")
 """Packages whose source decides the numbers of an episode."""
+
+WITHIN = ("agents", "baselines", "diagnosis", "identification", "proof", "reproduction")
+"""Packages that are installed within `cable_envs` and are not the simulator."""
 
 
 @cache
@@ -39,7 +42,7 @@ def source_hash(packages: Sequence[str] = SIMULATION, configs: Sequence[str] = (
     Parameters
     ----------
     packages : sequence of str
-        Top-level packages, whose Python files are hashed; what only draws is left out.
+        Packages by import name, whose `sources` are hashed; what only draws is left out.
     configs : sequence of str
         Folders of configs/, whose YAML files are hashed.
 
@@ -55,19 +58,47 @@ def source_hash(packages: Sequence[str] = SIMULATION, configs: Sequence[str] = (
     """
     digest = hashlib.sha256()
     for package in packages:
-        spec = find_spec(package)
-        if spec is None or spec.origin is None:
-            raise ConfigurationError(f"there is no package '{package}' to hash")
-        root = Path(spec.origin).parent
-        for path in sorted(p for p in root.rglob("*.py") if not _drawn(p.relative_to(root))):
-            digest.update(f"{root.name}/{path.relative_to(root).as_posix()}".encode() + path.read_bytes())
+        name = package.rpartition(".")[2]
+        for path, content in sources(package).items():
+            if not _drawn(path):
+                digest.update(f"{name}/{path.as_posix()}".encode() + content)
     for kind in configs:
         for path in sorted((config_root() / kind).glob("*.yaml")):
             digest.update(f"{kind}/{path.name}".encode() + path.read_bytes())
     return digest.hexdigest()[:12]
 
 
-def _drawn(path: Path) -> bool:
+def sources(package: str) -> dict[PurePath, bytes]:
+    """The text of a package's Python files, in a checkout the same as when installed.
+
+    Parameters
+    ----------
+    package : str
+        Import name. Of "cable_envs" the packages `WITHIN` it are left out.
+
+    Returns
+    -------
+    dict of PurePath to bytes
+        By path within the package, in order.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the package is not installed.
+    """
+    try:
+        spec = find_spec(package)
+    except ModuleNotFoundError:
+        spec = None
+    if spec is None or spec.origin is None:
+        raise ConfigurationError(f"there is no package '{package}' to hash")
+    root = Path(spec.origin).parent.resolve()
+    found = ((path.relative_to(root), path) for path in root.rglob("*.py"))
+    ours = sorted((short, path) for short, path in found if package != "cable_envs" or short.parts[0] not in WITHIN)
+    return {short: path.read_bytes() for short, path in ours}
+
+
+def _drawn(path: PurePath) -> bool:
     """Whether a source only draws: no number depends on it."""
     return path.name in ("render.py", "scene.py") or path.parts[0] == "drawing"
 

@@ -58,7 +58,7 @@ class EffectParameter:
 
     Notes
     -----
-    What a search has to know (``probes`` to ``complete``) is read in `diagnosis.model.hypotheses`.
+    What a search has to know (``probes`` to ``complete``) is read in `cable_envs.diagnosis.model.hypotheses`.
     """
 
     name: str

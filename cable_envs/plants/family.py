@@ -127,7 +127,8 @@ class Family:
     beside : tuple of Parameter
         What a recording may state besides the plant's parameters.
     replayed : Replayed, optional
-        How recordings of it are diagnosed; None: by a module of their own in `diagnosis.systems`, or not at all.
+        How recordings of it are diagnosed; None: by a module of their own in `cable_envs.diagnosis.systems`, or not at
+        all.
     ways : tuple of two str
         Words for motion in the positive and in the negative direction.
     """

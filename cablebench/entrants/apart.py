@@ -143,7 +143,7 @@ class _Kind:
         self._levels: dict[str, str | None] = {}
         about = self._ask("declare")
         self.derived: bool = about["derived"]
-        """whether it is a class derived from `baselines.Controller`"""
+        """whether it is a class derived from `cable_envs.baselines.Controller`"""
         self.name, self.information, self.charged = about["name"], about["information"], about["charged"]
         self._envs = about["envs"]
 
@@ -194,7 +194,7 @@ class _Kind:
 
 
 class _Controller:
-    """One controller over there, with the interface of `baselines.Controller`."""
+    """One controller over there, with the interface of `cable_envs.baselines.Controller`."""
 
     def __init__(self, process: _Process, number: int, true_rig: bool):
         self._process, self._number, self._true_rig = process, number, true_rig

@@ -152,7 +152,7 @@ def controller_file_entrant(path_or_name: str | Path) -> Entrant:
 
 def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
     """The controller's class: by name among the references, or from a .py file beside the YAML file."""
-    from baselines import CONTROLLERS
+    from cable_envs.baselines import CONTROLLERS
 
     if controller.endswith(".py"):
         from cablebench.entrants.apart import controller_kind

@@ -105,13 +105,13 @@ def controller_entrant(
     charged: Mapping[str, float] | None = None,
     envs: Sequence[str] = (),
 ) -> Entrant:
-    """A reference controller by name, or any class with the interface of `baselines.base.Controller`.
+    """A reference controller by name, or any class with the interface of `cable_envs.baselines.base.Controller`.
 
     It is made for the nominal rig, observes the level it declares and is charged what it declares in ``charged``.
     ``envs`` limits it to some environment ids; else it enters wherever it applies.
     Raises ConfigurationError for unknown names.
     """
-    from baselines import controller_class
+    from cable_envs.baselines import controller_class
 
     kind: Any = controller_class(controller) if isinstance(controller, str) else controller
     chosen = dict(gains or {})

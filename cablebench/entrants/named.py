@@ -11,7 +11,7 @@ from cablebench.entrants.entrant import Entrant, controller_entrant
 
 def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
     """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``."""
-    from baselines import CONTROLLERS
+    from cable_envs.baselines import CONTROLLERS
 
     return tuple(map(named_entrant, names or CONTROLLERS))
 
@@ -22,7 +22,7 @@ def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entran
     A controller file is named by its path or, in configs/controllers/, without folder and suffix; naming a .py file
     executes it. ``gains`` are for reference controllers only. Raises ConfigurationError with the nearest name.
     """
-    from baselines import CONTROLLERS
+    from cable_envs.baselines import CONTROLLERS
 
     if name in CONTROLLERS:
         return controller_entrant(name, gains)

@@ -18,8 +18,8 @@ def act(t, y, ref):                 # once a control period: t in s, y measureme
 
 Instead of the two functions a class may have them as methods; its constructor's keyword arguments are gains, which a
 controller file can set. Every environment gets a module (and object) of its own, so nothing is left over from another
-task. A class derived from `baselines.Controller` is taken as it is. **Loading such a file executes it**: only load what
-you trust.
+task. A class derived from `cable_envs.baselines.Controller` is taken as it is. **Loading such a file executes it**:
+only load what you trust.
 """
 
 import hashlib
@@ -43,7 +43,7 @@ _DECLARED = ("name", "information", "observe", "tasks", "charged")
 
 def load_kind(path: str | Path) -> Any:
     """A `FileController` of a .py file, or the file's class derived from `baselines.Controller`. Executes the file."""
-    from baselines import Controller
+    from cable_envs.baselines import Controller
 
     path = Path(path)
     content = read_source(path)
@@ -117,7 +117,7 @@ class FileController:
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: float
     ) -> "Played":
         """As a class of `baselines`: the command's range is taken from the rig."""
-        from baselines.base import command_range, complete_rig
+        from cable_envs.baselines.base import command_range, complete_rig
 
         low, high = command_range(plant, action_mode, complete_rig(plant, rig))
         return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,

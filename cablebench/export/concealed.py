@@ -14,14 +14,14 @@ import yaml
 
 from cable_envs.core.errors import require_known
 from cable_envs.core.files import write_atomic
+from cable_envs.diagnosis.data.writing import FILE, SCHEMA
 from cable_envs.plants import family
+from cable_envs.proof.excitation import reference
+from cable_envs.proof.sensors import stamps
+from cable_envs.proof.simulators import cable_hole, pulley_circuit
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.setup import Setup
 from cablebench.export.recording import channel_entry, check_folder
-from diagnosis.data.writing import FILE, SCHEMA
-from proof.excitation import reference
-from proof.sensors import stamps
-from proof.simulators import cable_hole, pulley_circuit
 
 GENERATORS: Mapping[str, Any] = {"cable_hole": cable_hole, "pulley_circuit": pulley_circuit}
 COMMAND = {"cable_hole": "drive_velocity_command", "pulley_circuit": "drive_angle_command"}
@@ -56,7 +56,7 @@ def write_concealed(
     """One record for each motion, the last held out; returns the recording's file.
 
     setup: the true rig with its effects, and the noise of its sensors; believed: a preset, all that is told. motions:
-    {design, amplitude, centre} of `proof.excitation`; m of the load, or rad of the drive. A channel that
+    {design, amplitude, centre} of `cable_envs.proof.excitation`; m of the load, or rad of the drive. A channel that
     never moves is left out. Raises ConfigurationError for an effect that the generator does not have.
     """
     check_folder(folder)

@@ -1,4 +1,4 @@
-"""Episodes as a recording of a rig: the format ``cable-recording/1`` that `diagnosis.data.recording` reads.
+"""Episodes as a recording of a rig: the format ``cable-recording/1`` that `cable_envs.diagnosis.data.recording` reads.
 
 A folder with recording.yaml, one table (CSV or Parquet) for each episode and, where the rig is no preset, its file
 under rig/. The tables hold what sensors read (with the noise and delay of the environment), the reference, and the
@@ -19,14 +19,14 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.files import write_atomic
+from cable_envs.diagnosis.data.description import channels_of, parameters_of
+from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, rig_entry
 from cable_envs.plants import family
 from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
 from cablebench.run.evaluation import core_of, env_id_of
-from diagnosis.data.description import channels_of, parameters_of
-from diagnosis.data.writing import FILE, SCHEMA, TABLES, rig_entry
 
 
 def check_environment(setup: Setup) -> None:

@@ -1,7 +1,7 @@
 """Figures of a diagnosis as inline SVG.
 
 Over time, along coordinates, errors against the noise, maps of what is left, spectra. ``traces`` are
-`diagnosis.model.verdict.Trace`, read by their fields only.
+`cable_envs.diagnosis.model.verdict.Trace`, read by their fields only.
 """
 
 from collections.abc import Mapping, Sequence

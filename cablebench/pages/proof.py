@@ -5,11 +5,11 @@ from typing import Any
 
 from cable_envs.drawing import pages
 from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
-from proof.report import WORDS, missing_words
+from cable_envs.proof.report import WORDS, missing_words
 
 
 def render(record: Mapping[str, Any]) -> str:
-    """The page as text; ``record``: what `proof.report.record` made."""
+    """The page as text; ``record``: what `cable_envs.proof.report.record` made."""
     from markupsafe import Markup
 
     methods = record["methods"]

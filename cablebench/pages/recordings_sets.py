@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.diagnosis.model.verdict import Trace
+from cable_envs.diagnosis.real.finding import Finding, pick
 from cablebench.pages import recordings_figures as draw
-from diagnosis.model.verdict import Trace
-from diagnosis.real.finding import Finding, pick
 
 Tell = Callable[[str], None]
 Made = tuple[dict[str, Any], dict[str, str]]
@@ -25,8 +25,8 @@ def numbers(finding: Finding) -> dict[str, Any]:
 
 def band_brake(shared: Path, work: Path, tell: Tell) -> Made:
     """Load-dependent slip, backlash and pre-sliding; a viscous answer beside."""
-    from diagnosis.real.band_brake import band_brake as study
-    from diagnosis.real.sets import imported
+    from cable_envs.diagnosis.real.band_brake import band_brake as study
+    from cable_envs.diagnosis.real.sets import imported
 
     found = study(imported("band-brake", shared, work), tell)
     finding = found.finding
@@ -70,9 +70,9 @@ def _loop(trace: Trace, part: np.ndarray, title: str, label: str) -> dict[str, A
 
 def emps(shared: Path, work: Path, tell: Tell) -> Made:
     """Mass, friction and offset with intervals beside the published ones."""
-    from diagnosis.real.emps import PUBLISHED, UNITS
-    from diagnosis.real.emps import emps as study
-    from diagnosis.real.sets import imported
+    from cable_envs.diagnosis.real.emps import PUBLISHED, UNITS
+    from cable_envs.diagnosis.real.emps import emps as study
+    from cable_envs.diagnosis.real.sets import imported
 
     found = study(imported("emps", shared, work), tell)
     words = {"steps": "tool, unseen records", "coloured": "tool, taken for noise", "inverse": "inverse dynamics"}
@@ -121,9 +121,9 @@ def _in_order(estimates: Mapping[str, Any], names: Mapping[str, str]) -> list[tu
 
 def coupled_drives(shared: Path, work: Path, tell: Tell) -> Made:
     """Free run on the official split; the sensor's rectification against friction."""
-    from diagnosis.real.coupled_drives import PUBLISHED
-    from diagnosis.real.coupled_drives import coupled_drives as study
-    from diagnosis.real.sets import imported
+    from cable_envs.diagnosis.real.coupled_drives import PUBLISHED
+    from cable_envs.diagnosis.real.coupled_drives import coupled_drives as study
+    from cable_envs.diagnosis.real.sets import imported
 
     found = study(imported("coupled-drives", shared, work), tell)
     uniform, prbs = found.findings["uniform"], found.findings["PRBS"]
@@ -167,8 +167,8 @@ def _joined(finding: Finding, name: str, since: float) -> dict[str, Any]:
 
 def da_vinci(shared: Path, work: Path, tell: Tell) -> Made:
     """The jaw: `diagnosis.real.davinci_study.study`, as it is; the page draws its figures from the numbers."""
-    from diagnosis.real.davinci_study import rounded, study
-    from diagnosis.real.sets import imported
+    from cable_envs.diagnosis.real.davinci_study import rounded, study
+    from cable_envs.diagnosis.real.sets import imported
 
     recording = imported("da-vinci-jaw", shared, work)
     return rounded(study(recording.path.parent, tell)), {}

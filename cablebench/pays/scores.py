@@ -104,7 +104,7 @@ class Study:
 
 def controller_actor(name: str, gains: Mapping[str, Any], believed: Setup, acting: Setup) -> Actor:
     """The controller with ``gains`` that believes the rig of one setup and acts in another."""
-    from baselines import make_controller
+    from cable_envs.baselines import make_controller
 
     case = (believed.plant.name, believed.action_mode.name, believed.task.kind)
     made = make_controller(name, *case, believed.rig.values, believed.control_period, **gains)

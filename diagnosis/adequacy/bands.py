@@ -23,10 +23,10 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.model.leftover import Leftover
-from diagnosis.model.model import Block, Model, Whitener
-from diagnosis.model.noise import Noise, resolution
-from diagnosis.model.rest import AnyNoise
+from cable_envs.diagnosis.model.leftover import Leftover
+from cable_envs.diagnosis.model.model import Block, Model, Whitener
+from cable_envs.diagnosis.model.noise import Noise, resolution
+from cable_envs.diagnosis.model.rest import AnyNoise
 
 BAND = 16
 """Frequencies of a band, of the longest record."""
@@ -194,7 +194,7 @@ class Averaged:
         self.model, self.blocks, self.parameters, self._runs = model, model.blocks, model.parameters, runs
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
-        """As `diagnosis.model.model.Model`."""
+        """As `cable_envs.diagnosis.model.model.Model`."""
         every = self.model.predict(_nudged(self.model, values, self._runs))
         return [series.reshape(-1, values.shape[1], self._runs).mean(axis=2) for series in every]
 

@@ -9,7 +9,7 @@ along each coordinate, and at each single place of it (what a tooth, a pawl or a
 
 A mismatch that lasts is colour to a noise that is learnt from it: a bias an endless memory, a vibration a resonance.
 So the functions are taken out of the residual, the noise is learnt again from what is left, and the fall of the
-deviance (`diagnosis.fit.likelihood`) is what counts.
+deviance (`cable_envs.diagnosis.fit.likelihood`) is what counts.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,11 +21,11 @@ import numpy as np
 from scipy.signal import correlate
 from scipy.stats import chi2
 
-from diagnosis.adequacy.spectra import by_block
-from diagnosis.fit.likelihood import Judged, deviance
-from diagnosis.fit.score_tests import basis
-from diagnosis.model.leftover import ALL, Leftover
-from diagnosis.model.model import Block, Whitener, learn_whitener
+from cable_envs.diagnosis.adequacy.spectra import by_block
+from cable_envs.diagnosis.fit.likelihood import Judged, deviance
+from cable_envs.diagnosis.fit.score_tests import basis
+from cable_envs.diagnosis.model.leftover import ALL, Leftover
+from cable_envs.diagnosis.model.model import Block, Whitener, learn_whitener
 
 BUMPS = 7
 """Along each coordinate, over quantiles of its values."""

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import chi2, f
 
-from diagnosis.fit.likelihood import Judged
-from diagnosis.model.leftover import ALL, Leftover
-from diagnosis.model.model import Block, learn_whitener
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.model.leftover import ALL, Leftover
+from cable_envs.diagnosis.model.model import Block, learn_whitener
 
 ABOUT = 48
 """Values of a spectrum, twice as fine as its resolution, to either side, whose median a line is held against."""

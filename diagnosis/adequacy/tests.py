@@ -5,7 +5,7 @@ It is asked of the records that were fitted and, as nothing is fitted any more, 
 Three kinds of tests, each with a p-value of its own; the least of them counts, times their number:
 
 - smooth functions of what a mismatch may follow, channel by channel and all channels together (`adequacy.functions`)
-- lines of the spectrum, and whether channels know of each other (`diagnosis.adequacy.spectra`)
+- lines of the spectrum, and whether channels know of each other (`cable_envs.diagnosis.adequacy.spectra`)
 - where the recording states its noise, or has a record at rest, the RMS of what is left over that: the only test that
   sees white physics
 """
@@ -15,13 +15,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.adequacy.functions import Regression, regressed
-from diagnosis.adequacy.spectra import coherences, lines
-from diagnosis.fit.likelihood import Judged, raw_residuals
-from diagnosis.fit.refit import Start, refit
-from diagnosis.model.leftover import Leftover
-from diagnosis.model.model import Block, Model
-from diagnosis.model.noise import resolution
+from cable_envs.diagnosis.adequacy.functions import Regression, regressed
+from cable_envs.diagnosis.adequacy.spectra import coherences, lines
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
+from cable_envs.diagnosis.fit.refit import Start, refit
+from cable_envs.diagnosis.model.leftover import Leftover
+from cable_envs.diagnosis.model.model import Block, Model
+from cable_envs.diagnosis.model.noise import resolution
 
 SIGNIFICANCE = 1e-3
 """Familywise p-value below which something is left."""

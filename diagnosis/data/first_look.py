@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.data.recording import Record, Recording
 
 NEEDS = ("drive_angle", "drive_torque", "output_angle", "output_torque")
 FILTER_HZ, SLOW, MIDDLE, NEAR, TURN = 50.0, 0.25, 0.1, 0.1, 0.003

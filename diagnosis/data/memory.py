@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.description import channels_of
 
 Tables = dict[str, dict[str, np.ndarray]]
 """Record -> channel -> raw numbers [samples]."""

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.data.description import Channel
-from diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
+from cable_envs.diagnosis.data.description import Channel
+from cable_envs.diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
 
 USES = ("fit", "heldout", "rest")
 _RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")

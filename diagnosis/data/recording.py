@@ -23,8 +23,8 @@ channels:
 A channel's quantity in its ``unit`` is ``scale`` times the column plus ``offset`` plus the record's own offset;
 ``noise_std`` is in that unit too. ``offset_free`` marks a channel whose zero means nothing, such as an incremental
 encoder's: it may be another one in every record (``record``), is one for all (``recording``), or one for the records
-that share a condition (its name). ``quality`` says where a record is in doubt (`diagnosis.data.entries`).
-A record at rest tells the noise of all channels with its colour (`diagnosis.model.rest`).
+that share a condition (its name). ``quality`` says where a record is in doubt (`cable_envs.diagnosis.data.entries`).
+A record at rest tells the noise of all channels with its colour (`cable_envs.diagnosis.model.rest`).
 Everything returned is in SI. Errors name the file, and where it applies the channel, its column and the data row.
 """
 
@@ -39,12 +39,19 @@ from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import jsonable
 from cable_envs.core.params import is_number
+from cable_envs.diagnosis.data.description import (
+    Channel,
+    Quantity,
+    channels_of,
+    read_channels,
+    read_quantities,
+    read_rig,
+)
+from cable_envs.diagnosis.data.memory import channel_entries, frames_of, record_entries, tables_of
+from cable_envs.diagnosis.data.record import Read, Record, cut, read_record
+from cable_envs.diagnosis.data.tables import read_columns
+from cable_envs.diagnosis.data.writing import SCHEMA, check_table, rig_entry, table_name, write_folder
 from cable_envs.sim.rigs import Rig
-from diagnosis.data.description import Channel, Quantity, channels_of, read_channels, read_quantities, read_rig
-from diagnosis.data.memory import channel_entries, frames_of, record_entries, tables_of
-from diagnosis.data.record import Read, Record, cut, read_record
-from diagnosis.data.tables import read_columns
-from diagnosis.data.writing import SCHEMA, check_table, rig_entry, table_name, write_folder
 
 _KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
 

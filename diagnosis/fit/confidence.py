@@ -9,7 +9,7 @@ of the gain over no effect at all. What is left beyond noise says that no hypoth
 import numpy as np
 
 from cable_envs.core.intervals import NORMAL_95, normal_interval
-from diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.fit.refit import Fit
 
 MOST = 0.88
 """No answer that unseen records judge is surer: 56 of 63 effects were right on the recordings that first calibrated."""

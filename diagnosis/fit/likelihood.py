@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.model.model import Block, Model, Whitener, learn_whitener, residuals
-from diagnosis.model.noise import PRICE
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.model.model import Block, Model, Whitener, learn_whitener, residuals
+from cable_envs.diagnosis.model.noise import PRICE
 
 ABOUT, SPREAD = 4, 1.5
 """Starts of the nominals' refit beside what is claimed, and how far from it, in standard deviations of the claim.

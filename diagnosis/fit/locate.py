@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.model.model import Block, Coordinate
+from cable_envs.diagnosis.model.model import Block, Coordinate
 
 WINDOW, HELD, IN_REGIME, SMOOTHED = 0.5, 0.92, 0.8, 0.3
 EVERYWHERE = 0.7

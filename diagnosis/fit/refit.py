@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.intervals import NORMAL_95, normal_interval
-from diagnosis.model.model import Model, Whitener, residuals
+from cable_envs.diagnosis.model.model import Model, Whitener, residuals
 
 STEP = 1e-2
 """Step of the differences over the parameter's size, or its scale where that is larger.

@@ -14,11 +14,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import WAVES as ALL_WAVES
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Block, Model, Whitener, learn_whitener
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.model.hypotheses import WAVES as ALL_WAVES
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Model, Whitener, learn_whitener
 
 DRAWS = 2000
 STEP = 1e-3

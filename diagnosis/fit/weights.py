@@ -14,10 +14,10 @@ import numpy as np
 from scipy.stats import t as student
 
 from cable_envs.core.intervals import NORMAL_95
-from diagnosis.fit.likelihood import raw_residuals
-from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.model.model import Block, Model, Whitener
-from diagnosis.model.noise import Noise
+from cable_envs.diagnosis.fit.likelihood import raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.model.model import Block, Model, Whitener
+from cable_envs.diagnosis.model.noise import Noise
 
 DRAWS, SPREAD = 12, 0.3
 """Further starts about one, and their standard deviation over each value."""

@@ -2,7 +2,8 @@
 
 A fault of the data must never end as a physical effect, so what a simulator cannot be held against is refused: gaps,
 a clock that jumps, dead, stuck and saturated sensors, outliers, units that are off by a power of ten
-(`diagnosis.intake.scales`), and more rows than memory holds. What can be left out of the sums is left out and noted.
+(`cable_envs.diagnosis.intake.scales`), and more rows than memory holds. What can be left out of the sums is left out
+and noted.
 """
 
 from collections.abc import Mapping
@@ -12,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import Record, Recording
-from diagnosis.intake.scales import wrong_units
-from diagnosis.model import rest
-from diagnosis.systems.common import motion_coordinates
-from diagnosis.systems.question import Look
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.intake.scales import wrong_units
+from cable_envs.diagnosis.model import rest
+from cable_envs.diagnosis.systems.common import motion_coordinates
+from cable_envs.diagnosis.systems.question import Look
 
 LONGEST_GAP = 5
 """Samples that may be missing in a row; they are left out of every sum."""

@@ -13,9 +13,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from diagnosis.data.recording import Record, Recording
-from diagnosis.systems import off_balance
-from diagnosis.systems.units import OFF, hint, series_of, speed_of
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.systems import off_balance
+from cable_envs.diagnosis.systems.units import OFF, hint, series_of, speed_of
 
 _RATES = {"position": "velocity", "drive_position": "drive_velocity"}
 _PAIRS = (

@@ -12,10 +12,10 @@ from itertools import product
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.diagnosis.model.model import Free
 from cable_envs.effects import EFFECTS, Effect, EffectParameter
 from cable_envs.effects.base import CONSTANT, DRIFT, PROBES
 from cable_envs.plants.base import Plant
-from diagnosis.model.model import Free
 
 WAVES = (1.75, 20.0, 0.5)
 """Waves along the travel at which an effect that is a sine along it is probed: from, to, step."""

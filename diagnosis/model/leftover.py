@@ -1,4 +1,4 @@
-"""What a test of adequacy finds (`diagnosis.adequacy.tests`), whichever it is."""
+"""What a test of adequacy finds (`cable_envs.diagnosis.adequacy.tests`), whichever it is."""
 
 from dataclasses import dataclass
 

@@ -6,8 +6,8 @@ from typing import Protocol
 
 import numpy as np
 
-from diagnosis.model.noise import learn_noise
-from diagnosis.model.rest import AnyNoise, RestNoise
+from cable_envs.diagnosis.model.noise import learn_noise
+from cable_envs.diagnosis.model.rest import AnyNoise, RestNoise
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import oaconvolve
 
-from diagnosis.model.noise import Noise, learn_noise
+from cable_envs.diagnosis.model.noise import Noise, learn_noise
 
 LONGEST = 512
 """Samples of the past that predict the next."""
@@ -38,7 +38,7 @@ _GRID = 2**17
 
 @dataclass(frozen=True)
 class RestNoise:
-    """Noise with a known colour, as `diagnosis.model.noise.Noise` is used.
+    """Noise with a known colour, as `cable_envs.diagnosis.model.noise.Noise` is used.
 
     start      | [order, order] lower triangle: the first samples whitened, each with all before it
     taps       | [order + 1] filter of all later ones

@@ -11,7 +11,7 @@ import yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import json_text, jsonable, write_atomic
 from cable_envs.core.intervals import Interval
-from diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
 
 SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
@@ -44,7 +44,7 @@ class EffectGain:
     """An effect with what a model gains by it: as a candidate, as a step of a selection, and in the answer.
 
     Gains are falls of the deviance (twice the logarithm of the likelihood ratio); where held-out records judge, of the
-    sum of squares on these, in effective samples (`diagnosis.search.stepwise`).
+    sum of squares on these, in effective samples (`cable_envs.diagnosis.search.stepwise`).
 
     Parameters
     ----------
@@ -59,7 +59,7 @@ class EffectGain:
     alternatives : tuple of str
         What these records do not tell from it.
     confidence : float
-        Probability that it, or one of its alternatives, is there (`diagnosis.fit.confidence`).
+        Probability that it, or one of its alternatives, is there (`cable_envs.diagnosis.fit.confidence`).
     parameters : Mapping of str to Estimate
         In the answer by the effect's own names; of a step all that were refitted, by the plant's.
     fit, heldout : Mapping of str to float

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import to_si
-from diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.description import channels_of
 
 CHUNK_ROWS = 65_536
 """Rows that are held at once: some 10 MB of text."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.readers.base import Chunk, Log
+from cable_envs.diagnosis.readers.base import Chunk, Log
 
 POSITIONS = ("drive_position", "load_position", "drive_angle", "output_angle", "position", "motor_position")
 FORCES = (

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from diagnosis.readers.base import Fault, RecordSpec
-from diagnosis.readers.checks import Summary
-from diagnosis.readers.split import plain
+from cable_envs.diagnosis.readers.base import Fault, RecordSpec
+from cable_envs.diagnosis.readers.checks import Summary
+from cable_envs.diagnosis.readers.split import plain
 
 RATIO_SHARE, OFFSET_TRAVEL, SHORT = 0.05, 0.15, 0.5
 """A record is an outlier when its ratio differs from its group's median by 5 %, or its offset by 15 % of the output's

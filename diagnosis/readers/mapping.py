@@ -28,11 +28,11 @@ from typing import Any
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
-from diagnosis.data.description import channels_of, hold, offset_free
-from diagnosis.data.entries import read_conditions
-from diagnosis.data.record import USES
-from diagnosis.readers.base import ChannelSpec
-from diagnosis.readers.text import DELIMITERS, Layout
+from cable_envs.diagnosis.data.description import channels_of, hold, offset_free
+from cable_envs.diagnosis.data.entries import read_conditions
+from cable_envs.diagnosis.data.record import USES
+from cable_envs.diagnosis.readers.base import ChannelSpec
+from cable_envs.diagnosis.readers.text import DELIMITERS, Layout
 
 SCHEMA = "cable-mapping/1"
 _KEYS = ("schema", "system", "description", "rig", "known", "nominal", "layout", "channels", "records", "group",

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from diagnosis.readers.base import Log
+from cable_envs.diagnosis.readers.base import Log
 
 HOLE_INTERVALS = 5.0
 """Intervals of a signal behind which nothing is interpolated."""

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from diagnosis.readers.base import RecordSpec
+from cable_envs.diagnosis.readers.base import RecordSpec
 
 _CONDITION = re.compile(r"(\w+)\s*(<=|>=|!=|=|<|>)\s*(.+)")
 _COMPARE = {

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from diagnosis.readers.base import CHUNK_ROWS, Chunk, Log
+from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, Log
 
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "|": "|", "space": " "}
 """Names in a mapping file -> character; "space" is any white space."""

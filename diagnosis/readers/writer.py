@@ -13,13 +13,13 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.data.description import channels_of
-from diagnosis.data.record import behind
-from diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, yaml_text
-from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
-from diagnosis.readers.checks import Clock, RecordCheck, Summary
-from diagnosis.readers.compare import outliers
-from diagnosis.readers.split import select
+from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.record import behind
+from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, yaml_text
+from cable_envs.diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
+from cable_envs.diagnosis.readers.checks import Clock, RecordCheck, Summary
+from cable_envs.diagnosis.readers.compare import outliers
+from cable_envs.diagnosis.readers.split import select
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from diagnosis.data.recording import Recording
-from diagnosis.model.verdict import EffectGain
-from diagnosis.real.finding import Finding, find
+from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.real.finding import Finding, find
 
 EXPECTED = ("load_dependent_friction", "backlash", "presliding_hysteresis")
 WRONG = "viscous_friction"

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from diagnosis.data.recording import Recording
-from diagnosis.model.verdict import Trace
-from diagnosis.real.finding import Finding, find
+from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.model.verdict import Trace
+from cable_envs.diagnosis.real.finding import Finding, find
 
 GROUPS = {"uniform": "uniform_", "PRBS": "prbs_"}
 PUBLISHED = {"recurrent net, GP-NARX": (0.10, 0.09), "linear": (0.29, 0.33)}

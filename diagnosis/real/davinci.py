@@ -11,16 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.data.recording import Record, Recording, load_recording
-from diagnosis.engine import Examined, examine
-from diagnosis.fit.refit import Fit, Start
-from diagnosis.fit.weights import reweighted_refit, rmse
-from diagnosis.model.model import Model, residuals
-from diagnosis.model.verdict import EffectGain
-from diagnosis.search.heldout import confidence_of
-from diagnosis.search.stepwise import heldout_error, inside, stepwise
-from diagnosis.systems.transmission import models
-from diagnosis.systems.transmission_effects import LIMITS, hypotheses
+from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
+from cable_envs.diagnosis.engine import Examined, examine
+from cable_envs.diagnosis.fit.refit import Fit, Start
+from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
+from cable_envs.diagnosis.model.model import Model, residuals
+from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.search.heldout import confidence_of
+from cable_envs.diagnosis.search.stepwise import heldout_error, inside, stepwise
+from cable_envs.diagnosis.systems.transmission import models
+from cable_envs.diagnosis.systems.transmission_effects import LIMITS, hypotheses
 
 SERIES = "Tool_4_Maryland_L_4"
 ABLATED = (

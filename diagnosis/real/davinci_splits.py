@@ -19,13 +19,13 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.data.recording import Record, Recording
-from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import reweighted_refit, rmse
-from diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from diagnosis.search.stepwise import stepwise
-from diagnosis.systems.transmission import Run, TransmissionModel, assemble, nominals_of, run_of
-from diagnosis.systems.transmission_effects import hypotheses
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
+from cable_envs.diagnosis.real.davinci import DEG, MNM, Tell, load_of
+from cable_envs.diagnosis.search.stepwise import stepwise
+from cable_envs.diagnosis.systems.transmission import Run, TransmissionModel, assemble, nominals_of, run_of
+from cable_envs.diagnosis.systems.transmission_effects import hypotheses
 
 CLOSING = -0.25
 """rad/s."""

@@ -1,7 +1,7 @@
 """Everything that is shown of the da Vinci jaw, as one dictionary of numbers: what `docs/recordings` keeps.
 
 cablebench import da-vinci-jaw ../shared/recordings/davinci_tool --out jaw
-python -m diagnosis.real.davinci_study jaw docs/recordings/davinci.json.gz
+python -m cable_envs.diagnosis.real.davinci_study jaw docs/recordings/davinci.json.gz
 """
 
 import sys
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cable_envs.core.files import packed_json
-from diagnosis.real.davinci import (
+from cable_envs.diagnosis.real.davinci import (
     Tell,
     ablations,
     diagnosed,
@@ -19,12 +19,12 @@ from diagnosis.real.davinci import (
     pitch,
     steps_table,
 )
-from diagnosis.real.davinci_splits import PUBLISHED, compare
-from diagnosis.real.feedforward import replayed, traces
-from diagnosis.real.finding import named_again
-from diagnosis.search.stepwise import inside
-from diagnosis.systems.transmission import TransmissionModel
-from diagnosis.systems.transmission_effects import hypotheses
+from cable_envs.diagnosis.real.davinci_splits import PUBLISHED, compare
+from cable_envs.diagnosis.real.feedforward import replayed, traces
+from cable_envs.diagnosis.real.finding import named_again
+from cable_envs.diagnosis.search.stepwise import inside
+from cable_envs.diagnosis.systems.transmission import TransmissionModel
+from cable_envs.diagnosis.systems.transmission_effects import hypotheses
 
 SHOWN = "Tool_4_Maryland_L_4_24.csv"
 """The record of the figures: 50 % load at 0.3 Hz, held out."""

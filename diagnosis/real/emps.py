@@ -10,7 +10,7 @@ inverse  | least squares of the filtered force on acceleration, speed, its sign 
 What is left is ten times the encoder's noise and follows the motion: model error, not noise. Whitened, it counts where
 it changes quickly, just behind reversals, and the estimate is that of the friction there. The curvature takes it for
 noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so both
-intervals are from parts (`diagnosis.fit.weights.with_sandwich_covariance`).
+intervals are from parts (`cable_envs.diagnosis.fit.weights.with_sandwich_covariance`).
 """
 
 from collections.abc import Callable, Mapping
@@ -20,15 +20,15 @@ import numpy as np
 from scipy.signal import butter, decimate, filtfilt
 
 from cable_envs.core.intervals import NORMAL_95
-from diagnosis.data.description import Quantity
-from diagnosis.data.recording import Record, Recording
-from diagnosis.fit.likelihood import refit_and_learn
-from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import with_sandwich_covariance
-from diagnosis.model.verdict import Estimate
-from diagnosis.real.finding import Finding, find
-from diagnosis.systems.linear_drive import prepare
-from diagnosis.systems.question import Request
+from cable_envs.diagnosis.data.description import Quantity
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.weights import with_sandwich_covariance
+from cable_envs.diagnosis.model.verdict import Estimate
+from cable_envs.diagnosis.real.finding import Finding, find
+from cable_envs.diagnosis.systems.linear_drive import prepare
+from cable_envs.diagnosis.systems.question import Request
 
 PUBLISHED = {"mass": 95.1, "viscous": 203.5, "coulomb": 20.4, "force_offset": -3.16}
 """kg, N s/m, N, N."""

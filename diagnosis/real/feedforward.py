@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.first_look import since_reversal
+from cable_envs.diagnosis.real.davinci import DEG, MNM
+from cable_envs.diagnosis.systems.common import smooth_speed
+from cable_envs.diagnosis.systems.transmission import Run, TransmissionModel, driven, zero_of
 from cable_envs.plants.transmission.plant import PLANT
-from diagnosis.data.first_look import since_reversal
-from diagnosis.real.davinci import DEG, MNM
-from diagnosis.systems.common import smooth_speed
-from diagnosis.systems.transmission import Run, TransmissionModel, driven, zero_of
 
 MOVING = 0.25
 """rad/s of the jaw from which a sample counts as moving."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.data.recording import Recording
-from diagnosis.engine import examine
-from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.score_tests import score_tests
-from diagnosis.fit.weights import rmse, weigh
-from diagnosis.model.verdict import Diagnosis, EffectGain, Trace
-from diagnosis.search.comparison import refits
-from diagnosis.search.stepwise import heldout_error
-from diagnosis.systems.question import Question
+from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.engine import examine
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.fit.score_tests import score_tests
+from cable_envs.diagnosis.fit.weights import rmse, weigh
+from cable_envs.diagnosis.model.verdict import Diagnosis, EffectGain, Trace
+from cable_envs.diagnosis.search.comparison import refits
+from cable_envs.diagnosis.search.stepwise import heldout_error
+from cable_envs.diagnosis.systems.question import Question
 
 
 @dataclass(frozen=True)

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import Recording, load_recording
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request
-from diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request
+from cable_envs.diagnosis.readers.writer import write_data_set
 
 FOLDERS = {
     "da-vinci-jaw": "davinci_tool", "band-brake": "band_brake", "emps": "emps", "coupled-drives": "coupled_drives",

@@ -7,26 +7,26 @@ from typing import Any
 import numpy as np
 
 import cable_envs
-from diagnosis.adequacy.bands import Averaged
-from diagnosis.adequacy.tests import Adequacy, adequacy
-from diagnosis.data.recording import Recording
-from diagnosis.fit.confidence import MOST, confidence, highest, interval
-from diagnosis.fit.likelihood import Judged, raw_residuals
-from diagnosis.fit.refit import Fit
-from diagnosis.fit.score_tests import Score
-from diagnosis.intake.gate import Quality
-from diagnosis.model.hypotheses import Hypothesis, effect_name
-from diagnosis.model.model import Free, Model, residuals
-from diagnosis.model.noise import jitter
-from diagnosis.model.verdict import Diagnosis, EffectGain, Estimate, Trace
-from diagnosis.search.limit_cycles import RUNS
-from diagnosis.search.places import located, permuted
-from diagnosis.search.select import LIKE_ANY
-from diagnosis.search.selection import Selection
-from diagnosis.systems.question import Question
+from cable_envs.diagnosis.adequacy.bands import Averaged
+from cable_envs.diagnosis.adequacy.tests import Adequacy, adequacy
+from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.fit.confidence import MOST, confidence, highest, interval
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.fit.score_tests import Score
+from cable_envs.diagnosis.intake.gate import Quality
+from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
+from cable_envs.diagnosis.model.model import Free, Model, residuals
+from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.model.verdict import Diagnosis, EffectGain, Estimate, Trace
+from cable_envs.diagnosis.search.limit_cycles import RUNS
+from cable_envs.diagnosis.search.places import located, permuted
+from cable_envs.diagnosis.search.select import LIKE_ANY
+from cable_envs.diagnosis.search.selection import Selection
+from cable_envs.diagnosis.systems.question import Question
 
 _STANDS_OUT = 3.6
-"""Standard deviations that `diagnosis.fit.score_tests.Score.visible` speaks of."""
+"""Standard deviations that `cable_envs.diagnosis.fit.score_tests.Score.visible` speaks of."""
 
 
 TURNED = "; the data want it with the other sign"
@@ -114,7 +114,7 @@ def _unfitted(recording: Recording, question: Question, selection: Selection) ->
     """What to do where only records that were not fitted show that something is missing."""
     at_rest = any(
         b.noise is not None for b in question.fit.blocks
-    )  # else they were not asked (`diagnosis.search.select`)
+    )  # else they were not asked (`cable_envs.diagnosis.search.select`)
     shows = selection.verdict == "unknown" and selection.after.p_value < selection.rules.alone_p
     if not at_rest or not shows or selection.accepted:
         return []

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from diagnosis.fit.likelihood import Judged, judge
-from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.fit.score_tests import Score, ScoreTests
-from diagnosis.model.model import Model, learn_whitener
-from diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.fit.likelihood import Judged, judge
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.fit.score_tests import Score, ScoreTests
+from cable_envs.diagnosis.model.model import Model, learn_whitener
+from cable_envs.diagnosis.model.verdict import EffectGain
 
 RIVALS = 10
 """Best-scored hypotheses that are refitted."""

@@ -1,16 +1,16 @@
 """Whether noise is what limits a recording.
 
 If what the best model leaves is far above the sensors' noise everywhere, no likelihood under that noise can judge, and
-held-out records should (`diagnosis.search.heldout`).
+held-out records should (`cable_envs.diagnosis.search.heldout`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from diagnosis.model.model import Block, Model
-from diagnosis.model.noise import jitter
-from diagnosis.search.selection import Selection
+from cable_envs.diagnosis.model.model import Block, Model
+from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.search.selection import Selection
 
 FAR = 3.0
 """RMS of what is left over the sensor's noise, in every regime, from which the model's error is what limits."""

@@ -8,19 +8,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
-from diagnosis.adequacy.tests import adequacy
-from diagnosis.fit.confidence import confidence
-from diagnosis.fit.likelihood import Judged, judge, settled
-from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Model
-from diagnosis.model.verdict import EffectGain, Estimate
-from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Selection
-from diagnosis.search.stepwise import MARGIN, MOST, Step, heldout_error, inside, stepwise
+from cable_envs.diagnosis.adequacy.tests import adequacy
+from cable_envs.diagnosis.fit.confidence import confidence
+from cable_envs.diagnosis.fit.likelihood import Judged, judge, settled
+from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model
+from cable_envs.diagnosis.model.verdict import EffectGain, Estimate
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.selection import Selection
+from cable_envs.diagnosis.search.stepwise import MARGIN, MOST, Step, heldout_error, inside, stepwise
 
 RULES = Rules(gain=MARGIN, each=0.0, share=0.0, margin=MARGIN, most=MOST)
-"""`Rules` in held-out gain (`diagnosis.search.stepwise.HeldoutError`)."""
+"""`Rules` in held-out gain (`cable_envs.diagnosis.search.stepwise.HeldoutError`)."""
 
 
 def select_heldout(

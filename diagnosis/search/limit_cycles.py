@@ -16,15 +16,15 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution
 
-from diagnosis.adequacy.bands import Averaged, Bands, Spectra
-from diagnosis.adequacy.tests import SIGNIFICANCE, Adequacy
-from diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
-from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Free, Whitener
-from diagnosis.model.verdict import EffectGain
-from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Selection
+from cable_envs.diagnosis.adequacy.bands import Averaged, Bands, Spectra
+from cable_envs.diagnosis.adequacy.tests import SIGNIFICANCE, Adequacy
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
+from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Free, Whitener
+from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.selection import Selection
 
 RUNS, LOOKS = 6, 2
 """Runs that are nudged apart: of a model, and of each of many that are only looked at."""

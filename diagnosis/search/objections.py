@@ -3,10 +3,10 @@
 import numpy as np
 from scipy.stats import chi2
 
-from diagnosis.fit.likelihood import Judged, raw_residuals
-from diagnosis.fit.refit import Fit
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Model, Whitener
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model, Whitener
 
 BEYOND_DOUBT = 60.0
 """Fall of the deviance from which an effect's size is not its null, whatever the interval of its slope says."""

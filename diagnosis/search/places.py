@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.fit import locate
-from diagnosis.fit.likelihood import Judged
-from diagnosis.model.model import Coordinate, Model
-from diagnosis.model.rest import AnyNoise
-from diagnosis.model.verdict import Trace
-from diagnosis.search.selection import Selection
+from cable_envs.diagnosis.fit import locate
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.model.model import Coordinate, Model
+from cable_envs.diagnosis.model.rest import AnyNoise
+from cable_envs.diagnosis.model.verdict import Trace
+from cable_envs.diagnosis.search.selection import Selection
 
 
 def located(

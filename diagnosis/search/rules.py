@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass, replace
 
-from diagnosis.adequacy.tests import Adequacy
-from diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.adequacy.tests import Adequacy
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
 
 
 @dataclass(frozen=True)

@@ -23,19 +23,19 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.adequacy.bands import Bands, Spectra
-from diagnosis.adequacy.tests import Adequacy, adequacy
-from diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
-from diagnosis.fit.refit import Start
-from diagnosis.fit.score_tests import score_tests
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Model, Whitener
-from diagnosis.model.verdict import EffectGain
-from diagnosis.search import limit_cycles
-from diagnosis.search.comparison import Candidate, compare
-from diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
-from diagnosis.search.rules import Rules
-from diagnosis.search.selection import Selection
+from cable_envs.diagnosis.adequacy.bands import Bands, Spectra
+from cable_envs.diagnosis.adequacy.tests import Adequacy, adequacy
+from cable_envs.diagnosis.fit.likelihood import Judged, refit_and_learn, refit_nominals, settled
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.score_tests import score_tests
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model, Whitener
+from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.search import limit_cycles
+from cable_envs.diagnosis.search.comparison import Candidate, compare
+from cable_envs.diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.selection import Selection
 
 ENDING = 20
 """Iterations, at most, with which a candidate's refit ends: a load that sticks and slips is long on its way (a Stribeck
@@ -74,14 +74,14 @@ def select(
         What is asked of an answer.
     stated : Mapping of str to float, optional
         Channel -> standard deviation of its noise, where the recording says it; a record at rest counts for as much
-        (`diagnosis.model.model.Block.noise`).
+        (`cable_envs.diagnosis.model.model.Block.noise`).
     plain : float, optional
         Deviance of the refit without the effects that the models have already (of an augmented rig); what these explain
         counts as that of effects accepted here: a further one is asked for its share, and as little may be left.
     tell : callable
         Called with what is being done.
     keep : callable
-        keep(name, make) gives ``make()``, or what it gave before an interruption (`diagnosis.search.steps`).
+        keep(name, make) gives ``make()``, or what it gave before an interruption (`cable_envs.diagnosis.search.steps`).
 
     Returns
     -------

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from diagnosis.adequacy.bands import Bands
-from diagnosis.adequacy.tests import Adequacy
-from diagnosis.fit.likelihood import Judged
-from diagnosis.fit.score_tests import ScoreTests
-from diagnosis.model.verdict import EffectGain
-from diagnosis.search.comparison import Candidate
-from diagnosis.search.rules import Rules
+from cable_envs.diagnosis.adequacy.bands import Bands
+from cable_envs.diagnosis.adequacy.tests import Adequacy
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.fit.score_tests import ScoreTests
+from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.search.comparison import Candidate
+from cable_envs.diagnosis.search.rules import Rules
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Selection:
     refused: Mapping[str, str] = field(default_factory=dict)
     rules: Rules = field(default_factory=Rules)
     steps: tuple[EffectGain, ...] = ()
-    """of the stepwise selection, where the held-out records judge (`diagnosis.search.heldout`)"""
+    """of the stepwise selection, where the held-out records judge (`cable_envs.diagnosis.search.heldout`)"""
     further: Mapping[str, float] = field(default_factory=dict)
     """there, the held-out gain of every hypothesis that was refitted on top of the last model"""
     explained: float = 0.0

@@ -4,15 +4,15 @@ import hashlib
 import pickle
 import shutil
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from cable_envs.core.files import write_atomic
-from diagnosis.data.recording import Recording
-from diagnosis.model.hypotheses import Hypothesis
+from cable_envs.core.provenance import sources
+from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
 
 FOLDER = ".steps"
 T = TypeVar("T")
@@ -89,8 +89,7 @@ def digest(recording: Recording, options: Iterable[Any]) -> str:
         total.update(repr((record.name, record.use, record.conditions, record.offsets, record.quality)).encode())
         for channel, values in record.data.items():
             total.update(channel.encode() + np.ascontiguousarray(values).tobytes())
-    for package in ("diagnosis", "cable_envs"):
-        root = Path(str(files(package)))
-        for file in sorted(root.rglob("*.py")):
-            total.update(file.read_bytes())
+    for package in ("cable_envs.diagnosis", "cable_envs"):
+        for content in sources(package).values():
+            total.update(content)
     return total.hexdigest()[:16]

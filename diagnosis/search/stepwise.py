@@ -4,7 +4,8 @@
 sensors are far better than any model (0.2 mN m against 3) what is left is model error, slow over seconds: an
 autoregression of it would throw away the slow parts, which are what a model is to explain. Here every channel counts by
 its residual's size and by its effective sample size (`fit.weights`), and the records that no refit has seen judge.
-Scores, starts and refits are those of `diagnosis.fit.score_tests` and `diagnosis.search.comparison`.
+Scores, starts and refits are those of `cable_envs.diagnosis.fit.score_tests` and
+`cable_envs.diagnosis.search.comparison`.
 
 forward    | score all hypotheses (`score_tests`), refit the best, take the one that improves the held-out records most
 accept     | if that gain is above `MARGIN`, comes from most held-out records, no size ends on a bound
@@ -18,15 +19,15 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.fit.likelihood import Judged, raw_residuals
-from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.fit.score_tests import ScoreTests, score_tests
-from diagnosis.fit.weights import autocorrelation_time, multistart, reweighted_refit, rmse
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Model, Whitener
-from diagnosis.model.verdict import NOMINAL, EffectGain
-from diagnosis.search.comparison import refits
-from diagnosis.search.objections import bounded
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
+from cable_envs.diagnosis.fit.weights import autocorrelation_time, multistart, reweighted_refit, rmse
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model, Whitener
+from cable_envs.diagnosis.model.verdict import NOMINAL, EffectGain
+from cable_envs.diagnosis.search.comparison import refits
+from cable_envs.diagnosis.search.objections import bounded
 
 MARGIN = 6.0
 """Held-out gain (`HeldoutError.gain`) that an effect must bring: a likelihood ratio of e^3."""
@@ -157,7 +158,7 @@ def stepwise(
     most : int
         Effects at the most.
     tell, keep : callable
-        As of `diagnosis.search.select.select`.
+        As of `cable_envs.diagnosis.search.select.select`.
 
     Returns
     -------

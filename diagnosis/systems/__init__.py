@@ -5,7 +5,8 @@
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
 
 The last two may be absent, and the whole module: then the plant's family says how it is replayed
-(`diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says itself
+(`cable_envs.diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says
+itself
 (`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
 recorded as its input, and predicts the other channels. Everything after that (refit, score tests, selection,
 localisation, verdict) knows no system.
@@ -18,11 +19,11 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.systems import general, transmission
+from cable_envs.diagnosis.systems.question import Look, Question, Request
+from cable_envs.diagnosis.systems.units import Suspect
 from cable_envs.plants import family
-from diagnosis.data.recording import Record, Recording
-from diagnosis.systems import general, transmission
-from diagnosis.systems.question import Look, Question, Request
-from diagnosis.systems.units import Suspect
 
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""

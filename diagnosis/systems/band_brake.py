@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free
+from cable_envs.diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample, sample_period
+from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.band_brake.effects import FORMS
 from cable_envs.plants.band_brake.plant import PLANT
 from cable_envs.sim.replay import replay
-from diagnosis.data.recording import Record, Recording
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Block, Coordinate, Free
-from diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample, sample_period
-from diagnosis.systems.question import Question, Request
 
 RATE = 64.0
 """Hz to which records are averaged: a force sensor's ringing is above it, the load's rise takes 10 samples."""
@@ -59,7 +59,7 @@ class Track:
 
 
 class BandBrake:
-    """See `diagnosis.model.model.Model`. ``base``: values of the plant."""
+    """See `cable_envs.diagnosis.model.model.Model`. ``base``: values of the plant."""
 
     def __init__(
         self, parameters: Sequence[Free], tracks: Sequence[Track], blocks: Sequence[Block], base: Mapping[str, float]

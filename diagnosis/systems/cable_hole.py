@@ -11,13 +11,10 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from cable_envs.plants import plant_for
-from cable_envs.plants.base import Plant
-from cable_envs.plants.own_effects import with_own_effects
-from diagnosis.data.recording import Record, Recording
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Coordinate, Free
-from diagnosis.systems.common import (
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Coordinate, Free
+from cable_envs.diagnosis.systems.common import (
     HELD_STEPS,
     SETTLING,
     at_first,
@@ -34,9 +31,12 @@ from diagnosis.systems.common import (
     sample_period,
     smoothed,
 )
-from diagnosis.systems.question import Question, Request
-from diagnosis.systems.replayed import ReplayModel, Run
-from diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
+from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
+from cable_envs.diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from cable_envs.plants.own_effects import with_own_effects
 
 SUBSTEPS = (4, 24)
 """Steps of integration in a control step, at least and at most; between them so many that the load's vibration on the

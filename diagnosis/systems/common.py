@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
+from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free
+from cable_envs.diagnosis.systems.question import Request
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
-from diagnosis.data.description import channels_of
-from diagnosis.data.recording import Record, Recording
-from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model.model import Block, Coordinate, Free
-from diagnosis.systems.question import Request
 
 REST = 0.02
 """Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
@@ -222,7 +222,8 @@ def blocks_of(
 ) -> tuple[Block, ...]:  # fmt: skip
     """Blocks of the channels ``names``, without the ``early`` samples [T].
 
-    sensors: channel -> whose noise it shows, where that is not the channel's own alone (`diagnosis.model.model.Block`).
+    sensors: channel -> whose noise it shows, where that is not the channel's own alone
+    (`cable_envs.diagnosis.model.model.Block`).
     """
     units = channels_of(recording.system)
     return tuple(

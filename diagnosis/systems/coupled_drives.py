@@ -16,17 +16,17 @@ from itertools import product
 
 import numpy as np
 
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
+from cable_envs.diagnosis.model.noise import Noise
+from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample, sample_period
+from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.base import Plant
 from cable_envs.plants.coupled_drives.plant import PLANT
 from cable_envs.plants.own_effects import with_own_effects
 from cable_envs.sim.replay import replay
-from diagnosis.data.recording import Record, Recording
-from diagnosis.fit.refit import Fit, Start, refit
-from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
-from diagnosis.model.noise import Noise
-from diagnosis.systems.common import fitted_rig, plant_values, resample, sample_period
-from diagnosis.systems.question import Question, Request
 
 SIMULATED_BY = PLANT.name
 """Whose rigs such a recording's corrected rig is one of."""

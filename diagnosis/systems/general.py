@@ -8,14 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cable_envs.plants import family, plant_for
-from cable_envs.plants.base import Plant
-from cable_envs.plants.family import Replayed
-from cable_envs.plants.own_effects import with_own_effects
-from diagnosis.data.description import channels_of
-from diagnosis.data.recording import Record, Recording
-from diagnosis.model.model import Coordinate, Free
-from diagnosis.systems.common import (
+from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.model import Coordinate, Free
+from cable_envs.diagnosis.systems.common import (
     HELD_STEPS,
     at_first,
     augmented_rig,
@@ -30,8 +26,12 @@ from diagnosis.systems.common import (
     sample_period,
     smoothed,
 )
-from diagnosis.systems.question import Question, Request
-from diagnosis.systems.replayed import ReplayModel, Run
+from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
+from cable_envs.plants import family, plant_for
+from cable_envs.plants.base import Plant
+from cable_envs.plants.family import Replayed
+from cable_envs.plants.own_effects import with_own_effects
 
 STEP = 5e-4
 """Step of integration, s, where commands are no steps."""

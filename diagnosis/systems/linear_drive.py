@@ -20,15 +20,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants import plant_for
-from cable_envs.plants.base import Plant
-from cable_envs.plants.own_effects import with_own_effects
-from cable_envs.sim.replay import distort, replay
-from diagnosis.data.recording import Record, Recording
-from diagnosis.model.hypotheses import Hypothesis, hypotheses_for
-from diagnosis.model.model import Block, Free
-from diagnosis.model.noise import jitter
-from diagnosis.systems.common import (
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.systems.common import (
     Sampled,
     at_first,
     augmented_rig,
@@ -39,9 +35,13 @@ from diagnosis.systems.common import (
     sample_period,
     smooth_speed,
 )
-from diagnosis.systems.question import Question, Request
-from diagnosis.systems.replayed import delayed
-from diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
+from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.replayed import delayed
+from cable_envs.diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from cable_envs.plants.own_effects import with_own_effects
+from cable_envs.sim.replay import distort, replay
 
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
@@ -83,7 +83,7 @@ class _Run:
 
 
 class DriveModel:
-    """See `diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+    """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
 
     def __init__(
         self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],

@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model
 from cable_envs.effects import Effect
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Model
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.plants.base import Plant
 from cable_envs.sim.replay import replay
-from diagnosis.model.model import Block, Free
-from diagnosis.model.noise import jitter
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -43,7 +43,7 @@ class Run:
 
 
 class ReplayModel:
-    """See `diagnosis.model.model.Model`.
+    """See `cable_envs.diagnosis.model.model.Model`.
 
     values     | the rig, by name of the plant's whole table
     parameters | rows that columns may change, of the plant's table

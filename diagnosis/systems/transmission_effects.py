@@ -5,13 +5,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from cable_envs.core.errors import require_known
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Free
+from cable_envs.diagnosis.systems.common import fitted_rig
+from cable_envs.diagnosis.systems.question import Request
 from cable_envs.effects import EFFECTS
 from cable_envs.plants.transmission.effects import FORMS
 from cable_envs.plants.transmission.plant import PLANT
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Free
-from diagnosis.systems.common import fitted_rig
-from diagnosis.systems.question import Request
 
 
 @dataclass(frozen=True)

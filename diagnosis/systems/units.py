@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.systems.common import smooth_speed
 from cable_envs.plants import plant_for
-from diagnosis.data.recording import Record, Recording
-from diagnosis.systems.common import smooth_speed
 
 OFF = 20.0
 """Factor from which numbers that should be alike are not."""

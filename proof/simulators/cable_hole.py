@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, jit, slipped, tension_ratio
+from cable_envs.proof.simulators.numerics import Table, jit, slipped, tension_ratio
 
 STEP = 1e-4
 CLOCK = 1e-3

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, jit, slipped
+from cable_envs.proof.simulators.numerics import Table, jit, slipped
 
 STEP = 2e-4
 """s, of the integration; the controller and the log run at `CLOCK`."""

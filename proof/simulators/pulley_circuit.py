@@ -15,7 +15,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from proof.simulators.numerics import Table, jit, slipped, tension_ratio
+from cable_envs.proof.simulators.numerics import Table, jit, slipped, tension_ratio
 
 STEP = 5e-5
 CLOCK = 1e-3

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cable_envs.identification.problem import PAPER_RHO0, RatioProblem, ratio_at
 from cable_envs.physics.extrusion import ExtrudedContact, nonlinear_tension_profile, nonlinear_tension_ratio
-from identification.problem import PAPER_RHO0, RatioProblem, ratio_at
 
 WEIGHT = 49.05
 """N; 5 kg, inferred from the tensions of section 5.3 (docs/physics.md)"""

@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.identification.problem import ratio_at
 from cable_envs.physics.contact import tension_ratio
-from identification.problem import ratio_at
-from reproduction import style
-from reproduction.gu.data import PEAK_SPEED, TABLE_2
-from reproduction.registry import DIFFERS, Figure, Progress, Result, Row, claim, compare, not_reproducible
+from cable_envs.reproduction import style
+from cable_envs.reproduction.gu.data import PEAK_SPEED, TABLE_2
+from cable_envs.reproduction.registry import DIFFERS, Figure, Progress, Result, Row, claim, compare, not_reproducible
 
 SECTION = "docs/mismatches/fig12-speed.md"
 

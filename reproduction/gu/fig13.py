@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from cable_envs.identification.problem import PAPER_RHO0
 from cable_envs.physics.contact import extrusion_coefficient, tension_ratio_and_slope
 from cable_envs.physics.extrusion import ExtrudedContact
-from identification.problem import PAPER_RHO0
-from reproduction import style
-from reproduction.gu.data import CABLES, PEAK_SPEED, TABLE_2, WEIGHT, Cable, lateral_contact
-from reproduction.registry import Extra, Figure, Progress, Result, Row, claim, compare, not_reproducible
+from cable_envs.reproduction import style
+from cable_envs.reproduction.gu.data import CABLES, PEAK_SPEED, TABLE_2, WEIGHT, Cable, lateral_contact
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, Row, claim, compare, not_reproducible
 
 ANGLES = (30, 60, 90)
 CAMERA = 0.01e-3

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from identification.problem import RatioProblem
-from identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
-from reproduction import style
-from reproduction.gu.data import PEAK_SPEED, TABLE_2, problem
-from reproduction.registry import Extra, Figure, Progress, Result, Row, claim, not_reproducible
+from cable_envs.identification.problem import RatioProblem
+from cable_envs.identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
+from cable_envs.reproduction import style
+from cable_envs.reproduction.gu.data import PEAK_SPEED, TABLE_2, problem
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, Row, claim, not_reproducible
 
 SEEDS = 20
 TABLE_1 = {"w": 0.4, "c1": 0.6, "c2": 0.8}

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from reproduction import style
-from reproduction.gu.runs import DURATION, STEP_TIME, Case, Runs, Sine, Step, chatter, run
-from reproduction.registry import Extra, Figure, Progress, Result, claim, compare, not_reproducible
+from cable_envs.reproduction import style
+from cable_envs.reproduction.gu.runs import DURATION, STEP_TIME, Case, Runs, Sine, Step, chatter, run
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, claim, compare, not_reproducible
 
 AMPLITUDE, FREQUENCY = 0.01, 0.17189
 """m, Hz; chosen so that the peak speed is the 10.8 mm/s inferred from the tensions; the split between both is free"""

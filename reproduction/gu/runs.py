@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from baselines.mrac import MracG9, MracG22
+from cable_envs.baselines.mrac import MracG9, MracG22
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.hole.plant import cable_hole
 from cable_envs.sim.rigs import load_rig

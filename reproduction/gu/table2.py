@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from identification.information import profile_interval
-from identification.pso import growth
-from reproduction.gu import table2_figures as plots
-from reproduction.gu.data import CABLES, PEAK_SPEED, SENSOR_STD, TABLE_2, problem
-from reproduction.gu.table2_runs import (
+from cable_envs.identification.information import profile_interval
+from cable_envs.identification.pso import growth
+from cable_envs.reproduction.gu import table2_figures as plots
+from cable_envs.reproduction.gu.data import CABLES, PEAK_SPEED, SENSOR_STD, TABLE_2, problem
+from cable_envs.reproduction.gu.table2_runs import (
     METHODS,
     NAMES,
     PAPER_ITERATIONS,
@@ -25,8 +25,8 @@ from reproduction.gu.table2_runs import (
     standard_swarm,
     swarm_sizes,
 )
-from reproduction.gu.table2_tables import notes, tables
-from reproduction.registry import (
+from cable_envs.reproduction.gu.table2_tables import notes, tables
+from cable_envs.reproduction.registry import (
     DIFFERS,
     REPRODUCED,
     Figure,

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from identification.information import profile_interval
-from identification.least_squares import refine
-from reproduction import style
+from cable_envs.identification.information import profile_interval
+from cable_envs.identification.least_squares import refine
+from cable_envs.reproduction import style
 
 _COLOUR = {"pso": style.COLOURS[1], "lsq": style.COLOURS[0], "cma": style.COLOURS[2]}
 _LABEL = {"pso": "swarm", "lsq": "least squares", "cma": "CMA-ES"}

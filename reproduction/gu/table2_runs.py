@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from identification.cma_es import cma_es
-from identification.fit import Fit
-from identification.least_squares import least_squares
-from identification.problem import RatioProblem
-from identification.pso import SwarmSettings, swarm
-from reproduction.gu.data import (
+from cable_envs.identification.cma_es import cma_es
+from cable_envs.identification.fit import Fit
+from cable_envs.identification.least_squares import least_squares
+from cable_envs.identification.problem import RatioProblem
+from cable_envs.identification.pso import SwarmSettings, swarm
+from cable_envs.reproduction.gu.data import (
     PEAK_SPEED,
     TABLE_2,
     WEIGHT,

@@ -7,10 +7,19 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.text import number
-from identification.information import delta_experiments, fisher, profile_interval, speed_shares
-from reproduction.gu.data import PEAK_SPEED, TABLE_2, design
-from reproduction.gu.table2_runs import FOUND, METHODS, NAMES, PAPER_ITERATIONS, SEEDS, STANDARD, Runs, absorbed
-from reproduction.registry import Extra, Number
+from cable_envs.identification.information import delta_experiments, fisher, profile_interval, speed_shares
+from cable_envs.reproduction.gu.data import PEAK_SPEED, TABLE_2, design
+from cable_envs.reproduction.gu.table2_runs import (
+    FOUND,
+    METHODS,
+    NAMES,
+    PAPER_ITERATIONS,
+    SEEDS,
+    STANDARD,
+    Runs,
+    absorbed,
+)
+from cable_envs.reproduction.registry import Extra, Number
 
 
 def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: dict[str, Any]) -> list[Extra]:

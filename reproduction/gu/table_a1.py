@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from reproduction import style
-from reproduction.gu.data import CABLES, PEAK_SPEED, Cable
-from reproduction.gu.runs import Case, Sine, run
-from reproduction.registry import Extra, Figure, Progress, Result, claim, compare
+from cable_envs.reproduction import style
+from cable_envs.reproduction.gu.data import CABLES, PEAK_SPEED, Cable
+from cable_envs.reproduction.gu.runs import Case, Sine, run
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, claim, compare
 
 PRINTED = dict(zip(CABLES, (0.06, 0.06, 0.07, 0.10, 0.10, 0.09, 0.23, 0.22, 0.22), strict=True))
 """mm; upper end of the range"""

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou.data import PRETENSIONS
-from reproduction.zou.pretension import BY_NAME, CHOSEN, Fitted, fit, simulate
-from reproduction.zou.runs import Run
-from reproduction.zou.table4 import SECTION, conditions
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.zou.data import PRETENSIONS
+from cable_envs.reproduction.zou.pretension import BY_NAME, CHOSEN, Fitted, fit, simulate
+from cable_envs.reproduction.zou.runs import Run
+from cable_envs.reproduction.zou.table4 import SECTION, conditions
 
 
 def reproduce(progress: Progress) -> Result:

@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou.data import ESTIMATED, GRASPER_LENGTH, UNCOMPENSATED
-from reproduction.zou.grasp import (
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.zou.data import ESTIMATED, GRASPER_LENGTH, UNCOMPENSATED
+from cable_envs.reproduction.zou.grasp import (
     HOLDS,
     SPREAD,
     SPREADS,
@@ -21,7 +21,7 @@ from reproduction.zou.grasp import (
     uncompensated,
     within,
 )
-from reproduction.zou.runs import Run, last_cycle
+from cable_envs.reproduction.zou.runs import Run, last_cycle
 
 LABEL = {
     "band": "as long as the dead band of Eq. (45)",

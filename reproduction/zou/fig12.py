@@ -4,10 +4,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou.data import AMPLITUDE, COMPENSATED, GRASPER_LENGTH, PERIOD, UNCOMPENSATED
-from reproduction.zou.grasp import (
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.zou.data import AMPLITUDE, COMPENSATED, GRASPER_LENGTH, PERIOD, UNCOMPENSATED
+from cable_envs.reproduction.zou.grasp import (
     SPREAD,
     SPREADS,
     TRUTHS,
@@ -22,7 +22,7 @@ from reproduction.zou.grasp import (
     truths,
     within,
 )
-from reproduction.zou.runs import Run
+from cable_envs.reproduction.zou.runs import Run
 
 REFERENCE = Sine(AMPLITUDE * 1.4, PERIOD)
 """the drive's sinusoid behind a rigid cable"""

@@ -9,11 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import DIFFERS, Extra, Figure, Progress, Result, Row, not_reproducible
-from reproduction.zou.data import GRASPER_LENGTH, INSTRUMENT, INSTRUMENT_MEAN, PERIOD
-from reproduction.zou.grasp import SPREAD, Contact, Sine, compensated, estimate, largest, noisy, truths
-from reproduction.zou.runs import Run
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import DIFFERS, Extra, Figure, Progress, Result, Row, not_reproducible
+from cable_envs.reproduction.zou.data import GRASPER_LENGTH, INSTRUMENT, INSTRUMENT_MEAN, PERIOD
+from cable_envs.reproduction.zou.grasp import SPREAD, Contact, Sine, compensated, estimate, largest, noisy, truths
+from cable_envs.reproduction.zou.runs import Run
 
 AMPLITUDES = (0.3, 0.6, 1.0)
 """rad, half of the swing of the output"""

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from cable_envs.plants.circuit.statics import Statics
-from reproduction import style
-from reproduction.registry import Figure, Progress, Result, claim, not_reproducible
-from reproduction.zou.data import PERIOD
-from reproduction.zou.runs import CONTACT_DAMPING, Run, follow, last_cycle, sinusoid
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.zou.data import PERIOD
+from cable_envs.reproduction.zou.runs import CONTACT_DAMPING, Run, follow, last_cycle, sinusoid
 
 RIG = {"contact_stiffness": 0.57, "contact_damping": CONTACT_DAMPING, "contact_angle": -0.7}
 SWING = 0.2

@@ -14,15 +14,15 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from baselines import make_controller
+from cable_envs.baselines import make_controller
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics, replay
+from cable_envs.reproduction.registry import DIFFERS, REPRODUCED, Row
+from cable_envs.reproduction.zou.data import GRASP_PRETENSION, UNCOMPENSATED
+from cable_envs.reproduction.zou.runs import CONTACT_DAMPING, DT, SUBSTEPS, Run, follow, last_cycle, sinusoid
 from cable_envs.sim.tasks import load_task
-from reproduction.registry import DIFFERS, REPRODUCED, Row
-from reproduction.zou.data import GRASP_PRETENSION, UNCOMPENSATED
-from reproduction.zou.runs import CONTACT_DAMPING, DT, SUBSTEPS, Run, follow, last_cycle, sinusoid
 
 UNCERTAIN = ("tensile_stiffness", "cable_friction", "shaft_friction", "pretension_top", "pretension_bottom")
 """what a truth may differ in: the cable, its friction, the shafts, and what the dynamometer read"""
@@ -145,7 +145,7 @@ def estimate(nominal: Mapping[str, float], run: Run, hold: str = "band") -> Esti
     hold : str
         How delay and transition end. "printed": flag of Eq. (47) as it stands, which never holds; "minus": with its
         lost minus, which holds until the drive's torque changes sign; "band": for the drive's distance between the two
-        working lines, Eq. (45) in both directions, as both plants do (`reproduction.zou.fig6`).
+        working lines, Eq. (45) in both directions, as both plants do (`cable_envs.reproduction.zou.fig6`).
 
     Returns
     -------

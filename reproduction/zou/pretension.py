@@ -24,8 +24,8 @@ from scipy.optimize import differential_evolution
 
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
-from reproduction.zou.data import PERIOD, PRETENSIONS, TABLE_4
-from reproduction.zou.runs import CONTACT_DAMPING, EXPECTED, Run, follow, four_errors, last_cycle, sinusoid
+from cable_envs.reproduction.zou.data import PERIOD, PRETENSIONS, TABLE_4
+from cable_envs.reproduction.zou.runs import CONTACT_DAMPING, EXPECTED, Run, follow, four_errors, last_cycle, sinusoid
 
 Bounds = Mapping[str, tuple[float, float]]
 CONTACT: Bounds = {"contact_stiffness": (0.05, 3.0), "contact_angle": (-2.0, 2.2)}

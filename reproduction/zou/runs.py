@@ -20,7 +20,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.circuit.parameters import CIRCUIT
-from reproduction.zou.data import AMPLITUDE, PERIOD
+from cable_envs.reproduction.zou.data import AMPLITUDE, PERIOD
 
 EXPECTED = ("contact", "drive")
 DT, SUBSTEPS = 0.01, 10

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import DIFFERS, REPRODUCED, Figure, Progress, Result, Row
-from reproduction.zou.data import EXACT_WRAPS, IDLERS, TABLE_3, idler
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import DIFFERS, REPRODUCED, Figure, Progress, Result, Row
+from cable_envs.reproduction.zou.data import EXACT_WRAPS, IDLERS, TABLE_3, idler
 
 LAST_DIGIT = 5e-4
 """half a unit of the last printed digit"""

@@ -4,10 +4,20 @@ import numpy as np
 
 from cable_envs.physics.supports import BEARING_FRICTION
 from cable_envs.plants.circuit.statics import Statics
-from reproduction.registry import DIFFERS, Extra, Progress, Result, Row, claim, compare
-from reproduction.zou.data import ERROR_UNITS, ERRORS, GRASPER_LENGTH, PRETENSIONS, TABLE_4
-from reproduction.zou.pretension import BY_NAME, CHOSEN, MODELS, READINGS, Fits, Fitted, Reading, fit, landscape
-from reproduction.zou.table4_figures import figures
+from cable_envs.reproduction.registry import DIFFERS, Extra, Progress, Result, Row, claim, compare
+from cable_envs.reproduction.zou.data import ERROR_UNITS, ERRORS, GRASPER_LENGTH, PRETENSIONS, TABLE_4
+from cable_envs.reproduction.zou.pretension import (
+    BY_NAME,
+    CHOSEN,
+    MODELS,
+    READINGS,
+    Fits,
+    Fitted,
+    Reading,
+    fit,
+    landscape,
+)
+from cable_envs.reproduction.zou.table4_figures import figures
 
 SECTION = "docs/mismatches/pretension.md"
 TOLERANCE = 0.1

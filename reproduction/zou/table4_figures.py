@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from reproduction import style
-from reproduction.registry import Figure
-from reproduction.zou.data import ERRORS, PRETENSIONS, TABLE_4
-from reproduction.zou.pretension import CHOSEN, MODELS, Fits, Reading, landscape
+from cable_envs.reproduction import style
+from cable_envs.reproduction.registry import Figure
+from cable_envs.reproduction.zou.data import ERRORS, PRETENSIONS, TABLE_4
+from cable_envs.reproduction.zou.pretension import CHOSEN, MODELS, Fits, Reading, landscape
 
 DRAWN = ("printed", "chain", "bearings", "preload")
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 import torch
 
-from agents.policy import load_policy
-from agents.settings import ALGORITHMS, agent_names, load_settings, make_settings
-from agents.shaping import Residual
-from agents.train import Interrupted, train, training_env
-from agents.vec_env import CableVecEnv
-from baselines import make_controller
 from cable_envs import ENV_IDS
+from cable_envs.agents.policy import load_policy
+from cable_envs.agents.settings import ALGORITHMS, agent_names, load_settings, make_settings
+from cable_envs.agents.shaping import Residual
+from cable_envs.agents.train import Interrupted, train, training_env
+from cable_envs.agents.vec_env import CableVecEnv
+from cable_envs.baselines import make_controller
 from cable_envs.core.errors import ConfigurationError
 from cablebench.protocol.actors import ControllerActor, PolicyActor
 from cablebench.run.evaluation import run_episode
@@ -254,7 +254,7 @@ def test_environments_of_two_training_seeds_differ(tmp_path):
         env.reset()
         seen.append(env.batch.simulation.values.copy())
     assert len({v.tobytes() for v in seen}) == 3
-    from agents.train import _new_model
+    from cable_envs.agents.train import _new_model
 
     model = _new_model(settings, 2, env)
     model._setup_learn(1)

@@ -14,11 +14,11 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecCheckNan, VecMonitor, VecNormalize
 
-from agents.policy import ENTRY, load_policy, publish_policy
-from agents.settings import Linear, agent_names, load_settings, make_settings
-from agents.train import Interrupted, train
-from agents.vec_env import CableVecEnv
 from cable_envs import ENV_IDS
+from cable_envs.agents.policy import ENTRY, load_policy, publish_policy
+from cable_envs.agents.settings import Linear, agent_names, load_settings, make_settings
+from cable_envs.agents.train import Interrupted, train
+from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
@@ -245,8 +245,8 @@ def test_settings_merge_and_schedules(tmp_path, monkeypatch):
         "  policy_kwargs: {net_arch: [8], activation_fn: relu}\n  env_options: {sensor_noise: true}\n"
         f"{HOLE}:\n  gamma: 0.8\n  policy_kwargs: {{log_std_init: -1.0}}\n"
     )
-    monkeypatch.setattr("agents.settings.config_path", lambda kind, name: tmp_path / kind / name)
-    monkeypatch.setattr("agents.settings.config_root", lambda: tmp_path)
+    monkeypatch.setattr("cable_envs.agents.settings.config_path", lambda kind, name: tmp_path / kind / name)
+    monkeypatch.setattr("cable_envs.agents.settings.config_root", lambda: tmp_path)
     s = load_settings("ppo", HOLE, env_options={"randomize": True})
     assert (s.n_envs, s.n_timesteps, s.learner["gamma"]) == (8, 2_000_000, 0.8)
     assert s.policy_kwargs == {"net_arch": [8], "activation_fn": "relu", "log_std_init": -1.0}

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents.settings import ALGORITHMS
+from cable_envs.agents.settings import ALGORITHMS
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
 from cablebench.cli.shared.policies import policy_file_entrant

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-import agents.train
+from cable_envs.agents import train
 from cablebench.cli import main
 
 HOLE = "CableHole-Position-Sine"
@@ -85,7 +85,7 @@ def test_ctrl_c_before_anything_is_saved_claims_nothing(tmp_path, capsys, monkey
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(agents.train, "train", stop)
+    monkeypatch.setattr(train, "train", stop)
     code, err = said(capsys, *command(tmp_path))
     assert code == 130 and err == "seed 0: nothing was saved\nThe same command begins anew.\n"
     (tmp_path / "checkpoint.pt").write_text("of yesterday")

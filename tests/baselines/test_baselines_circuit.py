@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from baselines import make_controller
-from baselines.circuit_model import CircuitModel
+from cable_envs.baselines import make_controller
+from cable_envs.baselines.circuit_model import CircuitModel
 from cable_envs.plants.circuit.statics import Statics
 from tests.support.baselines_support import DT, FREE, GRASP, REFERENCES, rmse, run, simulate, step
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import baselines.mrac as mrac
-from baselines import CONTROLLERS, make_controller
-from baselines.hole_model import HoleModel
+import cable_envs.baselines.mrac as mrac
+from cable_envs.baselines import CONTROLLERS, make_controller
+from cable_envs.baselines.hole_model import HoleModel
 from cable_envs.physics.contact import tension_ratio
 from tests.support.baselines_support import ANCHORED, DT, HANGING, REFERENCES, rmse, run, simulate, sine, step
 

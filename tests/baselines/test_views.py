@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import cable_envs
-from baselines import CONTROLLERS
+from cable_envs.baselines import CONTROLLERS
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import families, family, plant_for
 from cable_envs.sim.registered import setup_of

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import cable_envs
-from baselines import CONTROLLERS
+from cable_envs.baselines import CONTROLLERS
 from cable_envs.plants import families
 from cablebench.cli import main
 from cablebench.protocol.metrics import METRICS

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.description import parameters_of
+from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.plants import families, family
 from cablebench.cli import main
 from cablebench.entrants.entrant import controller_entrant
 from cablebench.export.recording import check_split, write_recording
 from cablebench.export.trace import measured, random_entrant, record
-from diagnosis.data.description import parameters_of
-from diagnosis.data.recording import load_recording
 
 HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0"
 SHORT = {"duration": 0.3, "sensor_noise": True}
@@ -267,8 +267,8 @@ def test_split(episodes, asked, held):
 
 
 def test_export_command_writes_a_recording_that_identify_reads(capsys, tmp_path):
+    from cable_envs.identification.model import FORMS, ratios
     from cablebench.cli.physics.identify import record_samples
-    from identification.model import FORMS, ratios
 
     out = tmp_path / "rig"
     ramp = "reference={kind: triangle, amplitude: 0.05, frequency: 0.05}"

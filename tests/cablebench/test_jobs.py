@@ -129,8 +129,8 @@ def test_an_evaluation_in_jobs_has_the_serial_records(tmp_path):
 
 @pytest.mark.slow
 def test_a_training_whose_worker_is_killed_ends_as_one_that_was_not(tmp_path):
-    from agents.policy import load_policy
-    from agents.settings import load_settings
+    from cable_envs.agents.policy import load_policy
+    from cable_envs.agents.settings import load_settings
     from cablebench.cli.shared.training import training_job
 
     settings = load_settings("ppo", HOLE, 4 * 8192, {"duration": 0.5})

@@ -134,8 +134,8 @@ def test_the_committed_page_is_that_of_its_numbers():
 @pytest.mark.slow
 @pytest.mark.parametrize("rig", sorted(RIGS))
 def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
+    from cable_envs.diagnosis.data.recording import load_recording
     from cablebench.cli.physics.pays_steps import recorded
-    from diagnosis.data.recording import load_recording
 
     effect, name, _, _ = EFFECTS[rig]
     study = Study(rig=rig, hidden={effect: {name: 0.123}}, record_seconds=3.0)
@@ -154,9 +154,9 @@ def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
 @pytest.mark.slow
 def test_the_recorded_hole_is_the_controlled_one(tmp_path):
     """Nothing hidden: the generator's tensions beside the paper's ratio with the preset's numbers, while it slides."""
-    from baselines.hole_model import HoleModel
+    from cable_envs.baselines.hole_model import HoleModel
+    from cable_envs.diagnosis.data.recording import load_recording
     from cablebench.cli.physics.pays_steps import recorded
-    from diagnosis.data.recording import load_recording
 
     study = Study(rig="hole", hidden={}, record_seconds=12.0)
     hole = HoleModel(setup_of(study.bench.env, study.hidden_options()).rig.values, "exact")

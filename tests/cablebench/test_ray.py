@@ -96,9 +96,9 @@ def test_an_evaluation_on_two_nodes_has_the_serial_records(backend, tmp_path):
 
 
 def test_trainings_on_two_nodes_end_as_here_even_where_a_worker_is_killed(backend, tmp_path):
-    from agents.policy import load_policy
-    from agents.settings import load_settings
-    from agents.train import train
+    from cable_envs.agents.policy import load_policy
+    from cable_envs.agents.settings import load_settings
+    from cable_envs.agents.train import train
 
     settings = load_settings("ppo", HOLE, 4 * 8192, {"duration": 0.5})
     jobs = [

@@ -5,7 +5,7 @@ import zipfile
 import pytest
 import yaml
 
-from agents.settings import load_settings
+from cable_envs.agents.settings import load_settings
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
 from cablebench.entrants.entrant import Entrant

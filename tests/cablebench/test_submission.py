@@ -178,7 +178,7 @@ def test_a_class_takes_gains_from_a_controller_file(written):
 
 
 WRAPPED = """
-from baselines import make_controller
+from cable_envs.baselines import make_controller
 
 name = "wrapped"
 information = "nominal"

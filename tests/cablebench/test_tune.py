@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 import yaml
 
-from baselines import CONTROLLERS
+from cable_envs.baselines import CONTROLLERS
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import Parameter, ParameterTable
 from cablebench.cli import main
@@ -249,7 +249,7 @@ search:
 
 def test_agents_are_tuned_by_short_trainings(cli, protocol, tmp_path):
     pytest.importorskip("torch")
-    from agents.settings import load_settings
+    from cable_envs.agents.settings import load_settings
 
     file, out = tmp_path / "mine.yaml", tmp_path / "best.yaml"
     file.write_text(AGENT)

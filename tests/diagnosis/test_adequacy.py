@@ -8,20 +8,20 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, savgol_filter
 
+from cable_envs.diagnosis.adequacy.functions import Regression
+from cable_envs.diagnosis.adequacy.spectra import coherences
+from cable_envs.diagnosis.adequacy.tests import adequacy
+from cable_envs.diagnosis.fit.confidence import interval
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Fit, Start
+from cable_envs.diagnosis.model.leftover import ALL
+from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
+from cable_envs.diagnosis.model.rest import noise_at_rest
+from cable_envs.diagnosis.report.answer import _unfitted
+from cable_envs.diagnosis.search.objections import BEYOND_DOUBT, objection
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.select import select
 from cable_envs.effects import EFFECTS
-from diagnosis.adequacy.functions import Regression
-from diagnosis.adequacy.spectra import coherences
-from diagnosis.adequacy.tests import adequacy
-from diagnosis.fit.confidence import interval
-from diagnosis.fit.likelihood import refit_and_learn
-from diagnosis.fit.refit import Fit, Start
-from diagnosis.model.leftover import ALL
-from diagnosis.model.model import Block, Coordinate, learn_whitener
-from diagnosis.model.rest import noise_at_rest
-from diagnosis.report.answer import _unfitted
-from diagnosis.search.objections import BEYOND_DOUBT, objection
-from diagnosis.search.rules import Rules
-from diagnosis.search.select import select
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 

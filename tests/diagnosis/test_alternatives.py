@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Free
-from diagnosis.report.answer import answered_interval
-from diagnosis.search.select import select
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Free
+from cable_envs.diagnosis.report.answer import answered_interval
+from cable_envs.diagnosis.search.select import select
 from tests.support.diagnosis_toy import PARAMETERS, Toy
 
 COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)

@@ -9,19 +9,19 @@ import yaml
 from typer.testing import CliRunner
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis import engine
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import diagnose, kept_back
+from cable_envs.diagnosis.fit import locate
+from cable_envs.diagnosis.fit.likelihood import refit_nominals
+from cable_envs.diagnosis.intake.gate import _still, gate
+from cable_envs.diagnosis.model.model import Coordinate
+from cable_envs.diagnosis.model.verdict import from_json
+from cable_envs.diagnosis.systems.question import Question
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
 from cablebench.cli.app import app
 from cablebench.pages.diagnosis_words import advice, cost, headline, lines
-from diagnosis import engine
-from diagnosis.data.recording import load_recording
-from diagnosis.engine import diagnose, kept_back
-from diagnosis.fit import locate
-from diagnosis.fit.likelihood import refit_nominals
-from diagnosis.intake.gate import _still, gate
-from diagnosis.model.model import Coordinate
-from diagnosis.model.verdict import from_json
-from diagnosis.systems.question import Question
 from tests.support import drive_recording as drive
 
 LOOK_FOR = "position_dependent_load,actuator_lag"
@@ -165,7 +165,7 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     assert len(list(out.rglob("*.pickle"))) == 2
     whole = diagnose(recording, effects=["position_dependent_load"])
     monkeypatch.setattr(
-        "diagnosis.search.select.refit_and_learn", lambda *a: pytest.fail("a finished step was repeated")
+        "cable_envs.diagnosis.search.select.refit_and_learn", lambda *a: pytest.fail("a finished step was repeated")
     )
     resumed = diagnose(recording, effects=["position_dependent_load"], out=out)
     assert {**resumed.as_json(), "about": None} == {**whole.as_json(), "about": None}
@@ -260,7 +260,7 @@ def test_single_empty_cells_are_left_out_and_noted(tmp_path):
 
 
 def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
-    monkeypatch.setattr("diagnosis.intake.gate.MOST", 2000)
+    monkeypatch.setattr("cable_envs.diagnosis.intake.gate.MOST", 2000)
     with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 samples"):
         diagnose(drive.write(tmp_path / "recording"))
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from diagnosis.fit.likelihood import raw_residuals, refit_and_learn
-from diagnosis.fit.refit import Start, refit
-from diagnosis.fit.score_tests import score_tests
-from diagnosis.model.model import learn_whitener
-from diagnosis.model.noise import Noise, learn_noise
-from diagnosis.search.select import select
+from cable_envs.diagnosis.fit.likelihood import raw_residuals, refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start, refit
+from cable_envs.diagnosis.fit.score_tests import score_tests
+from cable_envs.diagnosis.model.model import learn_whitener
+from cable_envs.diagnosis.model.noise import Noise, learn_noise
+from cable_envs.diagnosis.search.select import select
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.adequacy.tests import adequacy
-from diagnosis.fit.likelihood import refit_and_learn, refit_nominals
-from diagnosis.fit.refit import Start
-from diagnosis.fit.score_tests import score_tests
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Block, Coordinate, Free
-from diagnosis.report import answer
-from diagnosis.search.rules import Rules
-from diagnosis.search.select import select
-from diagnosis.systems.common import LEFT, SETTLING, at_first
+from cable_envs.diagnosis.adequacy.tests import adequacy
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn, refit_nominals
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.score_tests import score_tests
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free
+from cable_envs.diagnosis.report import answer
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.select import select
+from cable_envs.diagnosis.systems.common import LEFT, SETTLING, at_first
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 

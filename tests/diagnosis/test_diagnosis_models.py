@@ -8,11 +8,9 @@ import yaml
 from scipy.optimize import brentq
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants import plant_for
-from cable_envs.sim.rigs import load_rig
-from diagnosis.data.recording import Record, load_recording
-from diagnosis.systems import prepare
-from diagnosis.systems.common import (
+from cable_envs.diagnosis.data.recording import Record, load_recording
+from cable_envs.diagnosis.systems import prepare
+from cable_envs.diagnosis.systems.common import (
     augmented_rig,
     free_parameters,
     motion_coordinates,
@@ -21,9 +19,11 @@ from diagnosis.systems.common import (
     sample_period,
     time_since_reversal,
 )
-from diagnosis.systems.question import Request
-from diagnosis.systems.replayed import delayed
-from proof.cases import Case, make
+from cable_envs.diagnosis.systems.question import Request
+from cable_envs.diagnosis.systems.replayed import delayed
+from cable_envs.plants import plant_for
+from cable_envs.proof.cases import Case, make
+from cable_envs.sim.rigs import load_rig
 
 QUANTISED = float(np.sqrt(1.0 + 0.5**2 / 12.0))
 """RMS of the generators' white noise once it is on a grid of half its standard deviation."""

@@ -5,13 +5,13 @@ import sys
 
 import pytest
 
-import diagnosis
+from cable_envs import diagnosis
 
 
 def test_public_names_are_those_of_the_modules_behind_them():
-    from diagnosis.data.recording import Recording, load_recording
-    from diagnosis.engine import diagnose
-    from diagnosis.model.verdict import Diagnosis
+    from cable_envs.diagnosis.data.recording import Recording, load_recording
+    from cable_envs.diagnosis.engine import diagnose
+    from cable_envs.diagnosis.model.verdict import Diagnosis
 
     assert (diagnosis.diagnose, diagnosis.Diagnosis) == (diagnose, Diagnosis)
     assert (diagnosis.load_recording, diagnosis.Recording) == (load_recording, Recording)

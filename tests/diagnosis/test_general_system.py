@@ -5,12 +5,12 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis import diagnose, load_recording
+from cable_envs.diagnosis.systems import prepare
 from cable_envs.plants import families, plant_for
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.tasks import TASKS, load_task
-from diagnosis import diagnose, load_recording
-from diagnosis.systems import prepare
 
 GENERAL = [one for one in families().values() if one.replayed]
 PERIOD = 0.01

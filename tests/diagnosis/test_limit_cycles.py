@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis.adequacy.bands import Averaged, Bands, Spectra
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import examine
+from cable_envs.diagnosis.fit.likelihood import refit_nominals
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.search import limit_cycles
+from cable_envs.diagnosis.search.select import select
+from cable_envs.diagnosis.systems.common import sample_period
+from cable_envs.diagnosis.systems.linear_drive import controller
+from cable_envs.proof.cases import Case, make
 from cablebench.pages import diagnosis_words as words
 from cablebench.pages.diagnosis import render
-from diagnosis.adequacy.bands import Averaged, Bands, Spectra
-from diagnosis.data.recording import load_recording
-from diagnosis.engine import examine
-from diagnosis.fit.likelihood import refit_nominals
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Block, Free
-from diagnosis.search import limit_cycles
-from diagnosis.search.select import select
-from diagnosis.systems.common import sample_period
-from diagnosis.systems.linear_drive import controller
-from proof.cases import Case, make
 
 STD, PERIOD, COUNT = 0.1, 0.01, 3000
 SEED = 492877576

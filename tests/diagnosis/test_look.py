@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import load_recording
-from diagnosis.intake import gate as gate_module
-from diagnosis.intake.gate import gate
-from diagnosis.systems.question import Look
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.intake import gate as gate_module
+from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.systems.question import Look
 from tests.support import drive_recording as drive
 
 

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 import yaml
 
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import request_of
+from cable_envs.diagnosis.real.sets import imported
+from cable_envs.diagnosis.systems import plant_of, prepare
+from cable_envs.diagnosis.systems.question import Request
+from cable_envs.diagnosis.systems.replayed import ReplayModel
 from cable_envs.plants import plant_for
+from cable_envs.proof.cases import Case, make
 from cable_envs.sim.rigs import load_rig
-from diagnosis.data.recording import load_recording
-from diagnosis.engine import request_of
-from diagnosis.real.sets import imported
-from diagnosis.systems import plant_of, prepare
-from diagnosis.systems.question import Request
-from diagnosis.systems.replayed import ReplayModel
-from proof.cases import Case, make
 from tests.support.drive_recording import write as write_drive
 
 EXACT = 1e-9

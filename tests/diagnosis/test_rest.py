@@ -9,17 +9,17 @@ from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import load_recording
-from diagnosis.engine import LEARNT, ask, request_of, told_at_rest
-from diagnosis.fit.likelihood import refit_and_learn
-from diagnosis.fit.refit import Start
-from diagnosis.intake.gate import gate
-from diagnosis.model.model import learn_whitener
-from diagnosis.model.noise import Noise, resolution
-from diagnosis.model.rest import LONGEST, bridged, noise_at_rest
-from diagnosis.search.rules import Rules
-from diagnosis.search.select import select
-from proof.sensors import Colour
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import LEARNT, ask, request_of, told_at_rest
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.model.model import learn_whitener
+from cable_envs.diagnosis.model.noise import Noise, resolution
+from cable_envs.diagnosis.model.rest import LONGEST, bridged, noise_at_rest
+from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.diagnosis.search.select import select
+from cable_envs.proof.sensors import Colour
 from tests.support import drive_recording as drive
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 

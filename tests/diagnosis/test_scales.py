@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import yaml
 
-from diagnosis.data.recording import load_recording
-from diagnosis.intake.scales import wrong_units
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.intake.scales import wrong_units
 
 
 def _recording(folder, factor):

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import autocorrelation_time, reweighted_refit
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.weights import autocorrelation_time, reweighted_refit
 from tests.support.diagnosis_toy import NOMINALS, Toy
 
 TRUTH = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}

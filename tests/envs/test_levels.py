@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from diagnosis.data.recording import load_recording
-from diagnosis.engine import ask, request_of
-from diagnosis.fit.likelihood import Judged, refit_and_learn
-from diagnosis.fit.refit import Start
-from diagnosis.model.model import Whitener
-from diagnosis.model.noise import LONG, Noise, learn_noise
-from diagnosis.search.objections import OUTLYING, held_cost, momentary
-from diagnosis.search.select import select
-from diagnosis.systems.linear_drive import EXPLAINED, controller
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.fit.likelihood import Judged, refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.model.model import Whitener
+from cable_envs.diagnosis.model.noise import LONG, Noise, learn_noise
+from cable_envs.diagnosis.search.objections import OUTLYING, held_cost, momentary
+from cable_envs.diagnosis.search.select import select
+from cable_envs.diagnosis.systems.linear_drive import EXPLAINED, controller
 from tests.support import drive_recording as drive
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from identification.cma_es import cma_es
-from identification.information import Information, delta_experiments, fisher, profile_interval, speed_shares
-from identification.least_squares import least_squares
-from identification.model import FORMS, NAMES, ratio_jacobian, ratio_slope_in_rho, ratios
-from identification.problem import RatioProblem, ratio_at
-from identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
+from cable_envs.identification.cma_es import cma_es
+from cable_envs.identification.information import Information, delta_experiments, fisher, profile_interval, speed_shares
+from cable_envs.identification.least_squares import least_squares
+from cable_envs.identification.model import FORMS, NAMES, ratio_jacobian, ratio_slope_in_rho, ratios
+from cable_envs.identification.problem import RatioProblem, ratio_at
+from cable_envs.identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
 from tests.reference.contact_reference import tension_ratio_printed
 
 TABLE_2 = {"delta": 0.02, "mu": 0.43, "K": 6574.0, "omega": 2.03, "rho0": 1.5}

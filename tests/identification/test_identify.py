@@ -7,10 +7,10 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.identification.samples import derivative, ratio_samples, together
 from cablebench.cli import main
 from cablebench.cli.physics.identify import identify_recording
-from diagnosis.data.recording import load_recording
-from identification.samples import derivative, ratio_samples, together
 from tests.support.recording_rig import write_recording
 
 TRUTH = {"delta": 0.02, "mu": 0.43, "K": 6574.0, "omega": 2.03}

@@ -5,15 +5,15 @@ import json
 import numpy as np
 import pytest
 
-from diagnosis.data.recording import load_recording
-from proof.baselines import BASELINES
-from proof.cases import AT_REST, BANDS, PERIOD, Case, digest, make, plan
-from proof.effects import LIBRARY, STRANGE, SYSTEMS, find
-from proof.excitation import reference
-from proof.refit import Refit
-from proof.rigs import CLOCK, random_rig
-from proof.run import make_one, prove
-from proof.sensors import stamps
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.proof.baselines import BASELINES
+from cable_envs.proof.cases import AT_REST, BANDS, PERIOD, Case, digest, make, plan
+from cable_envs.proof.effects import LIBRARY, STRANGE, SYSTEMS, find
+from cable_envs.proof.excitation import reference
+from cable_envs.proof.refit import Refit
+from cable_envs.proof.rigs import CLOCK, random_rig
+from cable_envs.proof.run import make_one, prove
+from cable_envs.proof.sensors import stamps
 
 ONE = {
     "linear_drive": Case("case-0001", 11, "linear_drive", "single", ("stribeck_friction",), "3-10"),
@@ -158,6 +158,6 @@ def test_a_refit_of_the_proof_goes_on_until_no_more_is_absorbed(monkeypatch):
     _, refit = _refit(205116082, "bending_stiffness")
     left = []
     for steps in (1, 6, 12):
-        monkeypatch.setattr("proof.refit.STEPS", steps)
+        monkeypatch.setattr("cable_envs.proof.refit.STEPS", steps)
         left.append(refit.excess({"bending_stiffness.rigidity": 2e-6}).added)
     assert left[1] < 0.95 * left[0] and left[2] == pytest.approx(left[1], rel=0.02)

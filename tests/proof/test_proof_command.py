@@ -41,8 +41,8 @@ def test_without_the_tool_it_says_so(capsys, tmp_path, monkeypatch):
 def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatch):
     """Two cases, scored; the second call does nothing anew; data changed since the sealing are refused."""
     pytest.importorskip("pysindy")
-    from proof import cases, run
-    from proof.cases import Case
+    from cable_envs.proof import cases, run
+    from cable_envs.proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "cable_hole", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -64,8 +64,8 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
 
 def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from proof import cases
-    from proof.cases import Case
+    from cable_envs.proof import cases
+    from cable_envs.proof.cases import Case
 
     monkeypatch.setattr(cases, "plan", lambda *_, **__: [Case("case-0001", 4, "linear_drive", "nothing")])
     arguments = ("--no-tool", "--out", str(tmp_path / "p"))
@@ -77,8 +77,8 @@ def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):
 
 def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from proof import cases
-    from proof.cases import Case
+    from cable_envs.proof import cases
+    from cable_envs.proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -92,8 +92,8 @@ def test_only_some_kinds_of_cases(capsys, tmp_path, monkeypatch):
 
 def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     pytest.importorskip("pysindy")
-    from proof import cases
-    from proof.cases import Case
+    from cable_envs.proof import cases
+    from cable_envs.proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "decoy")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)
@@ -130,8 +130,8 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
 
 def test_a_broken_rule_is_exit_code_1(capsys, tmp_path, monkeypatch):
     """A tool that cries wolf: the command runs it on a copy that holds the recording and nothing else."""
-    from proof import cases
-    from proof.cases import Case
+    from cable_envs.proof import cases
+    from cable_envs.proof.cases import Case
 
     tool = tmp_path / "tool.py"
     tool.write_text(
@@ -171,8 +171,8 @@ print(json.dumps({{"schema": "cable-diagnosis/1", "verdict": "no_detectable_mism
 def test_a_killed_tool_is_missing_and_no_wrong_answer(capsys, tmp_path, monkeypatch, end, why):
     import sys
 
-    from proof import cases, run
-    from proof.cases import Case
+    from cable_envs.proof import cases, run
+    from cable_envs.proof.cases import Case
 
     two = [Case("case-0001", 4, "linear_drive", "nothing"), Case("case-0002", 5, "linear_drive", "nothing")]
     monkeypatch.setattr(cases, "plan", lambda *_, **__: two)

@@ -9,11 +9,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from proof.effects import find
-from proof.rigs import random_rig
-from proof.sensors import USUAL, distort, quantise, random_colour, stamps
-from proof.simulators import cable_hole, linear_drive, pulley_circuit
-from proof.simulators.numerics import slipped, tension_ratio
+from cable_envs.proof.effects import find
+from cable_envs.proof.rigs import random_rig
+from cable_envs.proof.sensors import USUAL, distort, quantise, random_colour, stamps
+from cable_envs.proof.simulators import cable_hole, linear_drive, pulley_circuit
+from cable_envs.proof.simulators.numerics import slipped, tension_ratio
 
 CLOCK = linear_drive.CLOCK
 

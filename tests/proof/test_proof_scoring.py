@@ -5,11 +5,11 @@ import json
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from proof import report
-from proof.effects import CLASSES, LIBRARY, share_class
-from proof.run import checked, write_manifest
-from proof.scoring import calibration, confusion, failures, judge, limits, table
-from proof.sealing import opened, seal
+from cable_envs.proof import report
+from cable_envs.proof.effects import CLASSES, LIBRARY, share_class
+from cable_envs.proof.run import checked, write_manifest
+from cable_envs.proof.scoring import calibration, confusion, failures, judge, limits, table
+from cable_envs.proof.sealing import opened, seal
 
 
 def key(name="c", kind="single", effects=("backlash",), band=">10", noise="white", **changes):

@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from cable_envs.core.files import read_json
-from proof.report import together
-from proof.summary import LINES, main, summary
+from cable_envs.proof.report import together
+from cable_envs.proof.summary import LINES, main, summary
 
 ROOT = Path(__file__).parents[2]
 RECORD = ROOT / "docs" / "proof" / "proof.json.gz"

@@ -6,10 +6,10 @@ import pytest
 from cable_envs.plants.circuit import chain as pulley_chain
 from cable_envs.plants.drive import plant as linear_drive
 from cable_envs.plants.hole import plant as cable_hole
+from cable_envs.proof.cases import DESIGNS
+from cable_envs.proof.excitation import reference
+from cable_envs.proof.rigs import CLOCK, SIMULATE, random_rig
 from cable_envs.sim.replay import replay
-from proof.cases import DESIGNS
-from proof.excitation import reference
-from proof.rigs import CLOCK, SIMULATE, random_rig
 
 PLANTS = {"linear_drive": linear_drive.PLANT, "cable_hole": cable_hole.PLANT, "pulley_circuit": pulley_chain.PLANT}
 DRIVEN = {

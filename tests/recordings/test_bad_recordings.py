@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import load_recording
-from diagnosis.intake.gate import gate
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request
-from diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request
+from cable_envs.diagnosis.readers.writer import write_data_set
 
 SETS = Path(__file__).parents[3] / "shared" / "recordings"
 needs = {

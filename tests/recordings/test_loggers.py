@@ -7,12 +7,12 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Log, Request
+from cable_envs.diagnosis.readers.series import field_of, onto, stamp
+from cable_envs.diagnosis.readers.writer import write_data_set
 from cablebench.cli import main
-from diagnosis.data.recording import load_recording
-from diagnosis.readers import reader
-from diagnosis.readers.base import Log, Request
-from diagnosis.readers.series import field_of, onto, stamp
-from diagnosis.readers.writer import write_data_set
 
 START = 1_780_000_000
 """s since 1970."""
@@ -301,7 +301,7 @@ def test_an_encoding_that_nothing_reads_is_named(tmp_path, monkeypatch):
     refused(
         tmp_path, "mcap", "run.mcap", "topic /joints is in 'flatbuffer' with 'flatbuffer' definitions, which nothing"
     )
-    from diagnosis.readers.formats import mcap
+    from cable_envs.diagnosis.readers.formats import mcap
 
     monkeypatch.setattr(mcap, "_DECODERS", {"mcap_flat.decoder": "mcap-flat-support"})
     refused(tmp_path, "mcap", "run.mcap", r"mcap-flat-support may: pip install 'cable-envs\[mcap\]'")

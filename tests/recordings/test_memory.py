@@ -8,12 +8,12 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis import Recording, diagnose, load_recording
+from cable_envs.diagnosis.engine import request_of
+from cable_envs.diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, whole
+from cable_envs.diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.search.steps import FOLDER, digest
 from cable_envs.sim.rigs import load_rig
-from diagnosis import Recording, diagnose, load_recording
-from diagnosis.engine import request_of
-from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, whole
-from diagnosis.readers.writer import write_data_set
-from diagnosis.search.steps import FOLDER, digest
 from tests.support import drive_recording as drive
 
 TOLD = {

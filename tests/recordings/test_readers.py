@@ -10,10 +10,10 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.recording import load_recording
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request
-from diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request
+from cable_envs.diagnosis.readers.writer import write_data_set
 
 MAPPING = {
     "schema": "cable-mapping/1",

@@ -8,25 +8,25 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis import diagnose
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
+from cable_envs.diagnosis.model.model import Block
+from cable_envs.diagnosis.model.verdict import from_json
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request as Asked
+from cable_envs.diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.real.davinci import ablations, diagnosed, in_units, load, located
+from cable_envs.diagnosis.real.davinci_splits import SPLITS, compare
+from cable_envs.diagnosis.real.feedforward import command
+from cable_envs.diagnosis.search.stepwise import inside, stepwise
+from cable_envs.diagnosis.systems import prepare, transmission
+from cable_envs.diagnosis.systems.question import Request
+from cable_envs.diagnosis.systems.transmission import Run, assemble, driven, nominals_of
+from cable_envs.diagnosis.systems.transmission_effects import NULLS, hypotheses, rig_of
 from cable_envs.plants.transmission.plant import PLANT
 from cable_envs.sim.rigs import load_rig, rig_from_mapping
-from diagnosis import diagnose
-from diagnosis.data.recording import load_recording
-from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import reweighted_refit, rmse
-from diagnosis.model.model import Block
-from diagnosis.model.verdict import from_json
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request as Asked
-from diagnosis.readers.writer import write_data_set
-from diagnosis.real.davinci import ablations, diagnosed, in_units, load, located
-from diagnosis.real.davinci_splits import SPLITS, compare
-from diagnosis.real.feedforward import command
-from diagnosis.search.stepwise import inside, stepwise
-from diagnosis.systems import prepare, transmission
-from diagnosis.systems.question import Request
-from diagnosis.systems.transmission import Run, assemble, driven, nominals_of
-from diagnosis.systems.transmission_effects import NULLS, hypotheses, rig_of
 
 JAW = Path(__file__).parents[3] / "shared" / "recordings" / "davinci_tool"
 needs_jaw = pytest.mark.skipif(not JAW.is_dir(), reason=f"the published set davinci_tool is not at {JAW}")

@@ -6,20 +6,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cable_envs.diagnosis.data.description import Quantity
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse, with_sandwich_covariance
+from cable_envs.diagnosis.real import band_brake, emps
+from cable_envs.diagnosis.real.sets import FOLDERS, imported
+from cable_envs.diagnosis.systems import prepare
+from cable_envs.diagnosis.systems.band_brake import Track, driven
+from cable_envs.diagnosis.systems.coupled_drives import RECTIFIED
+from cable_envs.diagnosis.systems.question import Request
 from cable_envs.plants.band_brake.effects import RIGID
 from cable_envs.plants.band_brake.plant import PLANT as BRAKE
 from cable_envs.plants.drive.plant import PLANT
 from cable_envs.sim.replay import replay
-from diagnosis.data.description import Quantity
-from diagnosis.fit.likelihood import refit_and_learn
-from diagnosis.fit.refit import Start
-from diagnosis.fit.weights import reweighted_refit, rmse, with_sandwich_covariance
-from diagnosis.real import band_brake, emps
-from diagnosis.real.sets import FOLDERS, imported
-from diagnosis.systems import prepare
-from diagnosis.systems.band_brake import Track, driven
-from diagnosis.systems.coupled_drives import RECTIFIED
-from diagnosis.systems.question import Request
 
 SHARED = Path(__file__).parents[3] / "shared" / "recordings"
 needs = {

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
-from diagnosis.data.first_look import first_look
-from diagnosis.data.recording import load_recording
-from diagnosis.readers import reader
-from diagnosis.readers.base import Request
-from diagnosis.readers.writer import write_data_set
+from cable_envs.diagnosis.data.first_look import first_look
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.readers import reader
+from cable_envs.diagnosis.readers.base import Request
+from cable_envs.diagnosis.readers.writer import write_data_set
 
 SETS = Path(__file__).parents[3] / "shared" / "recordings"
 JAW = SETS / "davinci_tool"

@@ -5,9 +5,9 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.description import channels_of, parameters_of
+from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.plants import families
-from diagnosis.data.description import channels_of, parameters_of
-from diagnosis.data.recording import load_recording
 
 BASE = {
     "schema": "cable-recording/1",

@@ -8,13 +8,13 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.verdict import EffectGain, Estimate
+from cable_envs.diagnosis.real.finding import Finding
 from cablebench.cli import main
 from cablebench.pages import recordings_figures as draw
 from cablebench.pages.recordings import again_of, error, estimate, number, numbers_of, plain, render, summary, write_set
 from cablebench.pages.recordings_sets import SETS, numbers
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.verdict import EffectGain, Estimate
-from diagnosis.real.finding import Finding
 from tests.support.svg_paths import points_of
 
 COMMITTED = Path(__file__).parents[2] / "docs" / "recordings"

@@ -8,17 +8,28 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.identification.least_squares import least_squares
+from cable_envs.reproduction import registry, report, style
+from cable_envs.reproduction.gu import data as gu_data
+from cable_envs.reproduction.gu import fig12 as gu_fig12
+from cable_envs.reproduction.gu import fig13 as gu_fig13
+from cable_envs.reproduction.gu import fig15_17 as gu_fig15_17
+from cable_envs.reproduction.gu import table2 as gu_table2
+from cable_envs.reproduction.gu import table2_runs as gu_table2_runs
+from cable_envs.reproduction.registry import (
+    Extra,
+    Figure,
+    Item,
+    Result,
+    Row,
+    claim,
+    compare,
+    find,
+    not_reproducible,
+    run,
+)
 from cable_envs.sim.rigs import load_rig
 from cablebench.cli import main
-from identification.least_squares import least_squares
-from reproduction import registry, report, style
-from reproduction.gu import data as gu_data
-from reproduction.gu import fig12 as gu_fig12
-from reproduction.gu import fig13 as gu_fig13
-from reproduction.gu import fig15_17 as gu_fig15_17
-from reproduction.gu import table2 as gu_table2
-from reproduction.gu import table2_runs as gu_table2_runs
-from reproduction.registry import Extra, Figure, Item, Result, Row, claim, compare, find, not_reproducible, run
 
 KEYS = ["item", "quantity", "published", "computed", "unit", "rel_error", "status", "why"]
 

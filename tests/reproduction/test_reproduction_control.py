@@ -7,13 +7,13 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants.circuit.statics import Statics
-from reproduction.gu import runs as hole_runs
-from reproduction.zou import fig6 as zou_fig6
-from reproduction.zou import grasp, pretension
-from reproduction.zou import table3 as zou_table3
-from reproduction.zou.data import PRETENSIONS, TABLE_4, UNCOMPENSATED
-from reproduction.zou.pretension import BY_NAME, CHOSEN, Reading, errors_of, printed_equations, rig, simulate
-from reproduction.zou.runs import follow, four_errors, last_cycle, sinusoid
+from cable_envs.reproduction.gu import runs as hole_runs
+from cable_envs.reproduction.zou import fig6 as zou_fig6
+from cable_envs.reproduction.zou import grasp, pretension
+from cable_envs.reproduction.zou import table3 as zou_table3
+from cable_envs.reproduction.zou.data import PRETENSIONS, TABLE_4, UNCOMPENSATED
+from cable_envs.reproduction.zou.pretension import BY_NAME, CHOSEN, Reading, errors_of, printed_equations, rig, simulate
+from cable_envs.reproduction.zou.runs import follow, four_errors, last_cycle, sinusoid
 
 CONDITIONS = {"contact_stiffness": 0.553, "contact_angle": 1.51}
 """what the fit of the chain finds"""

@@ -5,7 +5,7 @@ from types import ModuleType
 
 import numpy as np
 
-from baselines import make_controller
+from cable_envs.baselines import make_controller
 from cable_envs.plants.circuit import chain as pulley_chain
 from cable_envs.plants.circuit import closed_form as pulley_circuit
 from cable_envs.plants.hole import plant as cable_hole

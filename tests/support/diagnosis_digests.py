@@ -22,8 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis import diagnose
-from proof.cases import Case, make
+from cable_envs.diagnosis import diagnose
+from cable_envs.proof.cases import Case, make
 
 FILE = Path(__file__).parent / "golden" / "diagnoses.json"
 DIGITS = 12

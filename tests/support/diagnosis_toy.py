@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from diagnosis.model.hypotheses import Hypothesis
-from diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Free
 
 PARAMETERS = (
     Free("mass", 10.0, 0.1, 100.0, 10.0),
@@ -44,7 +44,7 @@ def force(p, t, y, v, a):
 
 
 class Toy:
-    """A `diagnosis.model.model.Model` over records of a known motion."""
+    """A `cable_envs.diagnosis.model.model.Model` over records of a known motion."""
 
     def __init__(self, truth, seed, records=2, colour=0.0, std=0.3, extra=None, count=1500):
         rng = np.random.default_rng(seed)

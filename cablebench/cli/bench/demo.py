@@ -15,7 +15,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.bench.leaderboard import make_board
-from cablebench.cli.shared.arguments import require_ours, short_name
+from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console, progress_bar
 
 TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
@@ -33,8 +33,7 @@ def demo(
 ) -> None:
     """Rank every reference controller and a freshly trained PPO agent on both plants (within ten minutes)."""
     started = time.monotonic()
-    require_ours("baselines", "agents")
-    from agents.settings import load_settings
+    from cable_envs.agents.settings import load_settings
     from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import reference_entrants
     from cablebench.protocol.files import load_protocol
@@ -118,7 +117,7 @@ def _send(pipe: Any, name: str, done: int, total: int, text: str) -> None:
 
 def _train_all(jobs: list[tuple[Any, Path]], seed: int, pipe: Any) -> None:
     """Body of the second process."""
-    from agents.train import Interrupted, train
+    from cable_envs.agents.train import Interrupted, train
 
     try:
         for settings, folder in jobs:

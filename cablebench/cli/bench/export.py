@@ -112,9 +112,9 @@ def _recording(
 ) -> tuple[Path, list[Any]]:
     import gymnasium as gym
 
+    from cable_envs.diagnosis.data.writing import TABLES
     from cablebench.export.recording import check_environment, check_folder, check_split, write_recording
     from cablebench.run.evaluation import core_of
-    from diagnosis.data.writing import TABLES
 
     if table not in TABLES:
         raise ConfigurationError(f"--table: unknown format '{table}'; {nearest(table, TABLES)}")

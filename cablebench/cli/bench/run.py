@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cablebench.cli.shared.arguments import options_for, parse_gains, parse_options, require_ours, resolve_env
+from cablebench.cli.shared.arguments import options_for, parse_gains, parse_options, resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
 
 DATA_FORMATS = (".npz", ".csv")
@@ -58,7 +58,6 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
 
         return policy_entrant(policy)
     assert controller is not None
-    require_ours("baselines")
     from cablebench.entrants.named import named_entrant
 
     return named_entrant(controller, parse_gains(gains))

@@ -13,7 +13,7 @@ from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import RECORDS, evaluate_on
 from cablebench.cli.bench.leaderboard import make_board, results_folder
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.cli.shared.arguments import require_ours, resolve_env
+from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.recipes import NamedEntrant, named
 from cablebench.cli.shared.trust import ask
@@ -41,7 +41,6 @@ def submit(
 
     The row is its maker's: without --maker, only the same files can be handed in again under the same name.
     """
-    require_ours("baselines")
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run
     from cablebench.protocol.files import load_protocol
@@ -98,7 +97,7 @@ def _recipe(flag: str, path: Path) -> NamedEntrant:
 
 
 def _reserved() -> tuple[str, ...]:
-    from baselines import CONTROLLERS
+    from cable_envs.baselines import CONTROLLERS
 
     return tuple(CONTROLLERS)
 

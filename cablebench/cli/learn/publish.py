@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.shared.arguments import require_ours, short_name
+from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console
 
 
@@ -16,8 +16,7 @@ def publish(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of that name.")] = False,
 ) -> None:
     """Copy trained policies without what only training needs. They act as before and run no code when loaded."""
-    require_ours("agents")
-    from agents.policy import policy_file, publish_policy, read_policy
+    from cable_envs.agents.policy import policy_file, publish_policy, read_policy
 
     targets: dict[Path, Path] = {}
     for path in policies:

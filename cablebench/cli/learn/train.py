@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cablebench.cli.shared.arguments import parse_options, require_ours, resolve_env, short_name
+from cablebench.cli.shared.arguments import parse_options, resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.training import chosen_seeds, training_job
 from cablebench.jobs import Backend, Done, Job, open_backend
@@ -17,7 +17,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
 
 POLICY, CHECKPOINT = "policy.zip", "checkpoint.pt"
-"""What `agents.train` writes to a training's folder (importing it takes seconds)."""
+"""What `cable_envs.agents.train` writes to a training's folder (importing it takes seconds)."""
 
 JOBS_HELP = "Jobs at a time; default: one with local, the cluster's cores with ray."
 BACKEND_HELP = "Where jobs run: local (processes of this machine) or ray."
@@ -55,8 +55,7 @@ def train(
     env_id = resolve_env(env)
     options = parse_options(option or ())
     chosen = chosen_seeds(seed or (), seeds or ())
-    require_ours("agents")
-    from agents.settings import load_settings
+    from cable_envs.agents.settings import load_settings
 
     started = time.time()
     settings = load_settings(algo, env_id, steps, options)
@@ -84,7 +83,7 @@ def run_folders(algo: str, env_id: str, seeds: tuple[int, ...], out: Path | None
 
 
 def how_to_resume(asked: bool, folders: Mapping[int, Path]) -> bool | str:
-    """`agents.train.train`'s ``resume``: of several seeds some may be complete, others not begun."""
+    """`cable_envs.agents.train.train`'s ``resume``: of several seeds some may be complete, others not begun."""
     begun = any((folder / name).exists() for folder in folders.values() for name in (POLICY, CHECKPOINT))
     return "auto" if asked and len(folders) > 1 and begun else asked
 

@@ -12,7 +12,7 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, INTERRUPTED, JOBS_HELP
-from cablebench.cli.shared.arguments import require_ours, resolve_env, short_name
+from cablebench.cli.shared.arguments import resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.jobs import Backend, open_backend
 
@@ -61,7 +61,6 @@ def tune(
 
         searches = {e: controller_search(controller, e, **plan) for e in envs}
     else:
-        require_ours("agents")
         from cablebench.cli.learn.tune_agents import agent_search
 
         searches = {e: agent_search(str(algo), e, steps or 0, file.with_suffix(""), **plan) for e in envs}
@@ -128,7 +127,7 @@ def _controller_file(
     controller: str, name: str | None, found: Mapping[str, Sequence[Any]], command: str
 ) -> dict[str, Any]:
     """The controller file (`cablebench.entrants.controller_files`) with the best gains of every environment."""
-    from baselines import controller_class
+    from cable_envs.baselines import controller_class
     from cablebench.tune.study import best
 
     # the first trial is the default, which was itself found by trials

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.settings import load_settings
+from cable_envs.agents.settings import load_settings
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.provenance import source_hash
@@ -101,7 +101,7 @@ def agent_trial(context: Context, settings: Any, seed: int, cells: Sequence[Any]
 
     A training whose numbers stop being finite is a trial with the worst loss there is.
     """
-    from agents.train import Interrupted, train
+    from cable_envs.agents.train import Interrupted, train
     from cable_envs.sim.registered import setup_of
     from cablebench.cli.shared.policies import policy_entrant
 

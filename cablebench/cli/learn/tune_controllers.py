@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from baselines import controller_class
+from cable_envs.baselines import controller_class
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.provenance import source_hash
 from cable_envs.sim.registered import setup_of

@@ -29,7 +29,7 @@ def diagnose(
     unknown, or no_detectable_mismatch. The criterion "noise" suits recordings whose sensors limit what can be seen,
     "unseen" rigs that no model predicts down to its sensors' noise: there, the held-out records judge.
     """
-    from diagnosis.engine import diagnose as run
+    from cable_envs.diagnosis.engine import diagnose as run
 
     err = console(stderr=True)
     if out is not None:

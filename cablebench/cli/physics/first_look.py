@@ -15,8 +15,8 @@ def first_look(
     as_json: Annotated[bool, typer.Option("--json", help="The findings as JSON on standard output.")] = False,
 ) -> None:
     """Distance from a rigid transmission, friction by direction and load, reversals, stiffness, repeatability."""
-    from diagnosis.data.first_look import first_look as look
-    from diagnosis.data.recording import load_recording
+    from cable_envs.diagnosis.data.first_look import first_look as look
+    from cable_envs.diagnosis.data.recording import load_recording
 
     found = look(load_recording(recording), group, load)
     if as_json:

@@ -51,7 +51,7 @@ def identify(
     wrap_angle (or a known one). Parameters under "known" stay fixed, and radius_ratio always does: the ratio contains
     rho0 (1 + delta) only.
     """
-    from diagnosis.data.recording import load_recording
+    from cable_envs.diagnosis.data.recording import load_recording
 
     loaded = load_recording(recording)
     result = identify_recording(loaded, method.value, model.value, seed, parse_bounds(bound or ()))
@@ -81,12 +81,12 @@ def identify_recording(
     bounds: dict[str, tuple[float, float]] | None = None,
 ) -> dict[str, Any]:
     """What ``--json`` prints. ConfigurationError for a recording that cannot answer."""
-    from identification.cma_es import cma_es
-    from identification.fit import Fit
-    from identification.least_squares import least_squares
-    from identification.problem import RatioProblem
-    from identification.pso import swarm
-    from identification.samples import together
+    from cable_envs.identification.cma_es import cma_es
+    from cable_envs.identification.fit import Fit
+    from cable_envs.identification.least_squares import least_squares
+    from cable_envs.identification.problem import RatioProblem
+    from cable_envs.identification.pso import swarm
+    from cable_envs.identification.samples import together
 
     if recording.system != "cable_hole":
         raise ConfigurationError(
@@ -123,7 +123,7 @@ def identify_recording(
 
 def above_optimum(problem: Any, fit: Any) -> float:
     """Chi-square by which least squares improves on the fit when it starts from there; 0 for an optimum."""
-    from identification.least_squares import refine
+    from cable_envs.identification.least_squares import refine
 
     problem = problem.changed(log_gain=True)
     return max(fit.cost - 2.0 * float(refine(problem, problem.unit(fit.parameters)).cost), 0.0)
@@ -153,7 +153,7 @@ def radius_ratio(recording: Any) -> tuple[float, str]:
 
 def record_samples(recording: Any, record: Any) -> Any:
     """Tension ratios of one record, with what the recording knows in place of missing channels."""
-    from identification.samples import BlockSettings, derivative, ratio_samples
+    from cable_envs.identification.samples import BlockSettings, derivative, ratio_samples
 
     recording.require("drive_tension", purpose="identification")
     data, channels, time = record.data, recording.channels, record.time
@@ -193,7 +193,7 @@ def record_samples(recording: Any, record: Any) -> Any:
 
 def parameter_report(problem: Any, fit: Any, fixed: dict[str, float], recording: Any) -> dict[str, Any]:
     """Each parameter with standard deviation and 95 % profile interval; null where the data set no limit."""
-    from identification.information import fisher, profile_interval
+    from cable_envs.identification.information import fisher, profile_interval
 
     std, report = fisher(problem, fit.parameters).std, {}
     for name, value in fit.parameters.items():
@@ -211,7 +211,7 @@ def parameter_report(problem: Any, fit: Any, fixed: dict[str, float], recording:
 
 def correlations(problem: Any, fit: Any) -> dict[str, Any]:
     """Correlation matrix of the estimates and the direction that the data determine worst."""
-    from identification.information import fisher
+    from cable_envs.identification.information import fisher
 
     found = fisher(problem, fit.parameters)
     matrix = [[float(v) if math.isfinite(v) else None for v in line] for line in found.correlation]

@@ -49,10 +49,10 @@ def import_(
     as_json: Annotated[bool, typer.Option("--json", help="What was written, as JSON on standard output.")] = False,
 ) -> None:
     """Turn a data set as its authors publish it into a recording, and say what is wrong with it."""
-    from diagnosis.data.writing import check_table
-    from diagnosis.readers import reader
-    from diagnosis.readers.base import Request
-    from diagnosis.readers.writer import write_data_set
+    from cable_envs.diagnosis.data.writing import check_table
+    from cable_envs.diagnosis.readers import reader
+    from cable_envs.diagnosis.readers.base import Request
+    from cable_envs.diagnosis.readers.writer import write_data_set
 
     check_table(table)
     if fit_all and (heldout or after is not None):
@@ -93,7 +93,7 @@ def _command(form: str, path: Path, mapping: Path | None, select, heldout, after
 
 
 def _print(done) -> None:
-    from diagnosis.data.record import USES
+    from cable_envs.diagnosis.data.record import USES
 
     out = console()
     for kind in USES:

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.shared.arguments import parse_pairs, require_ours
+from cablebench.cli.shared.arguments import parse_pairs
 from cablebench.cli.shared.output import console, print_json, progress_bar
 
 INTERRUPTED = 130
@@ -37,7 +37,6 @@ def pays(
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
     """Record hidden rigs, diagnose them, tune and train on nominal, corrected and true simulators, score on them."""
-    require_ours("agents")
     from cablebench.cli.physics.pays_steps import run
     from cablebench.pays.rigs import RIGS
     from cablebench.pays.scores import Study

@@ -43,8 +43,8 @@ def recorded(study: Study, folder: Path) -> Path:
 
 def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dict[str, Any], dict[str, Any]]:
     """(the diagnosis as JSON, content of augmented.yaml) of recordings of the hidden rig."""
-    from diagnosis.data.writing import FILE
-    from diagnosis.engine import diagnose
+    from cable_envs.diagnosis.data.writing import FILE
+    from cable_envs.diagnosis.engine import diagnose
 
     recording, folder = out / "recording", out / "diagnosis"
     if not (recording / FILE).exists():
@@ -59,7 +59,7 @@ def augmented(study: Study, out: Path, tell: Callable[[str], None]) -> tuple[dic
 
 def tuned_gains(study: Study, out: Path, simulator: str, rig: Mapping[str, Any], seed: int, progress: Progress) -> Any:
     """The controller's gains after the study's trials on a simulator."""
-    from baselines import controller_class
+    from cable_envs.baselines import controller_class
     from cablebench.tune.space import gain_space
     from cablebench.tune.study import Search, best, tune
 
@@ -89,8 +89,8 @@ def trained(study: Study, out: Path, simulator: str, rig: Mapping[str, Any], see
 
     A loaded policy gives its controller the task's own rig; here it keeps the one that it was trained with.
     """
-    from agents.settings import load_settings
-    from agents.train import Interrupted, train
+    from cable_envs.agents.settings import load_settings
+    from cable_envs.agents.train import Interrupted, train
 
     bench = study.bench
     options = {**study.simulator_options(simulator, rig), "randomize": False}

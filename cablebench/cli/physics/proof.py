@@ -57,9 +57,9 @@ def proof(
             raise typer.Exit(1)
         return
     command = _tool_command(context) if tool else []
-    from proof.cases import KINDS
-    from proof.effects import SYSTEMS
-    from proof.run import scored
+    from cable_envs.proof.cases import KINDS
+    from cable_envs.proof.effects import SYSTEMS
+    from cable_envs.proof.run import scored
 
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
@@ -100,16 +100,15 @@ def _tool_command(context: typer.Context) -> list[str]:
 def _state() -> str:
     """Of the simulator, the diagnosis and the generators: parts of one proof are by one of them."""
     import cable_envs
-    import diagnosis
-    import proof
-    from proof.sealing import state_of
+    from cable_envs import diagnosis, proof
+    from cable_envs.proof.sealing import state_of
 
     return state_of(cable_envs, diagnosis, proof)
 
 
 def _methods(tool: bool, baselines: bool) -> list[str]:
-    from proof.baselines import BASELINES
-    from proof.run import TOOL
+    from cable_envs.proof.baselines import BASELINES
+    from cable_envs.proof.run import TOOL
 
     return ([TOOL] if tool else []) + (list(BASELINES) if baselines else [])
 
@@ -130,7 +129,7 @@ def _asked(
 
 
 def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> list[Any]:
-    from proof.cases import plan
+    from cable_envs.proof.cases import plan
 
     if quick:
         return plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
@@ -139,7 +138,7 @@ def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> 
 
 def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any]) -> dict[str, Any]:
     """Recordings, sealed keys, manifest, which says ``about``."""
-    from proof.run import make_one, write_manifest
+    from cable_envs.proof.run import make_one, write_manifest
 
     lines = {}
     with progress_bar() as update, open_backend("local", jobs) as backend:
@@ -150,8 +149,8 @@ def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any])
 
 
 def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: list[str], jobs: int) -> None:
-    from diagnosis import load_recording
-    from proof.run import diagnose_one
+    from cable_envs.diagnosis import load_recording
+    from cable_envs.proof.run import diagnose_one
 
     for method in methods:
         arguments = {"out": str(out), "method": method, "command": command, "read": load_recording}
@@ -164,7 +163,7 @@ def _diagnose(out: Path, manifest: dict[str, Any], methods: list[str], command: 
 
 def _missing(out: Path, manifest: dict[str, Any], methods: Sequence[str]) -> dict[str, Any]:
     """What the record says of cases on which a method was killed; nothing where there are none."""
-    from proof.run import missing
+    from cable_envs.proof.run import missing
 
     killed = {method: missing(out, manifest, method) for method in methods}
     return {"missing": killed} if any(killed.values()) else {}
@@ -175,8 +174,8 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
     Raises ConfigurationError for what is no record of a proof, parts of several plans, and cases that are in two parts.
     """
-    from proof.report import parts_of, together
-    from proof.run import TOOL
+    from cable_envs.proof.report import parts_of, together
+    from cable_envs.proof.run import TOOL
 
     records = parts_of(parts)
     about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
@@ -194,8 +193,8 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
     """Write ``results`` by method; the fail rules that the first of them breaks."""
     from cable_envs.core.files import jsonable, write_atomic
+    from cable_envs.proof import report
     from cablebench.pages.proof import render
-    from proof import report
 
     about = {**about, "cases_total": len(next(iter(results.values()))), "sample": quick}
     whole = jsonable(report.record(results, about))

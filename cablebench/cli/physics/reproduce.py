@@ -23,7 +23,7 @@ def reproduce(
 
     Ends with exit code 1 if an item could not be computed. A number that differs is a result, not a failure.
     """
-    from reproduction import registry, report
+    from cable_envs.reproduction import registry, report
 
     items = registry.find(names or ())
     if as_list:
@@ -57,7 +57,7 @@ def reproduce(
 def _list(items: Sequence[Any], as_json: bool) -> None:
     from rich.table import Table
 
-    from reproduction.registry import PAPERS
+    from cable_envs.reproduction.registry import PAPERS
 
     if as_json:
         print_json([{"item": i.name, "title": i.title, "paper": PAPERS[i.paper], "seconds": i.seconds} for i in items])
@@ -75,7 +75,7 @@ def _print(results: Sequence[Any], out: Any) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from reproduction.report import percent, shown
+    from cable_envs.reproduction.report import percent, shown
 
     colours = {"reproduced": "green", "differs": "red", "not reproducible": "yellow"}
     table = Table(box=None, pad_edge=False)

@@ -66,22 +66,6 @@ def parse_pairs(pairs: Sequence[str], flag: str) -> dict[str, Any]:
     return found
 
 
-def require_ours(*packages: str) -> None:
-    """Check that the top-level packages found are this project's: other distributions install the same names.
-
-    Raises ConfigurationError that names the file found.
-    """
-    import importlib
-
-    for name in packages:
-        module = importlib.import_module(name)
-        if getattr(module, "CABLE_BENCHMARK", False) is not True:
-            place = getattr(module, "__file__", None) or list(module.__path__)
-            raise ConfigurationError(
-                f"the package '{name}' at {place} is not cable-envs': another distribution of that name is in the way"
-            )
-
-
 def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
     from cable_envs.sim.registered import setup_of

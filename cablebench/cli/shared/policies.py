@@ -5,17 +5,15 @@ from dataclasses import replace
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.shared.arguments import require_ours
 from cablebench.entrants.entrant import INFORMATION, Entrant, agent_entrant
 from cablebench.entrants.policy_files import PolicyFile, load_policy_file
 
 
 def policy_entrant(path: str) -> Any:
     """The `cablebench.entrants.entrant.Entrant` of a saved policy, with what it was charged and how it was trained."""
-    require_ours("agents")
     if is_policy_file(path):
         return policy_file_entrant(path)
-    from agents.policy import load_policy
+    from cable_envs.agents.policy import load_policy
 
     policy = load_policy(path)
     m = policy.metadata
@@ -60,7 +58,7 @@ def _own(path: str, file: PolicyFile) -> Entrant:
 
 
 def _foreign(file: PolicyFile) -> Entrant:
-    from agents.foreign import load_foreign
+    from cable_envs.agents.foreign import load_foreign
 
     policy = load_foreign(file.policy, file.algo, file.env_id, file.options, file.policy_kwargs)
     return agent_entrant(

@@ -9,7 +9,7 @@ from typing import Any
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.shared.arguments import parse_gains, require_ours
+from cablebench.cli.shared.arguments import parse_gains
 
 POLICY = "policy.zip"
 
@@ -65,8 +65,7 @@ def entrant_recipes(
 
     Raises ConfigurationError where gains are given without exactly one controller.
     """
-    require_ours("baselines")
-    from baselines import CONTROLLERS
+    from cable_envs.baselines import CONTROLLERS
 
     names = list(controllers) or ([] if policies else list(CONTROLLERS))
     if gains and len(controllers) != 1:

@@ -36,7 +36,7 @@ def train_here(
     context: Context, settings: Any, seed: int, resume: bool | str, overwrite: bool, checkpoint_every: float
 ) -> dict[str, Any]:
     """Body of a training's job. After a worker's death it goes on from the checkpoint, or anew where there is none."""
-    from agents.train import Interrupted, train
+    from cable_envs.agents.train import Interrupted, train
 
     if context.attempt > 1:
         resume, overwrite = "auto", False

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
-from diagnosis.readers.formats.table import data_set, of_entry
-from diagnosis.readers.mapping import load_mapping
+from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
+from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
+from cable_envs.diagnosis.readers.mapping import load_mapping
 
 SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
 OPTIONS = ()

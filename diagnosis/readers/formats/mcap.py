@@ -2,8 +2,8 @@
 
 Each channel names topic and field (``position[0]``, ``wrench.force.z``). Times are the messages' own stamps
 (``header.stamp`` or ``timestamp``), or, where a message has none, when the file received it; the topic of ``time``
-gives the rows (`diagnosis.readers.series`). A time with a field takes its values from there: a clock of the log's own.
-Messages are read one after another; what stays in memory are the numbers asked for.
+gives the rows (`cable_envs.diagnosis.readers.series`). A time with a field takes its values from there: a clock of the
+log's own. Messages are read one after another; what stays in memory are the numbers asked for.
 """
 
 import json
@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, files_at, whole
-from diagnosis.readers.formats.table import data_set, of_entry
-from diagnosis.readers.mapping import load_mapping
-from diagnosis.readers.series import Messages, Series, messages_on_one_clock
+from cable_envs.diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, files_at, whole
+from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
+from cable_envs.diagnosis.readers.mapping import load_mapping
+from cable_envs.diagnosis.readers.series import Messages, Series, messages_on_one_clock
 
 SUMMARY = "MCAP files (JSON, Protobuf, ROS 2), with --mapping FILE.yaml (topic and field for each channel)"
 OPTIONS = ()

@@ -2,8 +2,8 @@
 
 ``column`` is a channel's name, or ``GROUP:NAME`` where several groups of channels have it: the group by its number,
 from 0, or by the name of its acquisition. ``time`` names a clock, as ``0:time``; its group gives the rows, and channels
-of other groups are interpolated onto them by the groups' own clocks (`diagnosis.readers.series`). Values that the file
-marks as invalid are gaps. A channel is held whole.
+of other groups are interpolated onto them by the groups' own clocks (`cable_envs.diagnosis.readers.series`). Values
+that the file marks as invalid are gaps. A channel is held whole.
 """
 
 from collections.abc import Iterator
@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Log, RecordSpec, Request, files_at, whole
-from diagnosis.readers.formats.table import data_set, of_entry
-from diagnosis.readers.mapping import Mapped, load_mapping
-from diagnosis.readers.series import on_one_clock
+from cable_envs.diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Log, RecordSpec, Request, files_at, whole
+from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
+from cable_envs.diagnosis.readers.mapping import Mapped, load_mapping
+from cable_envs.diagnosis.readers.series import on_one_clock
 
 SUMMARY = "ASAM MDF files (.mf4, .mdf), with --mapping FILE.yaml"
 OPTIONS = ()

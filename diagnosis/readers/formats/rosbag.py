@@ -1,7 +1,8 @@
 """ROS bags without ROS: ``.bag`` of ROS 1, folders (or single ``.db3``, ``.mcap``) of ROS 2, by rosbags.
 
 Each channel names topic and field (``position[0]``, ``wrench.force.z``). The messages' own stamps are the times, or,
-where a message has none, when the bag received it; the topic of ``time`` gives the rows (`diagnosis.readers.series`).
+where a message has none, when the bag received it; the topic of ``time`` gives the rows
+(`cable_envs.diagnosis.readers.series`).
 Messages are read one after another; what stays in memory are the numbers asked for.
 """
 
@@ -10,10 +11,10 @@ from functools import partial
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, whole
-from diagnosis.readers.formats.table import data_set, of_entry
-from diagnosis.readers.mapping import load_mapping
-from diagnosis.readers.series import Messages, Series, messages_on_one_clock
+from cable_envs.diagnosis.readers.base import Chunk, DataSet, Log, RecordSpec, Request, whole
+from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
+from cable_envs.diagnosis.readers.mapping import load_mapping
+from cable_envs.diagnosis.readers.series import Messages, Series, messages_on_one_clock
 
 SUMMARY = "ROS 1 and ROS 2 bags, with --mapping FILE.yaml (topic and field for each channel)"
 OPTIONS = ()

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
-from diagnosis.readers.mapping import Mapped, load_mapping
-from diagnosis.readers.text import read_text
+from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
+from cable_envs.diagnosis.readers.mapping import Mapped, load_mapping
+from cable_envs.diagnosis.readers.text import read_text
 
 SUMMARY = "CSV, TSV, text and Parquet logs, with --mapping FILE.yaml"
 OPTIONS = ()

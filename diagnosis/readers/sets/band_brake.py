@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.readers.base import (
+from cable_envs.diagnosis.readers.base import (
     ChannelSpec,
     DataSet,
     Fault,

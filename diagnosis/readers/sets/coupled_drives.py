@@ -8,9 +8,9 @@ from functools import partial
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
-from diagnosis.readers.formats.mat import variables
-from diagnosis.readers.text import Layout, read_text
+from cable_envs.diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, Request, counted, files_at, whole
+from cable_envs.diagnosis.readers.formats.mat import variables
+from cable_envs.diagnosis.readers.text import Layout, read_text
 
 SUMMARY = "coupled electric drives (CSV or MATLAB): a file, or a folder of them"
 OPTIONS = ()

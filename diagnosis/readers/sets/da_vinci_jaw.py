@@ -22,8 +22,17 @@ from pathlib import Path
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from diagnosis.readers.base import ChannelSpec, DataSet, Fault, Log, RecordSpec, Request, files_at, measured_frequency
-from diagnosis.readers.text import Layout, read_text
+from cable_envs.diagnosis.readers.base import (
+    ChannelSpec,
+    DataSet,
+    Fault,
+    Log,
+    RecordSpec,
+    Request,
+    files_at,
+    measured_frequency,
+)
+from cable_envs.diagnosis.readers.text import Layout, read_text
 
 SUMMARY = "da Vinci jaw on a bench (.TXT, RA-L 2018): a file, or a folder of them"
 OPTIONS = ("offset",)
