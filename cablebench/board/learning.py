@@ -27,13 +27,13 @@ class Curve:
     rewards: tuple[float, ...]
 
 
-def learning_curves(folder: str | Path, records: Iterable[Mapping[str, Any]]) -> tuple[Curve, ...]:
+def learning_curves(folders: Iterable[Path], records: Iterable[Mapping[str, Any]]) -> tuple[Curve, ...]:
     """Learning curves of the agents on a board.
 
     Parameters
     ----------
-    folder : str or Path
-        Policies are looked for below it.
+    folders : iterable of Path
+        Policies are looked for below them.
     records : iterable of mapping
         They name policies by the hash of their file; other policies are left out.
 
@@ -50,7 +50,7 @@ def learning_curves(folder: str | Path, records: Iterable[Mapping[str, Any]]) ->
     if not wanted:
         return ()
     found: dict[str, Curve] = {}
-    for path in sorted(Path(folder).rglob("*.zip")):
+    for path in (path for folder in folders for path in sorted(folder.rglob("*.zip"))):
         content = path.read_bytes()
         digest = hashlib.sha256(content).hexdigest()[:12]
         if digest in wanted and digest not in found and (points := _points(path)):

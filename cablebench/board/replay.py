@@ -82,8 +82,8 @@ def rows_of(records: Sequence[Record], protocol: Protocol, entrant: str, env_id:
     raise ConfigurationError(f"'{entrant}' has no records on {env_id}, {track} track")
 
 
-def arguments_of(row: Sequence[Record], folder: Path) -> dict[str, list[Record]]:
-    """The flags that name the entrant -> its records: training seeds have their own. Paths may lie in ``folder``."""
+def arguments_of(row: Sequence[Record], folders: Sequence[Path]) -> dict[str, list[Record]]:
+    """The flags that name the entrant -> its records: training seeds have their own. Paths may lie in ``folders``."""
     found: dict[str, list[Record]] = {}
     for r in row:
         words = shlex.split(r["replay"])
@@ -91,21 +91,19 @@ def arguments_of(row: Sequence[Record], folder: Path) -> dict[str, list[Record]]
         flags = [(flag, value) for flag, value in pairs if flag in _FLAGS]
         if not flags:
             raise ConfigurationError(f"the record's command names no controller or policy: {r['replay']}")
-        flags = [(flag, value if flag == "--gain" else moved(value, folder)) for flag, value in flags]
+        flags = [(flag, value if flag == "--gain" else moved(value, folders)) for flag, value in flags]
         found.setdefault(shlex.join([word for pair in flags for word in pair]), []).append(r)
     return found
 
 
-def moved(path: str, folder: Path) -> str:
-    """``path`` as it is, or the part of it that lies in ``folder``: a board may have been copied to another place."""
+def moved(path: str, folders: Sequence[Path]) -> str:
+    """``path`` as it is, or the part of it that lies in a folder: a board may have been copied to another place."""
     given = Path(path)
     if given.exists() or len(given.parts) == 1:
         return path
-    for k in range(len(given.parts)):
-        inside = folder.joinpath(*given.parts[k:])
-        if not given.parts[k:][0].startswith("/") and inside.exists():
-            return str(inside)
-    return path
+    parts = given.parts[1:] if given.is_absolute() else given.parts
+    inside = (folder.joinpath(*parts[k:]) for folder in folders for k in range(len(parts)))
+    return next((str(found) for found in inside if found.exists()), path)
 
 
 def executed_by(words: str) -> list[str]:

@@ -71,14 +71,22 @@ class ResultStore:
 
     Any number of processes may write at once: whoever appends or packs holds the lock ``<path>.lock``, which the
     system takes from a process that dies. Reading needs no lock.
+
+    Records of another store, ``base``, are read before its own, and never written.
     """
 
-    def __init__(self, path: str | Path):
+    def __init__(self, path: str | Path, base: "ResultStore | None" = None):
         self.path = Path(path)
+        self.base = base
         self.packed = self.path.with_name(self.path.name + ".gz")
         """the compressed part, for committing"""
         self.folder = self.path.with_suffix("")
         """where the trajectories of median and worst episodes lie, one file for each run"""
+
+    @property
+    def places(self) -> tuple[Path, ...]:
+        """Folders in which files that the records name may lie: its own, and the base's."""
+        return (self.path.parent, *(self.base.places if self.base else ()))
 
     def append(self, records: Mapping[str, Any] | Iterable[Mapping[str, Any]]) -> None:
         """Add records; they are on disk when this returns.
@@ -168,7 +176,7 @@ class ResultStore:
             When the compressed part is damaged; with ``strict``, for lines that are no records or malformed ones.
         """
         records, left_out = [], []
-        for place, _, record, wrong in self._lines():
+        for place, _, record, wrong in (*(self.base._lines() if self.base else ()), *self._lines()):
             if wrong:
                 left_out.append(f"{place}: {wrong}")
             else:
@@ -265,7 +273,7 @@ class ResultStore:
         """What `keep_trajectories` saved for that run; empty where there is nothing."""
         path = self.folder / f"{run}.npz"
         if not run or not path.exists():
-            return {}
+            return self.base.trajectories(run) if self.base else {}
         found: dict[str, dict[str, np.ndarray]] = {}
         with np.load(path, allow_pickle=False) as data:
             for key in data.files:

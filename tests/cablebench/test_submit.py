@@ -190,3 +190,56 @@ def test_remarks_are_on_page_and_markdown(place, submitted, cli, tmp_path):
     assert code == 0
     assert "## An honest word" in (tmp_path / "board.md").read_text()
     assert "<h2>An honest word</h2>" in (tmp_path / "board.html").read_text()
+
+
+@pytest.fixture
+def shipped(place, submitted, monkeypatch):
+    """The board of the module stands for the one that comes with the package."""
+    store = ResultStore(submitted / "records.jsonl")
+    monkeypatch.setattr("cablebench.run.folders.published", lambda name: store if name == "tiny" else None)
+    return store
+
+
+def test_a_submission_is_ranked_against_the_published_board_and_writes_nothing_there(
+    place, shipped, cli, tmp_path, monkeypatch
+):
+    """From an empty folder: the published rows are on its board, and only its own records are new."""
+    (tmp_path / "other.py").write_text(MINE.replace('"mine"', '"other"').replace("4000.0", "3000.0"))
+    before = {p: p.read_bytes() for p in shipped.path.parent.rglob("*") if p.is_file()}
+    monkeypatch.chdir(tmp_path)
+    code, _, err = cli("submit", "other.py", "--protocol", place / "tiny.yaml", "--trust")
+    assert code == 0, err
+    assert "ranked against the published board 'tiny': 8 records, hash " in err and "place 2 of 2 (model-free)" in err
+    folder = tmp_path / "results" / "submitted-tiny"
+    assert {r["entrant"] for r in ResultStore(folder / "records.jsonl").records()} == {"other"}
+    assert {p: p.read_bytes() for p in shipped.path.parent.rglob("*") if p.is_file()} == before
+    rows = {r["entrant"] for r in json.loads((folder / "board.json").read_text())["tables"][0]["rows"]}
+    assert rows == {"other", "mine", "open-loop", "oracle", "mrac-g22"}
+    # the board is made again from its folder alone, and a published row replays from there
+    made = (folder / "board.md").read_text()
+    code, _, err = cli("leaderboard", "--results", "results/submitted-tiny", "--protocol", place / "tiny.yaml")
+    assert code == 0 and (folder / "board.md").read_text() == made
+    for name in ("oracle", "mine", "other"):
+        code, out, err = cli(*replay(place, folder, name), "--trust")
+        assert code == 0 and "the same to the last digit" in out, err
+
+
+def test_publishing_is_asked_for(place, shipped, cli, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = cli("submit", place / "mine.py", "--publish", "--results", tmp_path / "r", "--trust")
+    assert code == 2 and "--publish writes to boards/NAME, --results to another folder" in err
+    code, _, err = cli("submit", place / "mine.py", "--protocol", place / "tiny.yaml", "--publish", "--trust")
+    assert code == 0 and {p.parent.name for p in tmp_path.rglob("board.json")} == {"tiny"}
+
+
+def test_a_published_board_of_another_version_is_no_yardstick(place, shipped, cli, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tiny.yaml").write_text(TINY.replace("episodes: 2", "episodes: 1"))
+    code, _, err = cli("submit", place / "mine.py", "--protocol", "tiny.yaml", "--trust")
+    assert code == 0 and "is of another version of this protocol" in err and "place 1 of 1" in err
+
+
+def test_a_mark_that_says_nothing_is_refused(place, cli, tmp_path):
+    (tmp_path / "ranked-against.yaml").write_text("schema: cable-ranked-against/2\nboard: quick\n")
+    code, _, err = cli("leaderboard", "--results", tmp_path)
+    assert code == 2 and "ranked-against.yaml: expected schema 'cable-ranked-against/1'" in err

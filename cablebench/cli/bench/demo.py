@@ -13,7 +13,6 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console, progress_bar
@@ -38,7 +37,7 @@ def demo(
     from cablebench.entrants.named import reference_entrants
     from cablebench.protocol.files import load_protocol
     from cablebench.run.evaluation import evaluate
-    from cablebench.run.store import ResultStore
+    from cablebench.run.folders import open_store
 
     chosen = load_protocol(protocol)
     listed = {task.env: task.options for task in chosen.tasks}
@@ -46,7 +45,7 @@ def demo(
         env: (load_settings("ppo", env, steps, listed[env]), out / "agents" / f"ppo-{short_name(env)}-{seed}")
         for env in TRAINED if env in listed
     }  # fmt: skip
-    store = ResultStore(out / RECORDS)
+    store = open_store(out)
     say = console(stderr=True)
     say.print(
         f"{len(listed)} tasks, {chosen.episodes} episodes each; training PPO for {', '.join(map(short_name, jobs))}"

@@ -13,9 +13,6 @@ from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.recipes import entrant_recipes
 from cablebench.jobs import open_backend
 
-RECORDS = "records.jsonl"
-"""The results store in a results folder."""
-
 
 def evaluate(
     protocol: Annotated[str, typer.Option(help="Protocol: a name in configs/protocols, or a YAML file.")] = "quick",
@@ -35,7 +32,7 @@ def evaluate(
 ) -> None:
     """Evaluate controllers (default: all references) and trained policies over the protocol's test episodes."""
     from cablebench.protocol.files import load_protocol
-    from cablebench.run.store import ResultStore
+    from cablebench.run.folders import open_store
 
     if resume and results is None:
         raise ConfigurationError("--resume needs --results: it skips what those already hold")
@@ -44,7 +41,7 @@ def evaluate(
     recipes = entrant_recipes(controller or (), gain or (), policy or ())
     if not controller and not policy:  # all references: those that the tasks are for
         recipes = _entering(recipes, chosen, tasks, tuple(track or ()))
-    store = None if results is None else ResultStore(results / RECORDS)
+    store = None if results is None else open_store(results)
     conditions = (tasks, tuple(track or ()), store)
     records = evaluate_on(backend, jobs, ray_address, chosen, recipes, conditions, resume)
     if as_json:

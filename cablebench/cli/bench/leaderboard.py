@@ -8,11 +8,7 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import packed_json, read_json, write_atomic
-from cablebench.cli.bench.evaluate import RECORDS
 from cablebench.cli.shared.output import console
-
-BOARDS = "boards"
-"""Folder of the boards that are kept under version control: one folder for each, named like its protocol."""
 
 
 def leaderboard(
@@ -35,10 +31,10 @@ def leaderboard(
     --pack compresses records and board.json (to records.jsonl.gz, board.json.gz) and drops what the page does not draw
     of the trajectories. board.html is no part of a packed folder: this command makes it again from what is there.
     """
-    from cablebench.run.store import ResultStore
+    from cablebench.run.folders import open_store
 
     folder, flags = results_folder(board, results, protocol)
-    store = ResultStore(folder / RECORDS)
+    store = open_store(folder, board)
     reading = store.read(strict)
     records = reading.records
     if not records:
@@ -68,20 +64,13 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
     """(results folder, the flags that name it and the protocol). ConfigurationError when nothing names a folder."""
     from cablebench.protocol.files import load_protocol
+    from cablebench.run.folders import board_folder
 
     if board is None and results is None:
         raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
     given = {"--board": board, "--results": results, "--protocol": protocol}
     flags = " ".join(f"{flag} {shlex.quote(str(value))}" for flag, value in given.items() if value is not None)
     return results or board_folder(load_protocol(str(board)).name), flags
-
-
-def board_folder(name: str) -> Path:
-    """boards/<name> here, or that of the checkout the program runs from, where it has one."""
-    from cable_envs.core.config import config_root
-
-    here, checkout = Path(BOARDS) / name, config_root().parent / BOARDS / name
-    return checkout if checkout.is_dir() and not here.is_dir() else here
 
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
@@ -115,14 +104,14 @@ def make_board(
     from cablebench.board.report import print_board, render_json, write_board
     from cablebench.run.makers import told_apart
 
-    remarks = store.path.parent / REMARKS
-    text = remarks.read_text(encoding="utf-8") if remarks.is_file() else ""
+    remarks = next((place / REMARKS for place in store.places if (place / REMARKS).is_file()), None)
+    text = remarks.read_text(encoding="utf-8") if remarks else ""
     if reading.left_out:
         console(stderr=True).print(reading.remark, markup=False)
     board = build_board(protocol, reading.records, text, place, reading.remark)
     own = told_apart(r for r in reading.records if r["protocol_hash"] == protocol.hash())
     try:
-        paths = write_board(board, folder, store.trajectories, learning_curves(store.path.parent, own))
+        paths = write_board(board, folder, store.trajectories, learning_curves(store.places, own))
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
     if as_json and show:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.bench.evaluate import RECORDS, choose_entrants
+from cablebench.cli.bench.evaluate import choose_entrants
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
@@ -39,20 +39,21 @@ def replay(
     """
     from cable_envs.core.provenance import versions
     from cablebench.board.replay import arguments_of, compare, executed_by, rows_of
-    from cablebench.run.store import ResultStore
+    from cablebench.run.folders import open_store
 
     folder, _ = results_folder(board, results)
-    reading = ResultStore(folder / RECORDS).read()
+    store = open_store(folder, board)
+    reading = store.read()
     everything = reading.records
     if reading.left_out:
         console(stderr=True).print(reading.remark, markup=False)
     if not everything:
-        raise ConfigurationError(f"no records in {folder / RECORDS}")
+        raise ConfigurationError(f"no records in {store.path}")
     chosen = protocol_of(everything, protocol or board)
     row = rows_of(everything, chosen, entrant, resolve_env(env), track)
     again: list[Any] = []
     with progress_bar() as update:
-        for words, records in arguments_of(row, folder).items():
+        for words, records in arguments_of(row, store.places).items():
             for file in executed_by(words):
                 ask(file, trust)
             again += _again(chosen, words, records, update)

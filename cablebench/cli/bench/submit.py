@@ -1,5 +1,7 @@
 """``cablebench submit``: anyone's controller or policy, checked, evaluated, and put on a board."""
 
+import hashlib
+import shlex
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,8 +12,8 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.bench.evaluate import RECORDS, evaluate_on
-from cablebench.cli.bench.leaderboard import make_board, results_folder
+from cablebench.cli.bench.evaluate import evaluate_on
+from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console
@@ -22,7 +24,12 @@ from cablebench.cli.shared.trust import ask
 def submit(
     path: Annotated[Path, typer.Argument(help="A .py file, a policy .zip (or its folder), or a YAML file naming one.")],
     board: Annotated[str | None, typer.Option(help="Board: a protocol (quick, full). Default: quick.")] = None,
-    results: Annotated[Path | None, typer.Option(help="Results folder; default: boards/NAME.")] = None,
+    results: Annotated[
+        Path | None, typer.Option(help="Folder for its records and the board; default: results/submitted-NAME.")
+    ] = None,
+    publish: Annotated[
+        bool, typer.Option("--publish", help="Put the row on the published board itself: writes to boards/NAME.")
+    ] = False,
     protocol: Annotated[str | None, typer.Option(help="Protocol, if not --board's: a name or a YAML file.")] = None,
     name: Annotated[str | None, typer.Option(help="Name on the board, instead of the file's own.")] = None,
     maker: Annotated[str | None, typer.Option(help="A phrase that only you know: with it you add to your row.")] = None,
@@ -37,27 +44,35 @@ def submit(
     ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
-    """Check a controller or policy, run the protocol, and add its row to the board.
+    """Check a controller or policy, run the protocol, and rank it against the published board.
+
+    Its records, and a board with its row among the published ones, go to a folder of their own; what is published is
+    read, not written, unless --publish asks for it.
 
     The row is its maker's: without --maker, only the same files can be handed in again under the same name.
     """
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run
     from cablebench.protocol.files import load_protocol
+    from cablebench.run.folders import board_folder, open_store, rank_against
     from cablebench.run.makers import maker_key
-    from cablebench.run.store import ResultStore
 
-    folder, flags = results_folder(board or (None if results else "quick"), results, protocol)
+    if publish and results:
+        raise ConfigurationError("--publish writes to boards/NAME, --results to another folder: give one of them")
     chosen = load_protocol(protocol or board or "quick")
+    folder = board_folder(chosen.name) if publish else results or Path("results") / f"submitted-{chosen.name}"
+    place = f"--results {shlex.quote(str(folder))}" + (f" --protocol {shlex.quote(protocol)}" if protocol else "")
+    flags = f"--board {chosen.name}" if publish else place
     tasks = tuple(resolve_env(e) for e in env or ())
     submission = read_submission(path, name or "")
     if submission.executes:
         ask(submission.executes, trust)
     say = console(stderr=True)
-    store = ResultStore(folder / RECORDS)
+    store = open_store(folder, chosen.name)
     records = store.read().records  # what is left out of it is said with the board
-    with _tried(submission, path, bool(name)) as place:
-        entrant = _recipe(submission.flag, place)()
+    _say_against(say, store, chosen)
+    with _tried(submission, path, bool(name)) as tried_at:
+        entrant = _recipe(submission.flag, tried_at)()
         key = maker_key(maker, entrant.name) if maker else submission.hash()
         entrant = replace(entrant, maker=key)
         tried = dry_run(entrant, chosen, tasks)
@@ -70,6 +85,8 @@ def submit(
         return
     try:
         kept = submission.keep(folder)
+        if store.base:
+            rank_against(folder, chosen.name)
     except OSError as error:
         raise ConfigurationError(f"cannot copy {path} to {folder}: {error.strerror or error}") from error
     recipe = replace(_recipe(submission.flag, kept), maker=key)
@@ -80,6 +97,22 @@ def submit(
     evaluate_on(backend, jobs, ray_address, chosen, recipes, (entered, tuple(track or ()), store), resume=True)
     made = make_board(chosen, store, store.read(), folder, as_json, place=flags)
     _place(made, entrant, say)
+
+
+def _say_against(say: Any, store: Any, protocol: Any) -> None:
+    """Which rows the newcomer is ranked against."""
+    base = store.base
+    if base is None:
+        return
+    digest = hashlib.sha256((base.packed if base.packed.is_file() else base.path).read_bytes()).hexdigest()[:12]
+    count = sum(r["protocol_hash"] == protocol.hash() for r in base.read().records)
+    if count:
+        say.print(f"ranked against the published board '{protocol.name}': {count} records, hash {digest}", markup=False)
+    else:
+        say.print(
+            f"the published board '{protocol.name}' (hash {digest}) is of another version of this protocol: "
+            "ranked against references that are evaluated here", markup=False,
+        )  # fmt: skip
 
 
 @contextmanager
