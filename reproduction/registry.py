@@ -224,7 +224,7 @@ class Item:
         """Run it here. An exception becomes ``Result.error``: one broken item must not take the others along."""
         start = time.perf_counter()
         try:
-            result = importlib.import_module(f"reproduction.{self.module}").reproduce(progress)
+            result = importlib.import_module(f"cable_envs.reproduction.{self.module}").reproduce(progress)
         except Exception:
             result = Result((), error=traceback.format_exc())
         progress(1.0, "done")

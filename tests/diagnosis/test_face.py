@@ -16,10 +16,10 @@ def test_public_names_are_those_of_the_modules_behind_them():
     assert (diagnosis.diagnose, diagnosis.Diagnosis) == (diagnose, Diagnosis)
     assert (diagnosis.load_recording, diagnosis.Recording) == (load_recording, Recording)
     assert set(diagnosis.__all__) <= set(dir(diagnosis))
-    with pytest.raises(AttributeError, match="'diagnosis' has no attribute 'diagnos'"):
+    with pytest.raises(AttributeError, match="'cable_envs.diagnosis' has no attribute 'diagnos'"):
         _ = diagnosis.diagnos
 
 
 def test_importing_the_package_loads_no_kernel():
-    code = "import sys, diagnosis; assert not {'numba', 'scipy', 'cable_envs'} & set(sys.modules)"
+    code = "import sys, cable_envs.diagnosis; assert not {'numba', 'scipy'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -322,7 +322,7 @@ def _write_bag(path, kind, columns):
 def test_a_format_of_ones_own_is_one_file(tmp_path):
     (tmp_path / "mine.py").write_text(
         "import numpy as np\n"
-        "from diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, whole\n"
+        "from cable_envs.diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, whole\n"
         "SUMMARY = 'mine'\n"
         "def open_dataset(path, asked):\n"
         "    columns = {'time': np.arange(9.0), 'force': np.arange(9.0) ** 2}\n"
