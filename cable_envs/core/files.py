@@ -1,17 +1,99 @@
-"""Files that are whole at any time, and values as JSON has them: the one place of the project that writes both."""
+"""Files that are whole at any time, values as JSON has them, and Python files of somebody's: the one place for each."""
 
 import gzip
 import json
 import math
 import os
 import tempfile
+import types
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from cable_envs.core.errors import ConfigurationError
+
+Gate = Callable[[Path, bytes], None]
+"""Asked with path and content before a Python file is executed; raises ConfigurationError where it shall not be."""
+
+_gates: list[Gate] = []
+
+
+@contextmanager
+def guarded(gate: Gate) -> Iterator[None]:
+    """Within the block every Python file is executed only after ``gate`` was asked; the command line does so.
+
+    Without a gate no question is asked: a file that a program of the user's own names is trusted as that program is.
+
+    Parameters
+    ----------
+    gate : Gate
+    """
+    _gates.append(gate)
+    try:
+        yield
+    finally:
+        _gates.remove(gate)
+
+
+def permit(path: Path, content: bytes) -> None:
+    """Ask the gate, where there is one, whether a Python file with that content may be executed.
+
+    Parameters
+    ----------
+    path : Path
+        What the question calls it.
+    content : bytes
+        What would be executed: what is on disk may be another by then.
+
+    Raises
+    ------
+    ConfigurationError
+        Where it may not.
+    """
+    for gate in _gates:
+        gate(path, content)
+
+
+def run_python(path: str | Path, name: str) -> types.ModuleType:
+    """Execute a Python file of somebody's, after the gate was asked: the one way in which this project does so here.
+
+    Controllers are executed in a process of their own (`cablebench.entrants.apart`), after the same question.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    name : str
+        Of the module.
+
+    Returns
+    -------
+    ModuleType
+        A module of its own, which no import finds.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the file cannot be read, may not be executed, or fails.
+    """
+    path = Path(path)
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from None
+    permit(path, content)
+    module = types.ModuleType(name)
+    module.__file__ = str(path)
+    try:
+        exec(compile(content, str(path), "exec"), module.__dict__)
+    except Exception as error:
+        raise ConfigurationError(f"{path} does not load: {type(error).__name__}: {error}") from error
+    return module
 
 
 def write_atomic(path: str | Path, content: str | bytes) -> Path:

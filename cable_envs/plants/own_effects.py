@@ -27,13 +27,13 @@ They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions o
 `cable_envs.core.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
 """
 
-import importlib.util
 import inspect
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.files import run_python
 from cable_envs.effects import EFFECTS, Effect, Layout
 from cable_envs.effects.own import ARGUMENTS
 from cable_envs.plants.base import Plant
@@ -45,7 +45,8 @@ def load_effect(path: str | Path) -> Effect:
     Parameters
     ----------
     path : str or Path
-        A Python file that defines ``EFFECT``. The file is run.
+        A Python file that defines ``EFFECT``. The file is run; the command line asks before, a program that calls this
+        does not.
 
     Returns
     -------
@@ -60,13 +61,7 @@ def load_effect(path: str | Path) -> Effect:
     path = Path(path)
     if not path.is_file():
         raise ConfigurationError(f"effect file {path}: there is no such file")
-    spec = importlib.util.spec_from_file_location(f"own_effect_{path.stem}", path)
-    assert spec is not None and spec.loader is not None, "a .py file has a loader"
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigurationError(f"effect file {path}: {type(error).__name__}: {error}") from error
+    module = run_python(path, f"own_effect_{path.stem}")
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise ConfigurationError(f"effect file {path}: it must define EFFECT, a cable_envs.effects.Effect")

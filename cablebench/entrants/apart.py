@@ -2,13 +2,14 @@
 
 The simulator, the metrics and the records stay here; the other process is told what a controller may see and is asked
 for one number at a time. If it ends (``os._exit(0)``, a crash), hangs or answers anything but a number, that is a
-`ConfigurationError` that names the file, and no record. It protects the evaluation from mistakes and from code that
-would change the scorer from within. It is no sandbox: the process has all rights of the account.
+`ConfigurationError` that names the file, and no record. The process has neither seeds nor true parameters nor the place
+of the store; what stands around it says `cablebench.entrants.sandbox`.
 
 Messages are JSON, which cannot carry code: ``[operation, arguments]`` there, ``["ok", value]`` or ``["error", text]``
 back.
 """
 
+import base64
 import json
 import os
 import shlex
@@ -17,19 +18,24 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 import weakref
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
-from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.files import permit
+from cable_envs.core.params import is_number
 from cable_envs.sim.setup import Setup
-from cablebench.entrants.entrant import Entrant, controller_entrant
-from cablebench.entrants.submission import FileController, load_kind, read_source, source_hash, told
+from cable_envs.sim.tasks import LEVELS
+from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
+from cablebench.entrants.sandbox import Sandbox, choose, environment
+from cablebench.entrants.submission import read_source, source_hash
 from cablebench.protocol.actors import ControllerActor
 
 ANSWER = 20.0
@@ -44,19 +50,21 @@ EPISODE = 900.0
 LONGEST = 2**20
 """Bytes of an answer."""
 
-_BOOT = "import sys, json; sys.path[:] = json.loads(sys.argv[1]); from cablebench.entrants.apart import serve; serve()"
+PRINTED = 2**16
+"""Bytes of what the file prints that are passed on."""
 
 
-def submission_entrant(path: str | Path) -> Entrant:
+def submission_entrant(path: str | Path, sandbox: str = "auto") -> Entrant:
     """The entrant of a .py file. Executes the file, in a process of its own.
 
-    Raises ConfigurationError that names the file and what is wrong: no reset() or act(), a wrong signature or
-    declaration, an error while it is loaded, no answer.
+    ``sandbox`` is a kind of `cablebench.entrants.sandbox`. Raises ConfigurationError that names the file and what is
+    wrong: no reset() or act(), a wrong signature or declaration, an error while it is loaded, no answer.
     """
-    kind = controller_kind(path)
+    kind = controller_kind(path, sandbox)
     arguments = f"--controller {shlex.quote(str(path))}"
     if kind.derived:
-        return replace(controller_entrant(kind), arguments=arguments, settings={"source": kind.source_hash})
+        made = replace(controller_entrant(kind), arguments=arguments, settings={"source": kind.source_hash})
+        return replace(made, sandbox=kind.sandbox)
     return Entrant(
         kind.name, kind.information,
         make=lambda setup: ControllerActor(kind.made_for(setup), setup),
@@ -64,56 +72,94 @@ def submission_entrant(path: str | Path) -> Entrant:
         arguments=arguments,
         charged=kind.charged,
         settings={"source": kind.source_hash},
+        sandbox=kind.sandbox,
     )  # fmt: skip
 
 
-def controller_kind(path: str | Path) -> Any:
-    """What a .py file offers, as `load_kind` gives it, from a process of its own."""
-    return _Kind(Path(path))
+def controller_kind(path: str | Path, sandbox: str = "auto") -> Any:
+    """What a .py file offers, as `kind_of` gives it, from a process of its own."""
+    return _Kind(Path(path), choose(sandbox))
 
 
 class _Process:
     """The other process, and one question at a time."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, sandbox: Sandbox):
         self.path = path
         ours, theirs = socket.socketpair()
-        for waits in (socket.SO_RCVTIMEO, socket.SO_SNDTIMEO):  # half an answer must not be waited for either
-            ours.setsockopt(socket.SOL_SOCKET, waits, struct.pack("ll", int(START), 0))
+        folder = tempfile.mkdtemp(prefix="cablebench-")
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-c", _BOOT, json.dumps(sys.path), str(theirs.fileno()), str(path)],
-                pass_fds=(theirs.fileno(),), stdin=subprocess.DEVNULL, stdout=2, start_new_session=True,
+                sandbox.command(theirs.fileno(), folder), pass_fds=(theirs.fileno(),), cwd=folder, env=environment(),
+                stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
             )  # fmt: skip
-        self._pipe = Connection(ours.detach())
-        self._end = weakref.finalize(self, _end, self._process, self._pipe)
+        self._pipe = ours
+        threading.Thread(target=_pass_on, args=(self._process.stdout,), daemon=True).start()
+        self._end = weakref.finalize(self, _end, self._process, ours, folder)
 
     @property
     def alive(self) -> bool:
         """Whether it can be asked."""
         return self._end.alive and self._process.poll() is None
 
-    def ask(self, operation: str, *arguments: Any, limit: float = ANSWER) -> Any:
-        """The answer. Raises ConfigurationError where there is none; then the process is ended."""
+    def ask(self, operation: str, *arguments: Any, limit: float | None = None) -> Any:
+        """The answer, within `ANSWER` seconds or ``limit``. Raises ConfigurationError where there is none.
+
+        Then the process is ended.
+        """
+        allowed = ANSWER if limit is None else limit
         try:
-            self._pipe.send_bytes(json.dumps([operation, arguments]).encode())
-            if not self._pipe.poll(limit):
-                raise ConfigurationError(f"{self.path}: {operation}() has not answered within {limit:g} s")
-            answer = json.loads(self._pipe.recv_bytes(LONGEST))
+            message = json.dumps([operation, arguments]).encode()
+            answer = json.loads(self._exchanged(message, time.monotonic() + allowed))
             ok, value = answer[0] == "ok", answer[1]
+        except TimeoutError:
+            self._end()
+            raise ConfigurationError(f"{self.path}: {operation}() has not answered within {allowed:g} s") from None
         except (EOFError, OSError):
             raise ConfigurationError(f"{self.path}: {operation}() {self._how()}") from None
-        except (ValueError, RecursionError, LookupError, TypeError) as error:
+        except (ValueError, RecursionError, LookupError, TypeError):
             self._end()
-            if isinstance(error, ConfigurationError):
-                raise
             raise ConfigurationError(f"{self.path}: {operation}() sent no answer but something else") from None
         except BaseException:
             self._end()  # an answer that comes later must not be taken for that of another question
             raise
         if not ok:
-            raise ConfigurationError(str(value))
+            raise ConfigurationError(self._named(str(value)))
         return value
+
+    def _exchanged(self, message: bytes, until: float) -> bytes:
+        """The answer to a message, with its length before it as `multiprocessing.connection` writes it."""
+        self._pipe.settimeout(max(until - time.monotonic(), 1e-3))
+        self._pipe.sendall(struct.pack("!i", len(message)) + message)
+        (size,) = struct.unpack("!i", self._received(4, until))
+        if not 0 <= size <= LONGEST:
+            raise ValueError("not the length of an answer")
+        return self._received(size, until)
+
+    def _received(self, size: int, until: float) -> bytes:
+        """So many bytes. A process that has ended is not waited for, though others that it left may hold the pipe."""
+        content = b""
+        while len(content) < size:
+            left = until - time.monotonic()
+            if left <= 0:
+                raise TimeoutError
+            self._pipe.settimeout(min(left, 0.5))
+            try:
+                part = self._pipe.recv(size - len(content))
+            except TimeoutError:
+                if self._process.poll() is not None:
+                    raise EOFError from None
+                continue
+            if not part:
+                raise EOFError
+            content += part
+        return content
+
+    def _named(self, text: str) -> str:
+        """A message from there in one line, with the file's path, which is not known there."""
+        line = "".join(c if c.isprintable() else " " for c in text)[:1000]
+        name = self.path.name
+        return f"{self.path}{line.removeprefix(name)}" if line.startswith(name) else f"{self.path}: {line}"
 
     def _how(self) -> str:
         """How it ended, in words."""
@@ -123,38 +169,68 @@ class _Process:
             return "closed its connection without an answer"
         finally:
             self._end()
+        code = 128 - code if code > 128 and code - 128 in set(signal.Signals) else code  # as bubblewrap says it
         how = f"killed by signal {-code} ({signal.Signals(-code).name})" if code < 0 else f"exit code {code}"
         return f"ended its process without an answer ({how})"
 
 
-def _end(process: subprocess.Popen, pipe: Connection) -> None:
+def _end(process: subprocess.Popen[bytes], pipe: socket.socket, folder: str) -> None:
     pipe.close()
+    with suppress(OSError):
+        os.killpg(process.pid, signal.SIGKILL)  # with what it may have started
     process.kill()
     process.wait()
+    with suppress(OSError):
+        os.rmdir(folder)
+
+
+def _pass_on(stream: IO[bytes]) -> None:
+    """What the file prints, on standard error: without control characters, and no more than `PRINTED`."""
+    left = PRINTED
+    with suppress(OSError, ValueError):
+        while part := os.read(stream.fileno(), 2**16):
+            text = part[:left].decode(errors="replace")
+            left -= len(part[:left])
+            print("".join(c if c.isprintable() or c == "\n" else "?" for c in text), end="", file=sys.stderr)
+    stream.close()
 
 
 class _Kind:
-    """Of the other process what `load_kind` gives in this one; a process that has ended is started anew."""
+    """Of the other process what `kind_of` gives there; a process that has ended is started anew."""
 
-    def __init__(self, path: Path):
-        self.path = path
-        self.source_hash = source_hash(read_source(path))
+    def __init__(self, path: Path, sandbox: Sandbox):
+        self.path, self._sandbox = path, sandbox
+        self._content = read_source(path)
+        permit(path, self._content)
+        self.source_hash, self.sandbox = source_hash(self._content), sandbox.name
         self._process: _Process | None = None
         self._levels: dict[str, str | None] = {}
-        about = self._ask("declare")
+        about = self._declared(self._ask("declare"))
         self.derived: bool = about["derived"]
         """whether it is a class derived from `cable_envs.baselines.Controller`"""
         self.name, self.information, self.charged = about["name"], about["information"], about["charged"]
         self._envs = about["envs"]
+
+    def _declared(self, about: Any) -> dict[str, Any]:
+        """The declaration, checked once more here: over there a file may answer in place of what checks it."""
+        kinds = {"derived": bool, "name": str, "information": str, "charged": dict, "envs": list}
+        if not isinstance(about, dict) or any(not isinstance(about.get(k), kind) for k, kind in kinds.items()):
+            raise ConfigurationError(f"{self.path}: declare() sent no declaration but something else")
+        require_known(f"information class in {self.path}", [about["information"]], INFORMATION)
+        require_known(f"budget in {self.path}", about["charged"], BUDGETS)
+        for key, amount in about["charged"].items():
+            if not is_number(amount) or amount < 0:
+                raise ConfigurationError(f"{self.path}: charged.{key} = {amount!r}; expected a number of at least 0")
+        return about
 
     def _ask(self, operation: str, *arguments: Any) -> Any:
         return self._running().ask(operation, *arguments)
 
     def _running(self) -> _Process:
         if self._process is None or not self._process.alive:
-            self._process = _Process(self.path)
-            if self._process.ask("load", limit=START) != self.source_hash:
-                raise ConfigurationError(f"{self.path} has changed while it was used")
+            self._process = _Process(self.path, self._sandbox)
+            content = base64.b64encode(self._content).decode()
+            self._process.ask("load", self.path.name, content, limit=START)
         return self._process
 
     @property
@@ -164,7 +240,9 @@ class _Kind:
 
     def __getitem__(self, plant: str) -> str | None:
         if plant not in self._levels:
-            self._levels[plant] = self._ask("level", plant)
+            level = self._ask("level", plant)
+            require_known(f"observe level in {self.path}", [] if level is None else [str(level)], LEVELS)
+            self._levels[plant] = level
         return self._levels[plant]
 
     def applies(self, *case: str) -> bool:
@@ -181,12 +259,20 @@ class _Kind:
     def __call__(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: float
     ) -> "_Controller":
-        return self._made(plant, action_mode, task, dict(rig), dt, gains, None)
+        """As a class of `baselines`: the command's range is taken from the rig."""
+        from cable_envs.baselines.base import command_range, complete_rig
+
+        bounds = None if self.derived else command_range(plant, action_mode, complete_rig(plant, rig))
+        return self._made(plant, action_mode, task, self._told(rig), dt, gains, bounds)
 
     def made_for(self, setup: Setup) -> "_Controller":
         """A controller for an environment with this setup, from a fresh run of the file."""
         case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
-        return self._made(*case, dict(setup.rig.values), setup.control_period, {}, [setup.low, setup.high])
+        return self._made(*case, self._told(setup.rig.values), setup.control_period, {}, [setup.low, setup.high])
+
+    def _told(self, rig: Mapping[str, Any]) -> dict[str, Any]:
+        """What of the nominal rig goes over: nothing to a model-free file."""
+        return {} if self.information == "model-free" and not self.derived else dict(rig)
 
     def _made(self, *arguments: Any) -> "_Controller":
         process = self._running()
@@ -221,59 +307,7 @@ class _Controller:
             )
         if isinstance(u, bool) or not isinstance(u, (int, float)):
             raise ConfigurationError(f"{self._process.path}: act() sent no number at t = {t:g} s")
-        return float(u)
-
-
-def serve() -> None:
-    """Body of the other process: answers questions until the connection is closed."""
-    pipe, path, parent = Connection(int(sys.argv[2])), Path(sys.argv[3]), os.getppid()
-    threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    kind: Any = None
-    made: list[Any] = []
-    while True:
         try:
-            operation, arguments = json.loads(pipe.recv_bytes())
-        except (EOFError, OSError):
-            return
-        try:
-            if operation == "load":
-                kind = load_kind(path)
-                value: Any = kind.source_hash
-            else:
-                value = _answer(kind, made, operation, arguments)
-            reply = json.dumps(["ok", value])
-        except ConfigurationError as error:
-            reply = json.dumps(["error", str(error)])
-        except BaseException as error:  # SystemExit and the like: said there, not taken for an end
-            reply = json.dumps(["error", f"{path}: {operation}() raised {told(error)}"])
-        pipe.send_bytes(reply.encode())
-
-
-def _answer(kind: Any, made: list[Any], operation: str, arguments: list[Any]) -> Any:
-    if operation == "declare":
-        own = isinstance(kind, FileController)
-        return {
-            "derived": not own, "name": kind.name, "information": kind.information,
-            "charged": dict(getattr(kind, "charged", {})), "envs": list(kind.envs) if own else [],
-        }  # fmt: skip
-    if operation == "level":
-        return kind.levels[arguments[0]]
-    if operation == "applies":
-        return kind.applies(*arguments)
-    if operation == "make":
-        plant, mode, task, rig, dt, gains, bounds = arguments
-        case = (plant, mode, task)
-        made.append(kind(*case, rig, dt, **gains) if bounds is None else kind.within(*case, rig, dt, *bounds))
-        return len(made) - 1
-    controller, rest = made[arguments[0]], arguments[1:]
-    if operation == "act":
-        t, y, ref = rest
-        return float(controller.act(t, y, tuple(ref)))
-    return getattr(controller, operation)(*rest)
-
-
-def _end_with(parent: int) -> None:
-    """End with the process that asks, also where it was killed while nothing is answered here."""
-    while os.getppid() == parent:
-        time.sleep(1.0)
-    os._exit(1)
+            return float(u)
+        except OverflowError:
+            raise ConfigurationError(f"{self._process.path}: act() sent no number at t = {t:g} s") from None

@@ -63,6 +63,8 @@ class Entrant:
     versions: Mapping[str, str] = field(default_factory=dict)
     maker: str = ""
     """key of who handed it in (`cablebench.run.makers`); empty: who keeps the store"""
+    sandbox: str = ""
+    """what stood around the process of its file (`cablebench.entrants.sandbox`); empty: no file of its own is run"""
 
     def __post_init__(self) -> None:
         if not is_name(self.name):

@@ -41,12 +41,13 @@ from cablebench.protocol.protocol import Task
 _DECLARED = ("name", "information", "observe", "tasks", "charged")
 
 
-def load_kind(path: str | Path) -> Any:
-    """A `FileController` of a .py file, or the file's class derived from `baselines.Controller`. Executes the file."""
+def kind_of(path: Path, content: bytes) -> Any:
+    """A `FileController` of a .py file, or the file's class derived from `baselines.Controller`. Executes the content.
+
+    ``path`` is what errors call the file.
+    """
     from cable_envs.baselines import Controller
 
-    path = Path(path)
-    content = read_source(path)
     module = execute(path, content)
     digest = source_hash(content)
     own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
@@ -113,22 +114,13 @@ class FileController:
         self.levels: Mapping[str, str | None] = defaultdict(lambda: other, named)
         """observation level by plant; None: the task's own"""
 
-    def __call__(
-        self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: float
-    ) -> "Played":
-        """As a class of `baselines`: the command's range is taken from the rig."""
-        from cable_envs.baselines.base import command_range, complete_rig
-
-        low, high = command_range(plant, action_mode, complete_rig(plant, rig))
-        return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,
-                           "rig": dict(rig)}, gains)  # fmt: skip
-
     def within(
-        self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, low: float, high: float
-    ) -> "Played":
+        self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, low: float, high: float,
+        **gains: float,
+    ) -> "Played":  # fmt: skip
         """A controller, from a fresh run of the file, for an environment with that range of commands."""
         return self._made({"plant": plant, "action_mode": action_mode, "task": task, "dt": dt, "low": low, "high": high,
-                           "rig": dict(rig)})  # fmt: skip
+                           "rig": dict(rig)}, gains)  # fmt: skip
 
     def _made(self, about: dict[str, Any], gains: Mapping[str, float] | None = None) -> "Played":
         if self.information == "model-free":

@@ -7,6 +7,7 @@ from typing import Any
 from cable_envs.core.config import configuration_hash
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.sim.setup import Setup
+from cablebench.protocol.seal import drawn_seeds
 
 
 @dataclass(frozen=True)
@@ -155,10 +156,18 @@ class Protocol:
     resamples: int = 2000
     level: float = 0.95
     bootstrap_seed: int = 0
+    seal: str = ""
+    """commitment of a sealed exam (`cablebench.protocol.seal`): its test seeds are drawn from the secret alone"""
+    secret: str = field(default="", repr=False)
+    """of a sealed exam, where it is known"""
 
     def hash(self) -> str:
-        """Twelve hex digits of the SHA-256 over everything above (title and note left out: they change no number)."""
-        return configuration_hash({k: v for k, v in asdict(self).items() if k not in ("title", "note")})
+        """Twelve hex digits of the SHA-256 over everything above that changes a number.
+
+        Title, note and a sealed exam's secret are left out.
+        """
+        out = ("title", "note", "secret", *(() if self.seal else ("seal",)))
+        return configuration_hash({k: v for k, v in asdict(self).items() if k not in out})
 
     def track(self, name: str) -> Track:
         """The track of that name; ConfigurationError with the nearest name when there is none."""
@@ -175,8 +184,19 @@ class Protocol:
         raise ConfigurationError(f"the protocol has no task '{env}'; {nearest(env, [t.env for t in self.tasks])}")
 
     def seeds(self, episodes: int) -> tuple[int, ...]:
-        """The test seeds of a cell: the same for every policy, task and track."""
-        return tuple(self.test.seed(i) for i in range(episodes))
+        """The test seeds of a cell: the same for every policy, task and track.
+
+        Raises ConfigurationError where they are sealed and the secret is not known.
+        """
+        if not self.seal:
+            return tuple(self.test.seed(i) for i in range(episodes))
+        if not self.secret:
+            raise ConfigurationError(
+                f"'{self.name}' is sealed: its test episodes are drawn from a secret (--seal FILE), which is published "
+                "after the deadline"
+            )
+        taken = (self.train, self.tune, self.test)
+        return drawn_seeds(self.secret, self.hash(), episodes, lambda seed: any(seed in range_ for range_ in taken))
 
     def cells(self, tasks: tuple[str, ...] = (), tracks: tuple[str, ...] = ()) -> tuple[Cell, ...]:
         """Every condition to evaluate.

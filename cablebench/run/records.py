@@ -111,6 +111,8 @@ def make_record(
         "charged": dict(entrant.charged),
         "versions": {**versions(), **entrant.versions},
         "maker": entrant.maker,
+        "sandbox": entrant.sandbox,
+        "seal": protocol.seal,
         "replay": entrant.replay(protocol.name, cell.task.env, cell.track.name),
         **found,
     }

@@ -89,6 +89,8 @@ class _Record(_Strict):
     machine: Text = ""
     created: Text = ""
     maker: Annotated[str, Field(pattern=r"^[0-9a-f]{0,64}$")] = ""
+    sandbox: Text = ""
+    seal: Annotated[str, Field(pattern=r"^([0-9a-f]{64})?$")] = ""
 
     @model_validator(mode="after")
     def _is_of_one_piece(self) -> "_Record":

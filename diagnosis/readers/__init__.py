@@ -10,12 +10,12 @@ a file of a user's own that is given to `cablebench import`.
 """
 
 import importlib
-import importlib.util
 from pathlib import Path
 from pkgutil import iter_modules
 from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.core.files import run_python
 
 FORMATS = {
     module.name.replace("_", "-"): f"{folder}.{module.name}"
@@ -44,11 +44,4 @@ def reader(name: str) -> ModuleType:
 def _from_file(path: Path) -> ModuleType:
     if not path.is_file():
         raise ConfigurationError(f"cannot read {path}: no such file")
-    spec = importlib.util.spec_from_file_location(f"cable_format_{path.stem}", path)
-    assert spec is not None and spec.loader is not None, "a .py file has a loader"
-    module = importlib.util.module_from_spec(spec)
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:
-        raise ConfigurationError(f"{path} does not load: {type(error).__name__}: {error}") from error
-    return module
+    return run_python(path, f"cable_format_{path.stem}")

@@ -11,7 +11,7 @@ from cablebench.entrants.apart import submission_entrant
 from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.entrants.dry_run import dry_run, within
 from cablebench.entrants.named import named_entrant
-from cablebench.entrants.submission import load_kind
+from cablebench.entrants.submission import kind_of
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
 from cablebench.run.evaluation import evaluate
 
@@ -130,7 +130,8 @@ def act(t, y, ref):
 def test_it_is_told_what_its_class_allows(written, information):
     entrant = submission_entrant(written(TOLD.format(information=information)))
     setup = setup_of(HOLE, {})
-    kind = load_kind(written(TOLD.format(information=information)))  # what the other process runs
+    path = written(TOLD.format(information=information))
+    kind = kind_of(path, path.read_bytes())  # what the other process runs
     assert kind.information == entrant.information
     case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
     controller = kind.within(*case, setup.rig.values, 0.01, setup.low, setup.high)
@@ -143,7 +144,7 @@ def test_it_is_told_what_its_class_allows(written, information):
     assert told.get("rig") == expected
     assert controller.act(0.0, {}, (0.0, 0.0, 0.0)) == 60.0
     assert entrant.make(setup).controller.act is not None
-    assert kind(*case, setup.rig.values, 0.01)._offered.seen == []  # every environment has a module of its own
+    assert kind.within(*case, setup.rig.values, 0.01, 0.0, 1.0)._offered.seen == []  # every environment has a module of its own
 
 
 CLASS = """
