@@ -20,6 +20,7 @@ import time
 import types
 import uuid
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -272,7 +273,8 @@ class KernelCache(_Cache):
             part.write_bytes(dumps(data._reduce()))
             part.replace(file)
         except OSError:  # a full disk, or the folder has just gone: compiled all the same
-            part.unlink(missing_ok=True)
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
 
     def _file(self, sig: Any, codegen: Any) -> Path:
         key = hashlib.sha256(repr((sig, codegen.magic_tuple())).encode()).hexdigest()
@@ -293,6 +295,9 @@ class KernelCache(_Cache):
             function.__qualname__ = f"{function.__name__}_{own[:16]}"
             function.__module__ = __name__  # numba imports it when it loads: that of a piece made at run time is gone
         name = self._function.__name__
+        found = [root / f"{name}-{digest[:24]}" for root in _folders()]
+        # where nothing may be written, as in the sandbox of a stranger's file, what is there is read all the same
+        self._folder = next((folder for folder in found if folder.is_dir()), None)
         for root in _folders():
             new = not (root / f"{name}-{digest[:24]}").is_dir()
             if _made(root / f"{name}-{digest[:24]}"):

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.board.scoring import Record, episode_key, latest, newest, score_episodes
 from cablebench.board.statistics import interquartile_mean
@@ -104,22 +103,6 @@ def moved(path: str, folders: Sequence[Path]) -> str:
     parts = given.parts[1:] if given.is_absolute() else given.parts
     inside = (folder.joinpath(*parts[k:]) for folder in folders for k in range(len(parts)))
     return next((str(found) for found in inside if found.exists()), path)
-
-
-def executed_by(words: str) -> list[str]:
-    """The .py files that an entrant named by these flags executes."""
-    from cablebench.entrants.controller_files import SCHEMA
-
-    files = []
-    for word in shlex.split(words):
-        path = Path(word)
-        if path.suffix == ".py":
-            files.append(word)
-        elif path.suffix in (".yaml", ".yml") and path.is_file():
-            data = read_yaml(path)
-            if data.get("schema") == SCHEMA and str(data.get("controller")).endswith(".py"):
-                files.append(str(path.parent / data["controller"]))
-    return files
 
 
 def compare(

@@ -29,8 +29,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``cablebench``; ``arguments`` default to those of the process. Ends by SystemExit."""
     try:
         from cablebench.cli.app import app
+        from cablebench.cli.shared.trust import asking
 
-        app(args=None if arguments is None else list(arguments), prog_name="cablebench")
+        with asking():
+            app(args=None if arguments is None else list(arguments), prog_name="cablebench")
     except ConfigurationError as error:
         _stop(str(error))
     except ImportError as error:

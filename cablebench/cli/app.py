@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, replay, run, submit
+from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, replay, run, seal, submit
 from cablebench.cli.learn import publish, train, tune
 from cablebench.cli.physics import diagnose, first_look, identify, import_, pays, proof, recordings, reproduce
 
@@ -37,6 +37,6 @@ def common(
 for _command in (
     envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
     identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
-    submit.submit, replay.replay, recordings.recordings, diagnose.diagnose, pays.pays,
+    submit.submit, seal.seal, replay.replay, recordings.recordings, diagnose.diagnose, pays.pays,
 ):  # fmt: skip
     app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)

@@ -110,7 +110,7 @@ def _gains(path: Path, env: str, values: Any) -> dict[str, float]:
     return {str(k): float(v) for k, v in values.items()}
 
 
-def controller_file_entrant(path_or_name: str | Path) -> Entrant:
+def controller_file_entrant(path_or_name: str | Path, sandbox: str = "auto") -> Entrant:
     """The entrant of a controller file: a path, or a name in configs/controllers/.
 
     Raises ConfigurationError for whatever is wrong in the file: keys, gains by name and bounds (the nearest named), a
@@ -118,7 +118,7 @@ def controller_file_entrant(path_or_name: str | Path) -> Entrant:
     """
     path = find_controller_file(path_or_name)
     file = load_controller_file(path)
-    kind = _kind(path, file.controller, file.gains)
+    kind = _kind(path, file.controller, file.gains, sandbox)
     information = file.information or kind.information
     if INFORMATION.index(information) < INFORMATION.index(kind.information):
         raise ConfigurationError(
@@ -147,17 +147,18 @@ def controller_file_entrant(path_or_name: str | Path) -> Entrant:
         f"--controller {shlex.quote(str(path_or_name if shipped else path))}",
         charged={**getattr(kind, "charged", {}), **file.charged},
         settings=settings,
+        sandbox=getattr(kind, "sandbox", ""),
     )  # fmt: skip
 
 
-def _kind(path: Path, controller: str, gains: Mapping[str, Any]) -> Any:
+def _kind(path: Path, controller: str, gains: Mapping[str, Any], sandbox: str) -> Any:
     """The controller's class: by name among the references, or from a .py file beside the YAML file."""
     from cable_envs.baselines import CONTROLLERS
 
     if controller.endswith(".py"):
         from cablebench.entrants.apart import controller_kind
 
-        kind = controller_kind(path.parent / controller)
+        kind = controller_kind(path.parent / controller, sandbox)
         if not gains and kind.derived:
             raise ConfigurationError(f"{path}: 'gains' must say which environments {controller} enters")
         return kind

@@ -16,11 +16,12 @@ def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
     return tuple(map(named_entrant, names or CONTROLLERS))
 
 
-def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entrant:
+def named_entrant(name: str, gains: Mapping[str, float] | None = None, sandbox: str = "auto") -> Entrant:
     """What ``--controller NAME`` means: a reference controller, a controller file, or a .py file.
 
     A controller file is named by its path or, in configs/controllers/, without folder and suffix; naming a .py file
-    executes it. ``gains`` are for reference controllers only. Raises ConfigurationError with the nearest name.
+    executes it, within ``sandbox``. ``gains`` are for reference controllers only. Raises ConfigurationError with the
+    nearest name.
     """
     from cable_envs.baselines import CONTROLLERS
 
@@ -33,5 +34,5 @@ def named_entrant(name: str, gains: Mapping[str, float] | None = None) -> Entran
     if gains:
         raise ConfigurationError(f"gains of '{name}' belong into its file (configs/{FOLDER} has examples)")
     if suffix == ".py":
-        return submission_entrant(name)
-    return controller_file_entrant(name)
+        return submission_entrant(name, sandbox)
+    return controller_file_entrant(name, sandbox)

@@ -55,17 +55,6 @@ class Sandbox:
         """As in a record: "landlock 7 + seccomp + limits"."""
         return " + ".join(self.walls) or "none"
 
-    @property
-    def statement(self) -> str:
-        """What it holds back, and what not, in one sentence for people."""
-        if self.kind in ("bwrap", "landlock"):
-            open_ = "" if self._has("seccomp") else "; not held back: processes of its own, UDP"
-            return f"runs apart in a sandbox ({self.name}){open_}"
-        if self.kind == "seccomp":
-            return f"runs apart behind {self.name}: it can write nothing, but read what you can"
-        can = "read, change and send whatever you can"
-        return f"runs apart with {self.name}, without a sandbox: it can {can}"
-
     def _has(self, wall: str) -> bool:
         return any(w.startswith(wall) for w in self.walls)
 
@@ -79,6 +68,16 @@ class Sandbox:
         }  # fmt: skip
         python = [sys.executable, "-I", "-B", str(_BOOT), json.dumps(plan), str(descriptor)]
         return [*_bwrap(readable, folder), *python] if self.kind == "bwrap" else python
+
+
+def statement_of(name: str) -> str:
+    """What a sandbox of that name, as in a record, holds back and what not, in words that follow the file's name."""
+    if name.startswith(("bwrap", "landlock")):
+        left = "" if "seccomp" in name else "; what it may still do: start processes, and send by UDP"
+        return f"runs apart in a sandbox ({name}){left}"
+    if name.startswith("seccomp"):
+        return f"runs apart ({name}): it can write and send nothing, but read what you can"
+    return f"runs apart, but in no sandbox ({name}): it can read, change and send whatever you can"
 
 
 def environment() -> dict[str, str]:

@@ -25,6 +25,7 @@ only load what you trust.
 import hashlib
 import inspect
 import math
+import reprlib
 import types
 from collections import defaultdict
 from collections.abc import Callable, Mapping
@@ -37,6 +38,9 @@ from cable_envs.core.params import is_number
 from cable_envs.sim.tasks import LEVELS
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
 from cablebench.protocol.protocol import Task
+
+LONGEST_TEXT = 500
+"""Characters of an error of somebody's that are passed on."""
 
 _DECLARED = ("name", "information", "observe", "tasks", "charged")
 
@@ -91,7 +95,7 @@ def told(error: BaseException) -> str:
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     line = getattr(error, "lineno", None) or (trace.tb_lineno if trace is not None else None)
-    text = " ".join(str(error).split())
+    text = " ".join(str(error)[:LONGEST_TEXT].split())
     return f"{type(error).__name__}: {text}" + (f" (line {line})" if line and "line " not in text else "")
 
 
@@ -224,7 +228,7 @@ class Played:
             return float(u)
         except (TypeError, ValueError):
             raise ConfigurationError(
-                f"{self.path}: act() answered {u!r} ({type(u).__name__}) at t = {t:g} s; expected one number"
+                f"{self.path}: act() answered {reprlib.repr(u)} ({type(u).__name__}) at t = {t:g} s; expected one number"
             ) from None
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,7 @@ _KEYS = (
     "budgets",
     "score",
     "bootstrap",
+    "seal",
 )
 
 
@@ -54,10 +56,15 @@ def load_protocol(name: str | Path) -> Protocol:
     >>> protocol.episodes, len(protocol.cells(tracks=("nominal",)))
     (10, 8)
     """
+    path = protocol_path(name)
+    return parse_protocol(read_yaml(path), str(path.name))
+
+
+def protocol_path(name: str | Path) -> Path:
+    """The file of a protocol: ``name`` itself, or that name in configs/protocols. Raises ConfigurationError."""
     text = str(name)
     is_path = text.endswith((".yaml", ".yml")) and Path(text).exists()
-    path = Path(text) if is_path else config_path("protocols", text.removesuffix(".yaml") + ".yaml")
-    return parse_protocol(read_yaml(path), str(path.name))
+    return Path(text) if is_path else config_path("protocols", text.removesuffix(".yaml") + ".yaml")
 
 
 def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protocol:
@@ -108,6 +115,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
         resamples=_count(bootstrap.get("resamples", 2000), "bootstrap.resamples", source),
         level=_number(bootstrap.get("level", 0.95), "bootstrap.level", source),
         bootstrap_seed=_count(bootstrap.get("seed", 0), "bootstrap.seed", source, 0),
+        seal=_seal(data.get("seal"), source),
     )
     return _check(protocol, source)
 
@@ -124,8 +132,15 @@ def _check(protocol: Protocol, source: str) -> Protocol:
         if ids.count(env) > 1:
             raise ConfigurationError(f"{source}: task '{env}' is listed twice")
     most = max([protocol.episodes, *(t.episodes for t in protocol.tracks)])
-    protocol.seeds(most)
+    if not protocol.seal:
+        protocol.seeds(most)
     return protocol
+
+
+def _seal(value: Any, source: str) -> str:
+    if value is not None and not (isinstance(value, str) and re.fullmatch("[0-9a-f]{64}", value)):
+        raise ConfigurationError(f"{source}: seal = {value!r}; expected the 64 hexadecimal digits of a SHA-256")
+    return value or ""
 
 
 def _section(data: Mapping[str, Any], name: str, keys: tuple[str, ...], source: str) -> Mapping[str, Any]:

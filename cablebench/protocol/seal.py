@@ -9,9 +9,11 @@ import hashlib
 import hmac
 import re
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import count, islice
 from pathlib import Path
+from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 
@@ -74,6 +76,36 @@ def read_secret(path: str | Path) -> str:
     return text
 
 
+def opened(protocol: Any, path: str | Path) -> Any:
+    """A sealed protocol with the secret in a file, so that its test episodes can be run.
+
+    Parameters
+    ----------
+    protocol : Protocol
+        With a seal.
+    path : str or Path
+        File of the secret.
+
+    Returns
+    -------
+    Protocol
+
+    Raises
+    ------
+    ConfigurationError
+        Where the protocol is not sealed, or with another secret.
+    """
+    secret = read_secret(path)
+    if not protocol.seal:
+        raise ConfigurationError(f"'{protocol.name}' is not sealed: a secret belongs to an exam of `cablebench seal`")
+    if not hmac.compare_digest(commitment(secret), protocol.seal):
+        raise ConfigurationError(
+            f"{path} is not the secret of '{protocol.name}': its SHA-256 is {commitment(secret)[:12]}, "
+            f"the seal is {protocol.seal[:12]}"
+        )
+    return replace(protocol, secret=secret)
+
+
 def drawn_seeds(secret: str, about: str, number: int, taken: Callable[[int], bool]) -> tuple[int, ...]:
     """Seeds that only the secret tells, all different.
 
@@ -95,8 +127,8 @@ def drawn_seeds(secret: str, about: str, number: int, taken: Callable[[int], boo
     """
     key = bytes.fromhex(secret)
 
-    def draws():
-        seen = set()
+    def draws() -> Iterator[int]:
+        seen: set[int] = set()
         for index in count():
             digest = hmac.digest(key, f"cable-seal/1 {about} {index}".encode(), "sha256")
             seed = _LOWEST + int.from_bytes(digest[:8], "big") % _LOWEST

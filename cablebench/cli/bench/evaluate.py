@@ -11,6 +11,8 @@ from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.recipes import entrant_recipes
+from cablebench.cli.shared.seals import Seal, unsealed
+from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
 from cablebench.jobs import open_backend
 
 
@@ -25,6 +27,9 @@ def evaluate(
     policy: Annotated[list[str] | None, typer.Option(help="Trained policy: its file or folder; repeatable.")] = None,
     results: Annotated[Path | None, typer.Option(help="Results folder to add the records to.")] = None,
     resume: Annotated[bool, typer.Option("--resume", help="Skip episodes that the results already hold.")] = False,
+    seal: Seal = None,
+    sandbox: Walls = "auto",
+    trust: Trusted = False,
     jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
     backend: Annotated[str, typer.Option(help=BACKEND_HELP)] = "local",
     ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
@@ -36,9 +41,9 @@ def evaluate(
 
     if resume and results is None:
         raise ConfigurationError("--resume needs --results: it skips what those already hold")
-    chosen = load_protocol(protocol)
+    chosen = unsealed(load_protocol(protocol), seal)
     tasks = tuple(resolve_env(name) for name in env or ())
-    recipes = entrant_recipes(controller or (), gain or (), policy or ())
+    recipes = entrant_recipes(controller or (), gain or (), policy or (), sandbox)
     if not controller and not policy:  # all references: those that the tasks are for
         recipes = _entering(recipes, chosen, tasks, tuple(track or ()))
     store = None if results is None else open_store(results)
@@ -87,16 +92,20 @@ def evaluate_on(
         if backend == "local" and jobs in (None, 1) and ray_address is None:
             from cablebench.run.evaluation import evaluate as run
 
-            return run(protocol, [recipe() for recipe in recipes], *conditions, report, resume)
+            entrants = [recipe() for recipe in recipes]
+            say_sandboxes(entrants)
+            return run(protocol, entrants, *conditions, report, resume)
         from cablebench.run.jobs import evaluate_in_jobs
 
         with open_backend(backend, jobs, ray_address) as workers:
             return evaluate_in_jobs(protocol, recipes, workers, *conditions, report, resume)
 
 
-def choose_entrants(controllers: Iterable[str], gains: Iterable[str], policies: Iterable[str]) -> tuple[Any, ...]:
+def choose_entrants(
+    controllers: Iterable[str], gains: Iterable[str], policies: Iterable[str], sandbox: str = "auto"
+) -> tuple[Any, ...]:
     """The entrants that the flags name: all references when they name none."""
-    return tuple(recipe() for recipe in entrant_recipes(list(controllers), list(gains), list(policies)))
+    return tuple(recipe() for recipe in entrant_recipes(list(controllers), list(gains), list(policies), sandbox))
 
 
 def print_summary(records: Sequence[Mapping[str, Any]], out: Any) -> None:

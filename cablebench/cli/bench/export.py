@@ -11,6 +11,7 @@ from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.cli.bench.run import choose_entrant
 from cablebench.cli.shared.arguments import options_for, parse_options, resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.trust import Trusted
 
 FORMATS = ("minari", "recording")
 
@@ -41,6 +42,7 @@ def export(
     heldout: Annotated[
         int | None, typer.Option(min=0, help="recording: episodes held out, the last ones; default a quarter.")
     ] = None,
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="What was written, as JSON on standard output.")] = False,
 ) -> None:
     """Run episodes and write them as data."""

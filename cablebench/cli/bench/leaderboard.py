@@ -9,6 +9,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import packed_json, read_json, write_atomic
 from cablebench.cli.shared.output import console
+from cablebench.cli.shared.seals import Seal, unsealed
 
 
 def leaderboard(
@@ -22,6 +23,7 @@ def leaderboard(
     ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
+    seal: Seal = None,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
     """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it.
@@ -41,7 +43,7 @@ def leaderboard(
         command = f"cablebench evaluate --protocol {board or 'quick'} --results {folder}"
         left = f" ({reading.remark})" if reading.left_out else ""
         raise ConfigurationError(f"no records in {store.path}{left}: run `{command}` first")
-    chosen = protocol_of(records, protocol or board)
+    chosen = unsealed(protocol_of(records, protocol or board), seal)
     made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
     if pack:
         _pack(store, made, len(records), out or folder)

@@ -13,7 +13,8 @@ from cablebench.cli.bench.evaluate import choose_entrants
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
-from cablebench.cli.shared.trust import ask
+from cablebench.cli.shared.seals import Seal, unsealed
+from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
 
 DIFFERENT = 1
 """Exit code where a number is not as recorded."""
@@ -28,9 +29,9 @@ def replay(
     ] = None,
     results: Annotated[Path | None, typer.Option(help="Results folder of the board.")] = None,
     protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
-    trust: Annotated[
-        bool, typer.Option("--trust", "--yes", help="Execute a submitted .py file without asking.")
-    ] = False,
+    seal: Seal = None,
+    sandbox: Walls = "auto",
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The comparison as JSON on standard output.")] = False,
 ) -> None:
     """Run the episodes of a row again; exit code 1 where any number differs from the record. Nothing is stored.
@@ -38,7 +39,7 @@ def replay(
     Replaying a submitted .py file executes it: you are asked before, or say --trust.
     """
     from cable_envs.core.provenance import versions
-    from cablebench.board.replay import arguments_of, compare, executed_by, rows_of
+    from cablebench.board.replay import arguments_of, compare, rows_of
     from cablebench.run.folders import open_store
 
     folder, _ = results_folder(board, results)
@@ -49,14 +50,12 @@ def replay(
         console(stderr=True).print(reading.remark, markup=False)
     if not everything:
         raise ConfigurationError(f"no records in {store.path}")
-    chosen = protocol_of(everything, protocol or board)
+    chosen = unsealed(protocol_of(everything, protocol or board), seal)
     row = rows_of(everything, chosen, entrant, resolve_env(env), track)
     again: list[Any] = []
     with progress_bar() as update:
         for words, records in arguments_of(row, store.places).items():
-            for file in executed_by(words):
-                ask(file, trust)
-            again += _again(chosen, words, records, update)
+            again += _again(chosen, words, records, update, sandbox)
     found = compare(row, again, everything, chosen)
     sources = {r["versions"].get("source") for r in row}
     _report(found, as_json, sources - {versions()["source"]})
@@ -64,7 +63,7 @@ def replay(
         raise typer.Exit(DIFFERENT)
 
 
-def _again(protocol: Any, words: str, records: list[Any], update: Any) -> list[Any]:
+def _again(protocol: Any, words: str, records: list[Any], update: Any, sandbox: str) -> list[Any]:
     """The records' episodes run anew by the entrant that the flags name."""
     from cablebench.run.evaluation import evaluate
 
@@ -73,7 +72,8 @@ def _again(protocol: Any, words: str, records: list[Any], update: Any) -> list[A
     parts = shlex.split(words)
     for flag, value in zip(parts[::2], parts[1::2], strict=True):
         given[flag].append(value)
-    made = choose_entrants(given["--controller"], given["--gain"], given["--policy"])[0]
+    made = choose_entrants(given["--controller"], given["--gain"], given["--policy"], sandbox)[0]
+    say_sandboxes([made])
     first = records[0]
     if dict(made.settings) and dict(made.settings) != first.get("settings", {}):
         console(stderr=True).print(

@@ -11,6 +11,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.cli.shared.arguments import options_for, parse_gains, parse_options, resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
+from cablebench.cli.shared.trust import Trusted, Walls
 
 DATA_FORMATS = (".npz", ".csv")
 PICTURE_FORMATS = (".png", ".gif")
@@ -33,6 +34,8 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
     save: Annotated[Path | None, typer.Option(help="Save the episode's data: FILE.npz or FILE.csv.")] = None,
     render: Annotated[Path | None, typer.Option(help="Picture of the end (FILE.png) or animation (FILE.gif).")] = None,
+    sandbox: Walls = "auto",
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="Metrics as JSON on standard output.")] = False,
 ) -> None:
     """Run one episode and print its metrics in SI units."""
@@ -40,14 +43,16 @@ def run(
     _check_suffix(render, PICTURE_FORMATS, "--render")
     env_id = resolve_env(env)
     options = parse_options(option or ())
-    entrant = choose_entrant(controller, policy, gain or ())
+    entrant = choose_entrant(controller, policy, gain or (), sandbox)
     with progress_bar() as update:
         episode, film = _play(env_id, options, entrant, seed, render, update)
     written = [str(path) for path, content in _files(episode, save, render, film) if _write(path, content)]
     _report(env_id, entrant, seed, episode, written, as_json)
 
 
-def choose_entrant(controller: str | None, policy: str | None, gains: list[str] | tuple[str, ...]) -> Any:
+def choose_entrant(
+    controller: str | None, policy: str | None, gains: list[str] | tuple[str, ...], sandbox: str = "auto"
+) -> Any:
     """The one entrant that the flags name. Raises ConfigurationError when they name none or two."""
     if (controller is None) == (policy is None):
         raise ConfigurationError("name either --controller or --policy")
@@ -60,7 +65,7 @@ def choose_entrant(controller: str | None, policy: str | None, gains: list[str] 
     assert controller is not None
     from cablebench.entrants.named import named_entrant
 
-    return named_entrant(controller, parse_gains(gains))
+    return named_entrant(controller, parse_gains(gains), sandbox)
 
 
 def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render: Path | None, update: Any) -> Any:

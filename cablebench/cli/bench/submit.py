@@ -12,13 +12,15 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import permit
 from cablebench.cli.bench.evaluate import evaluate_on
 from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.recipes import NamedEntrant, named
-from cablebench.cli.shared.trust import ask
+from cablebench.cli.shared.seals import Seal, unsealed
+from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
 
 
 def submit(
@@ -35,9 +37,9 @@ def submit(
     maker: Annotated[str | None, typer.Option(help="A phrase that only you know: with it you add to your row.")] = None,
     env: Annotated[list[str] | None, typer.Option(help="Only this environment; repeatable.")] = None,
     track: Annotated[list[str] | None, typer.Option(help="Only this track; repeatable.")] = None,
-    trust: Annotated[
-        bool, typer.Option("--trust", "--yes", help="Execute a .py file without asking: it can do all that you can.")
-    ] = False,
+    seal: Seal = None,
+    sandbox: Walls = "auto",
+    trust: Trusted = False,
     check_only: Annotated[bool, typer.Option("--check-only", help="Check and try it; evaluate nothing.")] = False,
     jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
     backend: Annotated[str, typer.Option(help=BACKEND_HELP)] = "local",
@@ -59,24 +61,27 @@ def submit(
 
     if publish and results:
         raise ConfigurationError("--publish writes to boards/NAME, --results to another folder: give one of them")
-    chosen = load_protocol(protocol or board or "quick")
+    chosen = unsealed(load_protocol(protocol or board or "quick"), seal)
+    if chosen.seal and not chosen.secret and not check_only:
+        chosen.seeds(1)  # says what is missing
     folder = board_folder(chosen.name) if publish else results or Path("results") / f"submitted-{chosen.name}"
     place = f"--results {shlex.quote(str(folder))}" + (f" --protocol {shlex.quote(protocol)}" if protocol else "")
     flags = f"--board {chosen.name}" if publish else place
     tasks = tuple(resolve_env(e) for e in env or ())
     submission = read_submission(path, name or "")
     if submission.executes:
-        ask(submission.executes, trust)
+        permit(path.parent / submission.executes, submission.files[submission.executes])
     say = console(stderr=True)
     store = open_store(folder, chosen.name)
     records = store.read().records  # what is left out of it is said with the board
     _say_against(say, store, chosen)
     with _tried(submission, path, bool(name)) as tried_at:
-        entrant = _recipe(submission.flag, tried_at)()
+        entrant = _recipe(submission.flag, tried_at, sandbox)()
         key = maker_key(maker, entrant.name) if maker else submission.hash()
         entrant = replace(entrant, maker=key)
         tried = dry_run(entrant, chosen, tasks)
         check_name(entrant, [r for r in records if r["protocol_hash"] == chosen.hash()], _reserved())
+    say_sandboxes([entrant])
     for t in tried:
         beyond = f", {100 * t.clipped:.0f} % of the commands beyond the drive's range" if t.clipped else ""
         say.print(f"{entrant.title} on {t.env_id}: {1e6 * t.seconds:.0f} µs an answer{beyond}", markup=False)
@@ -89,7 +94,7 @@ def submit(
             rank_against(folder, chosen.name)
     except OSError as error:
         raise ConfigurationError(f"cannot copy {path} to {folder}: {error.strerror or error}") from error
-    recipe = replace(_recipe(submission.flag, kept), maker=key)
+    recipe = replace(_recipe(submission.flag, kept, sandbox), maker=key)
     entrant = recipe()
     entered = tuple(t.env_id for t in tried)
     recipes = (*_missing(chosen, records, entered, track), recipe)
@@ -125,8 +130,8 @@ def _tried(submission: Any, path: Path, renamed: bool) -> Iterator[Path]:
         yield submission.keep(Path(folder))
 
 
-def _recipe(flag: str, path: Path) -> NamedEntrant:
-    return named(flag.removeprefix("--"), str(path))
+def _recipe(flag: str, path: Path, sandbox: str) -> NamedEntrant:
+    return named(flag.removeprefix("--"), str(path), sandbox=sandbox)
 
 
 def _reserved() -> tuple[str, ...]:

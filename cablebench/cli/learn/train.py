@@ -11,6 +11,7 @@ import typer
 from cablebench.cli.shared.arguments import parse_options, resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.training import chosen_seeds, training_job
+from cablebench.cli.shared.trust import Trusted
 from cablebench.jobs import Backend, Done, Job, open_backend
 
 INTERRUPTED = 130
@@ -49,6 +50,7 @@ def train(
     jobs: Annotated[int | None, typer.Option(min=1, help=JOBS_HELP)] = None,
     backend: Annotated[str, typer.Option(help=BACKEND_HELP)] = "local",
     ray_address: Annotated[str | None, typer.Option(help=ADDRESS_HELP)] = None,
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
     """Train an agent, or one for each of several seeds. Ctrl-C saves what is learned; --resume goes on from there."""

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from cablebench.cli.shared.output import console, print_json
+from cablebench.cli.shared.trust import Trusted
 from cablebench.pages.diagnosis_words import lines
 
 INTERRUPTED = 130
@@ -21,6 +22,7 @@ def diagnose(
     variant: Annotated[str, typer.Option(help="Of a circuit: chain (if left out), or analytic, the closed form.")] = "",
     judge: Annotated[str, typer.Option(help="What accepts an effect: noise, or unseen (held-out records).")] = "noise",
     seed: Annotated[int, typer.Option(min=0, help="Of the draws behind p-values.")] = 0,
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
 ) -> None:
     """Find, name and model the physics that a simulator leaves out.

@@ -9,6 +9,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.arguments import parse_pairs
 from cablebench.cli.shared.output import console, print_json
+from cablebench.cli.shared.trust import Trusted
 
 SHOWN = 30
 """Doubts and remarks on the terminal; all of them are in the YAML file and in --json."""
@@ -45,7 +46,7 @@ def import_(
     option: Annotated[
         list[str] | None, typer.Option("--option", "-o", help="Option of the format, KEY=VALUE; repeatable.")
     ] = None,
-    trust: Annotated[bool, typer.Option("--trust", help="Run the .py file without asking.")] = False,
+    trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="What was written, as JSON on standard output.")] = False,
 ) -> None:
     """Turn a data set as its authors publish it into a recording, and say what is wrong with it."""
@@ -57,10 +58,6 @@ def import_(
     check_table(table)
     if fit_all and (heldout or after is not None):
         raise ConfigurationError("--fit-all excludes --heldout and --after")
-    if form.endswith(".py"):
-        from cablebench.cli.shared.trust import ask
-
-        ask(form, trust)
     _check_out(path, out)
     asked = Request(mapping, strict, parse_pairs(option or (), "--option"))
     data = reader(form).open_dataset(path, asked)

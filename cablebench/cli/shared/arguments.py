@@ -2,11 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.core.files import permit
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
@@ -34,6 +36,9 @@ def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
     """``["randomize=true", "rig={load_mass: 4}"]`` as keyword arguments of an environment; values are YAML."""
     options = parse_pairs(pairs, "--option")
     require_known("environment option", options, ENVIRONMENT_OPTIONS)
+    effect = Path(str(options.get("effect_file", "")))
+    if effect.is_file():
+        permit(effect, effect.read_bytes())  # here, once: the file may be executed in other processes only
     return options
 
 

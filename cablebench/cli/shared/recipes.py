@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
+from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.arguments import parse_gains
 
@@ -30,6 +29,8 @@ class NamedEntrant:
     """(path, content)"""
     maker: str = ""
     """as of `cablebench.entrants.entrant.Entrant`"""
+    sandbox: str = "auto"
+    """what stands around a .py file"""
 
     def __call__(self) -> Any:
         return replace(self._found(), maker=self.maker)
@@ -50,16 +51,17 @@ class NamedEntrant:
             return policy_entrant(name)
         from cablebench.entrants.named import named_entrant
 
-        return named_entrant(name, dict(self.gains))
+        return named_entrant(name, dict(self.gains), self.sandbox)
 
 
-def named(kind: str, name: str, gains: Mapping[str, float] | None = None) -> NamedEntrant:
+def named(kind: str, name: str, gains: Mapping[str, float] | None = None, sandbox: str = "auto") -> NamedEntrant:
     """The recipe for a name, with its files where it names any."""
-    return NamedEntrant(kind, name, tuple((gains or {}).items()), tuple((str(p), p.read_bytes()) for p in _files(name)))
+    files = tuple((str(p), p.read_bytes()) for p in _files(name))
+    return NamedEntrant(kind, name, tuple((gains or {}).items()), files, sandbox=sandbox)
 
 
 def entrant_recipes(
-    controllers: Sequence[str], gains: Sequence[str], policies: Sequence[str]
+    controllers: Sequence[str], gains: Sequence[str], policies: Sequence[str], sandbox: str = "auto"
 ) -> tuple[NamedEntrant, ...]:
     """The recipes of what the flags name: of all reference controllers when they name none.
 
@@ -71,7 +73,7 @@ def entrant_recipes(
     if gains and len(controllers) != 1:
         raise ConfigurationError("--gain needs exactly one --controller")
     chosen = parse_gains(gains)
-    return (*(named("controller", n, chosen) for n in names), *(named("policy", p) for p in policies))
+    return (*(named("controller", n, chosen, sandbox) for n in names), *(named("policy", p) for p in policies))
 
 
 def _files(name: str) -> list[Path]:
@@ -83,9 +85,9 @@ def _files(name: str) -> list[Path]:
         return []  # a name, or a mistake that making the entrant will tell
     found = [path]
     if path.suffix in (".yaml", ".yml"):
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = read_yaml(path)
         for key in ("controller", "policy"):
-            beside = path.parent / str(data.get(key) or "") if isinstance(data, dict) else path
+            beside = path.parent / str(data.get(key) or "")
             if beside.is_file() and beside != path:
                 found.append(beside)
     return found
