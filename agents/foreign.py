@@ -5,9 +5,6 @@ SB3's own loader unpickles what is in the file, which can run anything; here ``p
 """
 
 import hashlib
-import io
-import pickle
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,12 +14,11 @@ import numpy as np
 import torch
 from stable_baselines3.common.policies import BasePolicy
 
+from cable_envs.agents import archive
 from cable_envs.agents.settings import ALGORITHMS, make_settings
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.envs import make_spaces
 from cable_envs.sim.registered import setup_of
-
-WEIGHTS = "policy.pth"
 
 
 @dataclass(frozen=True)
@@ -107,20 +103,19 @@ def load_foreign(
     require_known("algorithm", [algo], ALGORITHMS)
     kinds = ALGORITHMS[algo].policy_aliases
     policy = policy or next(name for name in kinds if name.startswith("Mlp"))
+    archive.check_size(path, dict(policy_kwargs or {}))
     data = {"n_timesteps": 1, "policy": policy, "policy_kwargs": dict(policy_kwargs or {})}
     settings = make_settings(algo, env_id, data, str(path))
     torch.set_num_threads(1)  # a network this small is slower on several
+    found = archive.weights(path, content)
     try:
         network = kinds[policy](
             *make_spaces(setup_of(env_id, options or {})), lambda remaining: 0.0, **settings.policy_arguments()
         )
-        with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open(WEIGHTS) as weights:
-            network.load_state_dict(torch.load(weights, map_location="cpu", weights_only=True))
-    except (zipfile.BadZipFile, KeyError) as error:
-        raise ConfigurationError(f"{path} is no file of stable-baselines3: {error}") from None
-    except pickle.UnpicklingError:
-        raise ConfigurationError(f"{path}: {WEIGHTS} holds more than weights; it is not read") from None
-    except (RuntimeError, TypeError) as error:
+        network.load_state_dict(found)
+    except ConfigurationError:
+        raise
+    except Exception as error:  # stable-baselines3 takes whatever the arguments say
         text = " ".join(str(error).split())[:300]
         raise ConfigurationError(f"{path}: the weights do not fit {algo} with policy_kwargs as given: {text}") from None
     network.set_training_mode(False)

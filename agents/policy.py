@@ -25,6 +25,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
+from cable_envs import ENV_IDS
+from cable_envs.agents import archive
 from cable_envs.agents.settings import ALGORITHMS, Settings
 from cable_envs.agents.shaping import Shaping
 from cable_envs.agents.vec_env import observation_space
@@ -253,8 +255,8 @@ def save_policy(model: BaseAlgorithm, metadata: Metadata, path: str | Path) -> P
     """
     buffer = io.BytesIO()
     model.save(buffer)
-    with zipfile.ZipFile(buffer, "a") as archive:
-        archive.writestr(ENTRY, json.dumps(jsonable({"schema": SCHEMA, **asdict(metadata)}), indent=1))
+    with zipfile.ZipFile(buffer, "a") as packed:
+        packed.writestr(ENTRY, json.dumps(jsonable({"schema": SCHEMA, **asdict(metadata)}), indent=1))
     return write_atomic(path, buffer.getvalue())
 
 
@@ -292,20 +294,15 @@ def publish_policy(source: str | Path, target: str | Path) -> Path:
     load_policy(file)
     if not metadata.complete:
         raise ConfigurationError(f"{file}: the training is not complete; finish it with `cablebench train --resume`")
-    weights = {k: v for k, v in _weights(content).items() if not k.startswith(NOT_ACTING)}
+    weights = {k: v for k, v in archive.weights(file, content).items() if not k.startswith(NOT_ACTING)}
     packed, buffer = io.BytesIO(), io.BytesIO()
     torch.save(weights, packed)
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as target_zip:
         # dated like the epoch of zip: the same policy gives the same file
-        archive.writestr(zipfile.ZipInfo("policy.pth"), packed.getvalue(), zipfile.ZIP_DEFLATED)
+        target_zip.writestr(zipfile.ZipInfo("policy.pth"), packed.getvalue(), zipfile.ZIP_DEFLATED)
         text = json.dumps(jsonable({"schema": SCHEMA, **asdict(metadata)}), indent=1)
-        archive.writestr(zipfile.ZipInfo(ENTRY), text, zipfile.ZIP_DEFLATED)
+        target_zip.writestr(zipfile.ZipInfo(ENTRY), text, zipfile.ZIP_DEFLATED)
     return write_atomic(target, buffer.getvalue())
-
-
-def _weights(content: bytes) -> dict[str, torch.Tensor]:
-    with zipfile.ZipFile(io.BytesIO(content)) as archive, archive.open("policy.pth") as weights:
-        return torch.load(weights, map_location="cpu", weights_only=True)
 
 
 def load_policy(path: str | Path) -> Policy:
@@ -329,7 +326,33 @@ def load_policy(path: str | Path) -> Policy:
     """
     file = policy_file(path)
     content, metadata = read_policy(file)
+    try:
+        settings, setup, network = _network(file, metadata)
+    except ConfigurationError as error:
+        text = str(error)
+        raise ConfigurationError(text if text.startswith(str(file)) else f"{file}: {text}") from None
+    except Exception as error:  # stable-baselines3 takes whatever the settings say
+        text = " ".join(str(error)[:300].split())
+        raise ConfigurationError(
+            f"{file}: no network can be made of its settings: {type(error).__name__}: {text}"
+        ) from None
+    found = archive.weights(file, content)
+    try:
+        missing, unknown = network.load_state_dict(found, strict=False)
+    except RuntimeError as error:
+        text = " ".join(str(error)[:300].split())
+        raise ConfigurationError(f"{file}: the weights do not fit the network of its settings: {text}") from None
+    wrong = [*unknown, *(name for name in missing if not name.startswith(NOT_ACTING))]
+    if wrong:
+        raise ConfigurationError(f"{file}: the weights do not fit the network of its settings: {', '.join(wrong[:3])}")
+    network.set_training_mode(False)
+    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], settings, setup)
+
+
+def _network(file: Path, metadata: Metadata) -> tuple[Settings, Setup, BasePolicy]:
+    """Settings of the training, setup of the environment, and the network, still without its weights."""
     settings = Settings(**metadata.settings)
+    archive.check_size(file, settings.policy_kwargs)
     setup = setup_of(metadata.env_id, metadata.options)
     shaping = settings.shaping(setup, 1)
     channels = (*(c.name for c in setup.channels), *shaping.extra_channels)
@@ -338,18 +361,17 @@ def load_policy(path: str | Path) -> Policy:
             f"{file} was trained on the channels {', '.join(metadata.channels)}; "
             f"{metadata.env_id} has {', '.join(channels)}"
         )
+    if metadata.normalization is not None:
+        width = settings.frame_stack * len(channels)
+        for key in ("mean", "variance"):
+            if len(metadata.normalization[key]) != width:
+                raise ConfigurationError(f"{file}: normalization.{key} must hold {width} numbers")
     kind = settings.algorithm().policy_aliases[settings.policy]
     torch.set_num_threads(1)  # a network this small is slower on several
     seen, action = observation_space(setup, shaping), make_spaces(setup)[1]
     if settings.frame_stack > 1:
         seen = spaces.Box(np.tile(seen.low, settings.frame_stack), np.tile(seen.high, settings.frame_stack))
-    network = kind(seen, action, lambda remaining: 0.0, **settings.policy_arguments())
-    missing, unknown = network.load_state_dict(_weights(content), strict=False)
-    wrong = [*unknown, *(name for name in missing if not name.startswith(NOT_ACTING))]
-    if wrong:
-        raise ConfigurationError(f"{file}: the weights do not fit the network of its settings: {', '.join(wrong[:3])}")
-    network.set_training_mode(False)
-    return Policy(network, metadata, str(path), hashlib.sha256(content).hexdigest()[:12], settings, setup)
+    return settings, setup, kind(seen, action, lambda remaining: 0.0, **settings.policy_arguments())
 
 
 def policy_file(path: str | Path) -> Path:
@@ -397,12 +419,11 @@ def read_policy(file: Path) -> tuple[bytes, Metadata]:
     ConfigurationError
         Where it is no policy that `save_policy` or `publish_policy` has written, or one with unknown settings.
     """
-    content = file.read_bytes()
     try:
-        with zipfile.ZipFile(io.BytesIO(content)) as archive:
-            data = json.loads(archive.read(ENTRY))
-    except (zipfile.BadZipFile, KeyError, ValueError) as error:
-        raise ConfigurationError(f"{file} is not a policy saved by `cablebench train`: {error}") from error
+        content = file.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {file}: {error.strerror or error}") from None
+    data = archive.mapping(file, archive.entry(file, content, ENTRY, archive.LARGEST_TEXT), ENTRY)
     if data.pop("schema", None) != SCHEMA:
         raise ConfigurationError(f"{file}: schema is not '{SCHEMA}'")
     fields = Metadata.__dataclass_fields__
@@ -410,10 +431,12 @@ def read_policy(file: Path) -> tuple[bytes, Metadata]:
     missing = [key for key, field in fields.items() if key not in data and field.default is MISSING]
     if missing:
         raise ConfigurationError(f"{file}: missing {', '.join(missing)}")
+    archive.check_metadata(file, data)
     data["channels"] = tuple(data["channels"])
-    data["curve"] = tuple(tuple(point) for point in data["curve"])
+    data["curve"] = tuple(tuple(point) for point in data.get("curve", ()))
     metadata = Metadata(**data)
     require_known(f"key of the settings in {file}", metadata.settings, Settings.__dataclass_fields__)
     algorithm = metadata.settings.get("algorithm_name") or metadata.settings.get("algo")
     require_known(f"algorithm in {file}", [str(algorithm)], ALGORITHMS)
+    require_known(f"environment in {file}", [metadata.env_id], ENV_IDS)
     return content, metadata

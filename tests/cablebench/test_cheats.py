@@ -64,8 +64,7 @@ DENIED = {
     "look through /proc": "os.listdir('/proc')",
     "trace the scorer": "succeeded(libc.ptrace(16, PARENT, 0, 0))",
     "read the scorer's memory by a call": (
-        "b = ctypes.create_string_buffer(16)\n"
-        "    succeeded(libc.syscall(310, PARENT, b, 1, b, 1, 0))"
+        "b = ctypes.create_string_buffer(16)\n    succeeded(libc.syscall(310, PARENT, b, 1, b, 1, 0))"
     ),
     "take a file descriptor of the scorer": (
         "succeeded(fd := libc.syscall(434, PARENT, 0))\n    succeeded(libc.syscall(438, fd, 1, 0))"
@@ -129,12 +128,14 @@ ENDS = {
     "sleep": ("time.sleep(3600)", r"has not answered within 1 s"),
     "hang": ("while True: pass", r"has not answered within 1 s"),
     "sleep with signals blocked": (
-        "signal.pthread_sigmask(signal.SIG_BLOCK, range(1, 32)); time.sleep(3600)", r"has not answered within 1 s"
+        "signal.pthread_sigmask(signal.SIG_BLOCK, range(1, 32)); time.sleep(3600)",
+        r"has not answered within 1 s",
     ),
     "close the pipe": ("os.close(int(sys.argv[2])); time.sleep(3600)", r"closed its connection without an answer"),
     "garbage on the pipe": ("os.write(int(sys.argv[2]), b'garbage' * 100)", r"sent no answer but something else"),
     "an answer of 2 GB": (
-        "os.write(int(sys.argv[2]), (2**31 - 1).to_bytes(4, 'big')); time.sleep(3600)", r"sent no answer"
+        "os.write(int(sys.argv[2]), (2**31 - 1).to_bytes(4, 'big')); time.sleep(3600)",
+        r"sent no answer",
     ),
     "half an answer": ("os.write(int(sys.argv[2]), bytes([0, 0, 1, 0]) + b'[')\n    time.sleep(3600)", r"not answered"),
     "an answer byte by byte": (
@@ -143,10 +144,12 @@ ENDS = {
         r"has not answered within 1 s",
     ),
     "a deep answer": (
-        "a = b'[' * 100_000; os.write(int(sys.argv[2]), len(a).to_bytes(4, 'big') + a)", r"sent no answer"
+        "a = b'[' * 100_000; os.write(int(sys.argv[2]), len(a).to_bytes(4, 'big') + a)",
+        r"sent no answer",
     ),
     "an answer that is true": (
-        "os.write(int(sys.argv[2]), bytes([0, 0, 0, 12]) + b'[\"ok\", true]')", r"sent no number"
+        "os.write(int(sys.argv[2]), bytes([0, 0, 0, 12]) + b'[\"ok\", true]')",
+        r"sent no number",
     ),
     "a gigantic number": ("return 10**400", r"OverflowError"),
     "a gigantic text": ("return 'x' * 10**8", r"expected one number|could not convert|sent no"),
@@ -174,7 +177,9 @@ def cheat(folder, port, body, name="cheat.py"):
         "parent": os.getpid(), "store": str(folder / "results" / "records.jsonl"),
         "secret": str(folder / "exam.secret"), "seeds": (2_000_000, 2_000_001, 2_000_002),
     }  # fmt: skip
-    text = HEAD.format(**given) + "\ndef act(t, y, ref):\n    " + body.replace("{port}", str(port)) + "\n    return 1.0\n"
+    text = (
+        HEAD.format(**given) + "\ndef act(t, y, ref):\n    " + body.replace("{port}", str(port)) + "\n    return 1.0\n"
+    )
     (folder / name).write_text(text)
     return folder / name
 
@@ -187,7 +192,10 @@ def controller_of(path):
 def all_tried(lair):
     """What every denied cheat and every search found, from one process: {name: how it was denied, or "done"}."""
     folder, port = lair
-    cases = {**(DENIED if WALLED else {}), **{k: f"{v}\n    if found: return ('done', found)" for k, v in NOT_THERE.items()}}
+    cases = {
+        **(DENIED if WALLED else {}),
+        **{k: f"{v}\n    if found: return ('done', found)" for k, v in NOT_THERE.items()},
+    }
     body = "".join(
         f"\ndef try_{i}():\n    {code.replace('{port}', str(port))}\n    return {'None' if k in NOT_THERE else repr('done')}\n"
         for i, (k, code) in enumerate(cases.items())
@@ -215,9 +223,10 @@ def all_tried(lair):
 @walled
 @pytest.mark.parametrize("what", DENIED)
 def test_denied(all_tried, lair, what):
-    assert re.search(r"FOUND denied (PermissionError|OSError|FileNotFoundError|MemoryError|RuntimeError|ProcessLookupError|ValueError: not allowed)", all_tried[what]), (
-        all_tried[what]
-    )
+    assert re.search(
+        r"FOUND denied (PermissionError|OSError|FileNotFoundError|MemoryError|RuntimeError|ProcessLookupError|ValueError: not allowed)",
+        all_tried[what],
+    ), all_tried[what]
     folder, _ = lair
     assert sorted(p.name for p in (folder / "results").iterdir()) == ["records.jsonl"]
     assert (folder / "results" / "records.jsonl").read_text() == "{}\n"

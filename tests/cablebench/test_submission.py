@@ -144,9 +144,7 @@ def test_it_is_told_what_its_class_allows(written, information):
     assert told.get("rig") == expected
     assert controller.act(0.0, {}, (0.0, 0.0, 0.0)) == 60.0
     assert entrant.make(setup).controller.act is not None
-    assert (
-        kind.within(*case, setup.rig.values, 0.01, 0.0, 1.0)._offered.seen == []
-    )
+    assert kind.within(*case, setup.rig.values, 0.01, 0.0, 1.0)._offered.seen == []
 
 
 CLASS = """
