@@ -157,7 +157,7 @@ class _CheckedNormalization(_Strict):
 
 
 class _CheckedSettings(_Strict):
-    """Of `cable_envs.agents.settings.Settings` what decides how a policy acts; all must be there that have no default."""
+    """Of `cable_envs.agents.settings.Settings` what decides how a policy acts."""
 
     algo: str
     env_id: str
@@ -197,7 +197,10 @@ class _Checked(_Strict):
 
 
 def check_metadata(path: Path, data: Mapping[str, Any]) -> None:
-    """Check types and ranges of a policy's metadata. Raises ConfigurationError that names the file and the first fault."""
+    """Check types and ranges of a policy's metadata.
+
+    Raises ConfigurationError that names the file and the first fault.
+    """
     try:
         _Checked.model_validate(data)
     except ValidationError as found:

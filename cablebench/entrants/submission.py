@@ -228,7 +228,8 @@ class Played:
             return float(u)
         except (TypeError, ValueError):
             raise ConfigurationError(
-                f"{self.path}: act() answered {reprlib.repr(u)} ({type(u).__name__}) at t = {t:g} s; expected one number"
+                f"{self.path}: act() answered {reprlib.repr(u)} ({type(u).__name__}) at t = {t:g} s; "
+                "expected one number"
             ) from None
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:

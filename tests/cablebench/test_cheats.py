@@ -160,6 +160,12 @@ ENDS = {
 }
 
 
+REFUSALS = (
+    "PermissionError|OSError|FileNotFoundError|MemoryError|RuntimeError: can't start new thread|ProcessLookupError|"
+    "ValueError: not allowed to raise"
+)
+
+
 @pytest.fixture(scope="module")
 def lair(tmp_path_factory):
     """A folder with a store, a secret, and where the cheat's file is written; a listening socket; the environment."""
@@ -172,10 +178,10 @@ def lair(tmp_path_factory):
         yield folder, server.getsockname()[1]
 
 
-def cheat(folder, port, body, name="cheat.py"):
+def cheat(folder, port, body, name="cheat.py", seeds=(2_000_000, 2_000_001, 2_000_002)):
     given = {
         "parent": os.getpid(), "store": str(folder / "results" / "records.jsonl"),
-        "secret": str(folder / "exam.secret"), "seeds": (2_000_000, 2_000_001, 2_000_002),
+        "secret": str(folder / "exam.secret"), "seeds": seeds,
     }  # fmt: skip
     text = (
         HEAD.format(**given) + "\ndef act(t, y, ref):\n    " + body.replace("{port}", str(port)) + "\n    return 1.0\n"
@@ -188,31 +194,23 @@ def controller_of(path):
     return apart.controller_kind(path, SANDBOX).made_for(setup_of(HOLE, {}))
 
 
-@pytest.fixture(scope="module")
-def all_tried(lair):
-    """What every denied cheat and every search found, from one process: {name: how it was denied, or "done"}."""
-    folder, port = lair
-    cases = {
-        **(DENIED if WALLED else {}),
-        **{k: f"{v}\n    if found: return ('done', found)" for k, v in NOT_THERE.items()},
-    }
+def tried(folder, port, cases, sandbox=SANDBOX):
+    """What came of each case, all tried by one process: {name: how it was denied, or what it gave}."""
     body = "".join(
-        f"\ndef try_{i}():\n    {code.replace('{port}', str(port))}\n    return {'None' if k in NOT_THERE else repr('done')}\n"
-        for i, (k, code) in enumerate(cases.items())
+        f"\ndef try_{i}():\n    {code.replace('{port}', str(port))}\n" for i, code in enumerate(cases.values())
     )
     path = cheat(folder, port, "reset()", "all.py")
     text = path.read_text().split("\ndef act")[0] + body
     text += textwrap.dedent("""
         def act(t, y, ref):
-            case = f"try_{int(t)}"
             try:
-                found = globals()[case]()
+                found = globals()[f"try_{int(t)}"]()
             except BaseException as error:
                 found = f"denied {type(error).__name__}: {error}"
             raise ValueError(f"FOUND {found}")
     """)
     path.write_text(text)
-    controller, found = controller_of(path), {}
+    controller, found = apart.controller_kind(path, sandbox).made_for(setup_of(HOLE, {})), {}
     for i, key in enumerate(cases):
         with pytest.raises(ConfigurationError) as caught:
             controller.act(float(i), {}, (0.0, 0.0, 0.0))
@@ -220,17 +218,35 @@ def all_tried(lair):
     return found
 
 
+@pytest.fixture(scope="module")
+def all_tried(lair):
+    """What came of every denied cheat and every search, in the sandbox."""
+    searches = {k: f"{code}\n    if found: return ('done', found)\n    return None" for k, code in NOT_THERE.items()}
+    denied = {k: f"{code}\n    return 'done'" for k, code in DENIED.items()} if WALLED else {}
+    return tried(*lair, {**searches, **denied})  # searches first: an error that was caught would hold what it tried
+
+
 @walled
 @pytest.mark.parametrize("what", DENIED)
 def test_denied(all_tried, lair, what):
-    assert re.search(
-        r"FOUND denied (PermissionError|OSError|FileNotFoundError|MemoryError|RuntimeError|ProcessLookupError|ValueError: not allowed)",
-        all_tried[what],
-    ), all_tried[what]
+    assert re.search(rf"FOUND denied ({REFUSALS})", all_tried[what]), all_tried[what]
     folder, _ = lair
     assert sorted(p.name for p in (folder / "results").iterdir()) == ["records.jsonl"]
     assert (folder / "results" / "records.jsonl").read_text() == "{}\n"
     assert not Path("/tmp/cheat").exists() and not Path("/dev/shm/cheat").exists()
+
+
+HARMLESS = (
+    "read the store", "list the folder of the store", "read the secret of the exam", "read /etc/passwd",
+    "look into /proc/self", "open a TCP socket", "open a UNIX socket", "start a program",
+)  # fmt: skip
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="these cheats are for Linux")
+def test_the_same_cheats_succeed_without_a_sandbox(lair):
+    """So that what is counted as denied was a cheat: those that do no harm, without walls."""
+    done = tried(*lair, {k: f"{DENIED[k]}\n    return 'done'" for k in HARMLESS}, "none")
+    assert [k for k, text in done.items() if "FOUND done" not in text] == []
 
 
 @pytest.mark.parametrize("what", NOT_THERE)
@@ -271,7 +287,17 @@ def test_no_finite_answer_is_a_failed_episode(lair, tmp_path, code, word):
     assert record["metrics"]["failed"] == 1.0 and record["sandbox"] == choose(SANDBOX).name
 
 
-PATCH = """import cablebench.run.records as records, cablebench.protocol.metrics as metrics, cable_envs.sim.simulation as s
+def test_the_seeds_of_a_running_episode_are_not_in_its_memory(lair):
+    protocol = Protocol(
+        "short", "Short", (Task(HOLE, {"duration": 0.05}),), (Track("nominal"),),
+        *(SeedRange(10 * k, 10) for k in range(3)), episodes=1, seal="ab" * 32, secret="cd" * 32,
+    )  # fmt: skip
+    code = NOT_THERE["seeds or paths in its memory"] + "\n    assert not found, found"
+    path = cheat(*lair, code, seeds=protocol.seeds(1))
+    assert len(evaluate(protocol, [apart.submission_entrant(path, SANDBOX)])) == 1
+
+
+PATCH = """import cablebench.run.records as records, cablebench.protocol.metrics as metrics
     import cable_envs.envs as envs
     records.measure = metrics.measure = lambda episode: {"rmse": 0.0, "failed": 0.0}
     envs.CableEnv.step = lambda self, action: (None, 1.0, False, True, {})"""
@@ -361,10 +387,13 @@ def test_it_works_where_the_platform_has_no_walls_and_says_so(lair, sandbox):
 
 
 def test_limits_alone_hold_memory_and_files(lair):
-    code = {"bytearray(8 * 2**30)": "MemoryError", "os.write(os.open('x', os.O_WRONLY | os.O_CREAT), b'x')": "OSError"}
+    code = {
+        "bytearray(8 * 2**30)": "MemoryError",
+        "os.write(os.open('x', os.O_WRONLY | os.O_CREAT), b'x')": "OSError",
+    }
     for body, error in code.items():
+        controller = apart.controller_kind(cheat(*lair, body), "limits").made_for(setup_of(HOLE, {}))
         with pytest.raises(ConfigurationError, match=error):
-            controller = apart.controller_kind(cheat(*lair, body), "limits").made_for(setup_of(HOLE, {}))
             controller.act(0.0, {}, (0.0, 0.0, 0.0))
 
 

@@ -121,7 +121,7 @@ def test_an_exam_is_never_written_over(exam, cli):
 @pytest.mark.parametrize("seal", ["abc", 3, "AB" * 32, ["ab" * 32]])
 def test_a_malformed_seal_is_named(exam, seal):
     data = {**yaml.safe_load((exam / "exam.yaml").read_text()), "seal": seal}
-    with pytest.raises(ConfigurationError, match="seal = .*SHA-256"):
+    with pytest.raises(ConfigurationError, match=r"seal = .*SHA-256"):
         parse_protocol(data)
 
 

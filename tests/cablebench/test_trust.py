@@ -3,6 +3,7 @@
 import hashlib
 import io
 import multiprocessing
+from contextlib import suppress
 from functools import partial
 
 import pytest
@@ -15,7 +16,7 @@ from cablebench.entrants.trust import Trust, memory, remember, remembered
 from tests.cablebench.test_submit import MINE, TINY
 
 EFFECT = """
-open({mark!r}, "a").write("x")
+open({mark!r}, "a").close()
 from cable_envs.effects.base import Effect, EffectParameter
 
 def _spring(position, velocity, tension, stiffness):
@@ -41,9 +42,8 @@ def place(tmp_path, monkeypatch):
         "schema: cable-controller/1\nname: told\ncontroller: mine.py\ngains: {CableHole-Position-Sine: {}}\n"
     )
     (tmp_path / "effect.py").write_text(EFFECT.format(mark=str(mark)))
-    (tmp_path / "form.py").write_text(
-        f"open({str(mark)!r}, 'a').write('x')\ndef open_dataset(path, asked): raise OSError\n"
-    )
+    form = f"open({str(mark)!r}, 'a').close()\ndef open_dataset(path, asked): 1 / 0\n"
+    (tmp_path / "form.py").write_text(form)
     (tmp_path / "tiny.yaml").write_text(TINY)
     return tmp_path
 
@@ -63,8 +63,8 @@ LOADERS = {
         "mine.py", "submit", "mine.py", "--name", "n", "--protocol", "tiny.yaml", "--results", "r", "--check-only"
     ),
     "export": (
-        "mine.py", "export", "CableHole-Position-Sine", "--controller", "mine.py", "--format", "recording", "--out", "d",
-        "--episodes", "1", "-o", "duration=0.1"
+        "mine.py", "export", "CableHole-Position-Sine", "--controller", "mine.py", "--format", "recording",
+        "--out", "d", "--episodes", "1", "-o", "duration=0.1"
     ),
     "effect of run": (
         "effect.py", "run", "CableHole-Position-Sine", "--controller", "pid", "-o", "effect_file=effect.py",
@@ -73,20 +73,11 @@ LOADERS = {
     "effect of train": (
         "effect.py", "train", "--env", "CableHole-Position-Sine", "--steps", "0", "-o", "effect_file=effect.py"
     ),
-    "effect of diagnose": ("effect.py", "diagnose", "rig", "--effect-file", "effect.py"),
     "format": ("form.py", "import", "form.py", "tiny.yaml", "--out", "d"),
 }  # fmt: skip
 
 
-@pytest.fixture
-def recording(place):
-    """A recording for `diagnose`, which is never read to its end."""
-    from tests.support.drive_recording import write_recording
-
-    return write_recording(place / "rig")
-
-
-@pytest.mark.parametrize("loader", [k for k in LOADERS if k not in ("effect of train", "effect of diagnose")])
+@pytest.mark.parametrize("loader", [k for k in LOADERS if k != "effect of train"])
 def test_every_loader_refuses_unasked_and_remembers_what_was_agreed_to(place, capfd, loader):
     file, *command = LOADERS[loader]
     digest = hashlib.sha256((place / file).read_bytes()).hexdigest()
@@ -95,9 +86,10 @@ def test_every_loader_refuses_unasked_and_remembers_what_was_agreed_to(place, ca
     assert f"{file} will be executed (SHA-256 {digest[:12]})" in err and "--trust" in err
     assert not (place / "sprung").exists() and not memory().exists()
     asked = "will be executed"
-    code, err = cli(capfd, *command, "--trust")
-    assert asked not in err and digest in remembered()
-    assert asked not in cli(capfd, *command)[1]  # the hash is known
+    for more in (("--trust",), ()):  # then the hash is known
+        with suppress(ZeroDivisionError):  # the format's own
+            assert asked not in cli(capfd, *command, *more)[1]
+        assert digest in remembered()
     (place / file).write_text((place / file).read_text() + "\n# changed\n")
     code, err = cli(capfd, *command)
     assert code == 2 and asked in err
