@@ -30,7 +30,7 @@ def main() -> None:
     plan = json.loads(sys.argv[1])
     sys.argv[1] = ""
     sys.path[:] = plan["path"]
-    sys.meta_path.insert(0, _Ours(plan["packages"]))  # type: ignore[arg-type]
+    sys.meta_path.insert(0, _Ours(plan["packages"]))
     spec = importlib.util.spec_from_file_location("walls", f"{plan['packages']['cablebench']}/entrants/walls.py")
     assert spec is not None and spec.loader is not None, "a .py file has a loader"
     walls = importlib.util.module_from_spec(spec)

@@ -116,6 +116,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
         level=_number(bootstrap.get("level", 0.95), "bootstrap.level", source),
         bootstrap_seed=_count(bootstrap.get("seed", 0), "bootstrap.seed", source, 0),
         seal=_seal(data.get("seal"), source),
+        secret="",
     )
     return _check(protocol, source)
 

@@ -34,7 +34,7 @@ import ctypes, gc, json, mmap, os, signal, socket, subprocess, sys, threading, t
 name = "cheat"
 information = "model-free"
 libc = ctypes.CDLL(None, use_errno=True)
-PARENT, STORE, SECRET, SEEDS = {parent}, {store!r}, {secret!r}, {seeds!r}
+PARENT, STORE, SECRET, HIDDEN = {parent}, {store!r}, {secret!r}, {hidden!r}
 
 def reset():
     pass
@@ -106,12 +106,11 @@ NOT_THERE = {
         "    found = [type(o).__name__ for o in gc.get_objects() if type(o).__name__ in kinds]"
     ),
     "seeds or paths in its memory": (
-        "every = [o for o in gc.get_objects() if isinstance(o, (dict, list, tuple, set))]\n"
-        "    texts = [v for o in every for v in (o.values() if isinstance(o, dict) else o)]\n"
-        "    mine = {id(v) for v in globals().values()} | {id(v) for v in SEEDS}\n"
-        "    found = [str(v) for v in texts if id(v) not in mine and\n"
-        "             (isinstance(v, str) and v in (STORE, os.path.dirname(STORE), SECRET)\n"
-        "              or isinstance(v, int) and v in SEEDS)]"
+        "wanted = {bytes.fromhex(h).decode() for h in HIDDEN}\n"
+        "    wanted |= {int(w) for w in wanted if w.isdigit()}\n"
+        "    every = [o for o in gc.get_objects() if isinstance(o, (dict, list, tuple, set)) and o is not wanted]\n"
+        "    values = [v for o in every for v in (o.values() if isinstance(o, dict) else o)]\n"
+        "    found = [str(v) for v in values if isinstance(v, (str, int)) and v in wanted]"
     ),
     "secrets of the environment": "found = sorted(k for k in os.environ if 'SECRET' in k or 'TOKEN' in k)",
     "open files of the scorer": (
@@ -178,11 +177,12 @@ def lair(tmp_path_factory):
         yield folder, server.getsockname()[1]
 
 
-def cheat(folder, port, body, name="cheat.py", seeds=(2_000_000, 2_000_001, 2_000_002)):
-    given = {
-        "parent": os.getpid(), "store": str(folder / "results" / "records.jsonl"),
-        "secret": str(folder / "exam.secret"), "seeds": seeds,
-    }  # fmt: skip
+def cheat(folder, port, body, name="cheat.py", seeds=()):
+    """A file with the cheat; where ``seeds`` are given it looks for them, and knows no path but in a hidden form."""
+    store, secret = str(folder / "results" / "records.jsonl"), str(folder / "exam.secret")
+    hidden = [str(w).encode().hex() for w in (store, secret, *seeds)]
+    given = {"parent": os.getpid(), "store": store, "secret": secret, "hidden": hidden}
+    given |= {"store": "", "secret": ""} if seeds else {}
     text = (
         HEAD.format(**given) + "\ndef act(t, y, ref):\n    " + body.replace("{port}", str(port)) + "\n    return 1.0\n"
     )
@@ -194,12 +194,12 @@ def controller_of(path):
     return apart.controller_kind(path, SANDBOX).made_for(setup_of(HOLE, {}))
 
 
-def tried(folder, port, cases, sandbox=SANDBOX):
+def tried(folder, port, cases, sandbox=SANDBOX, seeds=()):
     """What came of each case, all tried by one process: {name: how it was denied, or what it gave}."""
     body = "".join(
         f"\ndef try_{i}():\n    {code.replace('{port}', str(port))}\n" for i, code in enumerate(cases.values())
     )
-    path = cheat(folder, port, "reset()", "all.py")
+    path = cheat(folder, port, "reset()", "all.py", seeds)
     text = path.read_text().split("\ndef act")[0] + body
     text += textwrap.dedent("""
         def act(t, y, ref):
@@ -223,7 +223,7 @@ def all_tried(lair):
     """What came of every denied cheat and every search, in the sandbox."""
     searches = {k: f"{code}\n    if found: return ('done', found)\n    return None" for k, code in NOT_THERE.items()}
     denied = {k: f"{code}\n    return 'done'" for k, code in DENIED.items()} if WALLED else {}
-    return tried(*lair, {**searches, **denied})  # searches first: an error that was caught would hold what it tried
+    return tried(*lair, denied) | tried(*lair, searches, seeds=(2_000_000, 2_000_001))
 
 
 @walled
@@ -295,6 +295,9 @@ def test_the_seeds_of_a_running_episode_are_not_in_its_memory(lair):
     code = NOT_THERE["seeds or paths in its memory"] + "\n    assert not found, found"
     path = cheat(*lair, code, seeds=protocol.seeds(1))
     assert len(evaluate(protocol, [apart.submission_entrant(path, SANDBOX)])) == 1
+    path = cheat(*lair, code, seeds=("model-free",))  # what is there is found by this search
+    with pytest.raises(ConfigurationError, match=r"AssertionError: \['model-free'"):
+        evaluate(protocol, [apart.submission_entrant(path, SANDBOX)])
 
 
 PATCH = """import cablebench.run.records as records, cablebench.protocol.metrics as metrics

@@ -11,8 +11,6 @@ from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cablebench.cli.shared.output import console
-from cablebench.protocol.files import parse_protocol, protocol_path
-from cablebench.protocol.seal import commitment, draw_secret
 
 SECRET, EXAM = "exam.secret", "exam.yaml"
 
@@ -26,6 +24,9 @@ def seal(
 
     Publish the protocol: it holds the secret's SHA-256. Keep the secret until the deadline, then publish it, too.
     """
+    from cablebench.protocol.files import parse_protocol, protocol_path
+    from cablebench.protocol.seal import commitment, draw_secret
+
     data = read_yaml(protocol_path(protocol))
     if data.get("seal"):
         raise ConfigurationError(f"{protocol} is sealed already")

@@ -3,22 +3,36 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from cable_envs.core.files import guarded
 from cablebench.cli.shared.output import console
-from cablebench.entrants.sandbox import SANDBOXES
-from cablebench.entrants.trust import Trust
 
-_policies: list[Trust] = []
+_policies: list["_Policy"] = []
+
+
+class _Policy:
+    """The policy of one command; what it needs is imported when the first file comes (``--help`` stays quick)."""
+
+    agreed = False
+    _trust: Any = None
+
+    def __call__(self, path: Path, content: bytes) -> None:
+        from cablebench.entrants.trust import Trust
+
+        if self._trust is None:
+            self._trust = Trust(_question if sys.stdin is not None and sys.stdin.isatty() else None)
+        self._trust.agreed = self.agreed
+        self._trust(path, content)
 
 
 @contextmanager
 def asking() -> Iterator[None]:
     """Within the block nothing of a stranger's is executed unasked: on the terminal, or else only after ``--trust``."""
-    policy = Trust(_question if sys.stdin is not None and sys.stdin.isatty() else None)
+    policy = _Policy()
     _policies.append(policy)
     try:
         with guarded(policy):
@@ -46,7 +60,9 @@ Trusted = Annotated[
 ]
 """``--trust`` of every command that may execute a file."""
 
-Walls = Annotated[str, typer.Option("--sandbox", help=f"What stands around a .py file: {', '.join(SANDBOXES)}.")]
+Walls = Annotated[
+    str, typer.Option("--sandbox", help="What stands around a .py file: auto, bwrap, landlock, seccomp, limits, none.")
+]
 """``--sandbox`` of every command that evaluates controllers' files."""
 
 
