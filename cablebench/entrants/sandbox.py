@@ -165,7 +165,8 @@ def _packages() -> dict[str, str]:
 def _readable() -> list[str]:
     """What the process may read, outer folders first: Python, packages, the project, the system's libraries."""
     ours = [Path(folder) for folder in _packages().values()]
-    linked = [path.resolve() for folder in ours for path in folder.iterdir() if path.is_symlink()]
+    links = (path for folder in ours for path in folder.iterdir() if path.is_symlink())
+    linked = [path.resolve() for path in links if (path / "__init__.py").is_file()]  # no folder of boards
     program = Path(sys.executable)
     places: list[Any] = [
         *_SYSTEM, *_roots(), program, program.resolve(), Path(sys.base_prefix) / "bin", *ours, *linked, config_root(),
