@@ -36,7 +36,7 @@ from cable_envs.sim.tasks import LEVELS
 from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
 from cablebench.entrants.sandbox import Sandbox, choose, environment
 from cablebench.entrants.submission import read_source, source_hash
-from cablebench.protocol.actors import ControllerActor
+from cablebench.protocol.actors import Actor, ControllerActor, ObservationActor
 
 ANSWER = 20.0
 """s after which an answer counts as never coming."""
@@ -67,7 +67,7 @@ def submission_entrant(path: str | Path, sandbox: str = "auto") -> Entrant:
         return replace(made, sandbox=kind.sandbox)
     return Entrant(
         kind.name, kind.information,
-        make=lambda setup: ControllerActor(kind.made_for(setup), setup),
+        make=lambda setup: kind.actor(kind.made_for(setup), setup),
         needs=kind.needs,
         arguments=arguments,
         charged=kind.charged,
@@ -209,11 +209,16 @@ class _Kind:
         self.derived: bool = about["derived"]
         """whether it is a class derived from `cable_envs.baselines.Controller`"""
         self.name, self.information, self.charged = about["name"], about["information"], about["charged"]
-        self._envs = about["envs"]
+        self.observes: bool = about["observes"]
+        """whether it takes the environment's observation instead of measurements in SI"""
+        self._envs, self._mode = about["envs"], about.get("action_mode")
 
     def _declared(self, about: Any) -> dict[str, Any]:
         """The declaration, checked once more here: over there a file may answer in place of what checks it."""
-        kinds = {"derived": bool, "name": str, "information": str, "charged": dict, "envs": list}
+        kinds = {
+            "derived": bool, "name": str, "information": str, "charged": dict, "envs": list, "observes": bool,
+            "action_mode": (str, type(None)),
+        }  # fmt: skip
         if not isinstance(about, dict) or any(not isinstance(about.get(k), kind) for k, kind in kinds.items()):
             raise ConfigurationError(f"{self.path}: declare() sent no declaration but something else")
         require_known(f"information class in {self.path}", [about["information"]], INFORMATION)
@@ -253,8 +258,19 @@ class _Kind:
         """Environment options it needs, or None where it does not enter."""
         if self._envs and env_id not in self._envs:
             return None
-        level = self[setup.plant.name]
-        return {} if level is None else {"observe": level}
+        modes = [mode.name for mode in setup.plant.action_modes]
+        if self._mode is not None and self._mode not in modes:
+            return None
+        return self.choices(setup)
+
+    def choices(self, setup: Setup) -> dict[str, str]:
+        """What it observes and how it acts, where it says so."""
+        chosen = {"observe": self[setup.plant.name], "action_mode": self._mode}
+        return {option: value for option, value in chosen.items() if value is not None}
+
+    def actor(self, controller: Any, setup: Setup) -> Actor:
+        """What stands between one of its controllers and an environment."""
+        return ObservationActor(controller) if self.observes else ControllerActor(controller, setup)
 
     def __call__(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, **gains: float
@@ -298,16 +314,23 @@ class _Controller:
 
     def act(self, t: float, y: Mapping[str, float], ref: tuple[float, float, float]) -> float:
         """The command in SI; NaN ends the episode as failed."""
+        return self._asked("act", t, dict(y), ref)
+
+    def act_observation(self, t: float, obs: list[float]) -> float:
+        """The action in [-1, 1] of a policy on observations."""
+        return self._asked("act_observation", t, obs)
+
+    def _asked(self, operation: str, t: float, *told: Any) -> float:
         before = time.perf_counter()
-        u = self._process.ask("act", self._number, t, dict(y), ref)
+        u = self._process.ask(operation, self._number, t, *told)
         self._spent += time.perf_counter() - before
         if self._spent > EPISODE:
             raise ConfigurationError(
                 f"{self._process.path}: its answers took more than {EPISODE:g} s of one episode, up to t = {t:g} s"
             )
         if isinstance(u, bool) or not isinstance(u, (int, float)):
-            raise ConfigurationError(f"{self._process.path}: act() sent no number at t = {t:g} s")
+            raise ConfigurationError(f"{self._process.path}: {operation}() sent no number at t = {t:g} s")
         try:
             return float(u)
         except OverflowError:
-            raise ConfigurationError(f"{self._process.path}: act() sent no number at t = {t:g} s") from None
+            raise ConfigurationError(f"{self._process.path}: {operation}() sent no number at t = {t:g} s") from None

@@ -119,6 +119,7 @@ def controller_file_entrant(path_or_name: str | Path, sandbox: str = "auto") -> 
     path = find_controller_file(path_or_name)
     file = load_controller_file(path)
     kind = _kind(path, file.controller, file.gains, sandbox)
+    derived = getattr(kind, "derived", True)  # from `baselines.Controller`
     information = file.information or kind.information
     if INFORMATION.index(information) < INFORMATION.index(kind.information):
         raise ConfigurationError(
@@ -131,12 +132,14 @@ def controller_file_entrant(path_or_name: str | Path, sandbox: str = "auto") -> 
     def needs(env_id: str, setup: Setup) -> Mapping[str, Any] | None:
         if not file.gains:
             return kind.needs(env_id, setup)
-        level = kind.levels[setup.plant.name]
-        return None if env_id not in file.gains else {} if level is None else {"observe": level}
+        if env_id not in file.gains:
+            return None
+        return {"observe": kind.levels[setup.plant.name]} if derived else kind.choices(setup)
 
     def make(setup: Setup) -> Actor:
         case = (setup.plant.name, setup.action_mode.name, setup.task.kind)
-        return ControllerActor(kind(*case, setup.rig.values, setup.control_period, **_chosen(gains, setup)), setup)
+        controller = kind(*case, setup.rig.values, setup.control_period, **_chosen(gains, setup))
+        return ControllerActor(controller, setup) if derived else kind.actor(controller, setup)
 
     shipped = str(path_or_name) in shipped_files()
     settings = {"controller": file.controller, "gains": dict(file.gains)}

@@ -48,6 +48,7 @@ def _answer(kind: Any, made: list[Any], operation: str, arguments: list[Any]) ->
         return {
             "derived": not own, "name": kind.name, "information": kind.information,
             "charged": dict(getattr(kind, "charged", {})), "envs": list(kind.envs) if own else [],
+            "observes": own and kind.observes, "action_mode": kind.action_mode if own else None,
         }  # fmt: skip
     if operation == "level":
         return kind.levels[arguments[0]]

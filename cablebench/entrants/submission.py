@@ -16,6 +16,17 @@ def act(t, y, ref):                 # once a control period: t in s, y measureme
     return 0.0                      # the command
 ```
 
+A policy on observations has ``act_observation(obs)`` instead of ``act``, and may leave ``reset`` out: ``obs`` is the
+environment's own observation, a list of numbers (scaled, in the order of `cablebench envs`), the answer the action in
+[-1, 1]. It may declare ``action_mode`` beside ``observe``:
+
+```python
+name, information, observe = "my-policy", "model-free", "output"
+
+def act_observation(obs):
+    return 0.1 * obs[3]
+```
+
 Instead of the two functions a class may have them as methods; its constructor's keyword arguments are gains, which a
 controller file can set. Every environment gets a module (and object) of its own, so nothing is left over from another
 task. A class derived from `cable_envs.baselines.Controller` is taken as it is. **Loading such a file executes it**:
@@ -42,7 +53,10 @@ from cablebench.protocol.protocol import Task
 LONGEST_TEXT = 500
 """Characters of an error of somebody's that are passed on."""
 
-_DECLARED = ("name", "information", "observe", "tasks", "charged")
+OBSERVES = "act_observation"
+"""Name of the function of a policy on observations, which takes the place of ``act``."""
+
+_DECLARED = ("name", "information", "observe", "action_mode", "tasks", "charged")
 
 
 def kind_of(path: Path, content: bytes) -> Any:
@@ -105,6 +119,8 @@ class FileController:
     def __init__(self, path: Path, content: bytes, digest: str, module: types.ModuleType):
         self.path, self._content, self.source_hash = path, content, digest
         offered = _offer(path, module)
+        self.observes = callable(getattr(offered, OBSERVES, None))
+        """whether it is a policy on observations: ``act_observation(obs)``"""
         declared = {k: getattr(offered, k, getattr(module, k, None)) for k in _DECLARED}
         self.name = self._text(declared["name"] or path.stem, "name")
         self.information = self._text(declared["information"], "information", "'model-free'")
@@ -117,6 +133,10 @@ class FileController:
         require_known(f"observe level in {path}", filter(None, [*named.values(), other]), LEVELS)
         self.levels: Mapping[str, str | None] = defaultdict(lambda: other, named)
         """observation level by plant; None: the task's own"""
+        mode = declared["action_mode"]
+        self.action_mode = None if mode is None else self._text(mode, "action_mode", "'tension'")
+        require_known(f"action mode in {path}", filter(None, [self.action_mode]), action_modes())
+        """None: the task's own"""
 
     def within(
         self, plant: str, action_mode: str, task: str, rig: Mapping[str, Any], dt: float, low: float, high: float,
@@ -167,22 +187,34 @@ class FileController:
 
 
 def _offer(path: Path, module: types.ModuleType) -> Any:
-    """The module itself where it has reset() and act(), else its one class that has them."""
+    """The module itself where it has reset() and act() or act_observation(), else its one class that has them."""
     has = {k: callable(getattr(module, k, None)) for k in ("reset", "act")}
-    if all(has.values()):
+    if all(has.values()) or callable(getattr(module, OBSERVES, None)):
         offered: Any = module
     else:
         own = [v for v in vars(module).values() if isinstance(v, type) and v.__module__ == module.__name__]
-        found = [c for c in own if callable(getattr(c, "act", None)) and callable(getattr(c, "reset", None))]
+        found = [c for c in own if _acts(c)]
         if len(found) > 1:
             raise ConfigurationError(f"{path}: several controllers: {', '.join(c.__name__ for c in found)}; keep one")
         if not found:
             missing = " and ".join(f"{k}({'t, y, ref' if k == 'act' else ''})" for k, there in has.items() if not there)
             raise ConfigurationError(f"{path} has no {missing}, neither as functions nor as a class with both methods")
         offered = found[0]
-    _signature(path, offered, "act", ("t", "y", "ref"))
-    _signature(path, offered, "reset", ())
+    if callable(getattr(offered, OBSERVES, None)):
+        if callable(getattr(offered, "act", None)):
+            raise ConfigurationError(f"{path} has both act(t, y, ref) and {OBSERVES}(obs); keep one")
+        _signature(path, offered, OBSERVES, ("obs",))
+    else:
+        _signature(path, offered, "act", ("t", "y", "ref"))
+    if hasattr(offered, "reset"):
+        _signature(path, offered, "reset", ())
     return offered
+
+
+def _acts(kind: type) -> bool:
+    """Whether a class is a controller."""
+    has = {k: callable(getattr(kind, k, None)) for k in ("reset", "act", OBSERVES)}
+    return has[OBSERVES] or (has["reset"] and has["act"])
 
 
 def _signature(path: Path, offered: Any, name: str, wanted: tuple[str, ...]) -> None:
@@ -209,8 +241,9 @@ class Played:
 
     def __init__(self, path: Path, offered: Any, about: dict[str, Any], true_rig: bool):
         self.path, self._offered, self._about, self._true_rig = path, offered, about, true_rig
-        wants_about = _accepts(offered.reset, 1)
-        self._reset = partial(self._call, "reset", offered.reset, *([self._about] if wants_about else []))
+        reset = getattr(offered, "reset", _nothing)  # a policy on observations may have none
+        wants_about = _accepts(reset, 1)
+        self._reset = partial(self._call, "reset", reset, *([self._about] if wants_about else []))
 
     def set_rig(self, rig: Mapping[str, Any]) -> None:
         """The true parameters; an oracle finds them in ``about["rig"]``, nobody else."""
@@ -224,17 +257,46 @@ class Played:
     def act(self, t: float, y: Mapping[str, float], ref: tuple[float, float, float]) -> float:
         """The command in SI; NaN (which ends the episode as failed) is passed on, anything but a number refused."""
         u = self._call("act", self._offered.act, t, y, ref)
+        return self._number(u, f"act() answered {reprlib.repr(u)} ({type(u).__name__}) at t = {t:g} s")
+
+    def act_observation(self, t: float, obs: list[float]) -> float:
+        """The action in [-1, 1]; ``t`` is for the messages only."""
+        a = self._call(OBSERVES, partial(_without_time, self._offered.act_observation), t, obs)
+        value = _single(a)
+        return self._number(value, f"{OBSERVES}() answered {reprlib.repr(a)} ({type(a).__name__}) at t = {t:g} s")
+
+    def _number(self, value: Any, answered: str) -> float:
         try:
-            return float(u)
+            return float(value)
         except (TypeError, ValueError):
-            raise ConfigurationError(
-                f"{self.path}: act() answered {reprlib.repr(u)} ({type(u).__name__}) at t = {t:g} s; "
-                "expected one number"
-            ) from None
+            raise ConfigurationError(f"{self.path}: {answered}; expected one number") from None
 
     def _call(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         try:
             return function(*arguments)
         except Exception as error:
-            at = f" at t = {arguments[0]:g} s" if name == "act" and math.isfinite(arguments[0]) else ""
+            at = f" at t = {arguments[0]:g} s" if name != "reset" and math.isfinite(arguments[0]) else ""
             raise ConfigurationError(f"{self.path}: {name}() raised {told(error)}{at}") from None
+
+
+def action_modes() -> tuple[str, ...]:
+    """The action modes that there are, of all environments."""
+    from cable_envs import ENV_IDS
+    from cable_envs.sim.registered import setup_of
+
+    return tuple(sorted({mode.name for env in ENV_IDS for mode in setup_of(env, {}).plant.action_modes}))
+
+
+def _nothing() -> None:
+    """The reset of a policy that has none."""
+
+
+def _without_time(function: Callable[..., Any], t: float, obs: list[float]) -> Any:
+    return function(obs)
+
+
+def _single(action: Any) -> Any:
+    """The entry of an array or list of one, as networks answer; anything else as it is."""
+    while hasattr(action, "__len__") and not isinstance(action, (str, bytes)) and len(action) == 1:
+        action = action[0]
+    return action

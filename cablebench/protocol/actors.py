@@ -53,6 +53,27 @@ class ControllerActor:
         return np.array([2.0 * (u - self._low) / self._span - 1.0], dtype=np.float32)
 
 
+class ObservationActor:
+    """A policy without memory of ours: it is handed the environment's observation as numbers and answers one action.
+
+    Parameters
+    ----------
+    policy : object
+        With ``reset()`` and ``act_observation(t, obs)``: ``obs`` a list of floats, the answer a float in [-1, 1].
+    """
+
+    def __init__(self, policy: Any):
+        self.policy = policy
+
+    def start(self, env: Any) -> None:
+        if hasattr(self.policy, "set_rig"):
+            self.policy.set_rig(env.true_rig)
+        self.policy.reset()
+
+    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
+        return np.array([self.policy.act_observation(t, observation.tolist())], dtype=np.float32)
+
+
 class PolicyActor:
     """A trained policy, asked deterministically.
 
