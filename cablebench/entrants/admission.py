@@ -14,7 +14,7 @@ import yaml
 from cable_envs.core.config import configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
-from cablebench.entrants import controller_files, policy_files
+from cablebench.entrants import controller_files, onnx_policies, policy_files
 from cablebench.entrants.submission import source_hash
 
 FOLDER = "submissions"
@@ -46,7 +46,7 @@ class Submission:
 
 
 def read_submission(path: str | Path, name: str = "") -> Submission:
-    """The submission in a .py file, a .zip (or the folder of a training), or a YAML file that names one of them.
+    """The submission in a .py file, a .zip (or the folder of a training), an .onnx, or a YAML file that names one.
 
     ``name`` replaces the name on the board. Nothing is executed. Raises ConfigurationError that says what can be handed
     in.
@@ -61,12 +61,13 @@ def read_submission(path: str | Path, name: str = "") -> Submission:
     if path.suffix == ".py":
         found = Submission({path.name: path.read_bytes()}, path.name, "--controller", path.name)
         extra = {"schema": controller_files.SCHEMA, "name": name, "controller": path.name}
-    elif path.suffix == ".zip":
+    elif path.suffix in (".zip", onnx_policies.SUFFIX):
         found = Submission({path.name: path.read_bytes()}, path.name, "--policy")
         extra = {"schema": policy_files.SCHEMA, "name": name, "policy": path.name}
     else:
         raise ConfigurationError(
-            f"{path}: hand in a .py file with reset() and act(t, y, ref), a policy .zip of `cablebench train`, or a "
+            f"{path}: hand in a .py file with reset() and act(t, y, ref) or act_observation(obs), a policy .zip of "
+            f"`cablebench train`, a network as {onnx_policies.SUFFIX}, or a "
             f"YAML file (schema {controller_files.SCHEMA} or {policy_files.SCHEMA})"
         )
     if not name:

@@ -92,6 +92,14 @@ def test_reset_may_be_there_and_gains_go_to_a_class(written, tmp_path):
         assert [float(actor.act(observation, 0.0)[0]) for _ in range(2)] == pytest.approx([0.001, 0.002])
 
 
+def asked_once(path):
+    env = gym.make(HOLE)
+    env.reset(seed=0)
+    actor = submission_entrant(path).make(env.unwrapped.setup)
+    actor.start(env.unwrapped)
+    actor.act(np.zeros(10, np.float32), 0.0)
+
+
 @pytest.mark.parametrize(("change", "expected"), [
     (("act_observation(obs)", "act_observation(t, obs)"), r"act_observation\(t, obs\) does not take the arguments"),
     (('"tension"', '"tensoin"'), "did you mean 'tension'"),
@@ -102,11 +110,7 @@ def test_reset_may_be_there_and_gains_go_to_a_class(written, tmp_path):
 def test_what_is_wrong_is_said_with_the_file(written, change, expected):
     path = written(GOOD.replace(*change))
     with pytest.raises(ConfigurationError, match=expected) as caught:
-        env = gym.make(HOLE)
-        env.reset(seed=0)
-        actor = submission_entrant(path).make(env.unwrapped.setup)
-        actor.start(env.unwrapped)
-        actor.act(np.zeros(10, np.float32), 0.0)
+        asked_once(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 

@@ -1,18 +1,25 @@
 """Entrants of saved policies, and of those that a policy file (`cablebench.entrants.policy_files`) names."""
 
 import shlex
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import INFORMATION, Entrant, agent_entrant
+from cablebench.entrants.onnx_policies import SUFFIX, load_onnx
 from cablebench.entrants.policy_files import PolicyFile, load_policy_file
+from cablebench.protocol.actors import PolicyActor
 
 
 def policy_entrant(path: str) -> Any:
     """The `cablebench.entrants.entrant.Entrant` of a saved policy, with what it was charged and how it was trained."""
     if is_policy_file(path):
         return policy_file_entrant(path)
+    if path.endswith(SUFFIX):
+        return onnx_entrant(PolicyFile(Path(path).stem, existing(path)), path)
     from cable_envs.agents.policy import load_policy
 
     policy = load_policy(path)
@@ -41,6 +48,8 @@ def is_policy_file(path: str) -> bool:
 def policy_file_entrant(path: str) -> Entrant:
     """The entrant of a policy file. Raises ConfigurationError that names the file."""
     file = load_policy_file(path)
+    if file.onnx:
+        return onnx_entrant(file, path)
     entrant = _foreign(file) if file.algo else _own(path, file)
     return replace(
         entrant, name=file.name, arguments=f"--policy {shlex.quote(path)}", charged={**entrant.charged, **file.charged}
@@ -64,4 +73,41 @@ def _foreign(file: PolicyFile) -> Entrant:
     return agent_entrant(
         file.name, policy, file.env_id, file.seed, int(file.charged["environment_steps"]), options=file.options,
         information=file.information, settings={"policy": policy.digest, "options": dict(file.options)},
+    )  # fmt: skip
+
+
+def existing(path: str) -> Path:
+    """The path of a file that is there; ConfigurationError where there is none."""
+    if not Path(path).is_file():
+        raise ConfigurationError(f"no file at {path}")
+    return Path(path)
+
+
+def onnx_entrant(file: PolicyFile, path: str) -> Entrant:
+    """The entrant of an ONNX file; ``path`` is what names it on the command line.
+
+    Without an environment it enters wherever the observation has as many channels as its network takes.
+    """
+    from onnxruntime import __version__ as version
+
+    from cable_envs.sim.registered import setup_of
+
+    policy = load_onnx(file.policy, file.sight)
+    if file.env_id:
+        policy.require_channels(len(setup_of(file.env_id, file.options).channels), file.env_id)
+
+    def needs(env_id: str, setup: Setup) -> Mapping[str, Any] | None:
+        if file.env_id:
+            return file.options if env_id == file.env_id else None
+        modes = [mode.name for mode in setup.plant.action_modes]
+        if file.options.get("action_mode", modes[0]) not in modes:
+            return None
+        fits = len(setup_of(env_id, file.options).channels) == policy.channels
+        return file.options if fits else None
+
+    return Entrant(
+        file.name, file.information, lambda setup: PolicyActor(policy), needs, f"--policy {shlex.quote(path)}",
+        training_seed=file.seed if file.env_id else None, charged=file.charged,
+        settings={"policy": policy.digest, "options": dict(file.options), **file.sight.settings()},
+        versions={"onnxruntime": version},
     )  # fmt: skip
