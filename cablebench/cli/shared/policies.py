@@ -1,5 +1,6 @@
 """Entrants of saved policies, and of those that a policy file (`cablebench.entrants.policy_files`) names."""
 
+import importlib.metadata
 import shlex
 from collections.abc import Mapping
 from dataclasses import replace
@@ -88,8 +89,6 @@ def onnx_entrant(file: PolicyFile, path: str) -> Entrant:
 
     Without an environment it enters wherever the observation has as many channels as its network takes.
     """
-    from onnxruntime import __version__ as version
-
     from cable_envs.sim.registered import setup_of
 
     policy = load_onnx(file.policy, file.sight)
@@ -109,5 +108,5 @@ def onnx_entrant(file: PolicyFile, path: str) -> Entrant:
         file.name, file.information, lambda setup: PolicyActor(policy), needs, f"--policy {shlex.quote(path)}",
         training_seed=file.seed if file.env_id else None, charged=file.charged,
         settings={"policy": policy.digest, "options": dict(file.options), **file.sight.settings()},
-        versions={"onnxruntime": version},
+        versions={"onnxruntime": importlib.metadata.version("onnxruntime")},
     )  # fmt: skip
