@@ -15,7 +15,7 @@ Reference = tuple[float, float, float]
 HOLE = "cable_hole"
 CIRCUITS = ("pulley_circuit", "pulley_chain")
 
-INFORMATION = ("model-free", "nominal", "identified", "oracle")
+INFORMATION = ("model-free", "nominal", "identified", "planner", "oracle")
 OBSERVE = ("drive", "output", "full")
 
 
@@ -70,7 +70,8 @@ class Controller:
     name : str
         Name of the controller on the command line and on boards.
     information : str
-        What it was told: "model-free", "nominal", "identified" or "oracle". Controllers are ranked within each.
+        What it was told: "model-free", "nominal", "identified", "planner" or "oracle". Controllers are ranked within
+        each.
     plants : tuple of str
         Plants that it is made for.
     tasks : tuple of str

@@ -11,8 +11,9 @@ from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
 
-INFORMATION = ("model-free", "nominal", "identified", "oracle")
-"""What an entrant was told about the rig; entrants are ranked within their class."""
+INFORMATION = ("model-free", "nominal", "identified", "planner", "oracle")
+"""What an entrant was told about the rig; entrants are ranked within their class. A planner is told the nominal
+parameters and tries its commands in the project's own simulator: of the true rig and its state it knows measurements."""
 
 BUDGETS = ("environment_steps", "tuning_trials", "identification_samples")
 """What is charged and shown, for one training seed."""

@@ -2,7 +2,7 @@
 
 ```python
 name = "my-pid"                     # as on the board
-information = "model-free"          # what it uses: model-free | nominal | identified | oracle
+information = "model-free"          # what it uses: model-free | nominal | identified | planner | oracle
 observe = "output"                  # drive | output | full; optional, the task's own without it; a mapping where the
                                     # plants differ: {"cable_hole": "output", "pulley_circuit": "drive"}
 tasks = ["CableHole-Position-Sine"] # optional: environment ids it enters; all without it
