@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
+.PHONY: demo test test-slow interop coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -15,6 +15,10 @@ test: .venv/installed
 
 test-slow: .venv/installed
 	$(PYTEST)
+
+# other projects' own tests and libraries on these environments (docs/interop.md); fetches them into build/interop
+interop: .venv/installed
+	$(BIN)/python -m tests.interop.peers
 
 # in the terminal and, line by line, in results/coverage; compiled kernels are not traced (pyproject.toml says more)
 coverage: .venv/installed

@@ -13,7 +13,7 @@ from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
 
 INFORMATION = ("model-free", "nominal", "identified", "planner", "oracle")
 """What an entrant was told about the rig; entrants are ranked within their class. A planner is told the nominal
-parameters and tries its commands in the project's own simulator: of the true rig and its state it knows measurements."""
+parameters and tries its commands in the project's own simulator; of the true rig it knows what is measured."""
 
 BUDGETS = ("environment_steps", "tuning_trials", "identification_samples")
 """What is charged and shown, for one training seed."""

@@ -1,5 +1,9 @@
 """Libraries that step these environments: each is used as its own users use it. docs/interop.md has the versions."""
 
+import os
+import subprocess
+import sys
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -118,3 +122,50 @@ def test_d3rlpys_loader_of_an_export(exported):
     d3rlpy = pytest.importorskip("d3rlpy")
     data, env = d3rlpy.datasets.get_minari(next(iter(exported.list_local_datasets())))
     assert len(data.episodes) == 2 and env.reset(seed=0)[0].shape == (10,)
+
+
+class NumPyInfos(gym.Wrapper):
+    """The infos of steps as NumPy's numbers, which only some libraries ask for (docs/interop.md)."""
+
+    def step(self, action):
+        *rest, info = self.env.step(action)
+        return *rest, {name: np.float64(value) for name, value in info.items()}
+
+
+def test_torchrls_register_of_infos():
+    pytest.importorskip("torchrl")
+    from torchrl.envs.libs.gym import GymWrapper
+
+    env = GymWrapper(NumPyInfos(gym.make(HOLE))).auto_register_info_dict()
+    seen = env.rollout(5)["next"]
+    assert {"output", "error", "load_tension"} <= set(seen.keys()) and seen["output"].shape[0] == 5
+
+
+def test_tianshous_vector():
+    pytest.importorskip("tianshou")
+    from tianshou.env import DummyVectorEnv
+
+    envs = DummyVectorEnv([lambda: gym.make(HOLE, duration=0.2) for _ in range(3)])
+    assert envs.reset(seed=0)[0].shape == (3, 10)
+    steps = [envs.step(np.zeros((3, 1), np.float32)) for _ in range(20)]
+    assert steps[-1][3].all() and not steps[0][3].any()
+
+
+def test_rl_zoo3_trains_what_is_exported(tmp_path):
+    pytest.importorskip("rl_zoo3")
+    from cablebench.cli import main
+
+    with pytest.raises(SystemExit) as end:
+        main(["export", "CableHole-Position-Sine", "--format", "zoo", "--out", str(tmp_path / "zoo")])
+    assert not end.value.code
+    common = ["--env", HOLE, "--gym-packages", "cable_envs", "-f", str(tmp_path / "logs"), "--device", "cpu"]
+    path = os.pathsep.join(p for p in sys.path if p)
+    short = ["-conf", str(tmp_path / "zoo" / "ppo.yml"), "-n", "8192", "--eval-freq", "-1", "--num-threads", "1"]
+    watched = ["--no-render", "-n", "50", "--exp-id", "1"]
+    for module, words in (("rl_zoo3.train", short), ("rl_zoo3.enjoy", watched)):
+        command = [sys.executable, "-m", module, "--algo", "ppo", *common, *words]
+        done = subprocess.run(
+            command, env={**os.environ, "PYTHONPATH": path}, cwd=tmp_path, capture_output=True, text=True, timeout=300
+        )
+        assert done.returncode == 0, done.stderr[-2000:]
+    assert list((tmp_path / "logs").rglob("cable_envs-CableHole-Position-Sine-v0.zip"))

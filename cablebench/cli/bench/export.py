@@ -1,4 +1,4 @@
-"""``cablebench export``: episodes as a Minari dataset or as a recording, for offline learning and for diagnosis."""
+"""``cablebench export``: episodes as a Minari dataset or a recording, or the agents' settings for another trainer."""
 
 import re
 from collections.abc import Sequence
@@ -13,13 +13,20 @@ from cablebench.cli.shared.arguments import options_for, parse_options, resolve_
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.trust import Trusted
 
-FORMATS = ("minari", "recording")
+FORMATS = ("minari", "recording", "zoo")
 
 
 def export(
     env: Annotated[str, typer.Argument(help="Environment, by full or short id.")],
-    out: Annotated[Path, typer.Option(help="Folder: of the recording, or Minari's folder of datasets.")],
-    form: Annotated[str, typer.Option("--format", help="minari (HDF5 dataset) or recording (YAML and tables).")],
+    out: Annotated[Path, typer.Option(help="Folder: of the recording, Minari's of datasets, or of the zoo's files.")],
+    form: Annotated[
+        str,
+        typer.Option(
+            "--format",
+            help="minari (HDF5 dataset), recording (YAML and tables), or zoo (the agents' settings for RL Baselines3 "
+            "Zoo; no episodes).",
+        ),
+    ],
     controller: Annotated[
         str | None, typer.Option(help="Controller: a reference, a controller file, a .py file.")
     ] = None,
@@ -45,11 +52,16 @@ def export(
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="What was written, as JSON on standard output.")] = False,
 ) -> None:
-    """Run episodes and write them as data."""
+    """Run episodes and write them as data; with --format zoo, write how the agents are trained."""
     if form not in FORMATS:
         raise ConfigurationError(f"--format: unknown format '{form}'; {nearest(form, FORMATS)}")
     _check_flags(form, dataset_id, author, author_email, code_permalink, table, heldout)
     env_id = resolve_env(env)
+    if form == "zoo":
+        if controller or policy or random or gain or option:
+            raise ConfigurationError("--format zoo writes settings of training: no entrant and no options are needed")
+        _zoo(env_id, out, as_json)
+        return
     entrant = _entrant(controller, policy, random, gain or ())
     options = options_for(entrant, env_id, parse_options(option or ()))
     seeds = range(seed, seed + episodes)
@@ -62,6 +74,21 @@ def export(
         written, traces = _recording(env_id, options, entrant, seeds, out, table, heldout)
         how = f"read it with: diagnosis.data.recording.load_recording('{written}')"
     _report(entrant, env_id, form, written, traces, how, as_json)
+
+
+def _zoo(env_id: str, out: Path, as_json: bool) -> None:
+    """The agents' settings for an environment as files of RL Baselines3 Zoo."""
+    from cablebench.export.zoo import write_zoo
+
+    files = _writing(out, lambda: write_zoo(out, (env_id,)))
+    if as_json:
+        print_json({"format": "zoo", "env_id": env_id, "files": {f.algo: str(f.path) for f in files}})
+        return
+    for file in files:
+        console().print(f"wrote {file.path}", markup=False)
+    first = files[0]
+    train = f"python -m rl_zoo3.train --algo {first.algo} --env {env_id} --gym-packages cable_envs -conf {first.path}"
+    console().print(f"train with it: {train}", markup=False)
 
 
 def _check_flags(form: str, *flags: Any) -> None:
