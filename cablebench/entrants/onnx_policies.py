@@ -194,7 +194,7 @@ def run(path: Path, session: Any, seen: np.ndarray) -> np.ndarray:
 def _width(path: Path, session: Any, sight: Sight) -> int:
     """Numbers that the network takes for each environment."""
     inputs = session.get_inputs()
-    shape = inputs[0].shape if len(inputs) == 1 else ()
+    shape: list[Any] = list(inputs[0].shape) if len(inputs) == 1 else []
     whole = len(shape) == 2 and isinstance(shape[1], int) and (isinstance(shape[0], str | None) or shape[0] == 1)
     if not whole or inputs[0].type != "tensor(float)":
         found = ", ".join(f"{i.type} {i.shape}" for i in inputs) or "none"

@@ -160,7 +160,7 @@ def _recording(
         full.close()
 
 
-def _writing(out: Path, write: Any) -> Path:
+def _writing(out: Path, write: Any) -> Any:
     try:
         return write()
     except OSError as error:
