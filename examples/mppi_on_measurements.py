@@ -6,7 +6,7 @@ the measurements after every step (an observer), and plans from there by model p
 (Williams, Aldrich, Theodorou, J. Guid. Control Dyn. 40 (2017) 344). Of the reference it is told what every controller
 is told: value, rate and acceleration of this instant, which it continues over its horizon.
 
-    cablebench submit examples/mppi_on_measurements.py --board quick --results results/planner --trust
+    cablebench submit examples/mppi_on_measurements.py --trust
 """
 
 import gymnasium as gym

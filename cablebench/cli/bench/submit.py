@@ -24,7 +24,9 @@ from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
 
 
 def submit(
-    path: Annotated[Path, typer.Argument(help="A .py file, a policy .zip (or its folder), or a YAML file naming one.")],
+    path: Annotated[
+        Path, typer.Argument(help="A .py file, a policy .zip (or folder), an .onnx, or a YAML naming one.")
+    ],
     board: Annotated[str | None, typer.Option(help="Board: a protocol (quick, full). Default: quick.")] = None,
     results: Annotated[
         Path | None, typer.Option(help="Folder for its records and the board; default: results/submitted-NAME.")
