@@ -3,7 +3,7 @@
 The simulator, the metrics and the records stay here; the other process is told what a controller may see and is asked
 for one number at a time. If it ends (``os._exit(0)``, a crash), hangs or answers anything but a number, that is a
 `ConfigurationError` that names the file, and no record. The process has neither seeds nor true parameters nor the place
-of the store; what stands around it says `cablebench.entrants.sandbox`.
+of the store; what stands around it says `cablebench.entrants.sandbox.kinds`.
 
 Messages are JSON, which cannot carry code: ``[operation, arguments]`` there, ``["ok", value]`` or ``["error", text]``
 back.
@@ -34,7 +34,7 @@ from cable_envs.core.params import is_number
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import LEVELS
 from cablebench.entrants.entrant import BUDGETS, INFORMATION, Entrant, controller_entrant
-from cablebench.entrants.sandbox import Sandbox, choose, environment
+from cablebench.entrants.sandbox.kinds import Sandbox, choose, environment
 from cablebench.entrants.submission import read_source, source_hash
 from cablebench.protocol.actors import Actor, ControllerActor, ObservationActor
 
@@ -57,7 +57,7 @@ PRINTED = 2**16
 def submission_entrant(path: str | Path, sandbox: str = "auto") -> Entrant:
     """The entrant of a .py file. Executes the file, in a process of its own.
 
-    ``sandbox`` is a kind of `cablebench.entrants.sandbox`. Raises ConfigurationError that names the file and what is
+    ``sandbox`` is a kind of `entrants.sandbox.kinds`. Raises ConfigurationError that names the file and what is
     wrong: no reset() or act(), a wrong signature or declaration, an error while it is loaded, no answer.
     """
     kind = controller_kind(path, sandbox)
@@ -215,7 +215,7 @@ class _Kind:
 
     def _declared(self, about: Any) -> dict[str, Any]:
         """The declaration, checked once more here: over there a file may answer in place of what checks it."""
-        kinds = {
+        kinds: dict[str, Any] = {
             "derived": bool, "name": str, "information": str, "charged": dict, "envs": list, "observes": bool,
             "action_mode": (str, type(None)),
         }  # fmt: skip

@@ -65,7 +65,7 @@ class Entrant:
     maker: str = ""
     """key of who handed it in (`cablebench.run.makers`); empty: who keeps the store"""
     sandbox: str = ""
-    """what stood around the process of its file (`cablebench.entrants.sandbox`); empty: no file of its own is run"""
+    """what stood around the process of its file (`entrants.sandbox.kinds`); empty: no file of its own is run"""
 
     def __post_init__(self) -> None:
         if not is_name(self.name):

@@ -18,8 +18,9 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
-from cablebench.entrants import apart, walls
-from cablebench.entrants.sandbox import choose
+from cablebench.entrants import apart
+from cablebench.entrants.sandbox import walls
+from cablebench.entrants.sandbox.kinds import choose
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
 from cablebench.run.evaluation import evaluate
 from cablebench.run.store import ResultStore
@@ -382,7 +383,7 @@ def test_a_process_that_ended_is_not_waited_for_though_others_hold_its_pipe(lair
 
 @pytest.mark.parametrize("sandbox", ["limits", "none"])
 def test_it_works_where_the_platform_has_no_walls_and_says_so(lair, sandbox):
-    from cablebench.entrants.sandbox import statement_of
+    from cablebench.entrants.sandbox.kinds import statement_of
 
     entrant = apart.submission_entrant(cheat(*lair, "pass"), sandbox)
     assert entrant.sandbox == sandbox and "no sandbox" in statement_of(sandbox)

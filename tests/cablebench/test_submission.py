@@ -218,7 +218,7 @@ def test_files_are_kept_by_content_and_load_from_there(written, tmp_path):
 
 def test_only_what_can_be_entered_is_taken(written):
     with pytest.raises(ConfigurationError, match=r"hand in a \.py file"):
-        read_submission(written("x", "policy.onnx"))
+        read_submission(written("x", "policy.h5"))
     with pytest.raises(ConfigurationError, match="no file at"):
         read_submission("nowhere.py")
     with pytest.raises(ConfigurationError, match="expected 'cable-controller/1' or 'cable-policy-file/1'"):

@@ -16,7 +16,7 @@ def test_public_names_are_those_of_the_modules_behind_them():
     assert (diagnosis.diagnose, diagnosis.Diagnosis) == (diagnose, Diagnosis)
     assert (diagnosis.load_recording, diagnosis.Recording) == (load_recording, Recording)
     assert set(diagnosis.__all__) <= set(dir(diagnosis))
-    with pytest.raises(AttributeError, match="'cable_envs.diagnosis' has no attribute 'diagnos'"):
+    with pytest.raises(AttributeError, match=r"'cable_envs\.diagnosis' has no attribute 'diagnos'"):
         _ = diagnosis.diagnos
 
 

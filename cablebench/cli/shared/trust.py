@@ -68,7 +68,7 @@ Walls = Annotated[
 
 def say_sandboxes(entrants: Any) -> None:
     """Say on standard error what stands around the entrants that are files, once for each of their sandboxes."""
-    from cablebench.entrants.sandbox import statement_of
+    from cablebench.entrants.sandbox.kinds import statement_of
 
     for name in dict.fromkeys(entrant.sandbox for entrant in entrants if entrant.sandbox):
         who = ", ".join(dict.fromkeys(entrant.name for entrant in entrants if entrant.sandbox == name))

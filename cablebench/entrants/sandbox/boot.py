@@ -1,6 +1,6 @@
 """How the process of a stranger's file begins: run as a script, it walls itself in before it imports anything.
 
-Arguments: the plan of `cablebench.entrants.sandbox` as JSON, and the number of the connection's file descriptor.
+Arguments: the plan of `cablebench.entrants.sandbox.kinds` as JSON, and the number of the connection's file descriptor.
 """
 
 import importlib
@@ -31,7 +31,9 @@ def main() -> None:
     sys.argv[1] = ""
     sys.path[:] = plan["path"]
     sys.meta_path.insert(0, _Ours(plan["packages"]))
-    spec = importlib.util.spec_from_file_location("walls", f"{plan['packages']['cablebench']}/entrants/walls.py")
+    spec = importlib.util.spec_from_file_location(
+        "walls", f"{plan['packages']['cablebench']}/entrants/sandbox/walls.py"
+    )
     assert spec is not None and spec.loader is not None, "a .py file has a loader"
     walls = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(walls)
@@ -40,7 +42,7 @@ def main() -> None:
         walls.give_up_privileges()
     if plan["files"]:
         walls.only_read(plan["read"])
-    serving = importlib.import_module("cablebench.entrants.serving")
+    serving = importlib.import_module("cablebench.entrants.sandbox.serving")
     serving.end_with_parent()
     walls.limit(plan["last"])
     if plan["calls"]:

@@ -1,7 +1,7 @@
 """Walls around the process of a stranger's file, asked of the kernel: limits, Landlock, a filter of system calls.
 
 This file imports nothing of the project and nothing that starts threads: a process puts the walls around itself before
-it imports anything else (`cablebench/entrants/boot.py`), as Landlock holds for the calling thread and for those that
+it imports anything else (`entrants/sandbox/boot.py`), as Landlock holds for the calling thread and for those that
 it starts later. Each function raises OSError where the kernel does not do what was asked.
 
 Landlock: https://docs.kernel.org/userspace-api/landlock.html; seccomp: https://docs.kernel.org/userspace-api/seccomp_filter.html.

@@ -26,7 +26,7 @@ from typing import Any
 
 from cable_envs.core.config import config_root
 from cable_envs.core.errors import ConfigurationError, require_known
-from cablebench.entrants import walls
+from cablebench.entrants.sandbox import walls
 
 SANDBOXES = ("auto", "bwrap", "landlock", "seccomp", "limits", "none")
 
