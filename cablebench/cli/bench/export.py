@@ -78,7 +78,7 @@ def export(
 
 def _zoo(env_id: str, out: Path, as_json: bool) -> None:
     """The agents' settings for an environment as files of RL Baselines3 Zoo."""
-    from cablebench.export.zoo import write_zoo
+    from cable_envs.agents.zoo import write_zoo
 
     files = _writing(out, lambda: write_zoo(out, (env_id,)))
     if as_json:
