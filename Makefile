@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow interop coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
+.PHONY: demo test test-slow oldest newest interop coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -15,6 +15,19 @@ test: .venv/installed
 
 test-slow: .venv/installed
 	$(PYTEST)
+
+# the oldest and the newest versions that pyproject.toml allows, each in an environment of its own, without
+# constraints.txt; torch stays as pinned, as others are not everywhere to be had for the CPU alone. Warnings are there
+# about what has changed since in other libraries
+oldest: RESOLUTION := lowest-direct
+newest: RESOLUTION := highest
+oldest newest:
+	test -x build/$@/bin/python || $(PYTHON) -m venv build/$@
+	build/$@/bin/python -m pip install --quiet --disable-pip-version-check uv
+	sed -n '/^torch==/p' constraints.txt > build/$@/torch.txt
+	build/$@/bin/uv pip install --quiet --python build/$@/bin/python --resolution $(RESOLUTION) \
+		--overrides build/$@/torch.txt --editable '.[dev]'
+	build/$@/bin/python -m pytest -n auto --maxprocesses 4 --dist worksteal -m "not slow" -W ignore::DeprecationWarning
 
 # other projects' own tests and libraries on these environments (docs/interop.md); fetches them into build/interop
 interop: .venv/installed

@@ -92,6 +92,9 @@ class CableVectorEnv(VectorEnv):
     metadata = {**CableEnv.metadata, "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
     _spec: EnvSpec | None = None
 
+    closed = True
+    """Until there is something to close: older Gymnasiums close what was refused while it was made."""
+
     def __init__(
         self,
         task: str,
@@ -138,6 +141,7 @@ class CableVectorEnv(VectorEnv):
         self._any_finished = False
         self._running = False
         self._build()
+        self.closed = False
 
     def _build(self) -> None:
         """What lies in memory that a kernel reads and writes."""
