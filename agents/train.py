@@ -23,6 +23,7 @@ from cable_envs.agents.policy import FILE, Metadata, Policy, load_policy, policy
 from cable_envs.agents.settings import Settings
 from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 
 ProgressReport = Callable[[int, int, str], None]
 """(steps done, steps to do, text)"""
@@ -92,8 +93,9 @@ def train(
     Raises
     ------
     ConfigurationError
-        When ``out`` holds a policy and neither resume nor overwrite is asked for, and when what is to be resumed was
-        trained with other settings.
+        When ``out`` holds a policy or a checkpoint and neither resume nor overwrite is asked for, when what is to be
+        resumed was trained with other settings, and when ``out`` cannot be written to, which is tried before anything
+        is trained.
     Interrupted
         After Ctrl-C or SIGTERM, once everything is saved.
     """
@@ -102,6 +104,7 @@ def train(
     kept, done = _before(folder, settings, seed, resume, overwrite)
     if done is not None:
         return done
+    require_writable(folder)
     env = training_env(settings)
     try:
         model = _new_model(settings, seed, env) if kept is None else checkpoint.restore_model(kept, settings, env)
@@ -171,6 +174,8 @@ def _before(
     if resume:
         if resume == "auto" and not file.exists() and not state.exists():
             return None, None
+        if state.exists() and not file.exists():  # it ended between its first checkpoint and its first policy
+            return checkpoint.load_checkpoint(state, settings, seed), None
         _, found = read_policy(policy_file(folder))
         if found.settings_hash != settings.hash() or found.seed != seed:
             raise ConfigurationError(
@@ -178,14 +183,15 @@ def _before(
                 f"asked for are {settings.hash()}, seed {seed}"
             )
         if found.complete:
+            state.unlink(missing_ok=True)  # it ended after its last policy
             if resume == "auto":
                 return None, load_policy(folder)
             raise ConfigurationError(f"{file} already has its {found.steps} steps: nothing to resume")
         if not state.exists():
             raise ConfigurationError(f"{file} is not complete, but there is no {state.name} beside it to go on from")
         return checkpoint.load_checkpoint(state, settings, seed), None
-    if file.exists() and not overwrite:
-        raise ConfigurationError(f"{file} exists: choose another folder, or resume or overwrite it")
+    if not overwrite and (there := next((f for f in (file, state) if f.exists()), None)):
+        raise ConfigurationError(f"{there} exists: choose another folder, or resume or overwrite it")
     return None, None
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
+from cable_envs.core.text import markdown_code, markdown_text
 from cable_envs.proof.scoring import Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
@@ -88,9 +89,11 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     """One table: a line for each row of the proof, a column for each method."""
     columns = {method: table(own) for method, own in results.items()}
     names = [row.name for row in next(iter(columns.values()), [])]
-    lines = [f"# Blind proof: {about['cases_total']} cases", "", f"`{about['command']}`", ""]
-    lines += [f"State of the tool (hash of its sources): `{about['state']}`", ""] if "state" in about else []
-    lines += [f"{line}\n" for line in missing_words(about)]
+    lines = [f"# Blind proof: {about['cases_total']} cases", "", markdown_code(about["command"]), ""]
+    lines += (
+        [f"State of the tool (hash of its sources): {markdown_code(about['state'])}", ""] if "state" in about else []
+    )
+    lines += [f"{markdown_text(line)}\n" for line in missing_words(about)]
     lines += ["| measured | wanted | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
     for k, name in enumerate(names):
         row = next(iter(columns.values()))[k]

@@ -10,10 +10,12 @@ Every step keeps what is finished: the same call goes on from there. Jobs have t
 tool that is judged, and what reads a recording for the baselines, are handed in: nothing of either is imported here.
 """
 
+import ctypes
 import json
 import shutil
 import signal
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -31,6 +33,9 @@ from cable_envs.proof.sealing import MANIFEST_SCHEMA, opened, seal
 TOOL = "diagnose"
 LIMIT = 900.0
 """s that the tool may take for one recording."""
+
+PR_SET_PDEATHSIG = 1
+"""As in linux/prctl.h."""
 
 INTERRUPTED = (130, 137, 143)
 """Exit codes that say, like a signal itself, that somebody ended the tool (SIGINT, SIGKILL, SIGTERM)."""
@@ -133,8 +138,9 @@ def _missing(content: Mapping[str, Any]) -> str:
 def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
     try:
         done = subprocess.run(
-            [*command, str(folder), "--json"], capture_output=True, text=True, timeout=LIMIT, cwd=place
-        )
+            [*command, str(folder), "--json"], capture_output=True, text=True, timeout=LIMIT, cwd=place,
+            preexec_fn=_ends_with_me(),
+        )  # fmt: skip
     except subprocess.TimeoutExpired:
         raise Killed(f"not ended within {LIMIT:g} s") from None
     if done.returncode < 0 or done.returncode in INTERRUPTED:
@@ -143,6 +149,18 @@ def _tool(command: Sequence[str], folder: Path, place: Path) -> dict[str, Any]:
     if done.returncode != 0:
         raise RuntimeError(f"exit code {done.returncode}: {done.stderr.strip()[-1500:]}")
     return checked(json.loads(done.stdout))
+
+
+def _ends_with_me() -> Callable[[], None] | None:
+    """For a child of this process: it is to be killed when this one dies, of whatever. Linux alone can do that."""
+    if sys.platform != "linux":
+        return None
+    ask = ctypes.CDLL(None).prctl
+
+    def ends() -> None:
+        ask(PR_SET_PDEATHSIG, signal.SIGKILL)
+
+    return ends
 
 
 def _baseline(method: str, folder: Path, read: Callable[[Path], Any] | None) -> dict[str, Any]:

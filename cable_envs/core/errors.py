@@ -40,6 +40,10 @@ class UnknownOption(ConfigurationError, TypeError):
         return cls(f"{maker}() got an unexpected keyword argument '{name}'; {nearest(name, valid)}")
 
 
+MOST_NAMES, LONGEST_NAME = 200, 200
+"""Names that an error lists, and characters of each: a file of others may have any number."""
+
+
 def nearest(name: str, valid: Iterable[str]) -> str:
     """A clause for error messages: the closest valid name, and all of them.
 
@@ -61,9 +65,10 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     "did you mean 'friction'? Valid: friction, mass"
     """
     options = sorted(map(str, valid))
-    close = difflib.get_close_matches(str(name), options, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(name)[:LONGEST_NAME], options[:MOST_NAMES], n=1, cutoff=0.5)
     hint = f"did you mean '{close[0]}'? " if close else ""
-    return f"{hint}Valid: {', '.join(options)}"
+    more = f" and {len(options) - MOST_NAMES} more" if len(options) > MOST_NAMES else ""
+    return f"{hint}Valid: {', '.join(option[:LONGEST_NAME] for option in options[:MOST_NAMES])}{more}"
 
 
 def require_known(kind: str, names: Iterable[str], valid: Iterable[str]) -> None:

@@ -1,14 +1,16 @@
 """Files that are whole at any time, values as JSON has them, and Python files of somebody's: the one place for each."""
 
 import gzip
+import io
 import json
 import math
 import os
+import re
 import tempfile
 import types
 import zlib
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +18,11 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+
+try:
+    import fcntl
+except ModuleNotFoundError:  # not on Windows: there nothing is locked, and what a killed process leaves stays
+    fcntl = None  # type: ignore[assignment]
 
 Gate = Callable[[Path, bytes], None]
 """Asked with path and content before a Python file is executed; raises ConfigurationError where it shall not be."""
@@ -96,11 +103,25 @@ def run_python(path: str | Path, name: str) -> types.ModuleType:
     return module
 
 
+_PART = re.compile(r"\..+\.[a-z0-9_]{8}\.cable\.tmp")
+"""Names of the files that `write_atomic` writes to before they take their name."""
+
+
+class CannotWrite(ConfigurationError, OSError):
+    """A file or folder that cannot be written: one line that names it and the reason."""
+
+    @classmethod
+    def of(cls, path: str | Path, error: OSError) -> "CannotWrite":
+        """The error for a path, with the system's reason; one that is of this kind already stays as it is."""
+        return error if isinstance(error, cls) else cls(f"cannot write {path}: {error.strerror or error}")
+
+
 def write_atomic(path: str | Path, content: str | bytes) -> Path:
     """Write a file so that its name holds either the old or the whole new content, whatever happens in between.
 
     The content goes to a temporary file in the same folder (its name begins with a dot), is flushed to disk, and takes
-    the name by `os.replace`. Folders that are missing are made.
+    the name by `os.replace`. Folders that are missing are made. Temporary files that a killed process has left in the
+    folder are removed.
 
     Parameters
     ----------
@@ -116,8 +137,9 @@ def write_atomic(path: str | Path, content: str | bytes) -> Path:
 
     Raises
     ------
-    OSError
-        Where the folder cannot be written to; the temporary file is removed.
+    CannotWrite
+        Where the folder cannot be written to, or the disk is full; the temporary file is removed. It is a
+        ConfigurationError and an OSError.
 
     Examples
     --------
@@ -127,21 +149,150 @@ def write_atomic(path: str | Path, content: str | bytes) -> Path:
     'done'
     """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".tmp")
+    made = [folder for folder in path.parents if not folder.exists()]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        remove_abandoned(path.parent)
+        _replace(path, content.encode() if isinstance(content, str) else content)
+    except OSError as error:
+        for folder in made:
+            with suppress(OSError):
+                folder.rmdir()
+        raise CannotWrite.of(path, error) from None
+    return path
+
+
+def _replace(path: Path, content: bytes) -> None:
+    handle, temporary = _part(path)
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
+            file.write(content)
             file.flush()
             os.fsync(file.fileno())
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes it private; results are ordinary files
-        os.replace(temporary, path)
+            mask = os.umask(0)
+            os.umask(mask)
+            os.chmod(temporary, 0o666 & ~mask)  # mkstemp makes it private; results are ordinary files
+            os.replace(temporary, path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise
-    return path
+    flush_folder(path.parent)
+
+
+def _part(path: Path) -> tuple[int, str]:
+    """An open temporary file beside ``path`` and its name, locked so that nobody takes it for abandoned."""
+    while True:
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name[:200]}.", suffix=".cable.tmp")
+        if fcntl is None:
+            return handle, name
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:  # another process was quicker, and removes it
+            os.close(handle)
+            continue
+        except OSError:  # a file system without locks: there nobody removes anything
+            return handle, name
+        if os.fstat(handle).st_nlink:
+            return handle, name
+        os.close(handle)
+
+
+def flush_folder(folder: Path) -> None:
+    """Put the names in a folder on disk, so that a power cut does not take back a rename. Where it cannot, it is not.
+
+    Parameters
+    ----------
+    folder : Path
+        One that is there.
+    """
+    with suppress(OSError):
+        handle = os.open(folder, os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+@contextmanager
+def held(path: Path) -> Iterator[bool]:
+    """Whether a file or folder, locked meanwhile, is held by no other process. The system frees what a dead one held.
+
+    Parameters
+    ----------
+    path : Path
+        One that is there.
+
+    Yields
+    ------
+    bool
+        False also where it has gone, and where its file system has no locks.
+    """
+    try:
+        handle = os.open(path, os.O_RDONLY)
+    except OSError:
+        yield False
+        return
+    try:
+        yield _locked(handle)
+    finally:
+        os.close(handle)
+
+
+def _locked(handle: int) -> bool:
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except (OSError, AttributeError):
+        return False
+    return True
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove the temporary files that killed processes have left in a folder.
+
+    Parameters
+    ----------
+    folder : Path
+        Where `write_atomic` has written.
+    """
+    with suppress(OSError), os.scandir(folder) as entries:
+        for path in [Path(entry.path) for entry in entries if _PART.fullmatch(entry.name)]:
+            with suppress(OSError), held(path) as free:
+                if free:
+                    path.unlink()
+
+
+def require_writable(folder: str | Path) -> None:
+    """Check that files can be written to a folder, before the work whose results go there. Nothing stays of the check.
+
+    Parameters
+    ----------
+    folder : str or Path
+        One that is there or is to be made.
+
+    Raises
+    ------
+    CannotWrite
+        Where it is no folder, may not be written to, or its disk is full.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> require_writable(Path(tempfile.mkdtemp()) / "results")
+    """
+    folder = Path(folder)
+    folder = folder if folder.parts else folder.absolute()
+    try:
+        near = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+        if not near.is_dir():
+            raise CannotWrite(f"cannot write to {folder}: {near} is a file")
+        with tempfile.TemporaryFile(dir=near) as file:
+            file.write(bytes(4096))
+            file.flush()
+            os.fsync(file.fileno())
+    except CannotWrite:
+        raise
+    except OSError as error:
+        raise CannotWrite(f"cannot write to {folder}: {error.strerror or error}") from None
 
 
 def jsonable(value: Any) -> Any:
@@ -176,6 +327,10 @@ def jsonable(value: Any) -> Any:
     return str(value) if isinstance(value, Path) else value
 
 
+LARGEST_JSON = 2**30
+"""Bytes that a compressed JSON file may unpack to."""
+
+
 def read_json(path: str | Path) -> Any:
     """The content of a JSON file.
 
@@ -199,9 +354,12 @@ def read_json(path: str | Path) -> Any:
     content = Path(path).read_bytes()
     if Path(path).suffix == ".gz":
         try:
-            content = gzip.decompress(content)
+            with gzip.open(io.BytesIO(content)) as file:
+                content = file.read(LARGEST_JSON + 1)
         except (OSError, EOFError, zlib.error) as problem:
             raise ValueError(f"damaged: {problem}") from None
+        if len(content) > LARGEST_JSON:
+            raise ValueError(f"damaged: it unpacks to more than {LARGEST_JSON} bytes")
     return json.loads(content)
 
 

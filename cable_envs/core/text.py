@@ -1,6 +1,7 @@
-"""Numbers as people read them."""
+"""Numbers as people read them, and texts of records in Markdown."""
 
 import math
+import re
 
 
 def number(value: float | None, digits: int = 3) -> str:
@@ -46,3 +47,53 @@ def count(value: float) -> str:
         if value >= limit:
             return f"{value / limit:.3g}{suffix}"
     return f"{value:g}"
+
+
+def markdown_text(text: str) -> str:
+    r"""Text of a record in Markdown, on one line, shown as it is.
+
+    Parameters
+    ----------
+    text : str
+        Any text, of anybody.
+
+    Returns
+    -------
+    str
+        What would be HTML, a link, code, or the end of a cell is escaped; control characters are left out.
+
+    Examples
+    --------
+    >>> markdown_text("<b>|[a](b)")
+    '&lt;b&gt;\\|\\[a\\](b)'
+    """
+    for mark, shown in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), *((c, f"\\{c}") for c in "|`[]*")):
+        text = text.replace(mark, shown)
+    return _one_line(text)
+
+
+def markdown_code(text: str) -> str:
+    """Text of a record as code in Markdown: between more backticks than it holds in a row.
+
+    Parameters
+    ----------
+    text : str
+        Any text, of anybody.
+
+    Returns
+    -------
+    str
+        On one line, without control characters.
+
+    Examples
+    --------
+    >>> markdown_code("a `b`")
+    '`` a `b` ``'
+    """
+    fence = "`" * (1 + max((len(run) for run in re.findall("`+", text)), default=0))
+    inner = _one_line(text)
+    return f"{fence}{inner}{fence}" if "`" not in text else f"{fence} {inner} {fence}"
+
+
+def _one_line(text: str) -> str:
+    return "".join(c for c in " ".join(text.split()) if c.isprintable())

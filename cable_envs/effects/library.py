@@ -33,11 +33,13 @@ EFFECTS: Mapping[str, Effect] = MappingProxyType(_found())
 def dotted(effects: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     """("backlash.gap", value) pairs of ``{"backlash": {"gap": value}}``; dotted names are taken as they are.
 
-    Raises ConfigurationError where an effect's entry is no mapping.
+    Raises ConfigurationError where an effect's entry is no mapping, or an empty one.
     """
     for name, given in effects.items():
         if "." in str(name):
             yield str(name), given
+        elif isinstance(given, Mapping) and not given:
+            raise ConfigurationError(f"effect '{name}': no parameter is given; leave it out, or name what it has")
         elif isinstance(given, Mapping):
             yield from ((f"{name}.{parameter}", value) for parameter, value in given.items())
         else:

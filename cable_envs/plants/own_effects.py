@@ -58,6 +58,8 @@ def load_effect(path: str | Path) -> Effect:
     ConfigurationError
         Where there is no such file, it fails, it defines no effect, or the effect cannot be compiled in.
     """
+    if not isinstance(path, (str, Path)):
+        raise ConfigurationError(f"effect_file: expected a Python file, got {path!r}")
     path = Path(path)
     if not path.is_file():
         raise ConfigurationError(f"effect file {path}: there is no such file")

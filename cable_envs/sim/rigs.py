@@ -262,6 +262,8 @@ def load_rig(rig: str | Path | Mapping[str, Any] | Rig, own: tuple[Effect, ...] 
         return replace(rig, own=(*rig.own, *own))
     if isinstance(rig, Mapping):
         return rig_from_mapping(rig, own=own)
+    if not isinstance(rig, (str, Path)):
+        raise ConfigurationError(f"rig: expected a preset's name, a YAML file or a mapping, got {rig!r}")
     path = Path(rig)
     if path.suffix not in (".yaml", ".yml"):
         path = config_path("rigs", f"{rig}.yaml")

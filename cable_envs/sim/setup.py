@@ -185,8 +185,8 @@ def make_setup(
     pack_signal("reference", spec)
     push = {"kind": "constant"} if disturbance is None else disturbance
     pack_signal("disturbance", push)
-    period = _positive("control_period", control_period, declared.control_period)
-    length = _positive("duration", duration, declared.duration)
+    period = _seconds("control_period", control_period, declared.control_period, PERIODS)
+    length = _seconds("duration", duration, declared.duration, (period, LONGEST))
     if abs(length / period - round(length / period)) > 1e-6:
         raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
     bound = chosen.values[mode.bound]
@@ -308,10 +308,16 @@ def _noise(task: Task, plant: Plant, sensor_noise: bool | float | Mapping[str, f
     return noise
 
 
-def _positive(name: str, value: float | None, default: float) -> float:
+PERIODS, LONGEST = (1e-6, 100.0), 1e7
+"""Shortest and longest control period, and longest episode, s: beyond, nothing of a cable is simulated."""
+
+
+def _seconds(name: str, value: float | None, default: float, limits: tuple[float, float]) -> float:
     value = default if value is None else value
     if not is_number(value) or value <= 0.0:
         raise ConfigurationError(f"{name}: expected seconds above 0, got {value!r}")
+    if not limits[0] <= value <= limits[1]:
+        raise ConfigurationError(f"{name}: expected {limits[0]:g} to {limits[1]:g} s, got {value!r}")
     return float(value)
 
 

@@ -17,6 +17,9 @@ from cable_envs.sim.references import FIELDS, evaluate, pack_signal
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import INFO
 
+FARTHEST = 1000.0
+"""Largest initial position, m or rad: beyond, no cable is long enough."""
+
 RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
 
 
@@ -228,6 +231,10 @@ class Simulation:
         if position is not None:
             if not is_number(position):
                 raise ConfigurationError(f"reset option 'initial_position': expected a finite number, got {position!r}")
+            if abs(position) > FARTHEST:
+                raise ConfigurationError(
+                    f"reset option 'initial_position': expected at most {FARTHEST:g} m or rad, got {position!r}"
+                )
             return np.full(n, float(position))
         r = np.array([evaluate(reference, k, 0.0)[0] for k in range(n)])
         named = dict(zip(self.setup.plant.parameters.names, values, strict=False))

@@ -1,12 +1,12 @@
 """A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.files import json_text, write_atomic
+from cable_envs.core.text import markdown_code, markdown_text
 from cablebench.board.cells import cells, heading, seed_text
 from cablebench.board.learning import Curve
 from cablebench.board.page import render_html
@@ -124,32 +124,21 @@ def render_markdown(board: Board) -> str:
         out += ["", f"## {heading(table)}", ""]
         left = {"controller", "class"}
         out += ["| " + " | ".join(head) + " |", "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
-        out += ["| " + " | ".join([line[0], _plain(line[1]), *line[2:]]) + " |" for line in body]
+        out += ["| " + " | ".join([line[0], markdown_text(line[1]), *line[2:]]) + " |" for line in body]
         if table.omitted:
             out += [
                 "",
-                f"Not in this table because they did not run all tasks: {', '.join(map(_plain, table.omitted))}.",
+                "Not in this table because they did not run all tasks: "
+                f"{', '.join(map(markdown_text, table.omitted))}.",
             ]
     out += ["", "## Replay", ""]
     out += [
-        f"- {t.task}, {t.track}, {_plain(r.entrant)}: {_code(board.replay(t, r))}" for t in board.tables for r in t.rows
+        f"- {t.task}, {t.track}, {markdown_text(r.entrant)}: {markdown_code(board.replay(t, r))}"
+        for t in board.tables
+        for r in t.rows
     ]
     out += ["", "## Provenance", ""]
     out += [f"- test seeds: {seed_text(board.seeds)}", f"- training seeds: {seed_text(board.training_seeds)}"]
-    versions = ", ".join(_plain(f"{k} {v}") for k, v in board.versions.items())
-    out += [f"- versions: {versions}", f"- machine: {_plain(board.machine)}"]
+    versions = ", ".join(markdown_text(f"{k} {v}") for k, v in board.versions.items())
+    out += [f"- versions: {versions}", f"- machine: {markdown_text(board.machine)}"]
     return "\n".join(out) + "\n"
-
-
-def _plain(text: str) -> str:
-    """Text of a record in Markdown: what would be HTML, a link, code or the end of a cell is shown as it is."""
-    for mark, shown in (("&", "&amp;"), ("<", "&lt;"), (">", "&gt;"), *((c, f"\\{c}") for c in "|`[]*")):
-        text = text.replace(mark, shown)
-    return " ".join(text.split())
-
-
-def _code(text: str) -> str:
-    """Text of a record as code in Markdown: between more backticks than it holds in a row."""
-    fence = "`" * (1 + max((len(run) for run in re.findall("`+", text)), default=0))
-    inner = " ".join(text.split())
-    return f"{fence}{inner}{fence}" if "`" not in text else f"{fence} {inner} {fence}"

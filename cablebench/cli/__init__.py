@@ -1,5 +1,7 @@
 """The program ``cablebench``: starts the command line and turns every expected error into one line and exit code 2."""
 
+import errno
+import os
 import sys
 from collections.abc import Sequence
 
@@ -7,6 +9,12 @@ from cable_envs.core.errors import ConfigurationError
 
 USAGE_ERROR = 2
 """Exit code for input that cannot be used (typer's own, too)."""
+
+THEIRS = (
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.ENAMETOOLONG,
+    errno.ENOTDIR, errno.EISDIR, errno.EIO, errno.ELOOP,
+)  # fmt: skip
+"""System errors that say something of the disk or of a name that was given, and nothing of the program."""
 
 EXTRAS = {
     **dict.fromkeys(("typer", "rich", "jinja2", "markupsafe", "markdown_it", "matplotlib", "PIL"), "bench"),
@@ -35,6 +43,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
             app(args=None if arguments is None else list(arguments), prog_name="cablebench")
     except ConfigurationError as error:
         _stop(str(error))
+    except OSError as error:
+        if error.errno not in THEIRS:
+            raise
+        _stop(f"{error.filename or 'writing'}: {os.strerror(error.errno)}")
     except ImportError as error:
         hint = missing_extra(error)
         if hint is None:

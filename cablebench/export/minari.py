@@ -7,7 +7,6 @@ environment with the same options: reset with an episode's seed and given its ac
 
 import json
 import os
-import shutil
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -19,7 +18,9 @@ import numpy as np
 
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cable_envs.core.provenance import versions
+from cable_envs.diagnosis.data.writing import staging, undo
 from cablebench.entrants.entrant import Entrant
 from cablebench.entrants.named import reference_entrants
 from cablebench.export.trace import Trace
@@ -34,7 +35,7 @@ _EXAMPLE = "cable/CableHole-Position-Sine/pid-v0"
 
 
 def check_dataset_id(dataset_id: str, root: Path) -> None:
-    """ConfigurationError unless ``dataset_id`` is like ``cable/NAME-v0`` and ``root`` holds no such dataset."""
+    """ConfigurationError unless ``dataset_id`` is like ``cable/NAME-v0`` and new, and ``root`` can be written to."""
     import h5py  # noqa: F401 (Minari's own message for a missing h5py would name another extra)
     from minari.dataset.minari_dataset import parse_dataset_id
 
@@ -44,6 +45,8 @@ def check_dataset_id(dataset_id: str, root: Path) -> None:
         raise ConfigurationError(
             f"dataset id '{dataset_id}': expected NAMESPACE/NAME-vN, such as {_EXAMPLE}"
         ) from error
+    require_writable(root)
+    undo(root)
     if (root / dataset_id).exists():
         raise ConfigurationError(
             f"{root / dataset_id} exists: choose another folder, or a dataset id with a higher version"
@@ -83,9 +86,8 @@ def write_dataset(
         )
         for t in traces
     ]
-    folder = root / dataset_id
-    try:
-        with _datasets_in(root), warnings.catch_warnings():
+    with staging(root) as stage:
+        with _datasets_in(stage), warnings.catch_warnings():
             # Minari wants an author, an address and a link for what is uploaded; whoever exports may have none to give
             warnings.filterwarnings("ignore", r"`(author|author_email|code_permalink)` is set to None", UserWarning)
             dataset = create_dataset_from_buffers(
@@ -97,10 +99,18 @@ def write_dataset(
             )  # fmt: skip
             dataset.storage.update_metadata(_about(env, entrant))
             dataset.storage.update_episode_metadata([{"rig": json.dumps(dict(t.rig))} for t in traces])
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    return folder
+        _move(stage, root, dataset_id)
+    return root / dataset_id
+
+
+def _move(stage: Path, root: Path, dataset_id: str) -> None:
+    """The dataset to its place in one step, after what describes the namespaces above it."""
+    (root / dataset_id).parent.mkdir(parents=True, exist_ok=True)
+    for above in Path(dataset_id).parents:
+        for file in (stage / above).glob("*.json"):
+            if not (root / above / file.name).exists():
+                os.replace(file, root / above / file.name)
+    os.replace(stage / dataset_id, root / dataset_id)
 
 
 def reference_scores(env: gym.Env, seeds: Sequence[int]) -> dict[str, float | int]:

@@ -18,9 +18,9 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.core.files import write_atomic
+from cable_envs.core.files import require_writable
 from cable_envs.diagnosis.data.description import channels_of, parameters_of
-from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, rig_entry
+from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, move, rig_entry, staging, undo
 from cable_envs.plants import family
 from cable_envs.sim.rigs import Rig
 from cable_envs.sim.setup import Setup
@@ -66,15 +66,16 @@ def write_recording(
     if table not in TABLES:
         raise ConfigurationError(f"unknown table format '{table}'; {nearest(table, TABLES)}")
     check_folder(folder)
-    records = []
+    records: list[dict[str, str]] = []
+    files: dict[str, bytes] = {}
     for k, trace in enumerate(traces):
         name = f"episode_{trace.seed}.{table}"
         columns = channel_columns(setup, trace, measured(full, trace))
-        write_atomic(folder / name, (_csv if table == "csv" else _parquet)(columns))
+        files[name] = _csv(columns).encode() if table == "csv" else _parquet(columns)
         records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
     rig, rig_file = rig_entry(replace(setup.rig, effects={}, own=()))  # what it has more is not told
     if rig_file is not None:
-        write_atomic(folder / rig, rig_file)
+        files[rig] = rig_file.encode()
     system = setup.rig.plant
     channels = {name: channel_entry(setup, name) for name in columns}
     channels[family(system).commands[setup.action_mode.name]]["hold"] = "step"
@@ -88,12 +89,19 @@ def write_recording(
         "records": records,
         "channels": channels,
     }
-    text = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)
-    return write_atomic(folder / FILE, text)
+    files[FILE] = yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120).encode()
+    with staging(folder) as stage:
+        for name, text in files.items():
+            (stage / name).parent.mkdir(exist_ok=True)
+            (stage / name).write_bytes(text)
+        move(stage, folder)
+    return folder / FILE
 
 
 def check_folder(folder: Path) -> None:
-    """ConfigurationError where ``folder`` holds a recording already."""
+    """ConfigurationError where ``folder`` holds a recording already, or cannot be written to."""
+    require_writable(folder)
+    undo(folder)
     found = sorted(p.name for p in folder.glob("*.y*ml")) if folder.is_dir() else []
     if found:
         raise ConfigurationError(f"{folder} holds {found[0]}: choose another folder, a recording's holds one YAML file")

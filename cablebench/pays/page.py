@@ -4,6 +4,7 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cable_envs.core.text import markdown_text
 from cable_envs.drawing.charts import BLUE, INK, RED, key, svg
 from cablebench.pays.rigs import RIGS
 from cablebench.pays.scores import SIMULATORS, Study
@@ -48,7 +49,7 @@ def page(result: Mapping[str, Any]) -> str:
         "(`configs/agents/residual-ppo.yaml`), not the tuned ones: compare along the rows, not down the columns.",
         "",
         "```",
-        result["command"],
+        " ".join(result["command"].replace("`", "'").split()),
         "```",
         "",
         f"Each tuning had {budget['trials']} trials of {budget['tuning_episodes']} episodes, each training "
@@ -71,7 +72,7 @@ def _of_rig(name: str, found: Mapping[str, Any]) -> list[str]:
         "",
         f"Hidden rig: `{bench.preset}`, {bench.about}. Concealed: {_said(found['hidden'])}. {chosen}".rstrip(),
         "",
-        f"The diagnosis answered **{found['diagnosis']['verdict']}**:",
+        f"The diagnosis answered **{markdown_text(found['diagnosis']['verdict'])}**:",
         "",
         *_against_truth(found["hidden"], found["diagnosis"]["effects"]),
         "",
@@ -83,12 +84,12 @@ def _of_rig(name: str, found: Mapping[str, Any]) -> list[str]:
     for learner, entry in found["summary"].items():
         closed = "-" if entry["closed"] is None else f"{100 * entry['closed']:.0f} %"
         cells = [_shown(entry[column], bench.per_si) for column in (*SIMULATORS, "saved")]
-        lines.append(f"| `{learner}` | {' | '.join(cells)} | {closed} |")
+        lines.append(f"| `{markdown_text(learner)}` | {' | '.join(cells)} | {closed} |")
     return lines
 
 
 def _said(hidden: Mapping[str, Mapping[str, float]]) -> str:
-    return ", ".join(f"{e}.{p} = {v:g}" for e, values in hidden.items() for p, v in values.items())
+    return ", ".join(markdown_text(f"{e}.{p} = {v:g}") for e, values in hidden.items() for p, v in values.items())
 
 
 def _against_truth(hidden: Mapping[str, Mapping[str, float]], effects: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -104,9 +105,9 @@ def _against_truth(hidden: Mapping[str, Mapping[str, float]], effects: Sequence[
         q, sure = named.get((effect, name), (None, None))
         cells = ["-" if value is None else f"{value:g}", "-", "-", "-" if sure is None else f"{sure:.2f}"]
         if q is not None:
-            cells[1] = f"{q['value']:.3g} {q['unit']}"
+            cells[1] = f"{q['value']:.3g} {markdown_text(q['unit'])}"
             cells[2] = "-" if not q.get("ci95") else f"{q['ci95'][0]:.3g} to {q['ci95'][1]:.3g}"
-        rows.append(f"| {effect}.{name} | {' | '.join(cells)} |")
+        rows.append(f"| {markdown_text(f'{effect}.{name}')} | {' | '.join(cells)} |")
     return rows
 
 

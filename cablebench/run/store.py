@@ -5,6 +5,7 @@ import io
 import json
 import os
 import warnings
+import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import jsonable, write_atomic
+from cable_envs.core.files import CannotWrite, flush_folder, jsonable, write_atomic
 from cablebench.run.schema import SCHEMA, wrong_with
 
 LARGEST = 2**31
@@ -99,7 +100,8 @@ class ResultStore:
         Raises
         ------
         ConfigurationError
-            For a record that a reader would leave out; then none is added.
+            For a record that a reader would leave out, and where the file cannot be written, as on a full disk; then
+            none is added.
         """
         batch = [jsonable({"schema": SCHEMA, **r}) for r in ([records] if isinstance(records, Mapping) else records)]
         if not batch:
@@ -108,27 +110,49 @@ class ResultStore:
             if wrong := wrong_with(record):
                 raise ConfigurationError(f"{self.path}: a record that is to be added: {wrong}")
         lines = "".join(json.dumps(r, allow_nan=False, separators=(",", ":")) + "\n" for r in batch)
-        with self.locked(), open(self.path, "ab+") as file:
-            if file.tell() and not self._ends_line(file):
-                lines = "\n" + lines
-            file.write(lines.encode())
-            file.flush()
-            os.fsync(file.fileno())
+        with self.locked():
+            try:
+                self._add(lines.encode())
+            except OSError as error:
+                raise CannotWrite.of(self.path, error) from None
+
+    def _add(self, lines: bytes) -> None:
+        """Lines at the end of the file; where that fails, the file is as it was."""
+        with open(self.path, "ab+", buffering=0) as file:
+            before = file.tell()
+            if before and not self._ends_line(file):
+                lines = b"\n" + lines
+            try:
+                while lines:
+                    lines = lines[file.write(lines) :]
+                os.fsync(file.fileno())
+            except OSError:
+                os.ftruncate(file.fileno(), before)
+                raise
+        if not before:
+            flush_folder(self.path.parent)
 
     @contextmanager
     def locked(self) -> Iterator[None]:
         """Nobody else writes meanwhile; the folder is made where it is missing.
 
-        Raises ConfigurationError where another process keeps the store for longer than `PATIENCE`.
+        Raises ConfigurationError where another process keeps the store for longer than `PATIENCE`, and where the folder
+        cannot be written to.
         """
-        self.path.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(self.path.with_name(self.path.name + ".lock"), timeout=PATIENCE, poll_interval=0.01)
         try:
-            with FileLock(self.path.with_name(self.path.name + ".lock"), timeout=PATIENCE, poll_interval=0.01):
-                yield
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            lock.acquire()
         except Timeout:
             raise ConfigurationError(
                 f"{self.path} has been held by another process for {PATIENCE:g} s: end it, or wait for it"
             ) from None
+        except OSError as error:
+            raise CannotWrite.of(self.path, error) from None
+        try:
+            yield
+        finally:
+            lock.release()
 
     @staticmethod
     def _ends_line(file: Any) -> bool:
@@ -270,13 +294,18 @@ class ResultStore:
                 )
 
     def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
-        """What `keep_trajectories` saved for that run; empty where there is nothing."""
+        """What `keep_trajectories` saved for that run; empty where there is nothing, or a damaged file."""
         path = self.folder / f"{run}.npz"
         if not run or not path.exists():
             return self.base.trajectories(run) if self.base else {}
         found: dict[str, dict[str, np.ndarray]] = {}
-        with np.load(path, allow_pickle=False) as data:
-            for key in data.files:
-                kind, _, name = key.partition("/")
-                found.setdefault(kind, {})[name] = data[key]
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                if sum(entry.file_size for entry in data.zip.infolist()) > LARGEST:
+                    return {}
+                for key in data.files:
+                    kind, _, name = key.partition("/")
+                    found.setdefault(kind, {})[name] = data[key]
+        except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error):
+            return {}  # nothing to draw: a picture less, and no board less
         return found

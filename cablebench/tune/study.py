@@ -8,6 +8,7 @@ finished ones are kept, and what a killed process left unfinished is run again u
 
 import fcntl
 import json
+import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -16,9 +17,10 @@ from typing import Any
 
 import optuna
 import sqlalchemy
-from optuna.trial import TrialState
+from optuna.trial import FrozenTrial, TrialState
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import CannotWrite, require_writable
 from cablebench.jobs import Backend, Done, Job, Progress
 from cablebench.tune.space import Dimension
 
@@ -131,18 +133,32 @@ def _next_batch(study: Any, search: Search, trials: int) -> dict[int, Mapping[st
     asked = study.get_trials(deepcopy=False, states=tuple(STATES))
     pending = {t.number: t.params for t in asked if t.state == TrialState.RUNNING}
     first = len(asked)
-    if first == 0 and not study.get_trials(deepcopy=False):
-        study.enqueue_trial({d.name: d.coordinate(search.start[d.name]) for d in search.space})
     last = first if pending and first % search.batch == 0 else (first // search.batch + 1) * search.batch
     distributions = {d.name: d.distribution() for d in search.space}
     for number in range(first, min(last, trials)):
-        # multivariate: gains depend on each other; the liar takes unfinished trials for bad, so a batch spreads
-        study.sampler = optuna.samplers.TPESampler(
-            seed=1_000_003 * search.seed + number, multivariate=True, constant_liar=True
-        )
-        trial = study.ask(distributions)
-        pending[trial.number] = trial.params
+        chosen = _chosen(study, search, number, distributions)
+        study.add_trial(chosen)
+        pending[number] = chosen.params
     return pending
+
+
+def _chosen(study: Any, search: Search, number: int, distributions: Mapping[str, Any]) -> FrozenTrial:
+    """The trial of that number, unfinished, to be added to the study whole.
+
+    Optuna's ``ask`` adds an empty trial and then one coordinate after the other; a process that is killed in between
+    would leave half a trial, and the rest could not be drawn again as it would have been. So it asks a copy in memory.
+    """
+    # multivariate: gains depend on each other; the liar takes unfinished trials for bad, so a batch spreads
+    sampler = optuna.samplers.TPESampler(seed=1_000_003 * search.seed + number, multivariate=True, constant_liar=True)
+    copy = optuna.create_study(sampler=sampler)
+    copy.add_trials(study.get_trials(deepcopy=False))
+    if number == 0:
+        copy.enqueue_trial({d.name: d.coordinate(search.start[d.name]) for d in search.space})
+    asked = copy.ask(dict(distributions))
+    attributes = copy.trials[number].system_attrs
+    return optuna.trial.create_trial(
+        state=TrialState.RUNNING, params=asked.params, distributions=dict(distributions), system_attrs=attributes
+    )
 
 
 def _ended(study: Any) -> int:
@@ -165,6 +181,7 @@ def _study(file: Path, search: Search) -> Iterator[Any]:
     try:
         storage = optuna.storages.RDBStorage(f"sqlite:///{file}")
     except (sqlalchemy.exc.DatabaseError, RuntimeError) as error:
+        _require_space(file, error)
         raise ConfigurationError(f"{file} is no study of `cablebench tune`: {str(error).splitlines()[0]}") from error
     try:
         study = optuna.create_study(storage=storage, study_name=search.name, load_if_exists=True)
@@ -178,8 +195,25 @@ def _study(file: Path, search: Search) -> Iterator[Any]:
                 f"'{search.name}' in {file} was begun with other settings ({was}): choose another file"
             )
         yield study
+    except (sqlalchemy.exc.SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
+        _require_space(file, error)
+        raise
     finally:
         storage.engine.dispose()
+
+
+WRITING = ("full", "I/O error", "readonly", "unable to open")
+"""Words of SQLite's errors that are the disk's and not the file's."""
+
+
+def _require_space(file: Path, error: Exception) -> None:
+    """ConfigurationError that names file and reason where an error of SQLite came from writing."""
+    said: BaseException | None = error
+    while said is not None and not isinstance(said, sqlite3.Error):
+        said = getattr(said, "orig", None) or said.__cause__
+    if said is not None and any(word in str(said) for word in WRITING):
+        kept = "; trials that ended before are kept" if file.stat().st_size else ""
+        raise ConfigurationError(f"cannot write {file}: {said}{kept}") from None
 
 
 def _short(value: Any) -> str:
@@ -190,11 +224,12 @@ def _short(value: Any) -> str:
 @contextmanager
 def _locked(file: Path) -> Iterator[None]:
     """Hold the file for this process: two that go on with the same study would run the same trials."""
+    require_writable(file.parent)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.touch()
     except OSError as error:
-        raise ConfigurationError(f"cannot write {file}: {error.strerror or error}") from error
+        raise CannotWrite.of(file, error) from None
     with open(file, "rb") as held:
         try:
             fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)

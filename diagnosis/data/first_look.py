@@ -26,6 +26,8 @@ NEEDS = ("drive_angle", "drive_torque", "output_angle", "output_torque")
 FILTER_HZ, SLOW, MIDDLE, NEAR, TURN = 50.0, 0.25, 0.1, 0.1, 0.003
 """Hz of the zero-phase Butterworth filter; rad/s below which no motion counts as steady (both as in RA-L 2018); rad to
 either side of the middle of the travel; rad of travel after a reversal; rad of way back that make a reversal."""
+LEAST = 50
+"""Samples of a record: fewer tell nothing, and cannot be filtered."""
 LENGTHS = np.geomspace(0.003, 0.2, 25)
 _DEG, _MNM = 180 / np.pi, 1e3
 
@@ -55,10 +57,21 @@ def first_look(recording: Recording, group: str = "series", load: str = "load_pe
     if recording.system != "pulley_circuit":
         raise ConfigurationError(f"{recording.path}: this looks at pulley_circuit recordings, not {recording.system}")
     recording.require(*NEEDS, purpose="a first look")
+    moving = [record for record in recording.records if record.use != "rest"]
+    _require_condition(recording, moving, group, "series")
+    _require_condition(recording, moving, load, "load_percent")
     groups: dict[str, list[Record]] = {}
-    for record in (r for r in recording.records if r.use != "rest"):
+    for record in moving:
         groups.setdefault(str(record.conditions.get(group, "all")), []).append(record)
     return {name: _look([_prepared(r, load) for r in members]) for name, members in groups.items()}
+
+
+def _require_condition(recording: Recording, records: Sequence[Record], name: str, usual: str) -> None:
+    """ConfigurationError for a condition, other than the usual one, that no record has."""
+    known = sorted({condition for record in records for condition in record.conditions})
+    if name != usual and name not in known:
+        listed = f"they have {', '.join(known)}" if known else "they have none"
+        raise ConfigurationError(f"{recording.path}: no record has the condition '{name}'; {listed}")
 
 
 def _prepared(record: Record, load: str) -> dict[str, Any]:
@@ -68,6 +81,14 @@ def _prepared(record: Record, load: str) -> dict[str, Any]:
     time = record.time
     rate = 1.0 / float(np.median(np.diff(time)))
     good = np.logical_and.reduce([record.usable(c) for c in NEEDS])
+    still = [c for c in NEEDS if not good.any() or np.ptp(record.data[c][good]) == 0.0]
+    if np.count_nonzero(good) < LEAST or time[-1] - time[0] <= 3.0:
+        raise ConfigurationError(
+            f"{record.name}: {np.count_nonzero(good)} samples over {time[-1] - time[0]:.3g} s; a first look needs "
+            f"{LEAST} and more than 3 s"
+        )
+    if still:
+        raise ConfigurationError(f"{record.name}: {', '.join(still)} never changes: there is nothing to see")
     b, a = butter(2, min(FILTER_HZ / (rate / 2), 0.99))
     signals = {c: filtfilt(b, a, np.interp(time, time[good], record.data[c][good])) for c in NEEDS}
     x, speed = signals["drive_angle"], np.gradient(signals["drive_angle"], time)
@@ -118,7 +139,7 @@ def _together(records: Sequence[Mapping[str, Any]], *names: str) -> list[np.ndar
 
 
 def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    return float(np.sqrt(np.mean(values**2))) if len(values) else float("nan")
 
 
 def _rigid(records: Sequence[Mapping[str, Any]]) -> dict[str, float]:

@@ -12,6 +12,8 @@ from cable_envs.diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, 
 
 USES = ("fit", "heldout", "rest")
 _RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
+LARGEST = 1e30
+"""Largest number in SI units that is taken for a measurement: squares of it can still be added."""
 AT_ONCE = 1e-9
 """s by which a sample may come before a cut and still count as behind it: clocks are rounded."""
 
@@ -93,6 +95,12 @@ def _check_samples(data: Mapping[str, np.ndarray], name: str, channels: Mapping[
     for n, values in data.items():
         if np.isnan(values).all():
             raise ConfigurationError(f"{_place(name, channels[n])}: no values")
+        huge = np.abs(values) > LARGEST
+        if huge.any():
+            row = int(np.argmax(huge))
+            raise ConfigurationError(
+                f"{_place(name, channels[n])}, row {row + 1}: {values[row]:g} in SI units is no measurement"
+            )
 
 
 def _place(record: str, channel: Channel) -> str:

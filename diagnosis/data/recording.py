@@ -332,9 +332,20 @@ def load_recording(path: Path | str) -> Recording:
         raise ConfigurationError(f"{path}: 'schema' must be '{SCHEMA}', found {data.get('schema')!r}")
 
     def read(file: str, channels: Mapping[str, Channel]) -> Mapping[str, np.ndarray]:
-        return read_columns(path.parent / file, {name: channel.column for name, channel in channels.items()})
+        return read_columns(_beside(path, file), {name: channel.column for name, channel in channels.items()})
 
     return _checked(data, path, read)
+
+
+def _beside(path: Path, file: str) -> Path:
+    """The table that a recording names, in its folder or below; ConfigurationError for one that lies elsewhere."""
+    try:
+        found, folder = (path.parent / file).resolve(), path.parent.resolve()
+    except (OSError, ValueError, RuntimeError) as error:  # a zero byte in the name; links that go round
+        raise ConfigurationError(f"{path.name}: data {file[:300]!r} is no file's name: {error}") from None
+    if not found.is_relative_to(folder):
+        raise ConfigurationError(f"{path.name}: data {file!r} lies outside the recording's folder; copy it into it")
+    return path.parent / file
 
 
 def _checked(data: Mapping[str, Any], path: Path, read: Read) -> Recording:

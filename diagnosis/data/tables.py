@@ -7,11 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
+from cable_envs.core.config import require_file
 from cable_envs.core.errors import ConfigurationError, nearest
 
 _DELIMITERS = (",", ";", "\t")
 CHUNK, MOST_ROWS = 50_000, 20_000_000
 """Rows of text held at a time; rows whose numbers are (160 MB for each channel)."""
+LONGEST_LINE = 1_000_000
+"""Characters of a header: a file without line ends is no table."""
 _EMPTY = ("", "nan", "na", "n/a", "null")
 
 
@@ -20,6 +23,8 @@ def read_columns(path: Path, columns: Mapping[str, str]) -> dict[str, np.ndarray
 
     Raises ConfigurationError that names the file, and the channel, column and data row (1 is the first) at fault.
     """
+    if path.suffix.lower() in (".parquet", ".pq", ".csv", ".tsv", ".txt"):
+        require_file(path)
     if path.suffix.lower() in (".parquet", ".pq"):
         return _read_parquet(path, columns)
     if path.suffix.lower() not in (".csv", ".tsv", ".txt"):
@@ -43,7 +48,9 @@ def _read_csv(path: Path, columns: Mapping[str, str]) -> dict[str, np.ndarray]:
     """Streamed: of a long file only the wanted numbers are held, and `CHUNK` rows of text."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            first = file.readline()
+            first = file.readline(LONGEST_LINE)
+            if len(first) == LONGEST_LINE:
+                raise ConfigurationError(f"{path.name}: its first line is longer than {LONGEST_LINE} characters")
             file.seek(0)
             rows = (row for row in csv.reader(file, delimiter=max(_DELIMITERS, key=first.count)) if row)
             header = [cell.strip() for cell in next(rows, ())]
@@ -97,14 +104,15 @@ def _number(cell: str, where: str) -> float:
 
 
 def _read_parquet(path: Path, columns: Mapping[str, str]) -> dict[str, np.ndarray]:
-    if not path.is_file():
-        raise ConfigurationError(f"cannot read {path}: no such file")
     try:
         import pyarrow
         import pyarrow.parquet
     except ModuleNotFoundError as error:
         raise ConfigurationError(f"{path.name}: Parquet needs pyarrow: pip install 'cable-envs[parquet]'") from error
     try:
+        rows = pyarrow.parquet.read_metadata(path).num_rows
+        if rows > MOST_ROWS:
+            raise ConfigurationError(f"{path.name}: {rows} rows, more than {MOST_ROWS}; cut it, or average to fewer")
         table = pyarrow.parquet.read_table(path)
     except (OSError, pyarrow.ArrowException) as error:
         raise ConfigurationError(f"{path.name} is not a Parquet file: {error}") from error

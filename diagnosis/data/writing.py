@@ -1,6 +1,7 @@
 """How a recording's folder is written: tables, the YAML file, its rig; complete, or the folder is as it was."""
 
 import contextlib
+import json
 import os
 import shutil
 import tempfile
@@ -12,6 +13,7 @@ import numpy as np
 import yaml
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.core.files import CannotWrite, flush_folder, held
 from cable_envs.plants import family
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
 from cable_envs.sim.rigs import Rig, load_rig
@@ -20,6 +22,8 @@ SCHEMA = "cable-recording/1"
 FILE = "recording.yaml"
 RIG_FILE = "rig/rig.yaml"
 TABLES = ("csv", "parquet")
+STAGE, MOVING = ".writing-", ".moving"
+"""Folder that a recording is written to before it takes its place, and the list in it of what is being moved."""
 
 
 @contextlib.contextmanager
@@ -31,13 +35,16 @@ def staging(out: Path) -> Iterator[Path]:
     made = [p for p in (out, *out.parents) if not p.exists()]
     try:
         out.mkdir(parents=True, exist_ok=True)
-        stage = Path(tempfile.mkdtemp(prefix=".writing-", dir=out))
+        stage = Path(tempfile.mkdtemp(prefix=STAGE, dir=out))
     except OSError as error:
-        raise ConfigurationError(f"cannot write to {out}: {error.strerror or error}") from error
+        raise CannotWrite(f"cannot write to {out}: {error.strerror or error}") from error
     try:
-        yield stage
+        with held(stage):
+            yield stage
+    except CannotWrite:
+        raise
     except OSError as error:
-        raise ConfigurationError(f"cannot write to {out}: {error}") from error
+        raise CannotWrite(f"cannot write to {out}: {error.strerror or error}") from error
     finally:
         shutil.rmtree(stage, ignore_errors=True)
         for folder in made:  # only those that are still empty: after a failure
@@ -46,19 +53,43 @@ def staging(out: Path) -> Iterator[Path]:
 
 
 def move(stage: Path, out: Path) -> None:
-    """All that stands in ``stage`` to ``out``, the YAML file last; where that fails, nothing of it stays."""
+    """All that stands in ``stage`` to ``out``, the YAML file last; where that fails, nothing of it stays.
+
+    What is about to be moved is written down first, so that `undo` takes it back where the process is killed.
+    """
+    files = sorted(stage.iterdir(), key=lambda p: p.name == FILE)
+    (stage / MOVING).write_text(json.dumps([file.name for file in files if file.name != FILE]), encoding="utf-8")
     moved: list[Path] = []
     try:
-        for file in sorted(stage.iterdir(), key=lambda p: p.name == FILE):
+        for file in files:
             os.replace(file, out / file.name)
             moved.append(out / file.name)
     except BaseException:
-        for file in moved:
-            if file.is_dir():
-                shutil.rmtree(file, ignore_errors=True)
-            else:
-                file.unlink(missing_ok=True)
+        for path in moved:
+            _remove(path)
         raise
+    flush_folder(out)
+
+
+def undo(out: Path) -> None:
+    """Take back what a killed process had begun to write to ``out``; what it had finished stays."""
+    for stage in out.glob(f"{STAGE}*") if out.is_dir() else ():
+        with held(stage) as abandoned:
+            if not abandoned:
+                continue
+            with contextlib.suppress(OSError, ValueError):  # no list, or not all of it: nothing was moved yet
+                begun = json.loads((stage / MOVING).read_text(encoding="utf-8"))
+                for name in begun if (stage / FILE).exists() else ():
+                    if not (stage / name).exists():
+                        _remove(out / name)
+            shutil.rmtree(stage, ignore_errors=True)
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
 
 
 class Table:
@@ -159,6 +190,7 @@ def write_folder(
     """
     if folder.exists() and not folder.is_dir():
         raise ConfigurationError(f"{folder} is a file; name a folder")
+    undo(folder)
     taken = [*tables, *([Path(RIG_FILE).parts[0]] if rig is not None else [])]
     found = sorted(p.name for p in folder.iterdir() if _in_the_way(p, taken)) if folder.is_dir() else []
     if found:

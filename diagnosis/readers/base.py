@@ -1,6 +1,7 @@
 """What a format says of a data set, and how faults in it are told."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -146,13 +147,36 @@ class DataSet:
     remarks: tuple[str, ...] = ()
 
 
+@contextmanager
+def foreign(name: str) -> Iterator[None]:
+    """What a file of others leads a library to raise, as ConfigurationError of one line that names the file."""
+    try:
+        yield
+    except ConfigurationError:
+        raise
+    except Exception as error:  # struct.error, KeyError, OverflowError, MemoryError: whatever damage comes to
+        said = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        raise ConfigurationError(f"{name} is damaged, or of another format ({said})") from error
+
+
+def guarded(chunks: Iterator[Chunk], name: str) -> Iterator[Chunk]:
+    """The chunks of a file, read as `foreign` says."""
+    while True:
+        with foreign(name):
+            chunk = next(chunks, None)
+        if chunk is None:
+            return
+        yield chunk
+
+
 def files_at(path: Path, *suffixes: str, skip: Sequence[str] = ()) -> list[Path]:
     """The file ``path``, or the files in the folder (and one level below) with one of the suffixes, by name.
 
     Raises ConfigurationError where there is none.
     """
-    if path.is_file():
-        return [path]
+    with foreign(repr(str(path))):  # a zero byte in the name, links that go round
+        if path.is_file():
+            return [path]
     if not path.is_dir():
         raise ConfigurationError(f"cannot read {path}: no such file or folder")
     found = [p for pattern in ("*", "*/*") for p in path.glob(pattern) if p.suffix.lower() in suffixes and p.is_file()]

@@ -15,8 +15,9 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.record import behind
-from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, yaml_text
-from cable_envs.diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec
+from cable_envs.diagnosis.data.tables import MOST_ROWS
+from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, undo, yaml_text
+from cable_envs.diagnosis.readers.base import ChannelSpec, Chunk, DataSet, Fault, Log, RecordSpec, guarded
 from cable_envs.diagnosis.readers.checks import Clock, RecordCheck, Summary
 from cable_envs.diagnosis.readers.compare import outliers
 from cable_envs.diagnosis.readers.split import select
@@ -103,6 +104,7 @@ def _check_folder(out: Path, records: Sequence[RecordSpec], table: str) -> None:
     if out.exists() and not out.is_dir():
         raise ConfigurationError(f"--out {out} is a file; name a folder")
     if out.is_dir():
+        undo(out)
         names = {f"{r.name}{part}.{table}" for r in records for part in ("", "_after")}
         found = sorted(p.name for p in out.iterdir() if p.suffix in (".yaml", ".yml") or p.name in names)
         if found:
@@ -126,7 +128,7 @@ def _stream(
     first = Table(stage / f"{record.name}.{table}", headers)
     rest = Table(stage / f"{record.name}_after.{table}", headers) if after is not None else None
     with first, rest or contextlib.nullcontext():
-        for chunk in record.chunks(log):
+        for chunk in guarded(iter(record.chunks(log)), record.file):
             time = chunk.columns["time"] * unit + shift
             keep = clock.filter(time, chunk.lines)
             log.stop_if_strict(strict)
@@ -140,6 +142,8 @@ def _stream(
             first.write({n: v[~later] for n, v in chunk.columns.items()})
             if rest and later.any():
                 rest.write({n: v[later] for n, v in chunk.columns.items()})
+            if first.rows > MOST_ROWS:
+                raise ConfigurationError(f"{record.file}: more than {MOST_ROWS} rows; cut it, or average to fewer")
     log.stop_if_strict(strict)
     if first.rows < 2:
         raise ConfigurationError(f"{record.file}: {first.rows} usable rows, a record needs two at least")

@@ -256,3 +256,46 @@ def test_processes_at_the_same_time(tmp_path):
     said = [process.communicate(timeout=300)[0].split() for process in running]
     assert [words[0] for words in said] == ["0.0"] * 3
     assert len(list(Path(said[0][2]).iterdir())) == 1
+
+
+LAW = """
+from pathlib import Path
+import sys
+import numpy as np
+from cable_envs.core import kernel_cache
+from cable_envs.core.kernels import jit
+
+kernel_cache._PACKAGE = Path(sys.argv[1])  # an installation that cannot be written to
+sys.path.insert(0, sys.argv[2])
+import shared_law
+print(shared_law.law(np.ones(3)), shared_law.law._cache.cache_path)
+"""
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_an_updated_installation_that_nobody_can_write_to_runs_its_new_kernels(tmp_path):
+    """The same path, name, size and date, another number in the source: both processes get the new kernel."""
+    package, place = tmp_path / "package", tmp_path / "place"
+    package.write_text("stands where a folder would be made")
+    place.mkdir()
+
+    def installed(number):
+        (place / "shared_law.py").write_text(
+            f"from cable_envs.core.kernels import jit\n\n\n@jit\ndef law(a):\n    return {number} * a[0]\n"
+        )
+        os.utime(place / "shared_law.py", (1e9, 1e9))
+
+    def running(home):
+        kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+        environment = {**kept, "XDG_CACHE_HOME": str(home), "PYTHONPATH": str(ROOT), "PYTHONDONTWRITEBYTECODE": "1"}
+        words = [sys.executable, "-c", LAW, str(package), str(place)]
+        return subprocess.Popen(words, stdout=subprocess.PIPE, text=True, env=environment)
+
+    for number in ("2.0", "3.0", "2.0"):
+        installed(number)
+        both = [running(tmp_path / "home") for _ in range(2)]  # two at once into one folder
+        said = [process.communicate(timeout=300)[0].split() for process in both]
+        assert [words[0] for words in said] == [number, number]
+        assert all(words[1].startswith(str(tmp_path / "home")) for words in said)
+    folders = list((tmp_path / "home").rglob("law-*"))
+    assert len(folders) == 2 and all(len(list(folder.iterdir())) == 1 for folder in folders)

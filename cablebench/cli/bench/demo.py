@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console, progress_bar
@@ -40,6 +41,7 @@ def demo(
     from cablebench.run.folders import open_store
 
     chosen = load_protocol(protocol)
+    require_writable(out)
     listed = {task.env: task.options for task in chosen.tasks}
     jobs = {
         env: (load_settings("ppo", env, steps, listed[env]), out / "agents" / f"ppo-{short_name(env)}-{seed}")

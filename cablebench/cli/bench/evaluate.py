@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
 from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console, print_json, progress_bar
@@ -42,6 +43,8 @@ def evaluate(
     if resume and results is None:
         raise ConfigurationError("--resume needs --results: it skips what those already hold")
     chosen = unsealed(load_protocol(protocol), seal)
+    if results is not None:
+        require_writable(results)  # before an hour of episodes
     tasks = tuple(resolve_env(name) for name in env or ())
     recipes = entrant_recipes(controller or (), gain or (), policy or (), sandbox)
     if not controller and not policy:  # all references: those that the tasks are for

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import packed_json, read_json, write_atomic
+from cable_envs.core.files import packed_json, read_json, require_writable, write_atomic
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.seals import Seal, unsealed
 
@@ -44,6 +44,7 @@ def leaderboard(
         left = f" ({reading.remark})" if reading.left_out else ""
         raise ConfigurationError(f"no records in {store.path}{left}: run `{command}` first")
     chosen = unsealed(protocol_of(records, protocol or board), seal)
+    require_writable(out or folder)
     made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
     if pack:
         _pack(store, made, len(records), out or folder)

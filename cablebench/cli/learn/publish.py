@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console
 
@@ -18,6 +19,7 @@ def publish(
     """Copy trained policies without what only training needs. They act as before and run no code when loaded."""
     from cable_envs.agents.policy import policy_file, publish_policy, read_policy
 
+    require_writable(out)
     targets: dict[Path, Path] = {}
     for path in policies:
         file = policy_file(path)

@@ -11,6 +11,7 @@ import typer
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, INTERRUPTED, JOBS_HELP
 from cablebench.cli.shared.arguments import resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
@@ -64,6 +65,8 @@ def tune(
         from cablebench.cli.learn.tune_agents import agent_search
 
         searches = {e: agent_search(str(algo), e, steps or 0, file.with_suffix(""), **plan) for e in envs}
+    if out is not None:
+        require_writable(out.parent)
     with open_backend(backend, jobs, ray_address) as workers:
         found, interrupted = _run(file, searches, trials, workers)
     if interrupted:

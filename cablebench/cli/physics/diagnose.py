@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.output import console, print_json
 from cablebench.cli.shared.trust import Trusted
 from cablebench.pages.diagnosis_words import lines
@@ -35,6 +36,7 @@ def diagnose(
 
     err = console(stderr=True)
     if out is not None:
+        require_writable(out)
         out.mkdir(parents=True, exist_ok=True)
     try:
         found = run(

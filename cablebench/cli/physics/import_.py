@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.arguments import parse_pairs
 from cablebench.cli.shared.output import console, print_json
 from cablebench.cli.shared.trust import Trusted
@@ -52,15 +53,17 @@ def import_(
     """Turn a data set as its authors publish it into a recording, and say what is wrong with it."""
     from cable_envs.diagnosis.data.writing import check_table
     from cable_envs.diagnosis.readers import reader
-    from cable_envs.diagnosis.readers.base import Request
+    from cable_envs.diagnosis.readers.base import Request, foreign
     from cable_envs.diagnosis.readers.writer import write_data_set
 
     check_table(table)
     if fit_all and (heldout or after is not None):
         raise ConfigurationError("--fit-all excludes --heldout and --after")
     _check_out(path, out)
+    require_writable(out)
     asked = Request(mapping, strict, parse_pairs(option or (), "--option"))
-    data = reader(form).open_dataset(path, asked)
+    with foreign(str(path)):
+        data = reader(form).open_dataset(path, asked)
     done = write_data_set(
         data, out, table=table, strict=strict, chosen=select or (), after=after,
         heldout=[] if fit_all else heldout or None,

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.arguments import parse_pairs
 from cablebench.cli.shared.output import console, print_json, progress_bar
 
@@ -51,6 +52,7 @@ def pays(
         raise ConfigurationError("--hide: say which rig has the effect, with one --rig")
     studies = [Study(rig=name, **{**(QUICK if quick else {}), **given}) for name in rigs]
     err = console(stderr=True)
+    require_writable(out)
     try:
         with progress_bar() as update:
             result = run(studies, out, quick, lambda text: err.print(text, markup=False), update)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.files import packed_json
+from cable_envs.core.files import packed_json, require_writable
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.jobs import open_backend
 from cablebench.jobs.work import Job
@@ -66,6 +66,7 @@ def proof(
     require_known("kind", kinds, KINDS)
     asked = _asked(quick, cases, after, first, kinds if kind else (), systems, seed)
     methods = _methods(tool, baselines)
+    require_writable(out)
     try:
         wanted = [case for case in _plan(quick, cases, systems, seed) if case.kind in kinds]
         if not wanted:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.output import console
 
 
@@ -31,6 +32,7 @@ def recordings(
         raise ConfigurationError("--page-only runs no set; leave out --only")
     if not page_only and not shared.is_dir():
         raise ConfigurationError(f"no folder {shared}; --shared names the one that holds the sets as published")
+    require_writable(out)
     say = console(stderr=True)
     with tempfile.TemporaryDirectory() as work:
         for name in () if page_only else names:

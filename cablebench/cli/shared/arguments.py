@@ -63,7 +63,8 @@ def parse_pairs(pairs: Sequence[str], flag: str) -> dict[str, Any]:
         try:
             value = yaml.safe_load(text)
         except yaml.YAMLError as error:
-            raise ConfigurationError(f"{flag} {key}: '{text}' is not valid YAML: {error}") from error
+            said = " ".join(str(error).split())
+            raise ConfigurationError(f"{flag} {key}: '{text}' is not valid YAML: {said}") from error
         if isinstance(value, str):
             with suppress(ValueError):  # YAML 1.1 takes 1e-3 for a string
                 value = float(value)

@@ -4,6 +4,8 @@
 """
 
 import re
+import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -12,12 +14,17 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
+from cable_envs.diagnosis.data.tables import MOST_ROWS
 from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
 from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
 from cable_envs.diagnosis.readers.mapping import load_mapping
 
 SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
 OPTIONS = ()
+COMPRESSED, LARGEST = 15, 2**32
+"""Number of a compressed element in a file of version 5; bytes that all of them may unpack to."""
+ELSEWHERE = "ExternalLink"
+"""h5py's class for a link into another file."""
 _PART = re.compile(r"(\w+)(?:\((\d+)\))?")
 _COLUMN = re.compile(r"(.+)\(:,\s*(\d+)\)")
 
@@ -75,6 +82,29 @@ def _pieces(vectors: Mapping[str, Any], rows: int) -> Iterator[Chunk]:
         yield Chunk({c: np.asarray(v[first : first + CHUNK_ROWS], float) for c, v in vectors.items()})
 
 
+def _check_size(file: Path) -> None:
+    """ConfigurationError where the compressed variables of a file of version 5 unpack to more than `LARGEST` bytes."""
+    total = 0
+    with file.open("rb") as stream:
+        order = {b"IM": "<", b"MI": ">"}.get(stream.read(128)[126:])
+        while order and len(tag := stream.read(8)) == 8:
+            kind, size = struct.unpack(f"{order}II", tag)
+            if kind != COMPRESSED:
+                stream.seek(size, 1)
+                continue
+            unpacker, rest = zlib.decompressobj(), size
+            while rest > 0 and total <= LARGEST and (part := stream.read(min(rest, 1 << 16))):
+                rest -= len(part)
+                while part and total <= LARGEST:
+                    try:
+                        total += len(unpacker.decompress(part, 1 << 24))
+                    except zlib.error:
+                        return  # damaged: the library says how
+                    part = unpacker.unconsumed_tail
+            if total > LARGEST:
+                raise ConfigurationError(f"{file.name} unpacks to more than {LARGEST} bytes: it is no log")
+
+
 class _opened:
     """The content of a file as a context: a dict of arrays, or an HDF5 file."""
 
@@ -86,6 +116,7 @@ class _opened:
 
         if not self._file.is_file():
             raise ConfigurationError(f"cannot read {self._file}: no such file")
+        _check_size(self._file)
         try:
             return loadmat(self._file, struct_as_record=False, squeeze_me=True, chars_as_strings=True)
         except NotImplementedError:
@@ -120,6 +151,13 @@ def _vector(content: Any, path: str, file: Path, channel: str) -> Any:
         names = _names(node)
         if named.group(1) not in names:
             raise KeyError(f"no variable '{part}' in '{path}'; {nearest(part, names)}")
+        if (
+            getattr(node, "file", None) is not None
+            and type(node.get(named.group(1), getlink=True)).__name__ == ELSEWHERE
+        ):
+            raise ConfigurationError(
+                f"{file.name}, channel {channel}: '{path}' lies in another file, which is not read"
+            )
         node = node[named.group(1)] if hasattr(node, "keys") else getattr(node, named.group(1))
         if named.group(2):
             node = np.atleast_1d(node)[int(named.group(2)) - 1]
@@ -149,6 +187,10 @@ def _flat(node: Any, k: int | None, where: str) -> Any:
     shape, in_hdf5 = getattr(node, "shape", None), hasattr(node, "file")
     if shape is None or getattr(node, "dtype", np.dtype(object)).kind not in "fiub":
         raise ConfigurationError(f"{where} holds no numbers")
+    if in_hdf5 and (node.external or node.is_virtual):
+        raise ConfigurationError(f"{where} lies in another file, which is not read")
+    if max(shape, default=0) > MOST_ROWS:
+        raise ConfigurationError(f"{where} has more than {MOST_ROWS} rows; cut it, or average to fewer")
     if k is None:
         if len(shape) == 2 and 1 in shape and in_hdf5:
             return node[()].ravel() if shape[1] == 1 else _Column(node, 0)

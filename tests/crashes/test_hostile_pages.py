@@ -1,0 +1,102 @@
+"""Texts of records stay texts on every page: of the proof, of a diagnosis, of the recordings, of what a diagnosis pays.
+
+Every key of the published records whose values are free texts is made hostile, one key after the other; keys whose
+values are words of the program (a verdict, a kind) make the page fail instead, and are left out.
+"""
+
+import shutil
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+from jinja2 import UndefinedError
+from markdown_it import MarkdownIt
+
+from cable_envs.core.files import jsonable, packed_json, read_json
+from cable_envs.diagnosis.engine import diagnose
+from cablebench.pages import diagnosis, proof, recordings
+from cablebench.pays import page as pays
+from tests.support import drive_recording
+
+DOCS = Path(__file__).parents[2] / "docs"
+EVIL = "<script>alert(1)</script>\"'><img src=x onerror=alert(1)>\n|`x`[a](javascript:b)\x1b[31m&lt;b&gt;"
+
+
+class Tags(HTMLParser):
+    """Elements with their attributes, and where links lead."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.found = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.found |= {tag, *(f"{tag}.{name}" for name, _ in attributes)}
+        self.found |= {value for _, value in attributes if value and value.strip().lower().startswith("javascript:")}
+
+
+def keys_of(value) -> Iterator[str]:
+    """Keys with a text somewhere directly under them."""
+    if isinstance(value, dict):
+        for key, part in value.items():
+            if isinstance(part, str) or (isinstance(part, list) and part and isinstance(part[0], str)):
+                yield key
+            yield from keys_of(part)
+    elif isinstance(value, list):
+        for part in value:
+            yield from keys_of(part)
+
+
+def poisoned(value, key):
+    """The same with hostile texts under a key, at any depth."""
+    if isinstance(value, dict):
+        return {k: _evil(v) if k == key else poisoned(v, key) for k, v in value.items()}
+    return [poisoned(v, key) for v in value] if isinstance(value, list) else value
+
+
+def _evil(value):
+    if isinstance(value, str):
+        return value + EVIL
+    return [v + EVIL if isinstance(v, str) else v for v in value] if isinstance(value, list) else value
+
+
+def rendered_markdown(text):
+    return MarkdownIt("commonmark", {"html": True}).enable("table").render(text)
+
+
+def answer(folder):
+    """The record of a diagnosis."""
+    recording = drive_recording.write(folder / "recording", load=lambda y, v, t: 1500.0 * y)
+    return jsonable(diagnose(recording, effects=["position_dependent_load"]).as_json())
+
+
+def recordings_page(record, folder):
+    shutil.copytree(DOCS / "recordings", folder, dirs_exist_ok=True)
+    (folder / "emps.json.gz").write_bytes(packed_json(record))
+    return recordings.render(folder, ["davinci", "band-brake", "emps", "coupled-drives"])
+
+
+PAGES = {
+    "proof": (lambda _: read_json(DOCS / "proof" / "proof.json.gz"), lambda r, _: proof.render(r)),
+    "pays": (lambda _: read_json(DOCS / "pays.json.gz"), lambda r, _: rendered_markdown(pays.page(r))),
+    "the figure of pays": (lambda _: read_json(DOCS / "pays.json.gz"), lambda r, _: pays.figure(r)),
+    "recordings": (lambda _: read_json(DOCS / "recordings" / "emps.json.gz"), recordings_page),
+    "a diagnosis": (answer, lambda r, _: diagnosis.render(r)),
+}
+
+
+@pytest.mark.filterwarnings("ignore:Glyph")  # a control character in a label: a warning, and no more
+@pytest.mark.parametrize("name", PAGES)
+def test_no_element_and_no_attribute_comes_from_a_text(tmp_path, name):
+    load, render = PAGES[name]
+    record = load(tmp_path)
+    before, tried = Tags(render(record, tmp_path)).found, []
+    for key in sorted(set(keys_of(record))):
+        try:
+            page = render(poisoned(record, key), tmp_path)
+        except (KeyError, ValueError, TypeError, StopIteration, IndexError, UndefinedError):
+            continue
+        tried.append(key)
+        assert Tags(page).found <= before, (key, Tags(page).found - before)
+    assert len(tried) >= 3, tried
