@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow oldest newest interop coverage coverage-kernels bench proof proof-quick recordings lint wheel clean
+.PHONY: demo test test-slow oldest newest interop coverage coverage-kernels bench kills proof proof-quick recordings lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -43,6 +43,10 @@ coverage-kernels: .venv/installed
 
 bench: .venv/installed
 	$(BIN)/python -m benchmarks
+
+# half an hour: SIGKILL at 200 random moments of every command that writes, and what is left compared (tests/crashes)
+kills: .venv/installed
+	$(BIN)/python -m tests.crashes.kills --kills 200 --out results/kills.jsonl
 
 # hours: every effect 20 times on every system
 proof: .venv/installed

@@ -165,6 +165,7 @@ def main() -> None:
     cases = [c for c in CASES if not asked.only or c.name in asked.only]
     rng, found, began = random.Random(asked.seed), [], time.monotonic()
     import_everything()
+    asked.out.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="kills-", ignore_cleanup_errors=True) as place:
         whole = Whole(Path(place), cases)
         for name, ended in whole.ended.items():
