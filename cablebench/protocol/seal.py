@@ -45,7 +45,7 @@ def commitment(secret: str) -> str:
     Examples
     --------
     >>> commitment("0" * 64)[:12]
-    '3a15b19f1c9d'
+    '827d096d92f3'
     """
     return hashlib.sha256(f"{secret}\n".encode()).hexdigest()
 

@@ -400,7 +400,7 @@ def test_files_that_are_no_policy_are_refused(tmp_path):
     with pytest.raises(ConfigurationError, match="no policy at"):
         load_policy(tmp_path)
     (tmp_path / "policy.zip").write_bytes(b"PK nonsense")
-    with pytest.raises(ConfigurationError, match="is not a policy saved by"):
+    with pytest.raises(ConfigurationError, match=r"policy\.zip is no whole zip file of a policy"):
         load_policy(tmp_path)
 
 
