@@ -50,14 +50,14 @@ kills: .venv/installed
 
 # hours: every effect 20 times on every system
 proof: .venv/installed
-	$(BIN)/cablebench proof --out results/proof --jobs $(JOBS)
+	$(BIN)/cablebench blind-test --out results/proof --jobs $(JOBS)
 
 proof-quick: .venv/installed
-	$(BIN)/cablebench proof --quick --no-baselines --out $(PROOF) --jobs $(JOBS)
+	$(BIN)/cablebench blind-test --quick --no-baselines --out $(PROOF) --jobs $(JOBS)
 
 # the public recordings are not part of the project: ../shared/recordings/README.md says where they are from
 recordings: .venv/installed
-	$(BIN)/cablebench recordings --out docs/recordings
+	$(BIN)/cablebench real-data --out docs/recordings
 
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

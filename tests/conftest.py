@@ -1,6 +1,11 @@
 """What holds for all tests."""
 
+import logging
+
 import pytest
+
+# what is printed must not depend on which kernels this machine has compiled before
+logging.getLogger("cable_envs").setLevel(logging.WARNING)
 
 
 @pytest.fixture(scope="session", autouse=True)

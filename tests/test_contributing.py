@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from cablebench.skeletons import skeleton
+
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
 BLOCK = re.compile(
@@ -101,6 +103,16 @@ def test_the_page_has_the_files_of_everything_that_is_found_in_a_folder():
         "configs/tasks", "diagnosis/readers/sets",
     ]  # fmt: skip
     assert not [path for path in FILES if (ROOT / path).exists()], "the examples must add files, not change any"
+
+
+def test_the_page_shows_what_cablebench_new_writes():
+    """One source: the templates of `cablebench.skeletons`."""
+    shown = {
+        "baselines/lifting.py": skeleton("controller", "lifting")[0]["lifting.py"],
+        "cable_envs/effects/cubic_spring.py": skeleton("effect", "cubic_spring")[0]["cubic_spring.py"],
+        **skeleton("plant", "slider")[0],
+    }
+    assert {path: FILES[path] for path in shown} == shown
 
 
 def followed(folder, packages, script, **more):

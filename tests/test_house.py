@@ -38,6 +38,7 @@ INSIDE = {
         "entrants",
         "jobs",
         "protocol",
+        "skeletons",
         "",
     ),
     "cablebench.cli": ("", "bench", "learn", "physics", "shared"),

@@ -12,6 +12,7 @@ process compiles.
 
 import dis
 import hashlib
+import logging
 import os
 import pickle
 import shutil
@@ -43,7 +44,14 @@ FOLDER = "kernels"
 UNUSED_VERSION, UNUSED_KERNEL = 86_400.0, 30 * 86_400.0
 """Seconds after which an unused folder is deleted: of an older version of the kernel that is stored, of any kernel."""
 
+SAID_AGAIN = 60.0
+"""Seconds after which compiling is said again: what one task needs, one line announces."""
+
+LOG = logging.getLogger("cable_envs")
+"""Where a program listens to what takes long: level INFO says that something is compiled."""
+
 _PACKAGE = Path(__file__).parents[1]
+_said = [-SAID_AGAIN]
 
 
 class NotStorable(TypeError):
@@ -213,6 +221,20 @@ def _tidy(root: Path, name: str) -> None:
             shutil.rmtree(old, ignore_errors=True)
 
 
+def _announce(kernel: str, folder: Path | None) -> None:
+    """Say once for all that a task needs that compiling begins, and that it will not be so the next time."""
+    now = time.monotonic()
+    level = logging.DEBUG if now - _said[0] < SAID_AGAIN else logging.INFO
+    kept = "once in each process, since no folder can be written to" if folder is None else "only once on this machine"
+    where = "" if folder is None else f"; kept in {folder.parent}"
+    if level == logging.INFO:
+        _said[0] = now
+    LOG.log(
+        level, "compiling the equations of motion, beginning with '%s': %s, up to half a minute for a plant%s",
+        kernel, kept, where,
+    )  # fmt: skip
+
+
 class KernelCache(_Cache):
     """The compiled versions of one kernel, one for each signature, each in a file of its own.
 
@@ -250,11 +272,13 @@ class KernelCache(_Cache):
         """The compiled version for a signature, or None."""
         self._prepare()
         if self._folder is None or not self._enabled:
+            _announce(self._function.__name__, None)
             return None
         target_context.refresh()
         try:
             reduced = pickle.loads(self._file(sig, target_context.codegen()).read_bytes())
         except (OSError, EOFError, pickle.UnpicklingError):
+            _announce(self._function.__name__, self._folder)
             return None
         found = CompileResult._rebuild(target_context, *reduced)
         # a named tuple's class comes back from the file as another one: the next call would not find what was loaded

@@ -37,9 +37,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``cablebench``; ``arguments`` default to those of the process. Ends by SystemExit."""
     try:
         from cablebench.cli.app import app
+        from cablebench.cli.shared.output import remarks_shown
         from cablebench.cli.shared.trust import asking
 
-        with asking():
+        with remarks_shown(), asking():
             app(args=None if arguments is None else list(arguments), prog_name="cablebench")
     except ConfigurationError as error:
         _stop(str(error))

@@ -4,13 +4,12 @@ from typing import Annotated
 
 import typer
 
-from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, replay, run, seal, submit
-from cablebench.cli.learn import publish, train, tune
-from cablebench.cli.physics import diagnose, first_look, identify, import_, pays, proof, recordings, reproduce
+from cablebench.cli.commands import COMMANDS
 
 app = typer.Typer(
     name="cablebench",
-    help="Benchmark controllers and learning agents on cable mechanisms (environments of cable_envs).",
+    help="Simulate cable mechanisms, rank controllers and learning agents on them, and find what a simulator lacks.",
+    epilog="`cablebench COMMAND --help` says what a command does and ends with an example.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -34,9 +33,9 @@ def common(
     pass
 
 
-for _command in (
-    envs.envs, run.run, train.train, publish.publish, tune.tune, evaluate.evaluate, leaderboard.leaderboard, demo.demo,
-    identify.identify, reproduce.reproduce, export.export, import_.import_, first_look.first_look, proof.proof,
-    submit.submit, seal.seal, replay.replay, recordings.recordings, diagnose.diagnose, pays.pays,
-):  # fmt: skip
-    app.command(_command.__name__.rstrip("_").replace("_", "-"))(_command)
+for _command in COMMANDS:
+    app.command(_command.name, rich_help_panel=_command.panel, epilog=f"Example:  {_command.example}")(
+        _command.function
+    )
+    for _name in _command.former:
+        app.command(_name, hidden=True, epilog=f"The name is now:  cablebench {_command.name}")(_command.function)

@@ -1,4 +1,4 @@
-"""Each set of real recordings as numbers (JSON) and figures (SVG): what the page of `cablebench recordings` shows."""
+"""Each set of real recordings as numbers (JSON) and figures (SVG): what the page of `cablebench real-data` shows."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import astuple

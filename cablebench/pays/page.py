@@ -1,4 +1,4 @@
-"""The result of `cablebench pays` for people: the command that repeats it, a page in Markdown, a figure."""
+"""The result of `cablebench retrain-study` for people: the command that repeats it, a page in Markdown, a figure."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ _COLOURS = {"nominal": RED, "augmented": BLUE, "oracle": INK}
 def command(studies: Sequence[Study], quick: bool) -> str:
     """The command line that repeats the studies, which differ in their rigs only."""
     study = studies[0]
-    words = ["cablebench", "pays"] + (["--quick"] if quick else [])
+    words = ["cablebench", "retrain-study"] + (["--quick"] if quick else [])
     for one in studies:
         words += ["--rig", one.rig]
     for name, value in (

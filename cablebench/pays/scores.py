@@ -1,4 +1,4 @@
-"""Does a diagnosis pay? What `cablebench pays` asks, how it scores, and what it sums up.
+"""Does a diagnosis pay? What `cablebench retrain-study` asks, how it scores, and what it sums up.
 
 A hidden rig (`cablebench.pays.rigs`) is controlled by what was tuned or trained on one of three simulators: the nominal
 one, the one that a diagnosis of the hidden rig's recordings corrected, and the oracle, which is told the concealed

@@ -135,7 +135,7 @@ def test_the_committed_page_is_that_of_its_numbers():
 @pytest.mark.parametrize("rig", sorted(RIGS))
 def test_the_recording_does_not_tell_what_is_hidden(rig, tmp_path):
     from cable_envs.diagnosis.data.recording import load_recording
-    from cablebench.cli.physics.pays_steps import recorded
+    from cablebench.cli.physics.retrain_steps import recorded
 
     effect, name, _, _ = EFFECTS[rig]
     study = Study(rig=rig, hidden={effect: {name: 0.123}}, record_seconds=3.0)
@@ -156,7 +156,7 @@ def test_the_recorded_hole_is_the_controlled_one(tmp_path):
     """Nothing hidden: the generator's tensions beside the paper's ratio with the preset's numbers, while it slides."""
     from cable_envs.baselines.hole_model import HoleModel
     from cable_envs.diagnosis.data.recording import load_recording
-    from cablebench.cli.physics.pays_steps import recorded
+    from cablebench.cli.physics.retrain_steps import recorded
 
     study = Study(rig="hole", hidden={}, record_seconds=12.0)
     hole = HoleModel(setup_of(study.bench.env, study.hidden_options()).rig.values, "exact")
@@ -197,24 +197,24 @@ def test_a_small_study_runs_keeps_its_parts_and_refuses_another(rig, tmp_path, m
     assert all(np.isfinite(scores[learner][s]).all() for learner in scores for s in SIMULATORS)
     assert (out / "pays.md").read_text().startswith("# Does it pay?")
     assert (out / pays_page.FIGURE).read_text().startswith("<svg")
-    from cablebench.cli.physics import pays_steps
+    from cablebench.cli.physics import retrain_steps
 
     again = json.loads((out / rig / "scores" / f"{controller}-oracle-0.json").read_text())
-    monkeypatch.setattr(pays_steps, "tuned_gains", None)  # nothing is made twice
-    monkeypatch.setattr(pays_steps, "trained", None)
-    repeated = pays_steps.run([study], out, False, lambda text: None, lambda *now: None)
+    monkeypatch.setattr(retrain_steps, "tuned_gains", None)  # nothing is made twice
+    monkeypatch.setattr(retrain_steps, "trained", None)
+    repeated = retrain_steps.run([study], out, False, lambda text: None, lambda *now: None)
     assert repeated["rigs"][rig]["scores"][controller]["oracle"] == [again]
     with pytest.raises(ConfigurationError, match="other settings"):
-        pays_steps.run([replace(study, trials=3)], out, False, lambda text: None, lambda *now: None)
+        retrain_steps.run([replace(study, trials=3)], out, False, lambda text: None, lambda *now: None)
 
 
 @pytest.mark.slow
 def test_a_trained_agent_keeps_the_rig_that_its_controller_believed(tmp_path):
     """A loaded policy would take the task's own: another controller than the one it learnt to correct."""
-    from cablebench.cli.physics import pays_steps
+    from cablebench.cli.physics import retrain_steps
 
     study = Study(rig="hole", hidden={"coulomb_friction": {"level": 1.0}}, seeds=(0,), steps=8192, duration=2.0)
     rig = {"schema": "cable-rig/1", "name": "augmented", "plant": "cable_hole",
            "parameters": {"load_mass": {"value": 3.0, "unit": "kg"}}}  # fmt: skip
-    policy = pays_steps.trained(study, tmp_path, "augmented", rig, 0, lambda *now: None)
+    policy = retrain_steps.trained(study, tmp_path, "augmented", rig, 0, lambda *now: None)
     assert policy.setup.rig.values["load_mass"] == 3.0

@@ -1,11 +1,11 @@
-"""``cablebench proof`` from the command line."""
+"""``cablebench blind-test`` from the command line."""
 
 import json
 
 import pytest
 
 from cablebench.cli import main
-from cablebench.cli.physics import proof as command
+from cablebench.cli.physics import blind_test as command
 
 
 def _run(capsys, *arguments):

@@ -41,7 +41,7 @@ def brake():
         (),
         (),
     )
-    return {"command": "cablebench recordings --only band-brake", "seconds": 9, "finding": numbers(finding),
+    return {"command": "cablebench real-data --only band-brake", "seconds": 9, "finding": numbers(finding),
             "viscous_last": 0.2}  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """``cablebench diagnose``: what physics a recording shows that its simulator leaves out."""
 
+import time
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -34,14 +35,18 @@ def diagnose(
     """
     from cable_envs.diagnosis.engine import diagnose as run
 
-    err = console(stderr=True)
+    err, began = console(stderr=True), time.monotonic()
+
+    def tell(text: str) -> None:
+        err.print(f"{time.monotonic() - began:5.0f} s  {text} ...", markup=False)
+
     if out is not None:
         require_writable(out)
         out.mkdir(parents=True, exist_ok=True)
     try:
         found = run(
             recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
-            variant=variant, judge=judge, seed=seed, out=out, tell=lambda text: err.print(f"{text} ...", markup=False),
+            variant=variant, judge=judge, seed=seed, out=out, tell=tell,
         )  # fmt: skip
     except KeyboardInterrupt:
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"

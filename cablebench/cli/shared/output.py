@@ -1,5 +1,6 @@
 """What a command says: JSON and tables on standard output, progress and remarks on standard error."""
 
+import logging
 import os
 import sys
 import time
@@ -27,6 +28,24 @@ def console(stderr: bool = False) -> Any:
     if not made.is_terminal and "COLUMNS" not in os.environ:
         made.width = FILE_WIDTH
     return made
+
+
+@contextmanager
+def remarks_shown() -> Iterator[None]:
+    """Within the block the remarks of `cable_envs` (that it compiles something) go to standard error.
+
+    A program that has set the level of the logger ``cable_envs`` has its way.
+    """
+    log, shown = logging.getLogger("cable_envs"), logging.StreamHandler(sys.stderr)
+    before = log.level
+    if before == logging.NOTSET:
+        log.setLevel(logging.INFO)
+    log.addHandler(shown)
+    try:
+        yield
+    finally:
+        log.removeHandler(shown)
+        log.setLevel(before)
 
 
 PLAIN_INTERVAL = 15.0

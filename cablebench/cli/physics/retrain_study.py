@@ -1,4 +1,4 @@
-"""``cablebench pays``: whether controllers and agents gain from a simulator that a diagnosis has corrected."""
+"""``cablebench retrain-study``: whether controllers and agents gain from a simulator that a diagnosis has corrected."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +17,7 @@ QUICK = {
 }  # fmt: skip
 
 
-def pays(
+def retrain_study(
     out: Annotated[Path, typer.Option(help="Folder for recording, diagnosis, policies, scores and the page.")],
     quick: Annotated[
         bool, typer.Option("--quick", help="Small budgets: shows that it runs, not what it brings.")
@@ -38,7 +38,7 @@ def pays(
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
     """Record hidden rigs, diagnose them, tune and train on nominal, corrected and true simulators, score on them."""
-    from cablebench.cli.physics.pays_steps import run
+    from cablebench.cli.physics.retrain_steps import run
     from cablebench.pays.rigs import RIGS
     from cablebench.pays.scores import Study
 

@@ -1,4 +1,4 @@
-"""``cablebench recordings``: the diagnosis of the public recordings of real rigs, as one page with figures."""
+"""``cablebench real-data``: the diagnosis of the public recordings of real rigs, as one page with figures."""
 
 import shlex
 import tempfile
@@ -13,7 +13,7 @@ from cable_envs.core.files import require_writable
 from cablebench.cli.shared.output import console
 
 
-def recordings(
+def real_data(
     out: Annotated[Path, typer.Option(help="Folder for index.html, figures and the numbers of each set as JSON.")],
     shared: Annotated[Path, typer.Option(help="Folder that holds the sets as published.")] = Path(
         "../shared/recordings"
@@ -39,7 +39,7 @@ def recordings(
             began = time.perf_counter()
             numbers, figures = SETS[name](shared, Path(work), lambda text: say.print(text, markup=False))
             took = time.perf_counter() - began
-            command = shlex.join(["cablebench", "recordings", "--only", name, "--out", str(out)])
+            command = shlex.join(["cablebench", "real-data", "--only", name, "--out", str(out)])
             write_set(out, name, {"command": command, "seconds": round(took), **numbers}, figures)
             say.print(f"{name}: {took:.0f} s", markup=False)
     write_atomic(out / PAGE, render(out, list(SETS)))

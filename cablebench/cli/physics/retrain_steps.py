@@ -1,4 +1,4 @@
-"""The steps of `cablebench pays`. Each keeps its result in the folder and is skipped where that is there already."""
+"""The steps of `cablebench retrain-study`. Each keeps its result in the folder; what is there already is skipped."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence

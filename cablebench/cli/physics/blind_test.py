@@ -1,4 +1,4 @@
-"""``cablebench proof``: concealed effects made by independent generators, diagnosed blind, then scored."""
+"""``cablebench blind-test``: concealed effects made by independent generators, diagnosed blind, then scored."""
 
 import shlex
 import sys
@@ -19,7 +19,7 @@ QUICK_CASES = 27
 INTERRUPTED = 130
 
 
-def proof(
+def blind_test(
     context: typer.Context,
     out: Annotated[Path, typer.Option(help="Folder for recordings, keys, verdicts and results.")] = Path(
         "results/proof"
@@ -118,7 +118,7 @@ def _asked(
     quick: bool, cases: int | None, after: int, first: int | None, kinds: Sequence[str], systems: Sequence[str],
     seed: int,
 ) -> str:  # fmt: skip
-    words = ["cablebench", "proof"] + (["--quick"] if quick else [])
+    words = ["cablebench", "blind-test"] + (["--quick"] if quick else [])
     words += ["--cases", str(cases)] if cases is not None else []
     words += ["--after", str(after)] if after else []
     words += ["--first", str(first)] if first is not None else []
