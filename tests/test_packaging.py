@@ -3,6 +3,7 @@
 import ast
 import json
 import os
+import re
 import subprocess
 import sys
 import tomllib
@@ -206,6 +207,28 @@ def test_declared_dependencies():
     assert {name.lower() for name in wanted | core} - {"cable-envs"} <= set(pinned)
 
 
+def test_the_extra_all_holds_every_extra_of_users():
+    extras = PROJECT["project"]["optional-dependencies"]
+    (named,) = extras["all"]
+    held = set(named.removeprefix("cable-envs[").removesuffix("]").split(","))
+    assert held | {"bench", "all", "dev"} == set(extras) and extras["dev"][0] == "cable-envs[all]"
+
+
+def test_what_is_cited_is_this_version():
+    import yaml
+
+    import cable_envs
+
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert cited["version"] == PROJECT["project"]["version"] == cable_envs.__version__
+    assert cited["license"] == PROJECT["project"]["license"]
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    assert f"## {cited['version']}" in text
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    papers = re.findall(r"https://doi\.org/([\w./]+\w)", cited["abstract"])
+    assert len(papers) == 2 and all(doi in readme for doi in papers)
+
+
 @pytest.mark.slow
 def test_wheel_holds_packages_and_configuration_only(tmp_path):
     """The built wheel runs from an empty folder, finds its YAML files, and brings no top-level tests or configs."""
@@ -219,6 +242,7 @@ def test_wheel_holds_packages_and_configuration_only(tmp_path):
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(INSTALLED)
     assert "cable_envs/configs/tasks/CableHole-Position.yaml" in names
     assert {"cablebench/board/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
+    assert {"cablebench/skeletons/templates/controller.py.j2", "cable_envs/boards/quick/records.jsonl.gz"} <= set(names)
     assert {"cable_envs/py.typed", "cablebench/py.typed", *(f"cable_envs/{name}/py.typed" for name in LINKED)} <= set(
         names
     )

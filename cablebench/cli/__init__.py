@@ -26,6 +26,7 @@ EXTRAS = {
     **dict.fromkeys(("pysindy", "sklearn"), "proof"),
     "pyarrow": "parquet",
     **dict.fromkeys(("minari", "h5py"), "offline"),
+    "imageio_ffmpeg": "video",
     "rosbags": "ros",
     "asammdf": "mdf",
     **dict.fromkeys(("mcap", "mcap_protobuf", "mcap_ros2"), "mcap"),

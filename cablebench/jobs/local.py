@@ -4,8 +4,8 @@ import multiprocessing
 import os
 import pickle
 import signal
-from collections.abc import Iterable
-from contextlib import suppress
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import connection, resource_tracker
 from typing import Any
@@ -23,6 +23,9 @@ from cablebench.jobs.work import (
     portable,
     single_thread,
 )  # fmt: skip
+
+POSIX = os.name == "posix"
+"""Whether there are masks of signals and groups of processes."""
 
 GRACE = 20.0
 """s that workers have to save their work when the caller ends early."""
@@ -71,13 +74,10 @@ class LocalCrew:
         # Ctrl-C in a terminal goes to every process of its group. A worker leaves the group (`_serve`), so that it
         # hears it once and from us; until it has done so the signal is blocked: a child inherits the mask. The start
         # of multiprocessing's tracker would change the mask, so that one comes first.
-        resource_tracker.ensure_running()
-        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        try:
-            with single_thread():
-                process.start()
-        finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if POSIX:
+            resource_tracker.ensure_running()
+        with _interrupts_blocked(), single_thread():
+            process.start()
         theirs.close()
         worker = _Worker(process, ours)
         self._workers.append(worker)
@@ -136,11 +136,26 @@ class LocalCrew:
         self._workers.clear()
 
 
+@contextmanager
+def _interrupts_blocked() -> Iterator[None]:
+    """Within the block Ctrl-C waits. Windows has no masks: there a worker hears what its console hears."""
+    if not POSIX:
+        yield
+        return
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+
+
 def _serve(pipe: Any) -> None:
     """Body of a worker: one job after the other until the pipe is closed."""
-    os.setpgid(0, 0)
+    if POSIX:
+        os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # forgets what came meanwhile
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    if POSIX:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     try:
         while True:
             content = pipe.recv_bytes()  # SIGINT is ignored here: without a job a worker ends with the pipe

@@ -1,4 +1,4 @@
-"""The hidden rigs of `cablebench retrain-study`: what each has beyond its preset, how it is recorded, its controllers."""
+"""The hidden rigs of `cablebench retrain-study`: what each has beyond its preset, its records, its controllers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

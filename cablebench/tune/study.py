@@ -6,7 +6,6 @@ of each trial is seeded by its number, so a study that was stopped and resumed h
 finished ones are kept, and what a killed process left unfinished is run again under its own number.
 """
 
-import fcntl
 import json
 import sqlite3
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -17,6 +16,7 @@ from typing import Any
 
 import optuna
 import sqlalchemy
+from filelock import FileLock, Timeout
 from optuna.trial import FrozenTrial, TrialState
 
 from cable_envs.core.errors import ConfigurationError
@@ -230,9 +230,12 @@ def _locked(file: Path) -> Iterator[None]:
         file.touch()
     except OSError as error:
         raise CannotWrite.of(file, error) from None
-    with open(file, "rb") as held:
-        try:
-            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise ConfigurationError(f"{file} is in use by another `cablebench tune`") from None
+    lock = FileLock(f"{file}.lock", timeout=0)
+    try:
+        lock.acquire()
+    except Timeout:
+        raise ConfigurationError(f"{file} is in use by another `cablebench tune`") from None
+    try:
         yield
+    finally:
+        lock.release()

@@ -11,6 +11,7 @@ Each has all that stand above it and that this machine has; "auto" takes the las
 """  # noqa: E501
 
 import json
+import os
 import shutil
 import site
 import subprocess
@@ -82,8 +83,6 @@ def statement_of(name: str) -> str:
 
 def environment() -> dict[str, str]:
     """The environment of the process: nothing of this one's but what the machine's libraries are found by."""
-    import os
-
     kept = {k: os.environ[k] for k in ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "SYSTEMROOT") if k in os.environ}
     return {**kept, **_ENVIRONMENT, "HOME": "/nowhere", "LANG": "C.UTF-8", "PATH": "/usr/bin:/bin"}
 
@@ -91,9 +90,15 @@ def environment() -> dict[str, str]:
 def choose(kind: str = "auto") -> Sandbox:
     """The sandbox of that kind on this machine; "auto": the strongest there is.
 
-    Raises ConfigurationError for an unknown kind, with the nearest, and for one that this machine does not have.
+    Raises ConfigurationError for an unknown kind, with the nearest, for one that this machine does not have, and on
+    Windows for every kind.
     """
     require_known("sandbox", [kind], SANDBOXES)
+    if os.name != "posix":
+        raise ConfigurationError(
+            f"a .py file runs in a process of its own, and {sys.platform} has no sandbox for it: use Linux or macOS "
+            "(on Windows the Windows Subsystem for Linux), or a controller of the package"
+        )
     there = _there()
     if kind == "auto":
         kind = next(name for name in SANDBOXES[1:] if name in there)

@@ -11,10 +11,13 @@ import ctypes
 import errno
 import os
 import platform
-import resource
 import struct
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+
+with suppress(ImportError):  # Windows has none, and no walls either (`kinds.choose`)
+    import resource
 
 _READ = 1 << 0 | 1 << 2 | 1 << 3  # execute (as a loader maps a library), read a file, read a folder
 _OF_FILES = 1 << 0 | 1 << 2
