@@ -216,7 +216,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | substeps       | int                  | 20          | integration steps in a control period, at most 10000   |
     | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |
     |                |                      |             | circuit and 20 for the others                          |
-    | render_mode    | str                  | none        | "rgb_array" or "human"                                 |
+    | render_mode    | str                  | none        | "rgb_array", "human" (window), "web" (live page)       |
 
     `reset(options=...)` takes "rig" (parameters to change), "reference", "disturbance" (mappings) and
     "initial_position" (of the output, SI) for one episode. An option that does not exist or does not fit raises
@@ -247,7 +247,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first release.
     """
 
-    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)
+    metadata = {"render_modes": ["rgb_array", "human", "web"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)
     _spec: EnvSpec | None = None
 
     def __init__(
@@ -492,7 +492,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
 
             self._renderer = Renderer.for_setup(self.setup, str(self.render_mode))
         self._renderer.push(info, info["time"], info["reference"], info["output"])
-        if self.render_mode == "human":
+        if self.render_mode != "rgb_array":
             self._renderer.show()
 
     def render(self) -> np.ndarray | None:
@@ -501,8 +501,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Returns
         -------
         ndarray of uint8, shape (height, width, 3), or None
-            The scene in RGB where ``render_mode`` is "rgb_array". None for "human", whose window `step` and `reset`
-            keep up to date. None without a mode, with a warning of Gymnasium.
+            The scene in RGB where ``render_mode`` is "rgb_array". None for "human" and "web", whose window or page
+            `step` and `reset` keep up to date; the page's address is printed. None without a mode,
+            with a warning of Gymnasium.
 
         Raises
         ------

@@ -2,12 +2,10 @@
 
 `Renderer` knows no Gymnasium. It draws with matplotlib's Agg canvas (no pyplot, no display): what stands still is
 drawn once and kept, so that a frame costs only what moves. matplotlib is imported when a Renderer is made, pygame when
-its window is first shown; both come with the extra ``render``.
+its window is first shown; both come with the extra ``render``. The live web page needs no pygame.
 """
 
 import math
-import os
-import time as clock
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +15,12 @@ from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.plants import family_of
 
 if TYPE_CHECKING:
+    from cable_envs.drawing.live import Shown
     from cable_envs.sim.setup import Setup
 
-MODES = ("rgb_array", "human")
+MODES = ("rgb_array", "human", "web")
+
+THEMES = ("light", "dark")
 
 _DISPLAY = {  # SI unit of the reference -> unit shown, factor, quantity, least range of the trace in the unit shown
     "m": ("mm", 1e3, "load position", 1.0),
@@ -44,13 +45,15 @@ class Renderer:
     reference_unit : str
         SI unit of reference and output: "m", "N", "rad" or "N m".
     mode : str
-        "rgb_array" for frames only, "human" for a window too.
+        "rgb_array" for frames only, "human" for a window too, "web" for a live page of this machine.
     window : float
         Length of the trace, s, in [0.1, 3600].
     scale : float
         Size of the frames over 960 x 640 pixels, in [0.25, 8].
     fps : float
-        How often the window is redrawn per simulated second, in [1, 240].
+        How often the window or page is redrawn per simulated second, in [1, 240].
+    theme : str
+        "light", or "dark": lightness turned round, hues kept.
 
     Raises
     ------
@@ -71,10 +74,12 @@ class Renderer:
         window: float = 12.0,
         scale: float = 1.0,
         fps: float = 30.0,
+        theme: str = "light",
     ):
         for kind, value, valid in (
             ("reference unit", reference_unit, _DISPLAY),
             ("render mode", mode, MODES),
+            ("theme", theme, THEMES),
         ):
             if value not in valid:
                 raise ConfigurationError(f"unknown {kind} '{value}'; {nearest(value, valid)}")
@@ -85,9 +90,9 @@ class Renderer:
         ):
             if not low <= number <= high:
                 raise ConfigurationError(f"{name} = {number:g} is outside [{low:g}, {high:g}]")
-        self.mode, self.fps = mode, fps
+        self.mode, self.fps, self.theme = mode, fps, theme
         self._picture = _Picture(plant, rig, task, reference_unit, window, scale)
-        self._window: _Window | None = None
+        self._window: Shown | None = None
         self._history = _History(len(self._picture.curve_signals) + 2, window)
         self._signals: dict[str, float] = dict.fromkeys(_signals_of(plant), 0.0)
 
@@ -100,7 +105,7 @@ class Renderer:
         setup : Setup
             What defines the environment.
         mode : str
-            "rgb_array" or "human".
+            "rgb_array", "human" or "web".
 
         Returns
         -------
@@ -135,10 +140,16 @@ class Renderer:
         ndarray of uint8, shape (height, width, 3)
             A new array in RGB at every call; 640 x 960 pixels at scale 1.
         """
-        return self._picture.draw(self._signals, self._history)
+        picture = self._picture.draw(self._signals, self._history)
+        return darkened(picture) if self.theme == "dark" else picture
+
+    @property
+    def address(self) -> str | None:
+        """Where the live page is, once it is shown; None of a renderer that has none."""
+        return getattr(self._window, "address", None)
 
     def show(self) -> None:
-        """Bring the window up to date, at most ``fps`` times per simulated second and no faster than real time.
+        """Bring the window or page up to date, at most ``fps`` times per simulated second and no faster than real time.
 
         It handles the window's events at every call. Once the user has closed the window, it does nothing.
 
@@ -149,10 +160,13 @@ class Renderer:
         ImportError
             Where pygame is missing.
         """
-        if self.mode != "human":
+        if self.mode == "rgb_array":
             raise ConfigurationError("this renderer was made with mode 'rgb_array'; a window needs mode 'human'")
         if self._window is None:
-            self._window = _Window(self._picture.caption, self.fps)
+            from cable_envs.drawing import live
+
+            kind = live.WebPage if self.mode == "web" else live.Window
+            self._window = kind(self._picture.caption, self.fps)
         self._window.show(self._history.time, self.frame)
 
     def reset(self) -> None:
@@ -160,10 +174,17 @@ class Renderer:
         self._history.clear()
 
     def close(self) -> None:
-        """Close the window, if there is one. It may be called more than once."""
+        """Close the window or page, if there is one. It may be called more than once."""
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+def darkened(picture: np.ndarray) -> np.ndarray:
+    """A frame with its lightness (of the colour model HSL) turned round: white becomes a dark grey, hues stay."""
+    wide = picture.astype(np.int16)
+    turned = wide + (255 - wide.max(axis=2) - wide.min(axis=2))[..., None]
+    return (20 + turned * 9 // 10).astype(np.uint8)
 
 
 def _signals_of(plant: str) -> tuple[str, ...]:
@@ -285,58 +306,3 @@ class _Picture:
             widgets.TracePanel(sheet, box, curves, label, self._span, least)
             for box, (curves, label, least) in zip(scene.trace_boxes, parts, strict=True)
         ]
-
-
-class _Window:
-    """A pygame window that keeps up with simulated time."""
-
-    def __init__(self, caption: str, fps: float):
-        os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "1")
-        try:
-            import pygame
-        except ImportError as error:
-            raise ImportError("a window needs pygame: pip install 'cable-envs[render]'") from error
-        self._pygame, self._caption, self._period = pygame, caption, 1.0 / fps
-        self._surface: Any = None
-        self._open = True
-        self._shown = self._origin = -math.inf  # simulated time of the last picture; wall clock minus simulated time
-
-    def show(self, time: float, frame: Any) -> None:
-        if not self._open:
-            return
-        due = not self._shown <= time < self._shown + self._period - 1e-9
-        if due:
-            self._put(frame())
-        self._handle_events()
-        if due and self._open:
-            self._wait(time)
-            self._shown = time
-
-    def _put(self, picture: np.ndarray) -> None:
-        pygame = self._pygame
-        size = picture.shape[1], picture.shape[0]
-        if self._surface is None:
-            pygame.display.init()
-            self._surface = pygame.display.set_mode(size)
-            pygame.display.set_caption(self._caption)
-        self._surface.blit(pygame.image.frombuffer(picture.tobytes(), size, "RGB"), (0, 0))
-        pygame.display.flip()
-
-    def _handle_events(self) -> None:
-        """Without this the window system takes the window for frozen."""
-        if self._surface is not None and any(e.type == self._pygame.QUIT for e in self._pygame.event.get()):
-            self.close()
-
-    def _wait(self, time: float) -> None:
-        """Sleep while simulated time is ahead of the wall clock; a late picture or a new episode sets a new origin."""
-        ahead = self._origin + time - clock.monotonic()
-        if 0.0 < ahead <= 2.0 * self._period and time > self._shown:
-            clock.sleep(ahead)
-        else:
-            self._origin = clock.monotonic() - time
-
-    def close(self) -> None:
-        if self._surface is not None:
-            self._pygame.display.quit()
-            self._surface = None
-        self._open = False

@@ -57,9 +57,9 @@ class CableVectorEnv(VectorEnv):
     step_infos : bool
         False makes `step` return only what SAME_STEP mode says of finished episodes; `infos` gives the rest when asked.
     render_mode : str, optional
-        "rgb_array", "rgb_array_list" or "human".
+        "rgb_array", "rgb_array_list", "human" (a window) or "web" (a live page).
     render_lanes : sequence of int, optional
-        Environments that are drawn; by default all. A window shows the first of them.
+        Environments that are drawn; by default all. A window or page shows the first of them.
     max_episode_steps : int, optional
         Steps after which an episode is truncated, where that is before its ``duration``.
     **options
@@ -445,8 +445,8 @@ class CableVectorEnv(VectorEnv):
     def _draw(self) -> None:
         from cable_envs.render import Renderer
 
-        mode = "human" if self.render_mode == "human" else "rgb_array"
-        for lane in self.render_lanes[:1] if mode == "human" else self.render_lanes:
+        mode = str(self.render_mode) if self.render_mode in ("human", "web") else "rgb_array"
+        for lane in self.render_lanes[:1] if mode != "rgb_array" else self.render_lanes:
             if lane not in self._renderers:
                 self._renderers[lane] = Renderer.for_setup(self.setup, mode)
             renderer = self._renderers[lane]
@@ -456,7 +456,7 @@ class CableVectorEnv(VectorEnv):
             renderer.push(now, now["time"], now["reference"], now["output"])
             if self.render_mode == LISTED:
                 self._frames.setdefault(lane, []).append(renderer.frame())
-        if mode == "human":
+        if mode != "rgb_array":
             self._renderers[self.render_lanes[0]].show()
 
     def render(self) -> tuple[Any, ...] | None:
@@ -466,8 +466,8 @@ class CableVectorEnv(VectorEnv):
         -------
         tuple or None
             One entry for each of them. With ``render_mode`` "rgb_array" the scene in RGB, an ndarray of uint8 of shape
-            (height, width, 3). With "rgb_array_list" the list of the scenes since the last call. None for "human",
-            whose window shows the first of them.
+            (height, width, 3). With "rgb_array_list" the list of the scenes since the last call. None for "human"
+            and "web", whose window or page shows the first of them.
 
         Raises
         ------

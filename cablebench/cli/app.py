@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from cablebench.cli.commands import COMMANDS
+from cablebench.cli.catalogue import COMMANDS
 
 app = typer.Typer(
     name="cablebench",

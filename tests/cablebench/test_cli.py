@@ -121,6 +121,15 @@ def test_run_renders(cli, tmp_path, suffix, magic):
     assert picture.read_bytes().startswith(magic)
 
 
+def test_a_film_as_mp4_lasts_as_long_as_the_episode(cli, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    film = tmp_path / "film.mp4"
+    code, out, _ = cli("run", HOLE, "--controller", "pid", "--render", film, "--no-score", "-o", "duration=2")
+    assert code == 0 and f"wrote {film}" in out
+    frames, seconds = ffmpeg.count_frames_and_secs(str(film))
+    assert frames == 51 and abs(seconds - 2.0) < 0.1  # 25 a second, and the last picture
+
+
 BAD = {
     "environment": (
         ("run", "CableHole-Postion-Sine", "--controller", "pid"),

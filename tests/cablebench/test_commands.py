@@ -15,7 +15,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli import main
 from cablebench.cli.app import app
-from cablebench.cli.commands import COMMANDS
+from cablebench.cli.catalogue import COMMANDS
 from cablebench.cli.shared.output import remarks_shown
 from cablebench.skeletons import KINDS, skeleton
 from tests.test_docs import offences

@@ -67,7 +67,7 @@ def test_its_spec_makes_it_again(env, env_id):
     again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
     assert data_equivalence(env.reset(seed=2), again.reset(seed=2), exact=True)
     assert env.spec.id == env_id and env.spec.max_episode_steps == 20
-    assert set(env.metadata["render_modes"]) == {"rgb_array", "human"} and env.metadata["render_fps"] == 100
+    assert set(env.metadata["render_modes"]) == {"rgb_array", "human", "web"} and env.metadata["render_fps"] == 100
 
 
 def test_an_episode_ends_where_its_spec_says(env):

@@ -7,10 +7,10 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.run_files import (
-    ANIMATIONS,
     DATA_FORMATS,
     FRAMES_PER_SECOND,
     PICTURE_FORMATS,
+    Film,
     check_suffix,
     contents,
     write,
@@ -34,7 +34,9 @@ def run(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the episode.")] = 0,
     save: Annotated[Path | None, typer.Option(help="Save the episode's data: FILE.npz or FILE.csv.")] = None,
-    render: Annotated[Path | None, typer.Option(help="Picture of the end (FILE.png) or animation (FILE.gif).")] = None,
+    render: Annotated[
+        Path | None, typer.Option(help="Picture of the end (FILE.png), or film in real time (FILE.gif, FILE.mp4).")
+    ] = None,
     sandbox: Walls = "auto",
     trust: Trusted = False,
     score: Annotated[
@@ -74,31 +76,31 @@ def choose_entrant(
 
 
 def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render: Path | None, update: Any) -> Any:
-    """(episode, frames): frames is empty unless a picture is wanted."""
+    """(episode, film): None for the film unless a picture is wanted."""
     import gymnasium as gym
 
     from cablebench.run.evaluation import core_of, run_episode
 
     options = options_for(entrant, env_id, options)
+    film = None if render is None else Film(render.suffix)
     made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)
-    film: list[Any] = []
-    watched = _watch(made, film, render is not None and render.suffix in ANIMATIONS, update)
+    watched = _watch(made, film, "" if render is None else render.suffix, update)
     try:
         actor = entrant.make(core_of(made).setup)
         episode = run_episode(watched, actor, seed, settings={"controller": entrant.title, "options": options})
-        if render is not None:
+        if film is not None:
             film.append(made.render())
     finally:
         made.close()
     return episode, film
 
 
-def _watch(env: Any, film: list[Any], animate: bool, update: Any) -> Any:
-    """``env`` with a progress report and, for an animation, a frame every 1 / FRAMES_PER_SECOND s."""
+def _watch(env: Any, film: Film | None, suffix: str, update: Any) -> Any:
+    """``env`` with a progress report and, for a film, as many pictures a second as files of that suffix have."""
     import gymnasium as gym
 
     steps = env.unwrapped.setup.steps
-    every = max(round(1.0 / (FRAMES_PER_SECOND * env.unwrapped.setup.control_period)), 1)
+    every = max(round(1.0 / (FRAMES_PER_SECOND.get(suffix, 10) * env.unwrapped.setup.control_period)), 1)
 
     class Watched(gym.Wrapper):
         count = 0
@@ -108,7 +110,7 @@ def _watch(env: Any, film: list[Any], animate: bool, update: Any) -> Any:
             self.count += 1
             if self.count % every == 0:
                 update("running", self.count, steps)
-                if animate:
+                if film is not None and suffix in FRAMES_PER_SECOND:
                     film.append(self.env.render())
             return result
 

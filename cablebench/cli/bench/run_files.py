@@ -2,17 +2,53 @@
 
 import io
 import json
+import tempfile
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError, nearest
 
 DATA_FORMATS = (".npz", ".csv")
-PICTURE_FORMATS = (".png", ".gif")
-ANIMATIONS = (".gif",)
+PICTURE_FORMATS = (".png", ".gif", ".mp4")
 
-FRAMES_PER_SECOND = 10
-"""of an animation, in simulated time"""
+FRAMES_PER_SECOND = {".gif": 10, ".mp4": 25}
+"""of an animation, in simulated time, which passes as real time does"""
+
+
+class Film:
+    """Pictures for one file: of a still the last one counts, a video is encoded while it comes."""
+
+    def __init__(self, suffix: str):
+        self._suffix, self._images, self._writer = suffix, [], None  # type: str, list[Any], Any
+        if suffix == ".mp4":
+            import imageio_ffmpeg  # says before the episode what is missing
+
+            self._folder = tempfile.TemporaryDirectory(prefix="cablebench-")
+            self._file = Path(self._folder.name) / "film.mp4"
+            self._ffmpeg = imageio_ffmpeg
+
+    def append(self, frame: Any) -> None:
+        """The next picture: uint8 [height, width, 3]."""
+        if self._suffix != ".mp4":
+            if self._suffix == ".png":
+                self._images.clear()
+            self._images.append(frame)
+            return
+        if self._writer is None:
+            size = frame.shape[1], frame.shape[0]
+            self._writer = self._ffmpeg.write_frames(
+                str(self._file), size, fps=FRAMES_PER_SECOND[".mp4"], quality=7, ffmpeg_log_level="error"
+            )
+            self._writer.send(None)
+        self._writer.send(frame.tobytes())
+
+    def content(self) -> bytes:
+        """The file; nothing can be appended after."""
+        if self._suffix != ".mp4":
+            return _picture(self._images, self._suffix)
+        self._writer.close()
+        with self._folder:
+            return self._file.read_bytes()
 
 
 def check_suffix(path: Path | None, known: tuple[str, ...], flag: str) -> None:
@@ -21,13 +57,13 @@ def check_suffix(path: Path | None, known: tuple[str, ...], flag: str) -> None:
         raise ConfigurationError(f"{flag} {path}: unknown format '{path.suffix}'; {nearest(path.suffix, known)}")
 
 
-def contents(episode: Any, save: Path | None, render: Path | None, film: list[Any]) -> list[tuple[Path, bytes]]:
+def contents(episode: Any, save: Path | None, render: Path | None, film: Any) -> list[tuple[Path, bytes]]:
     """(path, content) of every file that is asked for."""
     files = []
     if save is not None:
         files.append((save, (_npz if save.suffix == ".npz" else _csv)(episode)))
     if render is not None:
-        files.append((render, _picture(film, render.suffix)))
+        files.append((render, film.content()))
     return files
 
 
@@ -91,6 +127,6 @@ def _picture(film: list[Any], suffix: str) -> bytes:
     else:
         images = [image.convert("P", palette=Image.Palette.ADAPTIVE, colors=64) for image in images]
         images[0].save(
-            buffer, "GIF", save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND, loop=0
+            buffer, "GIF", save_all=True, append_images=images[1:], duration=1000 // FRAMES_PER_SECOND[suffix], loop=0
         )
     return buffer.getvalue()
