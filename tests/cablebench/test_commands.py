@@ -140,6 +140,13 @@ def test_nothing_is_replaced(cli, kind):
     assert {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()} == before
 
 
+def test_a_skeleton_is_written_whole_or_not_at_all(cli, tmp_path):
+    (tmp_path / "configs").write_text("a file where a folder is needed")
+    code, out, err = cli("new", "plant", "thing")
+    assert (code, out) == (2, "") and err.startswith("cablebench: error: ") and err.count("\n") == 1
+    assert [path.name for path in tmp_path.rglob("*") if path.is_file()] == ["configs"]
+
+
 @pytest.mark.parametrize(
     ("words", "expected"), [(("contoller", "a"), "did you mean 'controller'?"), (("effect", "a/b"), "is no name")]
 )

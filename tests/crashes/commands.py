@@ -251,7 +251,7 @@ EXPORT = ("export", HOLE, "--controller", "pid", "--episodes", "3", "--option", 
 
 
 def _proof(tell: Tell) -> None:
-    import cablebench.cli.physics.proof as module
+    import cablebench.cli.physics.blind_test as module
     from cablebench.cli import main
 
     module._tool_command = lambda _: [sys.executable, "-S", "-c", TOOL]  # type: ignore[assignment]

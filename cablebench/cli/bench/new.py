@@ -1,5 +1,6 @@
 """``cablebench new``: a commented file or folder to begin with, which works as it is."""
 
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
@@ -23,11 +24,15 @@ def new(
     if taken:
         raise ConfigurationError(f"{taken[0]} is there already: choose another name, or another folder with --out")
     said = console()
-    for path, text in files.items():
-        try:
+    try:
+        for path, text in files.items():
             write_atomic(out / path, text)
-        except OSError as error:
-            raise ConfigurationError(f"cannot write {out / path}: {error.strerror or error}") from error
+    except OSError as error:
+        for written in files:  # all of it or nothing: none of them was there before
+            with suppress(OSError):
+                (out / written).unlink()
+        raise ConfigurationError(f"cannot write {out / path}: {error.strerror or error}") from error
+    for path in files:
         said.print(f"wrote {out / path}", markup=False)
     said.print("next:")
     for line in next_steps:
