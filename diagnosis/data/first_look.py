@@ -81,7 +81,8 @@ def _prepared(record: Record, load: str) -> dict[str, Any]:
     time = record.time
     rate = 1.0 / float(np.median(np.diff(time)))
     good = np.logical_and.reduce([record.usable(c) for c in NEEDS])
-    still = [c for c in NEEDS if not good.any() or np.ptp(record.data[c][good]) == 0.0]
+    moving = NEEDS[:3]  # a load may be a weight: the torque at the output may stay
+    still = [c for c in moving if not good.any() or np.ptp(record.data[c][good]) == 0.0]
     if np.count_nonzero(good) < LEAST or time[-1] - time[0] <= 3.0:
         raise ConfigurationError(
             f"{record.name}: {np.count_nonzero(good)} samples over {time[-1] - time[0]:.3g} s; a first look needs "

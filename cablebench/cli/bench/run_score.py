@@ -57,7 +57,9 @@ def episode_score(env_id: str, options: Mapping[str, Any], seed: int, episode: A
         return None  # a plant of one's own that no reference knows
     runs[""] = episode
     condition = {"env_id": env_id, "track": "", "seed": seed}
-    records = [{**condition, "entrant": name, "metrics": measure(run)} for name, run in runs.items()]
+    records: list[Mapping[str, Any]] = [
+        {**condition, "entrant": name, "metrics": measure(run)} for name, run in runs.items()
+    ]
     value = score_episodes(records, protocol)[-1]
     if math.isnan(value):
         return None
