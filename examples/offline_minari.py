@@ -106,8 +106,7 @@ def run(root, episodes=20, steps=3000, seconds=20.0):
     found = {"PID": evaluate(controller_entrant("pid").make(gym.make(ENV_ID).unwrapped.setup), seconds)}
     even = torch.ones_like(returns)
     found["copied"] = evaluate(fitted(seen, action, even, steps), seconds)
-    with torch.no_grad():
-        advantage = returns - fitted(seen, returns, even, steps)(seen)
+    advantage = returns - fitted(seen, returns, even, steps)(seen).detach()
     weight = (2.0 * advantage / advantage.std()).exp().clamp(max=20.0)
     found["advantage-weighted"] = evaluate(fitted(seen, action, weight / weight.mean(), steps), seconds)
     return found

@@ -2,9 +2,9 @@
 
 The file first plays the rig, so that the example needs no hardware: a slide on a linear axis, pushed by a measured
 force, with dry friction and a spring that nobody mentioned. It writes what a logger would write (`slow.csv` and
-`fast.csv`: time in ms, position in mm, force in N, with the noise of the sensors) and a mapping that says what the columns mean.
-With logs of a real rig only the mapping has to be written. Then the logs are imported, and diagnosed against a slide
-without a spring, whose mass and friction are only believed. It prints the verdict and the parameters.
+`fast.csv`: time in ms, position in mm, force in N, with the noise of the sensors) and a mapping that says what the
+columns mean. With logs of a real rig only the mapping has to be written. Then the logs are imported, and diagnosed
+against a slide without a spring, whose mass and friction are only believed. It prints the verdict and the parameters.
 
     python examples/own_recording.py --out sample            # half a minute; sample/answer/report.html is the page
 

@@ -3,7 +3,7 @@
 The paper's rig is never the rig on the bench. `randomize=True` draws mass, wrap angle, friction, extrusion, radius
 ratio and stiffness of the hole anew for every episode; the native batch runs all rigs in one loop. The controller is
 the same on all of them: the nominal weight, and PID on the measured load position. The file prints quantiles of the
-root mean square of the tracking error (RMSE), and the rank correlation (Spearman) of that error with each parameter drawn.
+root mean square of the tracking error (RMSE), and the rank correlation (Spearman) of that error with each parameter.
 
     python examples/randomised_rigs.py                       # a few seconds
 """
