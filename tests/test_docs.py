@@ -202,7 +202,7 @@ def test_the_example_log_becomes_a_recording(tmp_path):
     (text,), (mapping,) = blocks("your-own-recording.md", "text"), blocks("your-own-recording.md", "yaml")
     (tmp_path / "logs").mkdir()
     (tmp_path / "jaw.yaml").write_text(mapping)
-    commands = [c for c, whole in written(ROOT / "docs" / "your-own-recording.md") if whole][:2]
+    commands = [c for c, whole in written(ROOT / "docs" / "your-own-recording.md") if whole and "jaw" in c][:2]
     for name, load in (("jaw_05N.log", 20.0), ("jaw_20N.log", 80.0)):
         lines = text.splitlines()[:4]
         time = np.arange(3000) * 2.0  # ms
