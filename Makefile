@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow oldest newest interop coverage coverage-kernels bench kills proof proof-quick recordings lint wheel clean
+.PHONY: demo test test-slow oldest newest interop notebooks coverage coverage-kernels bench kills proof proof-quick recordings lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -32,6 +32,10 @@ oldest newest:
 # other projects' own tests and libraries on these environments (docs/interop.md); fetches them into build/interop
 interop: .venv/installed
 	$(BIN)/python -m tests.interop.peers
+
+# the notebooks of examples/notebooks, from their first cell to the last
+notebooks: .venv/installed
+	$(BIN)/python -m pytest -n 0 tests/examples/test_notebooks.py
 
 # in the terminal and, line by line, in results/coverage; compiled kernels are not traced (pyproject.toml says more)
 coverage: .venv/installed

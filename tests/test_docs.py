@@ -94,9 +94,20 @@ def test_the_check_notices_what_does_not_exist():
     assert len([c for p in TUTORIALS for c in written(ROOT / "docs" / p)]) > 20
 
 
-def test_every_command_is_in_the_readme():
-    mentioned = {shlex.split(c)[1] for c, _ in written(ROOT / "README.md")}
+def test_every_command_is_on_the_page_of_commands():
+    mentioned = {shlex.split(c)[1] for c, _ in written(ROOT / "docs" / "commands.md")}
     assert {name for name, command in COMMANDS.items() if not command.hidden} <= mentioned
+
+
+def test_the_readme_is_short_and_shows_three_things_to_do():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.splitlines()) <= 150
+    assert text.count("](docs/pictures/") == 2
+    commands = [block for kind, block in FENCE.findall(text) if kind == "" and "cablebench " in block]
+    assert [len(block.strip().splitlines()) for block in commands] == [3, 3, 3]
+    words = ("tendon", "sheath", "Bowden", "capstan", "cable-driven", "backlash", "sim-to-real")
+    assert [word for word in words if word not in text] == []
+    assert "`make demo`" in text and "`make test`" in text
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
@@ -110,7 +121,7 @@ def test_the_first_example_of_the_readme_runs(capsys):
     (source,) = [text for kind, text in FENCE.findall((ROOT / "README.md").read_text()) if kind == "python"]
     exec(compile(source, "README.md", "exec"), {})
     channels, last = capsys.readouterr().out.splitlines()
-    assert "'load_position [m]'" in channels and last.endswith("(640, 960, 3)")
+    assert "'load_position [m]'" in channels and len(last.split()) == 2
 
 
 @pytest.fixture
@@ -191,7 +202,7 @@ def test_the_example_log_becomes_a_recording(tmp_path):
     (text,), (mapping,) = blocks("your-own-recording.md", "text"), blocks("your-own-recording.md", "yaml")
     (tmp_path / "logs").mkdir()
     (tmp_path / "jaw.yaml").write_text(mapping)
-    commands = [c for c, whole in written(ROOT / "docs" / "your-own-recording.md") if whole][:2]
+    commands = [c for c, whole in written(ROOT / "docs" / "your-own-recording.md") if whole and "jaw" in c][:2]
     for name, load in (("jaw_05N.log", 20.0), ("jaw_20N.log", 80.0)):
         lines = text.splitlines()[:4]
         time = np.arange(3000) * 2.0  # ms

@@ -1,4 +1,4 @@
-"""What the docs name exists: paths, modules, functions, classes, tests, and the tree that README draws."""
+"""What the docs name exists: paths, modules, functions, classes, tests, and the tree of the architecture page."""
 
 import ast
 import importlib
@@ -155,8 +155,9 @@ def test_the_check_notices_what_is_not_there():
     assert lacking(code, page) == ["cable_envs.diagnosis.engine.nothing"]
 
 
-def test_readme_draws_the_tree_as_it_is():
-    block = next(text for _, text in FENCE.findall((ROOT / "README.md").read_text()) if text.startswith("cable_envs/"))
+def test_the_architecture_page_draws_the_tree_as_it_is():
+    page = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+    block = next(text for _, text in FENCE.findall(page) if text.startswith("cable_envs/"))
     drawn = []
     for line in block.splitlines():
         names = re.match(r"( *)((?:[\w.]+/?)(?: [\w.]+\.py)*)  ", line)

@@ -22,7 +22,7 @@ SECONDS = 12.5
 """Simulated time: one period of the circuit's reference, two of the hole's."""
 FRAMES = 75
 FRAME_SECONDS = 0.1
-WIDTH = 960
+WIDTH = 800
 
 
 def film(env_id: str, controller: str, box: tuple[int, int, int, int]) -> list[Image.Image]:
