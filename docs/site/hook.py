@@ -19,8 +19,8 @@ BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages at the top of the checkout and where the site has them."""
 ELSEWHERE = {"README.md": "index.md", **BESIDE}
 DRAWING = re.compile(r'<img [^>]*?src="([^"]+\.svg)"(?![^>]* width=)')
-PIXELS = 1.4
-"""Of a point of a drawing: a letter of 8 points has 11 pixels."""
+PIXELS = 1.47
+"""Of a point of a drawing: a letter of 7.5 points has 11 pixels."""
 LINK = re.compile(r"(?<!!)\[([^\]]+)\]\(([^)#\s]+)(#[^)\s]*)?\)")
 
 

@@ -126,7 +126,7 @@ def _recordings_page() -> bytes:
 def _reproduction() -> str:
     from cable_envs.reproduction.registry import ITEMS, PAPERS
 
-    made = (REPRODUCTION / "rows.json").is_file()
+    made = (REPRODUCTION / "index.html").is_file()
     rows = read_json(REPRODUCTION / "rows.json") if made else []
     parts = [
         "# Reproduction",

@@ -18,7 +18,7 @@ from docs.site.cache import kept
 
 PERIODS, STEPS, DT = 3, 500, 0.02
 """Of the motion: periods, control steps in each, s between two of them."""
-SIZE = (3.4, 3.3)
+SIZE = (3.3, 3.3)
 """Inches; the page shows a picture at this size, so that its letters are as large as printed."""
 LEAST = 1e-3
 """Mean change over the signal's swing below which there is nothing to see."""
