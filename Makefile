@@ -5,7 +5,8 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow oldest newest interop notebooks coverage coverage-kernels bench kills proof proof-quick recordings lint wheel clean
+.PHONY: demo test test-slow oldest newest interop notebooks coverage coverage-kernels bench kills proof proof-quick recordings \
+	docs docs-serve lint wheel clean
 
 demo: .venv/installed
 	$(BIN)/cablebench demo --out results
@@ -62,6 +63,17 @@ proof-quick: .venv/installed
 # the public recordings are not part of the project: ../shared/recordings/README.md says where they are from
 recordings: .venv/installed
 	$(BIN)/cablebench real-data --out docs/recordings
+
+# the site, into build/site: strict, a link that leads nowhere is an error. The papers are computed again if their code
+# has changed (minutes); what else takes long is kept in build/site-cache
+docs: .venv/installed build/reproduction/index.html
+	$(BIN)/python -m mkdocs build --strict
+
+docs-serve: .venv/installed
+	$(BIN)/python -m mkdocs serve
+
+build/reproduction/index.html: $(shell find -L cable_envs/physics cable_envs/plants reproduction configs -name '*.py' -o -name '*.yaml' -o -name '*.j2')
+	$(BIN)/cablebench reproduce --out build/reproduction --jobs $(JOBS)
 
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy

@@ -125,7 +125,7 @@ def render_html(results: Sequence[Result]) -> str:
         "versions": versions(),
         "machine": machine(),
     }
-    return pages.render("reproduction", "templates/reproduction.html.j2", content, filters)
+    return pages.render("cable_envs.reproduction", "templates/reproduction.html.j2", content, filters)
 
 
 def shown(value: Any) -> str:

@@ -2,7 +2,6 @@
 
 import ast
 import importlib
-import importlib.util
 import re
 from functools import cache
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from cable_envs.effects import EFFECTS
+from docs.site import effects as catalogue
 from tests.support.tree import FOLDERS as PACKAGES
 from tests.support.tree import LINKED, ROOT, module
 from tests.test_house import LAYERS
@@ -18,7 +18,7 @@ FOLDERS = (*PACKAGES, "benchmarks", "boards", "configs", "docs", "examples", "te
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 MADE_UP = {"weight_pid.py", "my_format.py", "my_controller.py", "mine.py", "spring.py"}
 """Files that a reader makes himself."""
-MADE_BY_COMMANDS = {"boards/quick/board.html"}
+MADE_BY_COMMANDS = {"boards/quick/board.html", "index.html"}
 EXAMPLES = {"core.symlinks", "data.motor.q", "minari.load_dataset"}
 TUTORIALS = ("slider", "Slider")
 """What CONTRIBUTING makes, step by step (`tests/test_contributing.py`)."""
@@ -196,9 +196,6 @@ def test_the_page_of_the_diagnosis_lists_every_effect():
 
 
 def test_the_catalogue_of_effects_is_what_they_declare():
-    spec = importlib.util.spec_from_file_location("catalogue_of_effects", ROOT / "docs" / "effects.py")
-    catalogue = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(catalogue)
     written = catalogue.FILE.read_text(encoding="utf-8")
-    assert written == catalogue.page(), "run `python docs/effects.py`"
+    assert written == catalogue.page(), "run `python -m docs.site.effects`"
     assert written.count("\n## ") == len(EFFECTS) + len(catalogue.of_one_plant())

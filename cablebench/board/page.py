@@ -94,12 +94,15 @@ def _lines(task: str) -> tuple[str, str]:
 
 
 def _shade(row: Row | None) -> dict[str, str]:
-    """A cell from white (score 0 and below) to blue (1 and above); dark text on light, white on dark."""
+    """A cell from white (score 0 and below) to blue (1 and above); black text on light, white on dark.
+
+    Both have a contrast of at least 4.5 where one gives way to the other (WCAG 2.2, 1.4.3).
+    """
     if row is None or row.score is None:
         return {"text": "–", "colour": "#f5f7f8", "ink": "#5b6770"}
     share = min(max(row.score.value, 0.0), 1.0) ** 1.5
     colour = tuple(round(a + (b - a) * share) for a, b in zip((244, 247, 250), (27, 108, 168), strict=True))
-    ink = "#a8321f" if row.score.value < -0.05 else "#ffffff" if share > 0.55 else "#1f2933"
+    ink = "#a8321f" if row.score.value < -0.05 else "#ffffff" if share > 0.89 else "#000000"
     return {
         "text": f"{row.score.value:.2f}".replace("-", "−"),
         "colour": "#{:02x}{:02x}{:02x}".format(*colour),

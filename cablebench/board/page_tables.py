@@ -123,7 +123,7 @@ def bar_axis() -> str:
     """The axis of the bars, for the table's head."""
     width = _BAR[2]
     labels = "".join(
-        f'<text x="{_bar_x(v)}" y="10" text-anchor="middle" font-size="10" fill="#5b6770">{t}</text>'
+        f'<text x="{_bar_x(v)}" y="10" text-anchor="middle" font-size="11" fill="#5b6770">{t}</text>'
         for v, t in ((-1, "−1"), (0, "0"), (1, "1"))
     )
     return f'<svg width="{width}" height="13" viewBox="0 0 {width} 13" aria-hidden="true">{labels}</svg>'

@@ -63,7 +63,7 @@ def matrix(confusion: Mapping[str, Mapping[str, int]]) -> str:
                     continue
                 share = count / total
                 ax.add_patch(_square(j, i, share))
-                ax.text(j, i, str(count), ha="center", va="center", color="white" if share > 0.5 else INK, fontsize=7)
+                ax.text(j, i, str(count), ha="center", va="center", color="white" if share > 0.5 else INK, fontsize=7.5)
         ax.set(xlim=(-0.5, len(columns) - 0.5), ylim=(len(rows) - 0.5, -0.5), xlabel="answer", ylabel="truth")
         ax.set_xticks(range(len(columns)), [c.replace("_", " ") for c in columns], rotation=90)
         ax.set_yticks(range(len(rows)), [r.replace("_", " ") for r in rows])
@@ -95,7 +95,7 @@ def calibration(bins: Sequence[Mapping[str, Any]]) -> str:
                 (5, -9),
                 textcoords="offset points",
                 color=SOFT,
-                fontsize=7,
+                fontsize=7.5,
             )
         ax.axvline(0.9, color=GRID, linewidth=0.8)
         ax.set(xlim=(0, 1.03), ylim=(0, 1.03), xlabel="stated confidence", ylabel="share right")

@@ -66,7 +66,8 @@ def summary(out: Path, names: Sequence[str]) -> str:
     lines = [
         "# Recordings of real rigs, diagnosed",
         "",
-        f"[index.html]({PAGE}) is the page with all figures; this is its first table.",
+        f"This is the first table of the page with all figures, {PAGE}, which",
+        "`cablebench recordings --page-only --out docs/recordings` makes from the numbers beside this file.",
         "",
     ]
     lines += [

@@ -161,7 +161,7 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
         filled = ax.contourf(1e3 * speeds, np.degrees(wraps), n, levels=np.arange(1.05, 2.01, 0.05))
         levels = np.arange(1.1, 2.01, 0.1)
         lines = ax.contour(1e3 * speeds, np.degrees(wraps), n, levels=levels, colors="white", linewidths=0.7)
-        ax.clabel(lines, fmt="%.1f", fontsize=7)
+        ax.clabel(lines, fmt="%.1f", fontsize=7.5)
         ax.axhline(60, color="white", linewidth=0.8, linestyle=(0, (4, 2)))
         ax.set(xlabel="sliding speed v [mm/s]", ylabel="wrap angle θ [°]", yticks=range(30, 91, 15))
         ax.grid(visible=False)
@@ -209,7 +209,7 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
             ax.plot([math.sqrt(high / low)] * 2, [low, high], **style.PUBLISHED)
         ax.plot([], [], **style.PUBLISHED, label="section 5.3")
         ax.axhline(100.0, **style.PUBLISHED_LINE)
-        ax.text(1.005, 103, "range of the tension sensor", fontsize=7)
+        ax.text(1.005, 103, "range of the tension sensor", fontsize=7.5)
         ax.set(xlabel="tension ratio n [1]", ylabel="drive-side tension [N]", xlim=(1.0, 1.6), ylim=(0, 165))
         ax.legend(loc="lower left", ncols=3)
 
@@ -221,9 +221,9 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
             y = [tension_ratio(value, TABLE_2.mu, math.pi / 3) for value in rho]
             ax.plot(size, y, color=style.COLOURS[k], linestyle=style.DASHES[k], label=label)
         ax.axvline(1.0, color=style.SOFT, linewidth=0.6)
-        ax.text(1.06, 1.61, "from here on the cable fits into the hole", fontsize=7)
+        ax.text(1.06, 1.61, "from here on the cable fits into the hole", fontsize=7.5)
         ax.axhline(math.exp(TABLE_2.mu * math.pi / 3), **style.PUBLISHED_LINE)
-        ax.text(0.055, math.exp(TABLE_2.mu * math.pi / 3) + 0.008, "capstan, $e^{μθ}$", fontsize=7)
+        ax.text(0.055, math.exp(TABLE_2.mu * math.pi / 3) + 0.008, "capstan, $e^{μθ}$", fontsize=7.5)
         low, high = RANGES[1]
         ax.plot([1.5], [math.sqrt(high / low)], **style.PUBLISHED, label="40-62 N (section 5.3)")
         ax.set(

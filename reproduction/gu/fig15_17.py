@@ -253,7 +253,7 @@ def figures(settings: Sequence[Setting]) -> list[Figure]:
             axes[0, column].set(title=f"Fig. {FIGURE[name]}: {_symbol(name)}", xscale="log", yscale="log")
             axes[0, column].axhline(1e-6, **style.PUBLISHED_LINE)
             axes[1, column].set(yscale="log", xlabel="iteration [1]", ylim=(1e-11, 1e4))
-            axes[0, column].legend(title=_symbol(name), fontsize=6.5, title_fontsize=7, loc="lower left")
+            axes[0, column].legend(title=_symbol(name), fontsize=7.5, title_fontsize=7.5, loc="lower left")
         axes[0, 0].set_ylabel("best cost so far g [1]")
         axes[1, 0].set_ylabel("median cost of the particles [1]")
 
@@ -281,7 +281,7 @@ def figures(settings: Sequence[Setting]) -> list[Figure]:
             ax.axhline(1.0, color=style.INK, linewidth=0.7)
             ax.set(xlabel=f"{_symbol(name)} [1]", xlim=(grid[0], grid[-1]))
         axes[0].set_ylabel("growth of the swarm per iteration [1]")
-        axes[0].legend(loc="upper left", fontsize=6.5)
+        axes[0].legend(loc="upper left", fontsize=7.5)
         style.letters(axes)
 
     return [

@@ -216,7 +216,7 @@ def figure(runs: Runs) -> Figure:
         for j in range(2):
             inset.plot(t, 1e3 * runs.error[:, 2 + j], color=style.COLOURS[j], linestyle=style.DASHES[j])
         inset.set(xlim=(12, 20), ylim=(-0.15, 0.4))
-        inset.tick_params(labelsize=6)
+        inset.tick_params(labelsize=7.5)
         axes[0, 1].set(ylabel="tension T₁ [N]", xlim=(9.5, 14), title="step, Fig. 21")
         axes[1, 0].set(ylabel="position error [mm]", xlim=(0, DURATION), title="sinusoid, Fig. 22", ylim=(-9, 13))
         axes[1, 1].set(ylabel="tension T₁ [N]", xlim=(0, DURATION), title="sinusoid, Fig. 23; printed ranges dashed")

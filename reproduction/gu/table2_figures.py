@@ -46,7 +46,7 @@ def valley(slow: Any) -> str:
         left, right = figure.subplots(1, 2)
         lines = left.contour(gains, exponents, rise, levels=[6.0, 100.0, 1000.0], colors=style.SOFT, linewidths=0.8)
         left.contourf(gains, exponents, rise, levels=[0.0, 6.0], colors=[style.GRID])
-        left.clabel(lines, fmt="%g", fontsize=6.5)
+        left.clabel(lines, fmt="%g", fontsize=7.5)
         for k, fit in enumerate(slow.fits["pso"]):
             left.plot(
                 fit.parameters["K"],
@@ -84,7 +84,7 @@ def valley(slow: Any) -> str:
                 smooth, fitted(smooth), color=style.COLOURS[k], linestyle=style.DASHES[k], label=f"ρ₀ = {rho0:g}"
             )
         right.axhline(3.84, color=style.SOFT, linewidth=0.7)
-        right.text(0.98, 4.0, "95 %", ha="right", fontsize=7, color=style.SOFT, transform=right.get_yaxis_transform())
+        right.text(0.98, 4.0, "95 %", ha="right", fontsize=7.5, color=style.SOFT, transform=right.get_yaxis_transform())
         right.plot(slow.cable.delta, 0.0, **style.PUBLISHED, label="Table 2", clip_on=False)
         right.set(xlabel="δ [1]", ylabel="chi-square above the optimum [1]", ylim=(0, 8.5))
         right.legend(ncols=2, loc="upper center")

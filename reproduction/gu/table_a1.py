@@ -168,7 +168,7 @@ def figure(scan: dict[float, np.ndarray], best: float, quiet: np.ndarray) -> Fig
             xlabel="cable, diameter [mm]",
             ylim=(0, None),
         )
-        left.tick_params(axis="x", labelsize=7)
+        left.tick_params(axis="x", labelsize=7.5)
         left.grid(axis="x", visible=False)
         left.legend(loc="upper left")
         speed = [2e3 * math.pi * f * AMPLITUDE for f in scan]

@@ -1,7 +1,6 @@
 """The board's page in a real browser: what filters and sorting leave visible."""
 
 import re
-import shutil
 import subprocess
 from html.parser import HTMLParser
 
@@ -10,8 +9,8 @@ import pytest
 from cablebench.board.board import build_board
 from cablebench.board.page import render_html
 from tests.support.board_records import made_protocol, made_records
+from tests.support.browser import CHROMIUM
 
-CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 TASKS = ("CableHole-Position-Sine", "PulleyCircuit-Position-Sine")
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine (Debian: apt install chromium)")

@@ -1,6 +1,7 @@
 """``cablebench identify`` on recordings that the plant made."""
 
 import json
+import shutil
 
 import numpy as np
 import pytest
@@ -24,9 +25,10 @@ def noisy(tmp_path_factory):
 
 
 def changed(path, folder, **changes):
-    """A copy of the description in ``folder`` with keys replaced; data files stay where they are."""
+    """A copy of the recording in ``folder`` with keys of its description replaced."""
     content = yaml.safe_load(path.read_text()) | changes
-    content["records"] = [{**r, "data": str(path.parent / r["data"])} for r in content["records"]]
+    for record in content["records"]:
+        shutil.copy(path.parent / record["data"], folder)
     target = folder / "recording.yaml"
     target.write_text(yaml.safe_dump(content))
     return target

@@ -1,0 +1,122 @@
+"""The catalogue of effects, docs/effects.md, from what each effect declares.
+
+Run ``python -m docs.site.effects`` after a change of an effect. The site shows the same text with a picture of each
+effect on each plant (`docs.site.signatures`).
+"""
+
+from pathlib import Path
+
+from cable_envs.effects import EFFECTS
+from cable_envs.effects.base import Effect, EffectParameter
+from cable_envs.plants import families, family_of, forms_of, plant_for, plants_with
+from docs.site.markdown import table
+
+FILE = Path(__file__).parents[1] / "effects.md"
+HEAD = """# Effects that a simulator may lack
+
+Made from the files in `cable_envs/effects/` by `python -m docs.site.effects`. Each effect is off unless it is asked
+for, and at its null value changes no bit of a result:
+
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effects={"backlash": {"gap": 0.0005}})
+
+The diagnosis looks for all of them ([diagnosis.md](diagnosis.md)). *Acts on* names the plants that have the effect;
+*confused with*, the effects that look alike in some motions; *isolated by*, the experiment in which they do not.
+"""
+SHOWN = """Each picture is one plant that its drive moves slowly to and fro. Above is the signal that the effect changes
+most plainly, over the position of the drive: without the effect (grey) and with it at its typical size (blue). Below is
+the change. A plant that has the effect and no picture does not show it in this motion.
+"""
+
+
+def pages() -> dict[str, str | bytes]:
+    """The catalogue with its pictures."""
+    from docs.site.signatures import drawn
+
+    made: dict[str, str | bytes] = {}
+    pictures: dict[str, list[tuple[str, str, str]]] = {}
+    for (effect, plant), svg in drawn().items():
+        address = f"effects/{effect}-{plant}.svg"
+        made[address] = svg
+        words = f"{effect} on {family_of(plant).title}: without and with the effect"
+        pictures.setdefault(effect, []).append((address, words, family_of(plant).title))
+    shown = {name: _figures(found) for name, found in pictures.items()}
+    return {**made, FILE.name: page(shown)}
+
+
+def _figures(found: list[tuple[str, str, str]]) -> str:
+    """Pictures beside each other, as far as the width allows."""
+    items = [
+        f'<figure><img src="{address}" alt="{words}" loading="lazy"><figcaption>{title}</figcaption></figure>'
+        for address, words, title in found
+    ]
+    return '<div class="signatures">\n' + "\n".join(items) + "\n</div>"
+
+
+def line(parameter: EffectParameter) -> tuple[str, ...]:
+    """A row of an effect's table."""
+    typical = f"{parameter.typical:g}"
+    if parameter.typical_turning not in (None, parameter.typical):
+        typical += f" (turning: {parameter.typical_turning:g})"
+    plain = parameter.meaning.replace("|", "/")
+    return f"`{parameter.name}`", parameter.unit or "-", f"{parameter.null:g}", typical, plain
+
+
+def form(plant: str, effect: Effect) -> str:
+    """What the page says of an effect's own form on a plant."""
+    numbers = ", ".join(f"`{p.name}` ({p.meaning}, {p.unit})" for p in effect.parameters)
+    return f"- On `{plant}`: {effect.equation}; {numbers}."
+
+
+def section(effect: Effect, figures: str = "", linked: bool = False) -> str:
+    """What the page says of one effect."""
+    names = [f"[`{name}`](#{name})" if linked else f"`{name}`" for name in effect.confusable]
+    plants = ", ".join(f"`{name}`" for name in plants_with(effect.name))
+    head = ("parameter", "unit", "null", "typical", "meaning")
+    return "\n".join(
+        (
+            f"## {effect.name}",
+            "",
+            f"Equation: {effect.equation}." if not linked else f"Equation: `{effect.equation}`.",
+            "",
+            *((figures, "") if figures else ()),
+            table(head, map(line, effect.parameters), numbers=(2, 3)),
+            "",
+            f"- Acts on: {plants}. Seam: {effect.seam}.",
+            *(form(plant, one) for plant, one in forms_of(effect.name).items() if effect.name in EFFECTS),
+            f"- Confused with: {', '.join(names) or 'none'}. Isolated by: {effect.experiment}.",
+            f"- Valid: {effect.validity}.",
+            f"- Source: {effect.source}.",
+        )
+    )
+
+
+def of_one_plant() -> list[Effect]:
+    """Effects that a plant has for itself, beside the library's."""
+    plants = [plant_for(one.name, variant) for one in families().values() for variant in one.variants]
+    forms = {effect.name: effect for plant in plants for effect in plant.effects.acting.forms}
+    return [effect for name, effect in forms.items() if name not in EFFECTS]
+
+
+def page(figures: dict[str, str] | None = None) -> str:
+    """The whole page.
+
+    Parameters
+    ----------
+    figures : dict of str to str, optional
+        Effect -> HTML of its pictures; None: the page of the checkout, which has none.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    on_site = figures is not None
+    shown = figures or {}
+    library = [section(effect, shown.get(name, ""), on_site) + "\n" for name, effect in EFFECTS.items()]
+    alone = [section(effect, linked=on_site) + "\n" for effect in of_one_plant()]
+    return "\n".join([HEAD, *((SHOWN,) if on_site else ()), *library, "# Effects of one plant only\n", *alone])
+
+
+if __name__ == "__main__":
+    FILE.write_text(page(), encoding="utf-8")
+    print(f"wrote {FILE}: {len(EFFECTS)} effects")

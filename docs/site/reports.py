@@ -1,0 +1,164 @@
+"""The large pages that commands write (boards, proof, recordings, reproduction), and a short page before each.
+
+They are made from the committed records. That of the reproduction takes minutes: it is shown where ``make docs`` or
+``cablebench reproduce --out build/reproduction`` has left it.
+"""
+
+import re
+from collections.abc import Iterable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from cable_envs.core.files import read_json
+from docs.site.cache import ROOT, kept
+from docs.site.markdown import page, table
+
+FOLDER = "reports"
+BOARDS = ("quick", "full")
+PROOF, RECORDINGS = ROOT / "docs" / "proof", ROOT / "docs" / "recordings"
+REPRODUCTION = ROOT / "build" / "reproduction"
+SHOWN = 6
+"""Entrants of each table of the short page of boards."""
+
+
+def pages() -> dict[str, str | bytes]:
+    """All of them."""
+    made: dict[str, str | bytes] = {"boards.md": _boards()}
+    for name in BOARDS:
+        folder = ROOT / "boards" / name
+        whole = kept(f"board-{name}.html", lambda n=name: _board_page(n), sorted(p for p in folder.glob("*.*")))
+        made[f"{FOLDER}/board-{name}.html"] = _with_way_back(whole, "boards.html", "Boards")
+    proof = kept("proof.html", _proof_page, [PROOF / "proof.json.gz"])
+    made[f"{FOLDER}/proof.html"] = _with_way_back(proof, "proof/proof.html", "Proof")
+    inputs = sorted([*RECORDINGS.glob("*.json.gz"), *(RECORDINGS / "figures").glob("*.svg")])
+    recordings = kept("recordings.html", _recordings_page, inputs)
+    made[f"{FOLDER}/recordings.html"] = _with_way_back(recordings, "recordings/index.html", "Recordings")
+    made["reproduction.md"] = _reproduction()
+    if (REPRODUCTION / "index.html").is_file():
+        whole = (REPRODUCTION / "index.html").read_bytes()
+        made[f"{FOLDER}/reproduction.html"] = _with_way_back(whole, "reproduction.html", "Reproduction")
+    return made
+
+
+def link_to(name: str, words: str, up: int = 0) -> str:
+    """A link to one of the large pages, from a page ``up`` folders deep."""
+    return f'<p class="report"><a href="{"../" * up}{FOLDER}/{name}.html">{words}</a></p>'
+
+
+def _with_way_back(whole: bytes, address: str, title: str) -> bytes:
+    """The page with a line at its top that leads to the site, and the site's icon."""
+    icon = b'<link rel="icon" href="../assets/images/favicon.png">'
+    line = f'<header>\n<p class="soft"><a href="../index.html">cable-envs</a> / <a href="../{address}">{title}</a></p>'
+    return whole.replace(b"<header>", line.encode(), 1).replace(b"</head>", icon + b"\n</head>", 1)
+
+
+@cache
+def _board(name: str) -> tuple[Any, Any, Any]:
+    """A published board, its store, and its records."""
+    from cablebench.board.board import build_board
+    from cablebench.board.notes import REMARKS
+    from cablebench.protocol.files import load_protocol
+    from cablebench.run.folders import open_store
+
+    folder = ROOT / "boards" / name
+    store = open_store(folder)
+    reading = store.read(False)
+    remarks = (folder / REMARKS).read_text(encoding="utf-8")
+    board = build_board(load_protocol(name), reading.records, remarks, f"--board {name}", reading.remark)
+    return board, store, reading
+
+
+def _board_page(name: str) -> bytes:
+    from cablebench.board.learning import learning_curves
+    from cablebench.board.page import render_html
+    from cablebench.run.makers import told_apart
+
+    board, store, reading = _board(name)
+    own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
+    return render_html(board, store.trajectories, learning_curves(store.places, own)).encode()
+
+
+def _boards() -> str:
+    parts = [
+        "# Boards",
+        "The published boards rank reference controllers and trained agents on test episodes that nobody trained on. "
+        "How to read one is on [its own page](read-the-board.md); how to enter, under "
+        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md).",
+    ]
+    for name in BOARDS:
+        summary = kept(f"board-{name}-summary.md", lambda n=name: _summary(n).encode(), _records(name))
+        parts += [summary.decode(), link_to(f"board-{name}", f"The {name} board with figures")]
+    return page(*parts)
+
+
+def _records(name: str) -> list[Path]:
+    return [ROOT / "boards" / name / "records.jsonl.gz", ROOT / "boards" / name / "NOTES.md"]
+
+
+def _summary(name: str) -> str:
+    """The board's tables over all tasks of a mechanism, or its single tasks where it has no such table."""
+    from cablebench.board.cells import cells, heading
+
+    board = _board(name)[0]
+    parts = [f"## {board.protocol.title}"]
+    for shown in board.overall or board.tables:
+        head, body = cells(shown)
+        columns = [k for k, word in enumerate(head) if word in ("#", "controller", "class") or k <= 4]
+        rows = [[line[k] for k in columns] for line in body[: 2 * SHOWN]]
+        parts += [f"### {heading(shown)}", table([head[k] for k in columns], rows)]
+    return page(*parts)
+
+
+def _proof_page() -> bytes:
+    from cablebench.pages.proof import render
+
+    return render(read_json(PROOF / "proof.json.gz")).encode()
+
+
+def _recordings_page() -> bytes:
+    from cablebench.pages.recordings import render
+    from cablebench.pages.recordings_sets import SETS
+
+    return render(RECORDINGS, list(SETS)).encode()
+
+
+def _reproduction() -> str:
+    from cable_envs.reproduction.registry import ITEMS, PAPERS
+
+    made = (REPRODUCTION / "index.html").is_file()
+    rows = read_json(REPRODUCTION / "rows.json") if made else []
+    parts = [
+        "# Reproduction",
+        "`cablebench reproduce` computes the tables and figures of both papers again and puts each number beside the "
+        "printed one. A number that differs is a result too: each says why.",
+    ]
+    for key, title in PAPERS.items():
+        own = [item for item in ITEMS if item.paper == key]
+        lines = [(f"`{item.name}`", item.title, *_counts(rows, item.name)) for item in own]
+        head = ("item", "what", *(("reproduced", "differs", "cannot be reproduced") if made else ()))
+        parts += [f"## {title}", table(head, lines, numbers=(2, 3, 4))]
+    parts += [link_to("reproduction", "All numbers and figures")] if made else []
+    parts.append(
+        "Where the papers and their own equations disagree is told on the page of the "
+        "[mismatches](mismatches/README.md); the equations are on that of the [physics](physics.md)."
+    )
+    return page(*parts)
+
+
+def _counts(rows: Iterable[Any], item: str) -> list[str]:
+    from cable_envs.reproduction.registry import STATUSES
+
+    own = [row["status"] for row in rows if row["item"] == item]
+    return [str(own.count(status)) for status in STATUSES] if own else []
+
+
+def linked(address: str, text: str) -> str:
+    """A hand-written page with the link to the large page that belongs to it, under its heading."""
+    links = {
+        "proof/proof.md": link_to("proof", "The same with figures: every method, confusion matrix, calibration", up=1),
+        "recordings/README.md": link_to("recordings", "The whole page with all figures", up=1),
+    }
+    if address not in links:
+        return text
+    return re.sub(r"^(# .+)$", rf"\1\n\n{links[address]}", text, count=1, flags=re.MULTILINE)
