@@ -151,6 +151,42 @@ def test_tianshous_vector():
     assert steps[-1][3].all() and not steps[0][3].any()
 
 
+def test_tianshous_ppo():
+    pytest.importorskip("tianshou")
+    import torch
+    from tianshou.algorithm import PPO
+    from tianshou.algorithm.modelfree.reinforce import ProbabilisticActorPolicy
+    from tianshou.algorithm.optim import AdamOptimizerFactory
+    from tianshou.data import Collector, VectorReplayBuffer
+    from tianshou.env import DummyVectorEnv
+    from tianshou.trainer import OnPolicyTrainerParams
+    from tianshou.utils.net.common import Net
+    from tianshou.utils.net.continuous import ContinuousActorProbabilistic, ContinuousCritic
+
+    env = gym.make(HOLE)
+    shape = env.observation_space.shape
+    actor = ContinuousActorProbabilistic(
+        preprocess_net=Net(state_shape=shape, hidden_sizes=[16]), action_shape=env.action_space.shape, unbounded=True
+    )
+    algorithm = PPO(
+        policy=ProbabilisticActorPolicy(
+            actor=actor, action_space=env.action_space,
+            dist_fn=lambda mean_std: torch.distributions.Independent(torch.distributions.Normal(*mean_std), 1),
+        ),
+        critic=ContinuousCritic(preprocess_net=Net(state_shape=shape, hidden_sizes=[16])),
+        optim=AdamOptimizerFactory(lr=1e-3),
+    )  # fmt: skip
+    envs, one = (DummyVectorEnv([lambda: gym.make(HOLE, duration=0.5) for _ in range(n)]) for n in (2, 1))
+    trained = algorithm.run_training(
+        OnPolicyTrainerParams(
+            training_collector=Collector(algorithm, envs, VectorReplayBuffer(400, 2)),
+            test_collector=Collector(algorithm, one), max_epochs=1, epoch_num_steps=200, batch_size=100,
+            update_step_num_repetitions=1, collection_step_num_env_steps=200, test_step_num_episodes=1,
+        )
+    )  # fmt: skip
+    assert trained.train_step == 200 and trained.update_step >= 1
+
+
 def test_rl_zoo3_trains_what_is_exported(tmp_path):
     pytest.importorskip("rl_zoo3")
     from cablebench.cli import main
