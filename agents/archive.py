@@ -133,9 +133,9 @@ def _check_tensor(path: Path, name: Any, tensor: Any) -> None:
     where = f"{path}: the weights {str(name)[:80]!a}"
     if not isinstance(name, str) or not isinstance(tensor, torch.Tensor):
         raise ConfigurationError(f"{where} are no tensor but {type(tensor).__name__}")
-    counts = tensor.dtype is torch.int64  # of steps, as batch normalisation keeps
-    if tensor.layout is not torch.strided or not (tensor.is_floating_point() or counts):
-        raise ConfigurationError(f"{where} are of type {tensor.dtype}; expected plain floating point or int64")
+    counter = tensor.dtype is torch.int64 and not tensor.dim()  # of steps, as batch normalisation keeps
+    if tensor.layout is not torch.strided or not (tensor.is_floating_point() or counter):
+        raise ConfigurationError(f"{where} are of type {tensor.dtype}; expected plain floating point")
     if tensor.numel() * tensor.element_size() > LARGEST:
         raise ConfigurationError(f"{where} are of shape {tuple(tensor.shape)}: larger than any policy")
     if not bool(torch.isfinite(tensor).all()):

@@ -34,8 +34,8 @@ def test_every_line_is_a_row_of_the_proof(record):
         summary(record, {"no such method": ""})
 
 
-def test_readme_shows_the_table_of_the_committed_proof(record):
-    assert summary(record) in (ROOT / "README.md").read_text(encoding="utf-8")
+def test_the_page_of_the_diagnosis_shows_the_table_of_the_committed_proof(record):
+    assert summary(record) in (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
 
 
 def test_the_command_prints_it(record, capsys):
