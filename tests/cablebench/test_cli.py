@@ -12,24 +12,10 @@ import pytest
 import cable_envs
 from cable_envs.baselines import CONTROLLERS
 from cable_envs.plants import families
-from cablebench.cli import main
 from cablebench.protocol.metrics import METRICS
 
 HOLE, CIRCUIT = "CableHole-Position-Sine", "PulleyCircuit-Position-Sine"
 QUICK = ("--option", "duration=0.5")
-
-
-@pytest.fixture
-def cli(capsys):
-    """Run a command: (exit code, standard output, standard error)."""
-
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out = capsys.readouterr()
-        return end.value.code or 0, out.out, out.err
-
-    return run
 
 
 @pytest.fixture

@@ -27,17 +27,6 @@ def exam(tmp_path_factory):
     return folder
 
 
-@pytest.fixture
-def cli(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out = capsys.readouterr()
-        return end.value.code or 0, out.out, out.err
-
-    return run
-
-
 def test_the_protocol_holds_the_commitment_and_only_its_holder_can_read_the_secret(exam):
     protocol = load_protocol(exam / "exam.yaml")
     content = (exam / "exam.secret").read_bytes()

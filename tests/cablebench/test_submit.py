@@ -7,7 +7,6 @@ import shutil
 
 import pytest
 
-from cablebench.cli import main
 from cablebench.run.store import ResultStore
 
 HOLE = "CableHole-Position-Sine"
@@ -46,17 +45,6 @@ def place(tmp_path_factory):
     (folder / "tiny.yaml").write_text(TINY)
     (folder / "mine.py").write_text(MINE)
     return folder
-
-
-@pytest.fixture
-def cli(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out = capsys.readouterr()
-        return end.value.code or 0, out.out, out.err
-
-    return run
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import yaml
 from cable_envs.baselines import CONTROLLERS
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import Parameter, ParameterTable
-from cablebench.cli import main
 from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.jobs import Job, open_backend
 from cablebench.protocol.files import load_protocol
@@ -179,17 +178,6 @@ def protocol(tmp_path):
         "episodes: 2\n"
     )
     return path
-
-
-@pytest.fixture
-def cli(capsys):
-    def run(*arguments):
-        with pytest.raises(SystemExit) as end:
-            main([str(a) for a in arguments])
-        out = capsys.readouterr()
-        return end.value.code or 0, out.out, out.err
-
-    return run
 
 
 def test_tuned_gains_are_no_worse_and_enter_a_board(cli, protocol, tmp_path):
