@@ -23,8 +23,6 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 
 SCHEMA = "cable-checkpoint/1"
-FILE = "checkpoint.pt"
-"""Name of the file in a training's folder."""
 
 
 def layers(model: BaseAlgorithm) -> list[VecEnv]:

@@ -27,6 +27,7 @@ from stable_baselines3.td3.policies import TD3Policy
 
 from cable_envs import ENV_IDS
 from cable_envs.agents import archive
+from cable_envs.agents.files import policy_file
 from cable_envs.agents.settings import ALGORITHMS, Settings
 from cable_envs.agents.shaping import Shaping
 from cable_envs.agents.vec_env import observation_space
@@ -38,9 +39,6 @@ from cable_envs.sim.setup import Setup
 
 SCHEMA = "cable-policy/1"
 ENTRY = "cable-policy.json"
-FILE = "policy.zip"
-"""Name of the file in a training's folder."""
-
 SHAPING = ("observe", "action_mode", "control_period")
 """Environment options that decide what a policy sees and does; a policy is evaluated under those of its training."""
 
@@ -267,44 +265,6 @@ NOT_ACTING = (
 """First parts of the names of weights that only training needs."""
 
 
-def publish_policy(source: str | Path, target: str | Path) -> Path:
-    """Write a policy without what only training needs: a few dozen kilobytes.
-
-    It acts as before; it cannot be trained on, and ``PPO.load`` does not read it.
-
-    Parameters
-    ----------
-    source : str or Path
-        As of `load_policy`.
-    target : str or Path
-        File to write.
-
-    Returns
-    -------
-    Path
-        The file.
-
-    Raises
-    ------
-    ConfigurationError
-        As `load_policy`, and where the training is not complete.
-    """
-    file = policy_file(source)
-    content, metadata = read_policy(file)
-    load_policy(file)
-    if not metadata.complete:
-        raise ConfigurationError(f"{file}: the training is not complete; finish it with `cablebench train --resume`")
-    weights = {k: v for k, v in archive.weights(file, content).items() if not k.startswith(NOT_ACTING)}
-    packed, buffer = io.BytesIO(), io.BytesIO()
-    torch.save(weights, packed)
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as target_zip:
-        # dated like the epoch of zip: the same policy gives the same file
-        target_zip.writestr(zipfile.ZipInfo("policy.pth"), packed.getvalue(), zipfile.ZIP_DEFLATED)
-        text = json.dumps(jsonable({"schema": SCHEMA, **asdict(metadata)}), indent=1)
-        target_zip.writestr(zipfile.ZipInfo(ENTRY), text, zipfile.ZIP_DEFLATED)
-    return write_atomic(target, buffer.getvalue())
-
-
 def load_policy(path: str | Path) -> Policy:
     """A policy from a file, or from the folder of a training.
 
@@ -372,31 +332,6 @@ def _network(file: Path, metadata: Metadata) -> tuple[Settings, Setup, BasePolic
     if settings.frame_stack > 1:
         seen = spaces.Box(np.tile(seen.low, settings.frame_stack), np.tile(seen.high, settings.frame_stack))
     return settings, setup, kind(seen, action, lambda remaining: 0.0, **settings.policy_arguments())
-
-
-def policy_file(path: str | Path) -> Path:
-    """The file of a policy.
-
-    Parameters
-    ----------
-    path : str or Path
-        The file, or the folder of a training.
-
-    Returns
-    -------
-    Path
-        A file that is there: ``path`` itself, or policy.zip in it.
-
-    Raises
-    ------
-    ConfigurationError
-        Where there is none.
-    """
-    given = Path(path)
-    file = given / FILE if given.is_dir() else given
-    if not file.is_file():
-        raise ConfigurationError(f"no policy at {path}; `cablebench train` writes {FILE} to the folder named by --out")
-    return file
 
 
 def read_policy(file: Path) -> tuple[bytes, Metadata]:

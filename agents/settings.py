@@ -29,7 +29,6 @@ import inspect
 import re
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -40,9 +39,11 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
 from cable_envs import ENV_IDS
+from cable_envs.agents import checks
+from cable_envs.agents.files import settings_file
 from cable_envs.agents.shaping import Residual, Shaping
 from cable_envs.baselines import controller_class
-from cable_envs.core.config import config_names, config_path, config_root, configuration_hash, read_yaml
+from cable_envs.core.config import config_names, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.file_options import check_options_of_file
 from cable_envs.sim.registered import setup_of
@@ -75,8 +76,6 @@ _NOT_FOR_FILES = {
     "self", "env", "seed", "device", "verbose", "tensorboard_log", "_init_setup_model", "action_noise", *_OWN,
 }  # fmt: skip
 _MAPPINGS = ("policy_kwargs", "env_options", "residual", "curriculum")
-NORMALIZE = {"norm_obs": True, "norm_reward": True, "clip_obs": 10.0, "clip_reward": 10.0, "epsilon": 1e-8}
-"""Keys of ``normalize`` with VecNormalize's defaults."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ class Settings:
     frame_stack : int
         Observations that the network sees: the present one and those before it, zeros before an episode.
     normalize : mapping
-        Keys of `NORMALIZE`; empty: the task's own scales.
+        Keys of `cable_envs.agents.checks.NORMALIZE`; empty: the task's own scales.
     noise_type : str
         Exploration noise on actions, a key of `NOISES`; empty: none.
     noise_std : float
@@ -237,11 +236,6 @@ def _schedule(key: str, value: Any) -> Any:
     return Linear(number) if value.startswith("lin_") else number
 
 
-def agent_names() -> tuple[str, ...]:
-    """Names of the files in configs/agents/, in alphabetical order."""
-    return tuple(sorted(p.stem for p in (config_root() / "agents").glob("*.yaml")))
-
-
 def load_settings(
     algo: str,
     env_id: str,
@@ -279,7 +273,7 @@ def load_settings(
     >>> settings.n_timesteps, settings.algorithm().__name__
     (5000, 'PPO')
     """
-    path = _settings_file(algo)
+    path = settings_file(algo)
     data = read_yaml(path)
     require_known(f"key in {path.name}", data, ("algorithm", "default", "search", *ENV_IDS))
     merged: dict[str, Any] = {}
@@ -289,17 +283,8 @@ def load_settings(
         merged |= {**part, **nested}
     merged["env_options"] = {**(merged.get("env_options") or {}), **(env_options or {})}
     if n_timesteps is not None:
-        merged["n_timesteps"] = _count("steps", n_timesteps)
+        merged["n_timesteps"] = checks.count("steps", n_timesteps)
     return make_settings(path.stem, env_id, merged, path.name, str(data.get("algorithm") or ""))
-
-
-def _settings_file(algo: str) -> Path:
-    if algo.endswith((".yaml", ".yml")):
-        if not Path(algo).is_file():
-            raise ConfigurationError(f"no settings file {algo}")
-        return Path(algo)
-    require_known("algorithm", [algo], agent_names())
-    return config_path("agents", f"{algo}.yaml")
 
 
 def make_settings(
@@ -336,23 +321,23 @@ def make_settings(
     settings = Settings(
         algo=algo,
         env_id=env_id,
-        n_envs=_count("n_envs", data.get("n_envs", 1)),
-        n_timesteps=_count("n_timesteps", data.get("n_timesteps", 0)),
+        n_envs=checks.count("n_envs", data.get("n_envs", 1)),
+        n_timesteps=checks.count("n_timesteps", data.get("n_timesteps", 0)),
         policy=str(data.get("policy", "MlpPolicy")),
         policy_kwargs=dict(data.get("policy_kwargs") or {}),
         learner={k: v for k, v in data.items() if k not in _OWN},
         env_options=dict(data.get("env_options") or {}),
         stagger=bool(data.get("stagger", True)),
-        smoothing=_share("smoothing", data.get("smoothing", 0.0)),
-        tuning_trials=_count("tuning_trials", data.get("tuning_trials", 0), 0),
+        smoothing=checks.share("smoothing", data.get("smoothing", 0.0)),
+        tuning_trials=checks.count("tuning_trials", data.get("tuning_trials", 0), 0),
         algorithm_name=algorithm,
         first_frame=bool(data.get("first_frame", False)),
-        frame_stack=_count("frame_stack", data.get("frame_stack", 1)),
-        normalize=_normalize(data.get("normalize", False)),
+        frame_stack=checks.count("frame_stack", data.get("frame_stack", 1)),
+        normalize=checks.normalize(data.get("normalize", False)),
         noise_type=str(data.get("noise_type") or ""),
-        noise_std=_positive("noise_std", data.get("noise_std", 0.1)),
-        residual=_residual(data.get("residual"), env_id),
-        curriculum=_curriculum(data.get("curriculum")),
+        noise_std=checks.positive("noise_std", data.get("noise_std", 0.1)),
+        residual=checks.residual(data.get("residual"), env_id),
+        curriculum=checks.curriculum(data.get("curriculum")),
     )
     if settings.noise_type:
         require_known("noise_type", [settings.noise_type], NOISES)
@@ -372,66 +357,3 @@ def _observing(settings: Settings) -> Settings:
     if "observe" in settings.env_options or kind.levels[setup.plant.name] == setup.task.observe:
         return settings
     return replace(settings, env_options={**settings.env_options, "observe": kind.levels[setup.plant.name]})
-
-
-def _normalize(value: Any) -> dict[str, Any]:
-    if isinstance(value, bool) or value is None:
-        return dict(NORMALIZE) if value else {}
-    if not isinstance(value, Mapping):
-        raise ConfigurationError(f"normalize: expected true, false or a mapping, got {value!r}")
-    require_known("key of normalize", value, NORMALIZE)
-    return {**NORMALIZE, **value} if value else {}
-
-
-def _residual(value: Any, env_id: str) -> dict[str, Any]:
-    """Checked fields of `Residual`; ``controller`` may be a mapping by an id's first word, or "other"."""
-    if not value:
-        return {}
-    require_known("key of residual", value, ("controller", "share", "gains"))
-    name = value.get("controller")
-    if isinstance(name, Mapping):
-        mechanism = env_id.split("/")[-1].split("-")[0]
-        if "other" not in name:
-            require_known("mechanism under residual.controller", [mechanism], name)
-        name = name.get(mechanism, name.get("other"))
-    kind = controller_class(str(name))
-    share = _positive("residual.share", value.get("share", 0.2))
-    if share > 2.0:
-        raise ConfigurationError(f"residual.share: expected a number in (0, 2], got {share:g}")
-    return {"controller": kind.name, "share": share, "gains": dict(value.get("gains") or {})}
-
-
-def _curriculum(value: Any) -> dict[str, Any]:
-    if not value:
-        return {}
-    require_known("key of curriculum", value, ("randomize",))
-    shares = value.get("randomize")
-    if (
-        not isinstance(shares, (list, tuple)) or len(shares) != 2
-        or not all(isinstance(v, (int, float)) and 0.0 <= v <= 1.0 for v in shares) or shares[0] > shares[1]
-    ):  # fmt: skip
-        raise ConfigurationError(f"curriculum.randomize: expected two rising shares in [0, 1], got {shares!r}")
-    return {"randomize": [float(v) for v in shares]}
-
-
-def _positive(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < float("inf"):
-        raise ConfigurationError(f"{name}: expected a number above 0, got {value!r}")
-    return float(value)
-
-
-def _share(name: str, value: Any) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < 1.0:
-        raise ConfigurationError(f"{name}: expected a number in [0, 1), got {value!r}")
-    return float(value)
-
-
-def _count(name: str, value: Any, least: int = 1) -> int:
-    """A whole number; YAML's 2.0e+6 and 2e6 (a string in YAML 1.1) count as whole."""
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        number = 0.5
-    if isinstance(value, bool) or not number.is_integer() or number < least:
-        raise ConfigurationError(f"{name}: expected a whole number of at least {least}, got {value!r}")
-    return round(number)

@@ -19,7 +19,8 @@ from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecFrameStack, VecNormalize
 
 from cable_envs.agents import checkpoint
-from cable_envs.agents.policy import FILE, Metadata, Policy, load_policy, policy_file, read_policy, save_policy
+from cable_envs.agents.files import CHECKPOINT, POLICY, policy_file
+from cable_envs.agents.policy import Metadata, Policy, load_policy, read_policy, save_policy
 from cable_envs.agents.settings import Settings
 from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
@@ -170,7 +171,7 @@ def _before(
     folder: Path, settings: Settings, seed: int, resume: bool | str, overwrite: bool
 ) -> tuple[dict[str, Any] | None, Policy | None]:
     """(checkpoint to go on from, finished policy); both None for a new training. Refuses to overwrite silently."""
-    file, state = folder / FILE, folder / checkpoint.FILE
+    file, state = folder / POLICY, folder / CHECKPOINT
     if resume:
         if resume == "auto" and not file.exists() and not state.exists():
             return None, None
@@ -271,7 +272,7 @@ class _Recorder(BaseCallback):
 
     def save(self, complete: bool) -> None:
         """Write the policy as it stands, and unless it is complete what is needed to go on."""
-        state = self._folder / checkpoint.FILE
+        state = self._folder / CHECKPOINT
         if not complete and self.model.num_timesteps == self._between:  # in the middle of a rollout it would not repeat
             kept = {"curve": list(self._curve), "trained": self._seconds()}
             checkpoint.save_checkpoint(self.model, self._settings, self._seed, kept, state)
@@ -288,7 +289,7 @@ class _Recorder(BaseCallback):
             curve=tuple(self._curve),
             normalization=_statistics(self.model.get_env()),
         )
-        save_policy(self.model, metadata, self._folder / FILE)
+        save_policy(self.model, metadata, self._folder / POLICY)
         if complete:
             state.unlink(missing_ok=True)
 

@@ -59,7 +59,8 @@ def write_zoo(folder: Path, env_ids: Sequence[str]) -> tuple[ZooFile, ...]:
     ConfigurationError
         Where no agent has settings for any of the environments.
     """
-    from cable_envs.agents.settings import ALGORITHMS, agent_names, load_settings
+    from cable_envs.agents.files import agent_names
+    from cable_envs.agents.settings import ALGORITHMS, load_settings
 
     files = []
     for agent in agent_names():

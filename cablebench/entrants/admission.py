@@ -11,6 +11,7 @@ from typing import Any
 
 import yaml
 
+from cable_envs.agents.files import POLICY
 from cable_envs.core.config import configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
@@ -53,7 +54,7 @@ def read_submission(path: str | Path, name: str = "") -> Submission:
     """
     path = Path(path)
     if path.is_dir():
-        path = path / "policy.zip"
+        path = path / POLICY
     if not path.is_file():
         raise ConfigurationError(f"no file at {path}")
     if path.suffix in (".yaml", ".yml"):

@@ -10,8 +10,9 @@ import pytest
 import torch
 
 from cable_envs import ENV_IDS
+from cable_envs.agents.files import agent_names
 from cable_envs.agents.policy import load_policy
-from cable_envs.agents.settings import ALGORITHMS, agent_names, load_settings, make_settings
+from cable_envs.agents.settings import ALGORITHMS, load_settings, make_settings
 from cable_envs.agents.shaping import Residual
 from cable_envs.agents.train import Interrupted, train, training_env
 from cable_envs.agents.vec_env import CableVecEnv

@@ -15,8 +15,10 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecCheckNan, VecMonitor, VecNormalize
 
 from cable_envs import ENV_IDS
-from cable_envs.agents.policy import ENTRY, load_policy, publish_policy
-from cable_envs.agents.settings import Linear, agent_names, load_settings, make_settings
+from cable_envs.agents.files import agent_names
+from cable_envs.agents.policy import ENTRY, load_policy
+from cable_envs.agents.publish import publish_policy
+from cable_envs.agents.settings import Linear, load_settings, make_settings
 from cable_envs.agents.train import Interrupted, train
 from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError

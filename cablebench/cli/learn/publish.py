@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from cable_envs.agents.files import policy_file
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import require_writable
 from cablebench.cli.shared.arguments import short_name
@@ -17,7 +18,8 @@ def publish(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files of that name.")] = False,
 ) -> None:
     """Copy trained policies without what only training needs. They act as before and run no code when loaded."""
-    from cable_envs.agents.policy import policy_file, publish_policy, read_policy
+    from cable_envs.agents.policy import read_policy
+    from cable_envs.agents.publish import publish_policy
 
     require_writable(out)
     targets: dict[Path, Path] = {}

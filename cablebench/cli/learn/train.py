@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from cable_envs.agents.files import CHECKPOINT, POLICY, settings_file
 from cablebench.cli.shared.arguments import parse_options, resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.training import chosen_seeds, training_job
@@ -16,9 +17,6 @@ from cablebench.jobs import Backend, Done, Job, open_backend
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, as shells have it."""
-
-POLICY, CHECKPOINT = "policy.zip", "checkpoint.pt"
-"""What `cable_envs.agents.train` writes to a training's folder (importing it takes seconds)."""
 
 JOBS_HELP = "Jobs at a time; default: one with local, the cluster's cores with ray."
 BACKEND_HELP = "Where jobs run: local (processes of this machine) or ray."
@@ -57,6 +55,7 @@ def train(
     env_id = resolve_env(env)
     options = parse_options(option or ())
     chosen = chosen_seeds(seed or (), seeds or ())
+    settings_file(algo)  # a wrong name is said before torch is imported
     from cable_envs.agents.settings import load_settings
 
     started = time.time()

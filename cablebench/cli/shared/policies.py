@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from cable_envs.agents.files import policy_file
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.setup import Setup
 from cablebench.entrants.entrant import INFORMATION, Entrant, agent_entrant
@@ -21,9 +22,10 @@ def policy_entrant(path: str) -> Any:
         return policy_file_entrant(path)
     if path.endswith(SUFFIX):
         return onnx_entrant(PolicyFile(Path(path).stem, existing(path)), path)
+    file = policy_file(path)  # a missing one is said before torch is imported
     from cable_envs.agents.policy import load_policy
 
-    policy = load_policy(path)
+    policy = load_policy(file)
     m = policy.metadata
     settings = {"policy": policy.digest, "configuration": m.settings_hash, "complete": m.complete}
     return agent_entrant(

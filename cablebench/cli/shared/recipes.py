@@ -6,11 +6,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from cable_envs.agents.files import POLICY
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.arguments import parse_gains
-
-POLICY = "policy.zip"
 
 
 @dataclass(frozen=True)
