@@ -11,7 +11,6 @@ from typing import Any
 
 import yaml
 
-from cable_envs.agents.files import POLICY
 from cable_envs.core.config import configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
@@ -54,7 +53,7 @@ def read_submission(path: str | Path, name: str = "") -> Submission:
     """
     path = Path(path)
     if path.is_dir():
-        path = path / POLICY
+        path = path / "policy.zip"
     if not path.is_file():
         raise ConfigurationError(f"no file at {path}")
     if path.suffix in (".yaml", ".yml"):

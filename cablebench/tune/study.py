@@ -8,6 +8,7 @@ finished ones are kept, and what a killed process left unfinished is run again u
 
 import json
 import sqlite3
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -149,7 +150,11 @@ def _chosen(study: Any, search: Search, number: int, distributions: Mapping[str,
     would leave half a trial, and the rest could not be drawn again as it would have been. So it asks a copy in memory.
     """
     # multivariate: gains depend on each other; the liar takes unfinished trials for bad, so a batch spreads
-    sampler = optuna.samplers.TPESampler(seed=1_000_003 * search.seed + number, multivariate=True, constant_liar=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", optuna.exceptions.ExperimentalWarning)
+        sampler = optuna.samplers.TPESampler(
+            seed=1_000_003 * search.seed + number, multivariate=True, constant_liar=True
+        )
     copy = optuna.create_study(sampler=sampler)
     copy.add_trials(study.get_trials(deepcopy=False))
     if number == 0:

@@ -114,9 +114,10 @@ NOT_THERE = {
         "    found = [str(v) for v in values if isinstance(v, (str, int)) and v in wanted]"
     ),
     "secrets of the environment": "found = sorted(k for k in os.environ if 'SECRET' in k or 'TOKEN' in k)",
-    "open files of the scorer": (
-        "found = []\n    for n in range(3, 128):\n        try:\n            os.fstat(n)\n"
-        "            if n != int(sys.argv[2]): found.append(n)\n        except OSError:\n            pass"
+    "open files of the scorer": (  # a pipe with both ends here is its own: a library made it
+        "seen = []\n    for n in range(3, 128):\n        try:\n            seen.append((n, os.fstat(n).st_ino))\n"
+        "        except OSError:\n            pass\n    inodes = [inode for _, inode in seen]\n"
+        "    found = [n for n, inode in seen if n != int(sys.argv[2]) and inodes.count(inode) == 1]"
     ),
 }
 ENDS = {

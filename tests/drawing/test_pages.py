@@ -1,15 +1,14 @@
 """Pages of one look: one base template with one style, which every page extends; charts that several pages can hold."""
 
 import re
-from pathlib import Path
 
 import pytest
 
 from cable_envs.drawing import charts, pages
+from tests.support.tree import FOLDERS, ROOT
 
-ROOT = Path(__file__).parents[2]
 SHARED = ROOT / "cable_envs" / "drawing" / "templates"
-TEMPLATES = [p for p in ROOT.glob("*/**/*.html.j2") if ".venv" not in p.parts and p.parent != SHARED]
+TEMPLATES = [p for package in FOLDERS for p in sorted((ROOT / package).rglob("*.html.j2")) if p.parent != SHARED]
 
 
 def test_there_are_pages_to_look_at():
