@@ -12,10 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.core.kernel_cache import Digests, NotStorable, names_read
-from cable_envs.core.kernels import JIT_DISABLED, inline, instantiate, jit
+from cable_envs.core.compiling.digests import Digests, NotStorable, names_read
+from cable_envs.core.compiling.templates import instantiate
+from cable_envs.core.kernels import JIT_DISABLED, inline, jit
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 COUNTED = """
 import sys
 import numba.core.event as event
@@ -177,7 +178,7 @@ def test_a_second_process_compiles_nothing(own, tmp_path):
 
 
 SMALL = """
-from cable_envs.core import kernel_cache
+from cable_envs.core.compiling import cache
 from cable_envs.sim.references import evaluate
 import numpy as np
 print(evaluate(np.zeros((8, 1)), 0, 0.5)[0], Count.compiled, evaluate._cache.cache_path)
@@ -262,10 +263,10 @@ LAW = """
 from pathlib import Path
 import sys
 import numpy as np
-from cable_envs.core import kernel_cache
+from cable_envs.core.compiling import cache
 from cable_envs.core.kernels import jit
 
-kernel_cache._PACKAGE = Path(sys.argv[1])  # an installation that cannot be written to
+cache._PACKAGE = Path(sys.argv[1])  # an installation that cannot be written to
 sys.path.insert(0, sys.argv[2])
 import shared_law
 print(shared_law.law(np.ones(3)), shared_law.law._cache.cache_path)
