@@ -1,6 +1,7 @@
-"""Compile the kernels of the shipped environments for a wheel: ``python -m cable_envs.shipped FOLDER``.
+"""Compile the kernels of the shipped plants for a wheel: ``python -m cable_envs.shipped FOLDER``.
 
-What a user calls is called here, once for every task: an environment and a native batch, each without and with effects.
+What users call is called here once: an environment and a native batch of every task, without and with effects, on every
+variant of its plant; a recording replayed on every plant, as the diagnosis does; and the model that controllers have.
 """
 
 import os
@@ -9,35 +10,51 @@ import sys
 from pathlib import Path
 
 import gymnasium
+import numpy as np
 
 import cable_envs
+from cable_envs.baselines.hole_model import HoleModel
 from cable_envs.core.compiling.portable import PLAIN, written
+from cable_envs.plants import families, variants
+from cable_envs.sim.replay import replay
 
-OPTIONS: tuple[dict, ...] = ({}, {"effects": {"backlash": {"gap": 1e-6}}})
-
-
-def call() -> None:
-    """Reset and step an environment and a batch of every registered id."""
-    for env_id in cable_envs.ENV_IDS:
-        for options in OPTIONS:
-            env = gymnasium.make(env_id, **options)
-            env.reset(seed=0)
-            env.step(env.action_space.sample())
-            envs = gymnasium.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point", **options)
-            envs.reset(seed=0)
-            envs.step(envs.action_space.sample())
+EFFECT = {"effects": {"backlash": {"gap": 1e-6}}}
+"""One that acts on every plant of the tasks; the kernel with effects has them all."""
 
 
-def main(folder: str) -> None:
+def main(folder: Path) -> None:
     """Write the kernels to a folder, which is made."""
-    Path(folder).mkdir(parents=True, exist_ok=True)
-    with written(Path(folder)) as files:
-        call()
-    print(f"{len(files)} kernels, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
+    folder.mkdir(parents=True, exist_ok=True)
+    with written(folder) as files:
+        _environments()
+        _replays()
+        HoleModel(cable_envs.load_rig("gu-inferred").values).ratio(0.01, 10.0, 10.0)
+    print(f"{len(files)} kernels in {folder}, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
+
+
+def _environments() -> None:
+    for env_id in cable_envs.ENV_IDS:
+        for variant in variants():
+            for options in ({"plant": variant}, {"plant": variant, **EFFECT}):
+                env = gymnasium.make(env_id, **options)
+                many = gymnasium.make_vec(env_id, num_envs=2, vectorization_mode="vector_entry_point", **options)
+                for made in (env, many):
+                    made.reset(seed=0)
+                    made.step(made.action_space.sample())
+                    made.close()
+
+
+def _replays() -> None:
+    for family in families().values():
+        for variant in family.variants:
+            plant = family.build(variant, 1)
+            values = plant.table.pack({})[:, None]
+            drives = [*(mode.name for mode in plant.action_modes), *plant.replays]
+            replay(plant, values, np.zeros(2), 0.01, drive=drives[0], signals=[plant.signals[0].name], substeps=1)
 
 
 if __name__ == "__main__":
     if all(os.environ.get(name) == value for name, value in PLAIN.items()):
-        main(*sys.argv[1:])
+        main(*map(Path, sys.argv[1:]))
     else:
         subprocess.run([sys.executable, "-m", "cable_envs.shipped", *sys.argv[1:]], env=os.environ | PLAIN, check=True)
