@@ -7,6 +7,7 @@ variant of its plant; a recording replayed on every plant, as the diagnosis does
 import os
 import subprocess
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import gymnasium
@@ -26,14 +27,15 @@ def main(folder: Path) -> None:
     """Write the kernels to a folder, which is made."""
     folder.mkdir(parents=True, exist_ok=True)
     with written(folder) as files:
-        _environments()
-        _replays()
+        environments(cable_envs.ENV_IDS)
+        replays()
         HoleModel(cable_envs.load_rig("gu-inferred").values).ratio(0.01, 10.0, 10.0)
     print(f"{len(files)} kernels in {folder}, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
 
 
-def _environments() -> None:
-    for env_id in cable_envs.ENV_IDS:
+def environments(env_ids: Iterable[str]) -> None:
+    """Call what steps environments: one alone and a native batch, without and with effects, every variant."""
+    for env_id in env_ids:
         for variant in variants():
             for options in ({"plant": variant}, {"plant": variant, **EFFECT}):
                 env = gymnasium.make(env_id, **options)
@@ -44,7 +46,8 @@ def _environments() -> None:
                     made.close()
 
 
-def _replays() -> None:
+def replays() -> None:
+    """Call what replays recordings, on every plant."""
     for family in families().values():
         for variant in family.variants:
             plant = family.build(variant, 1)

@@ -12,7 +12,7 @@ LAYERS = (
     ("cablebench",),
     ("cable_envs.reproduction",),
     ("cable_envs.agents",),
-    ("cable_envs.diagnosis", "cable_envs.proof", "cable_envs.identification"),
+    ("cable_envs.diagnosis", "cable_envs.proof", "cable_envs.identification", "cable_envs.shipped"),
     ("cable_envs.baselines",),
     ("cable_envs.vector",),
     ("cable_envs.envs",),
