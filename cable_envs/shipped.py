@@ -1,7 +1,7 @@
 """Compile the kernels of the shipped plants for a wheel: ``python -m cable_envs.shipped FOLDER``.
 
 What users call is called here once: an environment and a native batch of every task, without and with effects, on every
-variant of its plant; a recording replayed on every plant, as the diagnosis does; and the model that controllers have.
+variant of its plant; a recording replayed on every plant, as the diagnosis does; the ratio that controllers ask for.
 """
 
 import os
@@ -14,9 +14,9 @@ import gymnasium
 import numpy as np
 
 import cable_envs
-from cable_envs.baselines.hole_model import HoleModel
 from cable_envs.core.compiling.portable import PLAIN, written
 from cable_envs.plants import families, variants
+from cable_envs.plants.hole.statics import EXACT, hole_ratio
 from cable_envs.sim.replay import replay
 
 EFFECT = {"effects": {"backlash": {"gap": 1e-6}}}
@@ -29,7 +29,7 @@ def main(folder: Path) -> None:
     with written(folder) as files:
         environments(cable_envs.ENV_IDS)
         replays()
-        HoleModel(cable_envs.load_rig("gu-inferred").values).ratio(0.01, 10.0, 10.0)
+        hole_ratio(EXACT, 0.01, *(1.0,) * 10)
     print(f"{len(files)} kernels in {folder}, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")
 
 
