@@ -78,8 +78,12 @@ build/reproduction/index.html: $(shell find -L cable_envs/physics cable_envs/pla
 lint: .venv/installed
 	$(BIN)/ruff check . && $(BIN)/ruff format --check . && $(BIN)/mypy
 
+# with the kernels of the shipped plants, compiled ahead for this Python, numba, llvmlite and platform; with others the
+# same wheel compiles them (CONTRIBUTING.md)
 wheel: .venv/installed
-	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
+	rm -rf build/kernels
+	$(BIN)/python -m cable_envs.shipped build/kernels
+	CABLE_ENVS_KERNELS=build/kernels $(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist .
 
 clean:
 	rm -rf .venv build dist

@@ -18,14 +18,12 @@ With ``NUMBA_DISABLE_JIT=1`` everything runs as plain Python (slow; for tests an
 
 import math
 import struct
-from types import FunctionType
 
 import numba
 import numpy as np
 from numba import njit
-from numba.core.dispatcher import Dispatcher
 
-from cable_envs.core.kernel_cache import KernelCache, is_ours, kept, names_read
+from cable_envs.core.compiling.cache import kept
 
 JIT_DISABLED = bool(getattr(numba.config, "DISABLE_JIT"))  # noqa: B009 - set when numba is imported
 
@@ -36,7 +34,7 @@ LANES = 32
 def jit(function):
     """Decorator of kernels called from Python; they hold no lock of the interpreter and are kept on disk.
 
-    Where, and for how long, is said in `cable_envs.core.kernel_cache`.
+    Where, and for how long, is said in `cable_envs.core.compiling.cache`.
     """
     made = njit(error_model="numpy", nogil=True)(function)
     return made if JIT_DISABLED else kept(made)
@@ -46,111 +44,12 @@ inline = njit(forceinline=True, error_model="numpy")
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
 
 
-def inlined(kernel):
-    """A kernel's text as a piece of another kernel: merged into its caller, which may know more about its arguments."""
-    return inline(getattr(kernel, "py_func", kernel))
-
-
 def ready(kernel, *arguments):
     """The machine code of a kernel for arguments like these, compiled or loaded now.
 
     Calling it skips a look at the types of the arguments, a third of a microsecond; they are taken for what these are.
     """
     return kernel if JIT_DISABLED else kernel.compile(tuple(numba.typeof(a) for a in arguments))
-
-
-def instantiate(template, name="", /, **names):
-    """A kernel made from another one's text, with other values for some of the names that it reads.
-
-    Parameters
-    ----------
-    template : function
-        A plain function, a kernel or a piece of one. It is left as it is.
-    name : str, optional
-        Name of the new kernel, by default that of the template.
-    **names
-        Values of global names, in the template and in every piece that it calls by name, at any depth. What reads none
-        of them is shared with the template.
-
-    Returns
-    -------
-    function
-        As `jit` makes it.
-
-    Examples
-    --------
-    >>> def total(a, n):
-    ...     return law(a) * n
-    >>> double = instantiate(total, "double", law=inline(lambda a: 2.0 * a))
-    >>> double(1.5, 4.0)
-    12.0
-    """
-    function = getattr(template, "py_func", template)
-    return jit(_copied(function, name, _others(function, names, {})))
-
-
-def specialised(piece, **names):
-    """A piece of a kernel with other values for some of the names that it reads, as `instantiate` makes a kernel.
-
-    Where neither the piece nor what it calls reads one of them, the piece itself.
-    """
-    function = getattr(piece, "py_func", piece)
-    others = _others(function, names, {})
-    return _like(piece, _copied(function, "", others)) if others else piece
-
-
-def names_within(piece):
-    """Every global name that a piece of a kernel reads, or a piece that it calls by name, at any depth."""
-    found, waiting, seen = set(), [piece], set()
-    while waiting:
-        function = waiting.pop()
-        function = getattr(function, "py_func", function)
-        if function not in seen:
-            seen.add(function)
-            names = names_read(function.__code__)
-            found |= set(names)
-            waiting += [value for name in names if _is_piece(value := function.__globals__.get(name))]
-    return found
-
-
-def _others(function, names, done):
-    """The globals of a function that must be others: those of ``names``, and the pieces that use one of them."""
-    others = {}
-    for used in names_read(function.__code__):
-        if used in names:
-            others[used] = names[used]
-        elif _is_piece(piece := function.__globals__.get(used)):
-            if piece not in done:
-                inner = getattr(piece, "py_func", piece)
-                changed = _others(inner, names, done)
-                done[piece] = _like(piece, _copied(inner, "", changed)) if changed else piece
-            if done[piece] is not piece:
-                others[used] = done[piece]
-    return others
-
-
-def _copied(function, name, others):
-    made = FunctionType(
-        function.__code__, {**function.__globals__, **others}, name or function.__name__, function.__defaults__,
-        function.__closure__,
-    )  # fmt: skip
-    made.__kwdefaults__ = function.__kwdefaults__
-    made.__qualname__ = made.__name__
-    return made
-
-
-def _is_piece(value):
-    if JIT_DISABLED:
-        return isinstance(value, FunctionType) and is_ours(value)
-    return isinstance(value, Dispatcher)
-
-
-def _like(piece, function):
-    """``function``, compiled as ``piece`` is."""
-    if JIT_DISABLED:
-        return function
-    made = numba.jit(**piece.targetoptions)(function)
-    return kept(made) if isinstance(piece._cache, KernelCache) else made
 
 
 if JIT_DISABLED:

@@ -6,8 +6,9 @@ It is written once; `kernels` fills in what is a plant's own: its rows and its `
 from collections.abc import Callable
 from typing import Any
 
+from cable_envs.core.compiling.templates import instantiate, specialised
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import LANES, instantiate, load, specialised, store
+from cable_envs.core.kernels import LANES, load, store
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.lanes import STATES
 

@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.core.compiling.templates import instantiate
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.inputs import FOLLOW, IMPOSED, INPUTS, OBSERVED, RAMPED
-from cable_envs.core.kernels import inline, instantiate
+from cable_envs.core.kernels import inline
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
 from cable_envs.effects.lanes import SENSE

@@ -1,6 +1,6 @@
 """One control step of a block of environments in one compiled call: action -> plant -> measurement and reward.
 
-The text of a step is written once; a plant's kernel is put into it (`kernels.instantiate`), as a compiled function
+The text of a step is written once; a plant's kernel is put into it (`templates.instantiate`), as a compiled function
 handed in as an argument could neither be kept on disk nor merged into its caller. A step of one environment is the same
 text for one column: the compiler then needs no loops over columns.
 
@@ -14,8 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.core.compiling.templates import inlined, instantiate
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import clip, inline, inlined, instantiate, jit, minimum, received, select
+from cable_envs.core.kernels import clip, inline, jit, minimum, received, select
 from cable_envs.core.noise import normal
 from cable_envs.effects.lanes import SENSE
 from cable_envs.effects.sensor_delay import between, seen_at

@@ -166,12 +166,12 @@ def test_run_prints_the_boards_units_and_the_boards_score(cli):
 
 
 def test_compiling_is_said_once_and_where_it_is_kept(monkeypatch, caplog):
-    from cable_envs.core import kernel_cache
+    from cable_envs.core.compiling import cache
     from cable_envs.core.kernels import jit
 
-    monkeypatch.setattr(kernel_cache, "_said", [-1e9])
+    monkeypatch.setattr(cache, "_said", [-1e9])
     step, other = (jit(lambda x, by=by: x + by) for by in (0.1234567, 0.7654321))
-    monkeypatch.setattr(kernel_cache.KernelCache, "_file", lambda self, sig, codegen: Path("nowhere") / "none.bin")
+    monkeypatch.setattr(cache.KernelCache, "_file", lambda self, sig, codegen: Path("nowhere") / "none.bin")
     with caplog.at_level(logging.DEBUG, logger="cable_envs"):
         step(1.0), other(1.0)
     levels = [r.levelno for r in caplog.records if r.name == "cable_envs"]

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cable_envs.core.compiling.templates import names_within
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.kernels import names_within
 from cable_envs.effects import Effect, EffectParameter
 from cable_envs.effects.own import joined
 from cable_envs.plants import families, plant_for

@@ -12,21 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_envs.core.kernel_cache import Digests, NotStorable, names_read
-from cable_envs.core.kernels import JIT_DISABLED, inline, instantiate, jit
-
-ROOT = Path(__file__).parents[2]
-COUNTED = """
-import sys
-import numba.core.event as event
-
-class Count(event.Listener):
-    compiled = 0
-    def on_start(self, event): Count.compiled += 1
-    def on_end(self, event): pass
-
-event.register("numba:compile", Count())
-"""
+from cable_envs.core.compiling.digests import Digests, NotStorable, names_read
+from cable_envs.core.compiling.templates import instantiate
+from cable_envs.core.kernels import JIT_DISABLED, inline, jit
+from tests.support.counted import COUNTED, run
+from tests.support.tree import ROOT
 
 SCALE, OTHER = 2.0, 3.0
 
@@ -56,16 +46,6 @@ def both(a):
 
 total_kernel = jit(total)
 both_kernel = jit(both)
-
-
-def _run(code: str, folder: Path, *arguments: str) -> str:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(folder), "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-c", COUNTED + textwrap.dedent(code), *arguments],
-        capture_output=True, text=True, env=environment, timeout=300,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 def test_instantiate_takes_other_values_at_any_depth():
@@ -170,14 +150,14 @@ def test_a_second_process_compiles_nothing(own, tmp_path):
 
         (tmp_path / "spring.py").write_text(SPRING)
         options = {"effect_file": str(tmp_path / "spring.py"), "effects": {"cubic_spring": {"cubic": 50.0}}}
-    first = _run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
-    again = _run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
+    first = run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
+    again = run(ENVIRONMENT, tmp_path / "cache", repr(options)).split()
     assert int(first[0]) > 0
     assert again == ["0", first[1]]
 
 
 SMALL = """
-from cable_envs.core import kernel_cache
+from cable_envs.core.compiling import cache
 from cable_envs.sim.references import evaluate
 import numpy as np
 print(evaluate(np.zeros((8, 1)), 0, 0.5)[0], Count.compiled, evaluate._cache.cache_path)
@@ -210,8 +190,8 @@ print(x.speed[0], loads[0], Count.compiled)
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_a_kernel_on_named_rows_is_loaded_once(tmp_path):
     """The class of a named tuple does not survive a file: calls after the first must find what was loaded."""
-    assert _run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "1"]
-    assert _run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "0"]
+    assert run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "1"]
+    assert run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "0"]
 
 
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
@@ -222,26 +202,26 @@ def test_old_versions_are_deleted(tmp_path):
         (root / name).mkdir(parents=True)
         then = (root / name).stat().st_mtime - days * day
         os.utime(root / name, (then, then))
-    *_, path = _run(SMALL, tmp_path).split()
+    *_, path = run(SMALL, tmp_path).split()
     assert sorted(p.name for p in root.iterdir()) == sorted(["evaluate-0b", "other-0c", Path(path).name])
 
 
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_where_nothing_can_be_written_kernels_are_compiled(tmp_path):
     (tmp_path / "file").write_text("no folder")
-    value, compiled, path = _run(SMALL, tmp_path / "file").split()
+    value, compiled, path = run(SMALL, tmp_path / "file").split()
     assert (value, path) == ("0.0", "None")
     assert int(compiled) > 0
 
 
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_a_broken_file_is_compiled_again(tmp_path):
-    *_, path = _run(SMALL, tmp_path).split()
+    *_, path = run(SMALL, tmp_path).split()
     (stored,) = Path(path).iterdir()
     stored.write_bytes(stored.read_bytes()[:100])
-    value, compiled, _ = _run(SMALL, tmp_path).split()
+    value, compiled, _ = run(SMALL, tmp_path).split()
     assert value == "0.0" and int(compiled) > 0
-    assert _run(SMALL, tmp_path).split()[1] == "0"
+    assert run(SMALL, tmp_path).split()[1] == "0"
 
 
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
@@ -262,10 +242,10 @@ LAW = """
 from pathlib import Path
 import sys
 import numpy as np
-from cable_envs.core import kernel_cache
+from cable_envs.core.compiling import cache
 from cable_envs.core.kernels import jit
 
-kernel_cache._PACKAGE = Path(sys.argv[1])  # an installation that cannot be written to
+cache._PACKAGE = Path(sys.argv[1])  # an installation that cannot be written to
 sys.path.insert(0, sys.argv[2])
 import shared_law
 print(shared_law.law(np.ones(3)), shared_law.law._cache.cache_path)
