@@ -31,12 +31,15 @@ class Scene:
         Lines of the lower trace, and the signals that they show.
     first_tension : float
         Where the colours end before anything larger was seen.
+    mechanism : tuple of four int
+        Left, upper, right and lower edge of the frame's part without traces and scale, pixels from the upper left.
     """
 
     title: ClassVar[str]
     trace_boxes: ClassVar[tuple[tuple[float, float, float, float], ...]] = (
         (644, 372, 296, 178), (644, 88, 296, 178)
     )  # fmt: skip
+    mechanism: ClassVar[tuple[int, int, int, int]] = (0, 56, 620, 500)
     least_motion: ClassVar[float] = 4.0
     least_tension: ClassVar[float] = 10.0
     shows: ClassVar[str] = ""
