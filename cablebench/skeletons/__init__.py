@@ -87,7 +87,8 @@ def skeleton(kind: str, name: str, out: Path | str = ".") -> tuple[dict[str, str
     kind : str
         "controller", "effect", "plant", "recording" or "examples".
     name : str
-        Of examples that of their folder. Letters, digits, "-" and "_", a letter first. Modules are called so with "_", classes in capitals.
+        Letters, digits, "-" and "_", a letter first. Modules are called so with "_", classes in capitals; the examples
+        lie in a folder of this name.
     out : path, optional
         Folder in which the files are going to lie: the next steps name it.
 
