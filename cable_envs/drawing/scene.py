@@ -39,7 +39,7 @@ class Scene:
     trace_boxes: ClassVar[tuple[tuple[float, float, float, float], ...]] = (
         (644, 372, 296, 178), (644, 88, 296, 178)
     )  # fmt: skip
-    mechanism: ClassVar[tuple[int, int, int, int]] = (0, 56, 620, 500)
+    mechanism: ClassVar[tuple[int, int, int, int]] = (0, 56, 592, 500)
     least_motion: ClassVar[float] = 4.0
     least_tension: ClassVar[float] = 10.0
     shows: ClassVar[str] = ""
