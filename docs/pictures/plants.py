@@ -15,7 +15,7 @@ from cablebench.run.evaluation import run_episode
 FILE = Path(__file__).with_name("plants.webp")
 SHOWN = (
     ("cable_envs/CableHole-Position-Sine-v0", "mrac-g22", (20, 44, 540, 500)),
-    ("cable_envs/PulleyCircuit-Position-Sine-v0", "feedforward-pid", (150, 44, 960, 400)),
+    ("cable_envs/PulleyCircuit-Position-Sine-v0", "feedforward-pid", (150, 44, 960, 370)),
 )
 """Environment, controller, and the part of its frame that is shown in pixels: left, upper, right, lower."""
 SECONDS = 12.5

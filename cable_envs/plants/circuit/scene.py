@@ -30,7 +30,7 @@ class CircuitScene(Scene):
     title = "Pulley circuit"
     trace_boxes = ((76, 54, 386, 158), (552, 54, 386, 158))
     least_motion, least_tension = 0.1, 10.0
-    mechanism = (160, 50, 960, 400)
+    mechanism = (160, 50, 960, 370)
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.rig = {p.name: rig.get(p.name, p.default) for p in CIRCUIT}
