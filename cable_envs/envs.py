@@ -217,6 +217,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |
     |                |                      |             | circuit and 20 for the others                          |
     | render_mode    | str                  | none        | "rgb_array", "human" (window), "web" (live page)       |
+    | render_theme   | str                  | "light"     | or "dark"; a live page follows the browser as well     |
 
     `reset(options=...)` takes "rig" (parameters to change), "reference", "disturbance" (mappings) and
     "initial_position" (of the output, SI) for one episode. An option that does not exist or does not fit raises
@@ -270,6 +271,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         substeps: int | None = None,
         duration: float | None = None,
         render_mode: str | None = None,
+        render_theme: str = "light",
         **unknown: Any,
     ):
         self.setup = make_setup(
@@ -284,7 +286,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             "sensor_noise": sensor_noise, "sensor_delay": sensor_delay, "action_delay": action_delay,
             "disturbance": disturbance, "control_period": control_period, "substeps": substeps, "duration": duration,
         }  # fmt: skip
-        self.render_mode = render_mode
+        self.render_mode, self.render_theme = render_mode, render_theme
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.setup.control_period)}
         self.observation_space, self.action_space = make_spaces(self.setup)
         self.channels = self.setup.channels
@@ -490,7 +492,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         if self._renderer is None:
             from cable_envs.render import Renderer
 
-            self._renderer = Renderer.for_setup(self.setup, str(self.render_mode))
+            self._renderer = Renderer.for_setup(self.setup, str(self.render_mode), self.render_theme)
         self._renderer.push(info, info["time"], info["reference"], info["output"])
         if self.render_mode != "rgb_array":
             self._renderer.show()

@@ -53,7 +53,7 @@ class Renderer:
     fps : float
         How often the window or page is redrawn per simulated second, in [1, 240].
     theme : str
-        "light", or "dark": lightness turned round, hues kept.
+        "light", or "dark": lightness turned round, hues kept. A live page is dark too where the browser asks for it.
 
     Raises
     ------
@@ -97,7 +97,7 @@ class Renderer:
         self._signals: dict[str, float] = dict.fromkeys(_signals_of(plant), 0.0)
 
     @classmethod
-    def for_setup(cls, setup: "Setup", mode: str) -> "Renderer":
+    def for_setup(cls, setup: "Setup", mode: str, theme: str = "light") -> "Renderer":
         """The renderer of an environment.
 
         Parameters
@@ -106,6 +106,8 @@ class Renderer:
             What defines the environment.
         mode : str
             "rgb_array", "human" or "web".
+        theme : str
+            "light" or "dark".
 
         Returns
         -------
@@ -114,7 +116,7 @@ class Renderer:
         """
         kind = setup.reference.get("kind", "")
         task = f"{setup.task.name}, {kind}, rig {setup.rig.name}"
-        return cls(setup.plant.name, setup.rig.values, task, setup.output_unit, mode)
+        return cls(setup.plant.name, setup.rig.values, task, setup.output_unit, mode, theme=theme)
 
     def push(self, signals: Mapping[str, float], time: float, reference: float, output: float) -> None:
         """Store the state after a control step.
@@ -140,8 +142,11 @@ class Renderer:
         ndarray of uint8, shape (height, width, 3)
             A new array in RGB at every call; 640 x 960 pixels at scale 1.
         """
-        picture = self._picture.draw(self._signals, self._history)
+        picture = self._light()
         return darkened(picture) if self.theme == "dark" else picture
+
+    def _light(self) -> np.ndarray:
+        return self._picture.draw(self._signals, self._history)
 
     @property
     def address(self) -> str | None:
@@ -165,9 +170,11 @@ class Renderer:
         if self._window is None:
             from cable_envs.drawing import live
 
-            kind = live.WebPage if self.mode == "web" else live.Window
-            self._window = kind(self._picture.caption, self.fps)
-        self._window.show(self._history.time, self.frame)
+            web = self.mode == "web"
+            dark = {"dark": self.theme == "dark"} if web else {}
+            self._window = (live.WebPage if web else live.Window)(self._picture.caption, self.fps, **dark)
+        # a page turns the lightness round itself, as whoever looks at it wants
+        self._window.show(self._history.time, self._light if self.mode == "web" else self.frame)
 
     def reset(self) -> None:
         """Forget the trace."""
@@ -299,8 +306,8 @@ class _Picture:
         self._clock = widgets.Label(sheet, width - 24, height - 28, "", draw.LARGE, ha="right", moving=True)
         first = widgets.Curve("reference", draw.REFERENCE, (0, (4, 2))), widgets.Curve("output", draw.OUTPUT)
         parts = (
-            (first, f"{self._quantity} ({self._unit})", self._least),
-            (scene.curves, "cable tension (N)", scene.least_tension),
+            (first, f"{scene.shows or self._quantity} ({self._unit})", self._least),
+            (scene.curves, scene.pulls, scene.least_tension),
         )
         self._panels = [
             widgets.TracePanel(sheet, box, curves, label, self._span, least)

@@ -58,6 +58,8 @@ class CableVectorEnv(VectorEnv):
         False makes `step` return only what SAME_STEP mode says of finished episodes; `infos` gives the rest when asked.
     render_mode : str, optional
         "rgb_array", "rgb_array_list", "human" (a window) or "web" (a live page).
+    render_theme : str
+        "light" or "dark".
     render_lanes : sequence of int, optional
         Environments that are drawn; by default all. A window or page shows the first of them.
     max_episode_steps : int, optional
@@ -105,6 +107,7 @@ class CableVectorEnv(VectorEnv):
         threads: int | None = None,
         step_infos: bool = True,
         render_mode: str | None = None,
+        render_theme: str = "light",
         render_lanes: Sequence[int] | None = None,
         max_episode_steps: int | None = None,
         **options: Any,
@@ -120,7 +123,7 @@ class CableVectorEnv(VectorEnv):
             steps = min(_whole("max_episode_steps", max_episode_steps), self.setup.steps)
             self._arguments["duration"] = steps * self.setup.control_period
             self.setup = make_setup(**self._arguments)
-        self.num_envs, self.render_mode = num_envs, render_mode
+        self.num_envs, self.render_mode, self.render_theme = num_envs, render_mode, render_theme
         self.autoreset_mode, self.step_infos = AutoresetMode(autoreset_mode), step_infos
         fps = round(1.0 / self.setup.control_period)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode, "render_fps": fps}
@@ -448,7 +451,7 @@ class CableVectorEnv(VectorEnv):
         mode = str(self.render_mode) if self.render_mode in ("human", "web") else "rgb_array"
         for lane in self.render_lanes[:1] if mode != "rgb_array" else self.render_lanes:
             if lane not in self._renderers:
-                self._renderers[lane] = Renderer.for_setup(self.setup, mode)
+                self._renderers[lane] = Renderer.for_setup(self.setup, mode, self.render_theme)
             renderer = self._renderers[lane]
             now = dict(zip(self._names, self._table[:, lane].tolist(), strict=True))
             if now["time"] == 0.0:

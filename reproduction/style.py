@@ -28,8 +28,8 @@ _RC: dict[Any, Any] = {
     "grid.linewidth": 0.5, "xtick.color": INK, "ytick.color": INK, "xtick.direction": "in", "ytick.direction": "in",
     "xtick.top": True, "ytick.right": True, "xtick.major.size": 3, "ytick.major.size": 3, "xtick.minor.size": 1.5,
     "ytick.minor.size": 1.5, "xtick.major.width": 0.6, "ytick.major.width": 0.6, "legend.frameon": False,
-    "legend.fontsize": 7.5, "legend.handlelength": 2.2, "lines.linewidth": 1.2, "savefig.facecolor": "white",
-    "figure.facecolor": "white", "image.cmap": MAP, "contour.linewidth": 0.7,
+    "legend.fontsize": 7.5, "legend.handlelength": 2.2, "lines.linewidth": 1.2, "savefig.facecolor": "none",
+    "figure.facecolor": "none", "axes.facecolor": "none", "image.cmap": MAP, "contour.linewidth": 0.7,
 }  # fmt: skip
 
 

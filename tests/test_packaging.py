@@ -241,6 +241,10 @@ def test_wheel_holds_packages_and_configuration_only(tmp_path):
         archive.extractall(tmp_path / "site")
     assert {name.split("/")[0] for name in names if ".dist-info" not in name} == set(INSTALLED)
     assert "cable_envs/configs/tasks/CableHole-Position.yaml" in names
+    assert not [name for name in names if "__pycache__" in name]
+    written = "from cablebench.skeletons import examples; print(len(examples()))"
+    alone = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
+    assert int(_python("-P", "-c", written, cwd=tmp_path, env=alone).stdout) > 10
     assert {"cablebench/board/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
     assert {"cablebench/skeletons/templates/controller.py.j2", "cable_envs/boards/quick/records.jsonl.gz"} <= set(names)
     assert {"cable_envs/py.typed", "cablebench/py.typed", *(f"cable_envs/{name}/py.typed" for name in LINKED)} <= set(

@@ -15,8 +15,8 @@ from cable_envs.core.errors import ConfigurationError
 SIMULATION = ("cable_envs", "cable_envs.baselines")
 """Packages whose source decides the numbers of an episode."""
 
-WITHIN = ("agents", "baselines", "diagnosis", "identification", "proof", "reproduction")
-"""Packages that are installed within `cable_envs` and are not the simulator."""
+WITHIN = ("agents", "baselines", "diagnosis", "examples", "identification", "proof", "reproduction")
+"""What is installed within `cable_envs` and is not the simulator."""
 
 
 @cache

@@ -29,11 +29,12 @@ METAL, METAL_EDGE, BODY = "#dfe4ea", "#8491a0", "#b9c3ce"
 REFERENCE, OUTPUT, FIRST, SECOND = "#3e4c59", "#0072b2", "#d55e00", "#009e73"  # Okabe, Ito
 WARN, IDLE, GOOD, AMBER = "#c81e3a", "#7b8794", "#0b7a5b", "#b97300"
 SLACK_COLOUR = "#9fb3c8"
+TORQUE = "#5b2a86"
 
 TENSION_MAP = ListedColormap(colormaps["plasma"](np.linspace(0.0, 0.9, 256)), name="tension")
 """plasma without its palest end, which would vanish on white"""
 
-TINY, SMALL, NORMAL, LARGE = 7.5, 8.0, 9.0, 12.5  # font sizes, points
+TINY, SMALL, NORMAL, LARGE = 8.0, 8.0, 9.0, 12.5  # font sizes, points: the least has 11 pixels at scale 1
 
 
 _A = TypeVar("_A", bound=Artist)
@@ -194,7 +195,12 @@ def spring_points(start: np.ndarray, end: np.ndarray, coils: int = 8, width: flo
 
 def block(centre, axis: np.ndarray, length: float, width: float, **style) -> Polygon:
     """A rectangle around ``centre``, its length along ``axis``."""
-    return Polygon(block_points(centre, axis, length, width), closed=True, joinstyle="round", **style)
+    return outline(block_points(centre, axis, length, width), **style)
+
+
+def outline(points: np.ndarray, **style) -> Polygon:
+    """A closed shape through points [n, 2]."""
+    return Polygon(points, closed=True, joinstyle="round", **style)
 
 
 def block_points(centre, axis: np.ndarray, length: float, width: float) -> np.ndarray:

@@ -110,7 +110,7 @@ class WebPage(Shown):
     """A page at an address of this machine, which nobody else can reach; it is printed on standard error.
 
     The page asks for the picture after the one that it has (``/frame?after=N``) and draws it on a canvas. Only what is
-    asked for is encoded.
+    asked for is encoded. It is dark where the browser asks for that, or from the start with ``dark``.
 
     Attributes
     ----------
@@ -118,9 +118,9 @@ class WebPage(Shown):
         As "http://127.0.0.1:43211/".
     """
 
-    def __init__(self, caption: str, fps: float):
+    def __init__(self, caption: str, fps: float, dark: bool = False):
         super().__init__(fps)
-        self._caption = caption
+        self._caption, self._dark = caption, dark
         self._news = threading.Condition()
         self._count, self._picture = 0, np.zeros((1, 1, 3), np.uint8)
         self._encoded: tuple[int, bytes] = (0, b"")
@@ -151,6 +151,7 @@ class WebPage(Shown):
     def page(self) -> bytes:
         """The page itself: one file, which asks for nothing but the pictures."""
         text = files("cable_envs").joinpath("drawing/templates/live.html").read_text(encoding="utf-8")
+        text = text.replace('<html lang="en">', '<html lang="en" class="dark">') if self._dark else text
         return text.replace("CAPTION", html.escape(self._caption)).encode()
 
     def close(self) -> None:

@@ -27,10 +27,13 @@ from cable_envs.drawing.draw import (
     SMALL,
     SOFT,
     TENSION_MAP,
+    TORQUE,
     Sheet,
     arc_points,
+    left_of,
     nice_range,
     ticks,
+    unit_vector,
 )
 
 _PIXELS = 100.0 / 72.0  # pixels per point at scale 1
@@ -145,6 +148,7 @@ class ColourBar:
         names: Sequence[str],
         *,
         upright: bool = False,
+        title: str = "cable tension (N)",
     ):
         self.origin, self.length, self.limit, self.upright = (x, y), length, limit, upright
         edges = np.linspace(0.0, limit, 161)
@@ -158,7 +162,7 @@ class ColourBar:
             sheet.stroke(np.array([self._at(value, -4), self._at(value, 0)]), color=INK, lw=0.7)
             Label(sheet, *self._at(value, -7), number(value), **below)
         place = (x - 30, y - 14) if upright else self._at(limit / 2, -22)
-        Label(sheet, *place, "cable tension (N)", ha="left" if upright else "center", va="top")
+        Label(sheet, *place, title, ha="left" if upright else "center", va="top")
         beside: dict[str, Any] = {"ha": "left", "va": "center"} if upright else {"ha": "center"}
         marker = {"marker": "<" if upright else "v", "ms": 5.5, "color": INK, "zorder": 4}
         self.pointers = [(sheet.line(**marker), Label(sheet, 0.0, 0.0, n, moving=True, **beside)) for n in names]
@@ -283,3 +287,28 @@ class TracePanel:
 
 def _line_style(curve: Curve) -> dict:
     return {"color": curve.colour, "ls": curve.style, "lw": 1.5}
+
+
+class TorqueArrow:
+    """An arc around a pulley, as long as the torque is large, with a head in its direction."""
+
+    def __init__(self, sheet: Sheet, centre: np.ndarray, radius: float, degrees: float):
+        self.centre, self.radius, self.half = centre, radius, math.radians(degrees)
+        self.line = sheet.line(color=TORQUE, lw=2.2, zorder=4)
+        self.head = sheet.shape(fc=TORQUE, ec="none", zorder=4)
+
+    def tip(self, share: float) -> np.ndarray:
+        """Where the arrow of this share ends, pixels [2]."""
+        return self.centre + self.radius * unit_vector(self.half * min(max(share, -1.0), 1.0))
+
+    def set(self, share: float) -> None:
+        """``share`` of the largest torque, signed (counter-clockwise positive)."""
+        half = self.half * min(max(share, -1.0), 1.0)
+        visible = abs(half) > 0.01
+        self.line.set_visible(visible)
+        self.head.set_visible(visible)
+        if visible:
+            self.line.set_data(*arc_points(self.centre, self.radius, -half, half).T)
+            tip, out = self.tip(share), unit_vector(half)
+            ahead = math.copysign(1.0, half) * left_of(out)
+            self.head.set_xy(np.stack([tip + 9.0 * ahead, tip + 5.5 * out, tip - 5.5 * out]))

@@ -39,7 +39,7 @@ class Row:
     improvement: float | None = None
     """probability of improvement over the papers' controller; None for that controller itself"""
     scores: Mapping[str, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
-    """{task: [runs][episodes]}"""
+    """task -> scores of the episodes of each run"""
     trajectory: str = ""
     """key of the run whose trajectories are shown"""
 

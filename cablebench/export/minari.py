@@ -129,7 +129,9 @@ def reference_scores(env: gym.Env, seeds: Sequence[int]) -> dict[str, float | in
         ``ref_min_score``, ``ref_max_score`` and ``num_episodes_average_score``; empty for a task that has no oracle.
     """
     setup, env_id, given = core_of(env).setup, env_id_of(env), dict(env.spec.kwargs) if env.spec else {}
-    options = {name: value for name, value in given.items() if name not in ("task", "reference", "render_mode")}
+    options = {
+        name: value for name, value in given.items() if name not in ("task", "reference", "render_mode", "render_theme")
+    }
     returns = {}
     for entrant in reference_entrants():
         needed = entrant.needs(env_id, setup)

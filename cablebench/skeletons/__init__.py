@@ -1,4 +1,4 @@
-"""Files to begin with: a controller, an effect, a plant, a recording, each commented and working as it is.
+"""Files to begin with: a controller, an effect, a plant, a recording, the examples; all commented and working.
 
 CONTRIBUTING.md shows what is written here (`tests/test_contributing.py` holds the two equal).
 """
@@ -7,9 +7,12 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from cable_envs.core.config import config_root
 from cable_envs.core.errors import ConfigurationError, require_known
 
 TEMPLATES = Path(__file__).with_name("templates")
+EXAMPLES = "examples"
+"""Kind, and the folder of the examples: in a checkout at its top, in an installation beside the configuration."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +58,7 @@ KINDS = {
         (("{{ name }}/recording.yaml", "recording.yaml.j2"),),
         ("cablebench inspect {{ folder }}", "cablebench diagnose {{ folder }} --out {{ folder }}-found"),
     ),
+    EXAMPLES: Skeleton((), ("python {{ folder }}/gym_loop.py", "python {{ folder }}/own_recording.py --out sample")),
 }
 """What can be begun, by name."""
 
@@ -68,15 +72,23 @@ def check_name(name: str) -> str:
     return name
 
 
+def examples() -> dict[str, str]:
+    """The examples of this package: path within their folder, text."""
+    folder = config_root().parent / EXAMPLES
+    paths = sorted(p for suffix in ("py", "ipynb") for p in folder.rglob(f"*.{suffix}"))
+    return {p.relative_to(folder).as_posix(): p.read_text(encoding="utf-8") for p in paths}
+
+
 def skeleton(kind: str, name: str, out: Path | str = ".") -> tuple[dict[str, str], tuple[str, ...]]:
-    """The files of a new controller, effect, plant or recording, and what to do with them.
+    """The files of a new controller, effect, plant or recording, or the examples, and what to do with them.
 
     Parameters
     ----------
     kind : str
-        "controller", "effect", "plant" or "recording".
+        "controller", "effect", "plant", "recording" or "examples".
     name : str
-        Letters, digits, "-" and "_", a letter first. Modules are called so with "_", classes in capitals.
+        Letters, digits, "-" and "_", a letter first. Modules are called so with "_", classes in capitals; the examples
+        lie in a folder of this name.
     out : path, optional
         Folder in which the files are going to lie: the next steps name it.
 
@@ -120,6 +132,8 @@ def skeleton(kind: str, name: str, out: Path | str = ".") -> tuple[dict[str, str
     }
     if kind == "recording":
         files |= {f"{name}/{record}.csv": text for record, text in sample_tables().items()}
+    if kind == EXAMPLES:
+        files = {f"{name}/{path}": text for path, text in examples().items()}
     return files, tuple(made.from_string(step).render(names | paths) for step in chosen.next_steps)
 
 

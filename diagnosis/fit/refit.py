@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.intervals import NORMAL_95, normal_interval
+from cable_envs.diagnosis.fit.rounds import rounds
 from cable_envs.diagnosis.model.model import Model, Whitener, residuals
 
 STEP = 1e-2
@@ -64,7 +65,7 @@ def refit(
     central: slopes from both sides; from one side they cost half, and do for finding out who leads.
     """
     runs = [_Run(model, start) for start in starts]
-    for _ in range(iterations):
+    for _ in rounds(iterations):
         _slopes(model, whitener, runs, central)
         active = [run for run in runs if not run.done]
         if not active:

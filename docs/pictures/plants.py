@@ -14,15 +14,16 @@ from cablebench.run.evaluation import run_episode
 
 FILE = Path(__file__).with_name("plants.webp")
 SHOWN = (
-    ("cable_envs/CableHole-Position-Sine-v0", "mrac-g22", (0, 0, 560, 636)),
-    ("cable_envs/PulleyCircuit-Position-Sine-v0", "feedforward-pid", (0, 0, 960, 636)),
+    ("cable_envs/CableHole-Position-Sine-v0", "mrac-g22", (20, 44, 540, 500)),
+    ("cable_envs/PulleyCircuit-Position-Sine-v0", "feedforward-pid", (150, 44, 960, 370)),
 )
 """Environment, controller, and the part of its frame that is shown in pixels: left, upper, right, lower."""
 SECONDS = 12.5
 """Simulated time: one period of the circuit's reference, two of the hole's."""
 FRAMES = 75
 FRAME_SECONDS = 0.1
-WIDTH = 800
+WIDTH = 1200
+"""The whole width of the front page: its letters have ten pixels there."""
 
 
 def film(env_id: str, controller: str, box: tuple[int, int, int, int]) -> list[Image.Image]:
@@ -56,7 +57,7 @@ def side_by_side(*frames: Image.Image) -> Image.Image:
     whole = Image.new("RGB", (sum(f.width for f in frames), max(f.height for f in frames)), "white")
     left = 0
     for frame in frames:
-        whole.paste(frame, (left, 0))
+        whole.paste(frame, (left, (whole.height - frame.height) // 2))
         left += frame.width
     return whole.resize((WIDTH, round(whole.height * WIDTH / whole.width)), Image.Resampling.LANCZOS)
 

@@ -12,8 +12,8 @@ from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
 from cable_envs.sim.tasks import LEVELS
 from docs.site.cache import kept
-from docs.site.films import best_controller, film
-from docs.site.markdown import page, picture, table, unit
+from docs.site.films import best_controller, film, last, small
+from docs.site.markdown import page, picture, table, unit, whole_picture
 
 FOLDER = "environments"
 
@@ -25,7 +25,13 @@ def pages() -> dict[str, str | bytes]:
         made[f"{FOLDER}/{slug(task)}.md"] = _page(task, ids)
         sine = next(env_id for env_id in ids if "-Sine-" in env_id)
         controller = best_controller(task, "sine")
-        made[f"{FOLDER}/{slug(task)}.webp"] = kept(f"{slug(task)}.webp", lambda s=sine, c=controller: film(s, c))
+        whole = made[f"{FOLDER}/{slug(task)}.webp"] = kept(
+            f"{slug(task)}.webp", lambda s=sine, c=controller: film(s, c)
+        )
+        plant = _setup(sine).rig.plant
+        made[f"{FOLDER}/small-{slug(task)}.webp"] = kept(
+            f"small-{slug(task)}.webp", lambda of=whole, p=plant: small(last(of), p)
+        )
     return made
 
 
@@ -69,7 +75,7 @@ def _list() -> str:
     for task, ids in tasks().items():
         setup = _setup(ids[0])
         link = f"[{task}]({slug(task)}.md)"
-        image = f"[{picture(f'{slug(task)}.webp', task, 'thumb')}]({slug(task)}.md)"
+        image = f"[{picture(f'small-{slug(task)}.webp', task, 'thumb')}]({slug(task)}.md)"
         rows.append((image, link, setup.task.description, f"{setup.task.output} [{setup.output_unit}]"))
     return page(
         "# Environments",
@@ -91,7 +97,7 @@ def _page(task: str, ids: list[str]) -> str:
     controller = best_controller(task, "sine")
     return page(
         f"# {task}",
-        picture(f"{slug(task)}.webp", f"{task}: the mechanism under {controller}, following its sine", "film"),
+        whole_picture(f"{slug(task)}.webp", f"{task}: the mechanism under {controller}, following its sine"),
         f"*The sine reference, followed by the reference controller `{controller}`.*",
         setup.task.description,
         _summary(ids, setup),

@@ -2,7 +2,8 @@
 
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import gymnasium as gym
@@ -10,10 +11,50 @@ import numpy as np
 from PIL import Image
 
 from cable_envs.core.config import config_path
+from cable_envs.plants import family_of, plant_for
+from cable_envs.render import Renderer
+from cable_envs.sim.replay import replay
 from cablebench.entrants.named import named_entrant
 from cablebench.run.evaluation import run_episode
 
-FRAMES, WIDTH, FRAME_SECONDS, QUALITY = 48, 800, 0.11, 32
+FRAMES, FRAME_SECONDS, QUALITY = 48, 0.11, 32
+SMALL = 620
+"""Pixels of the width of a picture in a list: it stands across a phone."""
+
+
+@dataclass(frozen=True)
+class Played:
+    """How a plant without tasks is moved for its picture.
+
+    Attributes
+    ----------
+    drive : str
+        Action mode, or "follow".
+    swing, frequency : float
+        Of the sine that is commanded or followed: SI, Hz.
+    disturbance : float
+        Of a sine that leads by 30 degrees.
+    shown : str
+        Signal of the upper trace.
+    changes : tuple of (str, float)
+        Parameters that differ from the defaults.
+    """
+
+    drive: str
+    swing: float
+    frequency: float
+    shown: str
+    disturbance: float = 0.0
+    changes: tuple[tuple[str, float], ...] = ()
+
+
+PLAYED: Mapping[str, Played] = {
+    "linear_drive": Played("position", 0.1, 0.4, "position", changes=(("belt_stiffness", 5e4),)),
+    "coupled_drives": Played("voltage", 3.0, 0.8, "pulley_position"),
+    "band_brake": Played("follow", 0.01, 0.4, "position"),
+    "transmission": Played("follow", 0.8, 0.4, "output_angle", disturbance=0.04),
+}
+PLAYED_SECONDS = 4.3
 
 
 def best_controller(task: str, reference: str) -> str:
@@ -44,11 +85,47 @@ def film(env_id: str, controller: str) -> bytes:
     return buffer.getvalue()
 
 
-def still(env_id: str, controller: str, at: float) -> bytes:
-    """One frame, ``at`` seconds into an episode, as a WebP."""
+def still(env_id: str, controller: str, at: float) -> Image.Image:
+    """One frame, ``at`` seconds into an episode."""
+    return _frames(env_id, controller, np.array([at]))[0]
+
+
+def small(frame: Image.Image, plant: str) -> bytes:
+    """The mechanism alone, for a list, as a WebP."""
+    part = frame.crop(family_of(plant).draws().mechanism)
+    return webp(part.resize((SMALL, round(part.height * SMALL / part.width)), Image.Resampling.LANCZOS))
+
+
+def last(film: bytes) -> Image.Image:
+    """The last frame of an animated WebP."""
+    opened = Image.open(io.BytesIO(film))
+    opened.seek(opened.n_frames - 1)
+    return opened.convert("RGB")
+
+
+def webp(frame: Image.Image) -> bytes:
+    """A picture's file."""
     buffer = io.BytesIO()
-    _frames(env_id, controller, np.array([at]))[0].save(buffer, format="WEBP", quality=80, method=6)
+    frame.save(buffer, format="WEBP", quality=80, method=6)
     return buffer.getvalue()
+
+
+def played(name: str) -> Image.Image:
+    """The last frame of a plant without tasks that is moved as `PLAYED` says."""
+    plant, how, period = plant_for(name), PLAYED[name], 0.01
+    values = plant.table.pack(dict(how.changes))[:, None]
+    t = period * np.arange(1, round(PLAYED_SECONDS / period) + 1)
+    phase = 2.0 * np.pi * how.frequency * t
+    path, disturbance = how.swing * np.sin(phase), how.disturbance * np.sin(phase + np.pi / 6.0)
+    names = [s.name for s in plant.signals]
+    out = replay(plant, values, path, period, drive=how.drive, signals=names, disturbance=disturbance, substeps=20)
+    unit = plant.signals[plant.row(how.shown)].unit
+    rig = plant.parameters.unpack(values[: len(plant.parameters), 0])
+    renderer = Renderer(name, rig, "moved to and fro", unit, window=PLAYED_SECONDS)
+    for time, row in zip(t, out[:, :, 0], strict=True):
+        signals = dict(zip(names, map(float, row), strict=True))
+        renderer.push(signals, float(time), signals[how.shown], signals[how.shown])
+    return Image.fromarray(renderer.frame())
 
 
 def _setup(env_id: str) -> Any:
@@ -80,6 +157,5 @@ class _Filmed(gym.Wrapper):
         observation, reward, terminated, truncated, info = super().step(action)
         self.done += 1
         if self.done in self.wanted:
-            frame = Image.fromarray(self.env.render())
-            self.keep(frame.resize((WIDTH, round(frame.height * WIDTH / frame.width)), Image.Resampling.LANCZOS))
+            self.keep(Image.fromarray(self.env.render()))
         return observation, reward, terminated, truncated or self.done >= max(self.wanted), info

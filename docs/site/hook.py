@@ -13,6 +13,7 @@ if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
 from docs.site import api, controllers, effects, environments, plants, reports  # noqa: E402
+from docs.site.tables import readable  # noqa: E402
 
 MAKERS = (environments, plants, effects, controllers, reports, api)
 BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
@@ -60,7 +61,7 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
 
 
 def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
-    """Drawings say how large they are, so that the page neither shrinks nor stretches their letters."""
+    """Drawings say how large they are, so that the page keeps the size of their letters; tables are `readable`."""
 
     def sized(found: re.Match[str]) -> str:
         address = posixpath.normpath(posixpath.join(posixpath.dirname(page.file.dest_uri), found[1]))
@@ -71,4 +72,4 @@ def on_page_content(html: str, page: Any, config: Any, files: Files) -> str:
         width, height = (round(float(size) * PIXELS) for size in box.groups())
         return f'{found[0]} width="{width}" height="{height}"'
 
-    return DRAWING.sub(sized, html)
+    return DRAWING.sub(sized, readable(html))

@@ -1,5 +1,6 @@
 """Small pieces of Markdown that several makers write."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 
@@ -24,6 +25,11 @@ def picture(src: str, words: str, kind: str = "") -> str:
     return f'<img src="{src}" alt="{words}"{mark} loading="lazy">'
 
 
+def whole_picture(src: str, words: str) -> str:
+    """A picture across the page that leads to itself: on a phone, where its letters are small, to be enlarged."""
+    return f"[{picture(src, words, 'film')}]({src})"
+
+
 def unit(text: str) -> str:
     """A unit in a cell: a dash for a pure number."""
     return text if text not in ("", "1") else "–"
@@ -35,5 +41,25 @@ def page(*parts: str) -> str:
 
 
 def of_docstring(text: str) -> str:
-    """A docstring as Markdown: a table drawn with rules of equal signs stays as it is drawn."""
-    return "\n\n".join(f"```text\n{part}\n```" if part.startswith("===") else part for part in text.split("\n\n"))
+    r"""A docstring as Markdown; a table drawn with rules of equal signs becomes one of Markdown.
+
+    Examples
+    --------
+    >>> print(of_docstring("Says.\n\n===  ===\na    b\nc    d\n===  ==="))
+    Says.
+    <BLANKLINE>
+    |  |  |
+    |---|---|
+    | a | b |
+    | c | d |
+    """
+    return "\n\n".join(_drawn_table(part) if part.startswith("===") else part for part in text.split("\n\n"))
+
+
+def _drawn_table(text: str) -> str:
+    rule, *rows = text.splitlines()
+    starts = [found.start() for found in re.finditer("=+", rule)]
+    ends = [*starts[1:], None]
+    body = [line for line in rows if not line.startswith("===")]
+    cells = [[line[a:b].strip() for a, b in zip(starts, ends, strict=True)] for line in body]
+    return table([""] * len(starts), cells)

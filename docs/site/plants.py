@@ -1,9 +1,12 @@
 """A page for each mechanism that has tasks, and a list of the rigs of published recordings: all from their folders."""
 
 import inspect
+import io
 import re
 import sys
 from collections.abc import Iterable
+
+from PIL import Image
 
 from cable_envs.core.config import config_names
 from cable_envs.core.params import Parameter
@@ -13,8 +16,8 @@ from cable_envs.plants.family import Family
 from cable_envs.sim.rigs import load_rig
 from docs.site.cache import kept
 from docs.site.environments import slug, tasks
-from docs.site.films import best_controller, still
-from docs.site.markdown import page, picture, table, unit
+from docs.site.films import best_controller, played, small, still, webp
+from docs.site.markdown import page, picture, table, unit, whole_picture
 
 FOLDER = "plants"
 STILL_AT = 2.0
@@ -26,8 +29,9 @@ def pages() -> dict[str, str | bytes]:
     made: dict[str, str | bytes] = {f"{FOLDER}/index.md": _list()}
     for family in families().values():
         made[f"{FOLDER}/{address(family)}.md"] = _page(family)
-        if family.tasks:
-            made[f"{FOLDER}/{address(family)}.webp"] = kept(f"{address(family)}.webp", lambda one=family: _drawing(one))
+        name = f"{address(family)}.webp"
+        whole = made[f"{FOLDER}/{name}"] = kept(name, lambda one=family: webp(_drawing(one)))
+        made[f"{FOLDER}/small-{name}"] = kept(f"small-{name}", lambda one=family, of=whole: _small(one, of))
     return made
 
 
@@ -42,7 +46,13 @@ def address(family: Family) -> str:
     return family.name.replace("_", "-")
 
 
-def _drawing(family: Family) -> bytes:
+def _small(family: Family, whole: bytes) -> bytes:
+    return small(Image.open(io.BytesIO(whole)), family.name)
+
+
+def _drawing(family: Family) -> Image.Image:
+    if not family.tasks:
+        return played(family.name)
     task, ids = _tasks(family)[0]
     env_id = next(one for one in ids if "-Sine-" in one)
     return still(env_id, best_controller(task, "sine"), STILL_AT)
@@ -56,8 +66,8 @@ def _list() -> str:
     rows = []
     for family in sorted(families().values(), key=lambda one: not one.tasks):
         link = f"[{family.title}]({address(family)}.md)"
-        image = f"[{picture(f'{address(family)}.webp', family.title, 'thumb')}]({address(family)}.md)"
-        rows.append((image if family.tasks else "", link, _head(_plants(family)[0]), "yes" if family.tasks else ""))
+        image = f"[{picture(f'small-{address(family)}.webp', family.title, 'thumb')}]({address(family)}.md)"
+        rows.append((image, link, _head(_plants(family)[0]), "yes" if family.tasks else ""))
     return page(
         "# Plants",
         "A plant is what a mechanism does, as equations with parameters; a rig is a plant with numbers. Those without "
@@ -81,7 +91,7 @@ def _head(plant: Plant) -> str:
 
 
 def _page(family: Family) -> str:
-    image = picture(f"{address(family)}.webp", f"{family.title}, drawn at work", "film") if family.tasks else ""
+    image = whole_picture(f"{address(family)}.webp", f"{family.title}, drawn at work")
     uses = [f"[{task}](../environments/{slug(task)}.md)" for task, _ in _tasks(family)]
     parts = [f"# {family.title}", image, f"In rig files it is `plant: {family.name}`."]
     parts += [f"Tasks: {', '.join(uses)}."] if uses else ["It has no tasks; recordings of it are diagnosed."]

@@ -116,7 +116,20 @@ def test_a_film_as_mp4_lasts_as_long_as_the_episode(cli, tmp_path):
     assert frames == 51 and abs(seconds - 2.0) < 0.1  # 25 a second, and the last picture
 
 
+def test_a_picture_may_be_dark(cli, tmp_path):
+    image = pytest.importorskip("PIL.Image")
+    shown = {}
+    for theme in ("light", "dark"):
+        code, _, _ = cli(
+            "run", HOLE, "--controller", "pid", "--render", tmp_path / f"{theme}.png", "--theme", theme, *QUICK
+        )
+        assert code == 0
+        shown[theme] = image.open(tmp_path / f"{theme}.png").convert("RGB").getpixel((0, 0))
+    assert shown == {"light": (255, 255, 255), "dark": (20, 20, 20)}
+
+
 BAD = {
+    "theme": (("run", HOLE, "--controller", "pid", "--render", "a.png", "--theme", "drak"), "did you mean 'dark'?"),
     "environment": (
         ("run", "CableHole-Postion-Sine", "--controller", "pid"),
         "did you mean 'CableHole-Position-Sine'?",

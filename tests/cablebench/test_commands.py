@@ -131,6 +131,16 @@ def test_a_new_recording_is_inspected_and_diagnosed(cli):
     assert found.verdict == "named" and effect.parameters["stiffness"].low < 60.0 < effect.parameters["stiffness"].high
 
 
+def test_the_examples_are_written_as_they_are(cli):
+    code, out, _ = cli("new", "examples")
+    assert code == 0 and "wrote examples/gym_loop.py\n" in out and "  python examples/gym_loop.py\n" in out
+    listed = {p.relative_to(ROOT) for s in ("py", "ipynb") for p in (ROOT / "examples").rglob(f"*.{s}")}
+    assert len(listed) > 10 and {p for p in Path("examples").rglob("*") if p.is_file()} == listed
+    assert all(path.read_bytes() == (ROOT / path).read_bytes() for path in listed)
+    code, _, err = cli("new", "controller")
+    assert code == 2 and "give it a name: cablebench new controller NAME" in err
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_nothing_is_replaced(cli, kind):
     assert cli("new", kind, "thing")[0] == 0

@@ -1,22 +1,23 @@
 """The live page: what a browser is sent, how fast, and that it ends with the environment. The dark theme."""
 
+import base64
 import io
-import shutil
 import socket
-import subprocess
 import threading
 import time
 import urllib.error
 import urllib.request
+from contextlib import closing
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
-import cable_envs  # noqa: F401 - registers the environments
+import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.drawing import live
 from cable_envs.render import Renderer, darkened
+from tests.support.browser import CHROMIUM, browser
 
 pytest.importorskip("matplotlib")
 from PIL import Image
@@ -119,21 +120,63 @@ def test_a_batch_shows_its_first_environment(capfd):
     batch.close()
 
 
+@pytest.fixture(scope="module")
+def tab(tmp_path_factory):
+    if CHROMIUM is None:
+        pytest.skip("no chromium on this machine (Debian: apt install chromium)")
+    with browser(tmp_path_factory.mktemp("profile")) as opened:
+        yield opened
+
+
+PIXELS = """(async () => {
+  for (let k = 0; k < 100 && !document.getElementById("state").textContent.startsWith("live"); k++)
+    await new Promise(done => setTimeout(done, 50));
+  const canvas = document.querySelector("canvas");
+  return canvas.toDataURL("image/png").split(",")[1];
+})()"""
+
+
+def canvas_of(tab) -> np.ndarray:
+    """What the page has drawn, before its theme turns the lightness round [height, width, 3]."""
+    content = base64.b64decode(tab.evaluate(PIXELS))
+    return np.asarray(Image.open(io.BytesIO(content)).convert("RGB"), float)
+
+
+def screen_of(tab, path) -> np.ndarray:
+    """What whoever looks at the page sees [height, width, 3]."""
+    tab.photograph(path, 700)
+    return np.asarray(Image.open(path).convert("RGB"), float)
+
+
 @pytest.mark.slow
-def test_a_browser_draws_it(env, tmp_path):
-    browser = shutil.which("chromium") or shutil.which("google-chrome")
-    if browser is None:
-        pytest.skip("no browser here")
-    picture, address = tmp_path / "page.png", env.unwrapped._renderer.address
-    command = [browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
-               "--window-size=1000,760", "--virtual-time-budget=3000", f"--screenshot={picture}", address]  # fmt: skip
-    running = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    until = time.monotonic() + 60.0
-    while running.poll() is None and time.monotonic() < until:
-        env.step(env.action_space.high)
-    running.kill()
-    seen = np.asarray(Image.open(picture).convert("RGB"), float)[:640, :960]
-    assert seen.std() > 20.0  # a mechanism, no empty page
+@pytest.mark.parametrize("env_id", [one for one in cable_envs.ENV_IDS if "-Sine-" in one])
+def test_a_browser_draws_every_mechanism_light_and_dark(env_id, tab, tmp_path, capfd):
+    with closing(gym.make(env_id, render_mode="web", disable_env_checker=True)) as env:
+        env.reset(seed=0)
+        address = env.unwrapped._renderer.address
+        assert tab.show(address, 1000, False) == []
+        before, light = canvas_of(tab), screen_of(tab, tmp_path / "light.png")
+        for _ in range(20):
+            env.step(env.action_space.high)
+        wait = "new Promise(done => setTimeout(done, 400))"
+        tab.evaluate(wait)
+        after = canvas_of(tab)
+        assert before.std() > 15.0 and np.count_nonzero(np.abs(after - before).max(axis=2) > 40.0) > 300
+        assert tab.show(address, 390, True) == []
+        canvas_of(tab)
+        dark = screen_of(tab, tmp_path / "dark.png")
+        assert tab.evaluate("document.documentElement.scrollWidth") <= 390
+        assert light[:, :1000].mean() > 200.0 > 60.0 > dark[:, :390].mean()
+
+
+def test_a_page_may_be_dark_from_the_start_and_is_sent_light_pictures(capfd):
+    renderer = Renderer("cable_hole", {}, "t", mode="web", theme="dark")
+    renderer.push({}, 0.0, 0.0, 0.0)
+    renderer.show()
+    assert b'<html lang="en" class="dark">' in asked(renderer.address)[2]
+    sent = np.asarray(Image.open(io.BytesIO(asked(f"{renderer.address}frame?after=0")[2])))
+    assert sent[0, 0].min() > 250 and renderer.frame()[0, 0].tolist() == [20, 20, 20]
+    renderer.close()
 
 
 def test_dark_turns_the_lightness_round_and_keeps_the_hues():

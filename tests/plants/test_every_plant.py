@@ -139,6 +139,16 @@ def test_replay_is_step(task):
     assert again == pytest.approx(np.array(seen), rel=1e-12, abs=1e-12)
 
 
+def moved(plant):
+    """Signals [T, k] of a plant that its command moves, or of one that follows a motion."""
+    values = rig_of(plant)
+    if plant.action_modes:
+        return run(plant, plant.action_modes[0], values, moving(plant, plant.action_modes[0], values))[:, :, 0]
+    path = 0.01 * np.sin(2 * np.pi * np.arange(1, 61) * PERIOD)
+    names = [s.name for s in plant.signals]
+    return replay(plant, values, path, PERIOD, drive="follow", signals=names, disturbance=np.cos(path))[:, :, 0]
+
+
 @EVERY
 def test_it_is_drawn_or_refused_by_name(plant):
     pytest.importorskip("matplotlib")
@@ -152,8 +162,7 @@ def test_it_is_drawn_or_refused_by_name(plant):
     unit = next(iter({s.unit for s in plant.signals} & {"m", "rad"}))
     renderer = Renderer(plant.name, plant.parameters.unpack(rig_of(plant)[: len(plant.parameters), 0]), "a task", unit)
     before = renderer.frame()
-    values = rig_of(plant)
-    seen = run(plant, plant.action_modes[0], values, moving(plant, plant.action_modes[0], values))[-1, :, 0]
+    seen = moved(plant)[-1]
     renderer.push({s.name: float(v) for s, v in zip(plant.signals, seen, strict=True)}, 0.6, 0.0, 0.0)
     after = renderer.frame()
     assert after.shape == (640, 960, 3) and np.count_nonzero((before != after).any(axis=-1)) > 500

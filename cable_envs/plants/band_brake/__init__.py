@@ -9,4 +9,10 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
-FAMILY = Family(name="band_brake", title="Band brake", build=_build)
+FAMILY = Family(
+    name="band_brake",
+    title="Band brake",
+    build=_build,
+    scene="cable_envs.plants.band_brake.scene:BandBrakeScene",
+    shown=("position", "velocity", "slip", "force", "band_tension_difference"),
+)

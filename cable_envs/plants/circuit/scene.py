@@ -8,6 +8,7 @@ from matplotlib.patches import Circle
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
+from cable_envs.drawing.scene import Scene
 from cable_envs.plants.circuit.parameters import CIRCUIT, IDLERS, SIDES
 
 _MM = 4.1  # pixels per millimetre of pulley radius
@@ -15,12 +16,11 @@ _DRIVE, _OUTPUT = np.array([232.0, 447.0]), np.array([752.0, 447.0])
 _FIRST, _LAST = 46.0, 400.0  # drawn lengths of spans 0 and 4
 _BACK = 0.5  # span 3 to span 4, as drawn
 _JAW = 104.0
-_TORQUE = "#5b2a86"
 _PHASES = (("rest", d.IDLE), ("delay", d.WARN), ("transition", d.AMBER), ("working", d.GOOD))
 _COLOURS = {"top": d.FIRST, "bottom": d.SECOND}
 
 
-class CircuitScene:
+class CircuitScene(Scene):
     """Scene of the plants ``pulley_circuit`` and ``pulley_chain``.
 
     Pulley radii, wrap angles and all rotations are drawn true; the free spans are shortened. Cable b is drawn as the
@@ -29,8 +29,8 @@ class CircuitScene:
 
     title = "Pulley circuit"
     trace_boxes = ((76, 54, 386, 158), (552, 54, 386, 158))
-    motion_unit = "rad"
     least_motion, least_tension = 0.1, 10.0
+    mechanism = (160, 50, 960, 370)
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.rig = {p.name: rig.get(p.name, p.default) for p in CIRCUIT}
@@ -47,14 +47,6 @@ class CircuitScene:
         ends = ("drive", "output")
         self.curve_signals = tuple(f"tension_{end}_{side}" for side in SIDES for end in ends)
         self.paths = {side: self._path(side) for side in SIDES}
-
-    def motion(self, signals: Mapping[str, float]) -> Sequence[float]:
-        """Angles need no range: they are drawn true."""
-        return ()
-
-    def tensions(self, signals: Mapping[str, float]) -> Sequence[float]:
-        """Cable tensions (N) that the colour bar must show."""
-        return [signals[name] for name in self.curve_signals]
 
     # -- geometry -----------------------------------------------------------------------------------------------
 
@@ -140,7 +132,7 @@ class CircuitScene:
     def _draw_idler(sheet: d.Sheet, arc: d.Piece, number: int) -> None:
         sheet.add(Circle(d.pair(arc.around), arc.radius - 3.0, fc=d.METAL, ec=d.METAL_EDGE, lw=1.0, zorder=2))
         sheet.add(Circle(d.pair(arc.around), 6.5, fc="white", ec=d.METAL_EDGE, lw=0.8, zorder=4))
-        w.Label(sheet, *d.pair(arc.around), str(number), 7.0, ha="center", va="center")
+        w.Label(sheet, *d.pair(arc.around), str(number), d.TINY, ha="center", va="center")
 
     def _draw_end_pulleys(self, sheet: d.Sheet) -> None:
         for centre, radius in ((_DRIVE, self.rig["drive_radius"]), (_OUTPUT, self.rig["output_radius"])):
@@ -175,10 +167,10 @@ class CircuitScene:
         self.jaw = sheet.shape(fc="#52606d", ec=d.INK, lw=1.1, alpha=0.92, zorder=8)
         self.wanted = sheet.shape(fc="none", ec=d.REFERENCE, lw=1.3, ls=(0, (3, 2)), zorder=8)
         self.weight = sheet.line(marker="o", ms=15, mfc=d.SOFT, mec=d.INK, mew=1.0, zorder=8.2)
-        self.torques = _TorqueArrow(sheet, _DRIVE, 46.0, 75.0), _TorqueArrow(sheet, _OUTPUT, _JAW + 32.0, 32.0)
+        self.torques = w.TorqueArrow(sheet, _DRIVE, 46.0, 75.0), w.TorqueArrow(sheet, _OUTPUT, _JAW + 32.0, 32.0)
         self.goal = sheet.line(marker="D", ms=5, mfc="white", mec=d.REFERENCE, mew=1.3, zorder=5)
-        self.in_text = w.Label(sheet, _DRIVE[0] + 66, _DRIVE[1] - 50, "", d.NORMAL, _TORQUE, moving=True)
-        self.out_text = w.Label(sheet, 934, 296, "", d.NORMAL, _TORQUE, ha="right", moving=True)
+        self.in_text = w.Label(sheet, _DRIVE[0] + 66, _DRIVE[1] - 50, "", d.NORMAL, d.TORQUE, moving=True)
+        self.out_text = w.Label(sheet, 934, 296, "", d.NORMAL, d.TORQUE, ha="right", moving=True)
         for centre, name in ((_DRIVE, "0"), (_OUTPUT, "5")):
             sheet.add(Circle(d.pair(centre), 7.5, fc="white", ec=d.INK, lw=1.0, zorder=8.5), moving=True)
             w.Label(sheet, *d.pair(centre), name, d.TINY, weight="bold", ha="center", va="center", moving=True)
@@ -291,28 +283,3 @@ def _jaw_points(angle: float) -> np.ndarray:
     shape = np.array([[0, -11], [20, -11], [_JAW - 6, -4.5], [_JAW, 0], [_JAW - 6, 4.5], [20, 11], [0, 11]], float)
     e = d.unit_vector(angle)
     return _OUTPUT + shape[:, :1] * e + shape[:, 1:] * d.left_of(e)
-
-
-class _TorqueArrow:
-    """An arc around a pulley, as long as the torque is large, with a head in its direction."""
-
-    def __init__(self, sheet: d.Sheet, centre: np.ndarray, radius: float, degrees: float):
-        self.centre, self.radius, self.half = centre, radius, math.radians(degrees)
-        self.line = sheet.line(color=_TORQUE, lw=2.2, zorder=4)
-        self.head = sheet.shape(fc=_TORQUE, ec="none", zorder=4)
-
-    def tip(self, share: float) -> np.ndarray:
-        """Where the arrow of this share ends, pixels [2]."""
-        return self.centre + self.radius * d.unit_vector(self.half * min(max(share, -1.0), 1.0))
-
-    def set(self, share: float) -> None:
-        """``share`` of the largest torque, signed (counter-clockwise positive)."""
-        half = self.half * min(max(share, -1.0), 1.0)
-        visible = abs(half) > 0.01
-        self.line.set_visible(visible)
-        self.head.set_visible(visible)
-        if visible:
-            self.line.set_data(*d.arc_points(self.centre, self.radius, -half, half).T)
-            tip, out = self.tip(share), d.unit_vector(half)
-            ahead = math.copysign(1.0, half) * d.left_of(out)
-            self.head.set_xy(np.stack([tip + 9.0 * ahead, tip + 5.5 * out, tip - 5.5 * out]))

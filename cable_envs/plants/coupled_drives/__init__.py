@@ -9,4 +9,10 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
-FAMILY = Family(name="coupled_drives", title="Coupled electric drives", build=_build)
+FAMILY = Family(
+    name="coupled_drives",
+    title="Coupled electric drives",
+    build=_build,
+    scene="cable_envs.plants.coupled_drives.scene:CoupledDrivesScene",
+    shown=("motor_position", "pulley_position", "belt_force", "voltage", "speed_reading"),
+)

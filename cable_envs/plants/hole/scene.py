@@ -9,12 +9,13 @@ from matplotlib.patches import Polygon
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
+from cable_envs.drawing.scene import Scene
 
 _BOX = (24.0, 130.0, 572.0, 584.0)  # left, bottom, right, top of the mechanism in the frame
 _MOTOR = 58.0
 
 
-class HoleScene:
+class HoleScene(Scene):
     """Scene of the plant ``cable_hole``.
 
     Wrap angles are drawn true and turn to alternating sides where holes in series would otherwise close the path on
@@ -22,9 +23,6 @@ class HoleScene:
     """
 
     title = "Cable-hole"
-    trace_boxes = ((644, 372, 296, 178), (644, 88, 296, 178))
-    motion_unit = "m"
-    least_motion, least_tension = 4.0, 10.0  # mm, N: no closer look than this
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.by_tension = reference_unit == "N"
@@ -47,10 +45,6 @@ class HoleScene:
     def motion(self, signals: Mapping[str, float]) -> Sequence[float]:
         """Positions (mm) that the rulers must show."""
         return 1e3 * signals["drive_position"], 1e3 * signals["load_position"]
-
-    def tensions(self, signals: Mapping[str, float]) -> Sequence[float]:
-        """Cable tensions (N) that the colour bar must show."""
-        return signals["drive_tension"], signals["load_tension"]
 
     # -- geometry -----------------------------------------------------------------------------------------------
 
@@ -112,7 +106,7 @@ class HoleScene:
         for arc, wrap in zip(self._arcs(), self.wraps, strict=True):
             self._draw_hole(sheet, arc, wrap)
         self._draw_load_side(sheet)
-        self.bar = w.ColourBar(sheet, 56, 62, 470, tension, ("$T_1$", "$T_2$"))
+        self.bar = self.pointer_bar(sheet, tension, ("$T_1$", "$T_2$"))
         note = "Wrap angles are true, positions by the rulers; other lengths are not to scale."
         w.Label(sheet, 24, 14, note, d.TINY, d.SOFT)
         self._make_moving(sheet)

@@ -7,6 +7,7 @@ import numpy as np
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
+from cable_envs.drawing.scene import RulerScene
 
 _LEVEL = 300.0  # height of both ends of the sheath in the frame; then places along it, of rulers by their middles
 _DRIVE, _MOUTH, _EXIT, _LOAD, _WALL = 132.0, 205.0, 385.0, 452.0, 566.0
@@ -15,7 +16,7 @@ _MOST_TURN = 1.4
 _TALLEST = 190.0
 
 
-class SheathScene:
+class SheathScene(RulerScene):
     """Scene of the plant ``tendon_sheath``.
 
     The sheath is drawn as humps whose turns add up to the true bend. Positions are read on the rulers (mm); all other
@@ -23,9 +24,7 @@ class SheathScene:
     """
 
     title = "Tendon in a sheath"
-    trace_boxes = ((644, 372, 296, 178), (644, 88, 296, 178))
-    motion_unit = "m"
-    least_motion, least_tension = 4.0, 10.0  # mm, N: no closer look than this
+    way = -1.0  # what is pulled in goes to the left, on either side of the sheath
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.by_tension = reference_unit == "N"
@@ -35,25 +34,20 @@ class SheathScene:
         self.first_tension = 2.0 * rig.get("load_preload", 10.0) + 10.0
         self.curves = (w.Curve("$T_1$ drive side", d.FIRST), w.Curve("$T_2$ load side", d.SECOND))
         self.curve_signals = ("drive_tension", "load_tension")
-        self.travel = 110.0  # pixels that the range of the rulers takes
         self.path = _humps(self.bend)
 
     def motion(self, signals: Mapping[str, float]) -> Sequence[float]:
         """Positions (mm) that the rulers must show."""
         return 1e3 * signals["drive_position"], 1e3 * signals["load_position"]
 
-    def tensions(self, signals: Mapping[str, float]) -> Sequence[float]:
-        """Cable tensions (N) that the colour bar must show."""
-        return signals["drive_tension"], signals["load_tension"]
-
     def build(self, sheet: d.Sheet, motion: tuple[float, float], tension: float) -> None:
         """Put everything on the sheet for a range of the rulers (mm) and an end of the tension scale (N)."""
-        self.range, self.scale, self.full = motion, self.travel / (motion[1] - motion[0]), tension
+        self.ranged(motion, tension)
         self._draw_sheath(sheet)
         self._draw_ends(sheet)
         for middle in (_DRIVE, _LOAD):
-            self._ruler(sheet, middle)
-        self.bar = w.ColourBar(sheet, 56, 62, 470, tension, ("$T_1$", "$T_2$"))
+            self.ruler(sheet, middle, _LEVEL - 62.0)
+        self.bar = self.pointer_bar(sheet, tension, ("$T_1$", "$T_2$"))
         note = "The bends add up to the true angle, positions by the rulers; other lengths are not to scale."
         w.Label(sheet, 24, 14, note, d.TINY, d.SOFT)
         self._draw_gauge(sheet)
@@ -89,17 +83,6 @@ class SheathScene:
         wall = {"fc": d.FILL, "ec": d.METAL_EDGE, "lw": 0.8, "hatch": "////"}
         sheet.add(d.block((_WALL + 5.0, _LEVEL), flat, 10.0, 70.0, **wall))
 
-    def _ruler(self, sheet: d.Sheet, middle: float) -> None:
-        """A scale in mm below an end: pulled in is to the left, on either side of the sheath."""
-        y = _LEVEL - 62.0
-        sheet.stroke(np.array([[middle - self.travel / 2, y], [middle + self.travel / 2, y]]), color=d.SOFT, lw=0.9)
-        marks = d.ticks(*self.range, 5)
-        for value in marks:
-            x = middle - self._pixels(value)
-            sheet.stroke(np.array([[x, y], [x, y - 5.0]]), color=d.SOFT, lw=0.9)
-            text = w.number(float(f"{value:.6g}")) + (" mm" if value == marks[-1] else "")
-            w.Label(sheet, x, y - 8.0, text, d.TINY, d.SOFT, ha="center", va="top")
-
     def _draw_gauge(self, sheet: d.Sheet) -> None:
         """How much of the friction is mobilised, and which way."""
         left, right, y = 190.0, 400.0, 176.0
@@ -121,13 +104,10 @@ class SheathScene:
         self.drive_level = sheet.line(color=d.INK, lw=1.2, zorder=3)
         self.needle = sheet.line(marker="o", ms=7, color=d.FIRST, mec=d.INK, zorder=5)
 
-    def _pixels(self, millimetres: float) -> float:
-        return self.scale * (millimetres - 0.5 * (self.range[0] + self.range[1]))
-
     def update(self, signals: Mapping[str, float], reference: float) -> None:
         """Move everything to ``signals``; ``reference`` in SI (m or N)."""
         x, y = 1e3 * signals["drive_position"], 1e3 * signals["load_position"]
-        carriage, hook = _DRIVE - self._pixels(x), _LOAD - self._pixels(y)
+        carriage, hook = _DRIVE + self.pixels(x), _LOAD + self.pixels(y)
         t1, t2 = signals["drive_tension"], signals["load_tension"]
         self._set_tendon(carriage, hook, t1, t2)
         flat = np.array([1.0, 0.0])
@@ -138,7 +118,7 @@ class SheathScene:
         self.level.set_data([hook, hook], [_LEVEL - 62.0, _LEVEL - 22.0])
         self.wanted.set_visible(not self.by_tension)
         if not self.by_tension:
-            at = _LOAD - np.clip(self._pixels(1e3 * reference), -self.travel, self.travel)
+            at = _LOAD + self.within(1e3 * reference)
             self.wanted.set_data([at, at], [_LEVEL - 62.0, _LEVEL + 40.0])
         self.bar.set((t1, t2), reference if self.by_tension else None)
         middle, half, height = self.gauge

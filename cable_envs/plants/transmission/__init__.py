@@ -9,4 +9,10 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
-FAMILY = Family(name="transmission", title="Cable transmission of unknown geometry", build=_build)
+FAMILY = Family(
+    name="transmission",
+    title="Cable transmission of unknown geometry",
+    build=_build,
+    scene="cable_envs.plants.transmission.scene:TransmissionScene",
+    shown=("drive_angle", "output_angle", "drive_torque", "output_torque", "direction"),
+)

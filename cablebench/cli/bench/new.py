@@ -11,14 +11,19 @@ from cablebench.cli.shared.output import console
 
 
 def new(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="controller, effect, plant or recording.")],
-    name: Annotated[str, typer.Argument(help="Its name: letters, digits, - and _.")],
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="controller, effect, plant, recording or examples.")],
+    name: Annotated[
+        str | None, typer.Argument(help="Its name: letters, digits, - and _. Of examples that of their folder.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write to; of a plant the checkout it is for.")] = Path(),
 ) -> None:
-    """Write a commented controller, effect, plant or recording to begin with: it works as it is."""
+    """Write a commented controller, effect, plant or recording to begin with, or the examples: all work as they are."""
     from cable_envs.core.files import write_atomic
-    from cablebench.skeletons import skeleton
+    from cablebench.skeletons import EXAMPLES, skeleton
 
+    if name is None and kind != EXAMPLES:
+        raise ConfigurationError(f"give it a name: cablebench new {kind} NAME")
+    name = name or EXAMPLES
     files, next_steps = skeleton(kind, name, out)
     taken = [out / path for path in files if (out / path).exists()]
     if taken:

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.errors import ConfigurationError, require_known
 from cablebench.cli.bench.run_files import (
     DATA_FORMATS,
     FRAMES_PER_SECOND,
@@ -37,6 +37,7 @@ def run(
     render: Annotated[
         Path | None, typer.Option(help="Picture of the end (FILE.png), or film in real time (FILE.gif, FILE.mp4).")
     ] = None,
+    theme: Annotated[str, typer.Option(help="Of the picture: light or dark.")] = "light",
     sandbox: Walls = "auto",
     trust: Trusted = False,
     score: Annotated[
@@ -47,11 +48,12 @@ def run(
     """Run one episode; print its metrics in the units of the boards and its score: 0 is open loop, 1 the oracle."""
     check_suffix(save, DATA_FORMATS, "--save")
     check_suffix(render, PICTURE_FORMATS, "--render")
+    require_known("theme", [theme], ("light", "dark"))
     env_id = resolve_env(env)
     options = parse_options(option or ())
     entrant = choose_entrant(controller, policy, gain or (), sandbox)
     with progress_bar() as update:
-        episode, film = _play(env_id, options, entrant, seed, render, update)
+        episode, film = _play(env_id, options, entrant, seed, render, theme, update)
         scored = episode_score(env_id, options, seed, episode) if score else None
     written = [str(path) for path, content in contents(episode, save, render, film) if write(path, content)]
     _report(env_id, entrant, seed, episode, scored, written, as_json)
@@ -75,7 +77,9 @@ def choose_entrant(
     return named_entrant(controller, parse_gains(gains), sandbox)
 
 
-def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render: Path | None, update: Any) -> Any:
+def _play(
+    env_id: str, options: dict[str, Any], entrant: Any, seed: int, render: Path | None, theme: str, update: Any
+) -> Any:
     """(episode, film): None for the film unless a picture is wanted."""
     import gymnasium as gym
 
@@ -83,7 +87,8 @@ def _play(env_id: str, options: dict[str, Any], entrant: Any, seed: int, render:
 
     options = options_for(entrant, env_id, options)
     film = None if render is None else Film(render.suffix)
-    made = gym.make(env_id, disable_env_checker=True, render_mode="rgb_array" if render else None, **options)
+    drawn: dict[str, Any] = {"render_mode": "rgb_array", "render_theme": theme} if render else {}
+    made = gym.make(env_id, disable_env_checker=True, **drawn, **options)
     watched = _watch(made, film, "" if render is None else render.suffix, update)
     try:
         actor = entrant.make(core_of(made).setup)

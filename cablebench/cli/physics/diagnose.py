@@ -1,13 +1,12 @@
 """``cablebench diagnose``: what physics a recording shows that its simulator leaves out."""
 
-import time
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from cable_envs.core.files import require_writable
-from cablebench.cli.shared.output import console, print_json
+from cablebench.cli.shared.output import console, print_json, stages
 from cablebench.cli.shared.trust import Trusted
 from cablebench.pages.diagnosis_words import lines
 
@@ -34,20 +33,18 @@ def diagnose(
     "unseen" rigs that no model predicts down to its sensors' noise: there, the held-out records judge.
     """
     from cable_envs.diagnosis.engine import diagnose as run
+    from cable_envs.diagnosis.fit.rounds import heard
 
-    err, began = console(stderr=True), time.monotonic()
-
-    def tell(text: str) -> None:
-        err.print(f"{time.monotonic() - began:5.0f} s  {text} ...", markup=False)
-
+    err = console(stderr=True)
     if out is not None:
         require_writable(out)
         out.mkdir(parents=True, exist_ok=True)
     try:
-        found = run(
-            recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
-            variant=variant, judge=judge, seed=seed, out=out, tell=tell,
-        )  # fmt: skip
+        with stages() as (tell, hear), heard(hear):
+            found = run(
+                recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
+                variant=variant, judge=judge, seed=seed, out=out, tell=tell,
+            )  # fmt: skip
     except KeyboardInterrupt:
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"
         err.print(f"interrupted: {kept}", markup=False)

@@ -10,7 +10,7 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import require_writable
-from cablebench.cli.shared.output import console
+from cablebench.cli.shared.output import console, stages
 
 
 def real_data(
@@ -23,6 +23,7 @@ def real_data(
 ) -> None:
     """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 6 minutes."""
     from cable_envs.core.files import write_atomic
+    from cable_envs.diagnosis.fit.rounds import heard
     from cablebench.pages.recordings import PAGE, SUMMARY, render, summary, write_set
     from cablebench.pages.recordings_sets import SETS
 
@@ -37,7 +38,8 @@ def real_data(
     with tempfile.TemporaryDirectory() as work:
         for name in () if page_only else names:
             began = time.perf_counter()
-            numbers, figures = SETS[name](shared, Path(work), lambda text: say.print(text, markup=False))
+            with stages() as (tell, hear), heard(hear):
+                numbers, figures = SETS[name](shared, Path(work), tell)
             took = time.perf_counter() - began
             command = shlex.join(["cablebench", "real-data", "--only", name, "--out", str(out)])
             write_set(out, name, {"command": command, "seconds": round(took), **numbers}, figures)
