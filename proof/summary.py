@@ -12,19 +12,19 @@ from cable_envs.proof.report import cell
 from cable_envs.proof.scoring import Row
 
 LINES = (
-    ("effect adds more than 10 % to the RMS: its exact name", "right name exactly, effect adds >10 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds >10 %"),
-    ("effect adds 3 to 10 %: its exact name", "right name exactly, effect adds 3-10 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds 3-10 %"),
-    ("effect adds 1 to 3 %: its exact name", "right name exactly, effect adds 1-3 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds 1-3 %"),
-    ("... a wrong name", "wrong name, effect adds 1-3 %"),
-    ("two effects at once: both right (name or class)", "two effects at once, both right"),
+    ("effect adds more than 10 % to the RMS: exact name", "right name exactly, effect adds >10 %"),
+    ("effect adds more than 10 %: exact name or class", "right name or class, effect adds >10 %"),
+    ("effect adds 3 to 10 %: exact name", "right name exactly, effect adds 3-10 %"),
+    ("effect adds 3 to 10 %: exact name or class", "right name or class, effect adds 3-10 %"),
+    ("effect adds 1 to 3 %: exact name", "right name exactly, effect adds 1-3 %"),
+    ("effect adds 1 to 3 %: exact name or class", "right name or class, effect adds 1-3 %"),
+    ("effect adds 1 to 3 %: wrong name", "wrong name, effect adds 1-3 %"),
+    ("two effects at once: exact name or class of both", "two effects at once, both right"),
     ('physics outside the library: "unknown"', 'effects in no library answered "unknown"'),
     ("nothing missing, white noise: something is reported", "false alarms, nothing wrong, white noise"),
     ("nothing missing, coloured noise: something is reported", "false alarms, nothing wrong, coloured noise"),
     ("only parameters wrong: an effect is named", "decoys answered with an effect"),
-    ("95 % intervals of parameters that hold the truth", "95 % intervals cover the truth"),
+    ("95 % intervals of parameters that contain the true value", "95 % intervals cover the truth"),
 )
 """What a line says to a reader, and the row of the proof it shows."""
 METHODS = {"diagnose": "`diagnose`", "no refit": "without refit", "sparse regression": "SINDy"}
