@@ -45,7 +45,7 @@ def blind_test(
     tool: Annotated[bool, typer.Option(help="Run `cablebench diagnose`; without it only the baselines.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="The whole record on standard output.")] = False,
 ) -> None:
-    """Measure how often the diagnosis is right. Exit code 1 where a fail rule is broken; the same command goes on."""
+    """Measure how often the diagnosis is right. Exit code 1 where a limit is exceeded; the same command goes on."""
     if quick and cases is not None:
         raise ConfigurationError("--quick and --cases exclude each other")
     if not tool and not baselines:
@@ -171,7 +171,7 @@ def _missing(out: Path, manifest: dict[str, Any], methods: Sequence[str]) -> dic
 
 
 def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
-    """The report of several parts of one proof; the fail rules that the tool breaks.
+    """The report of several parts of one proof; the limits that the tool exceeds.
 
     Raises ConfigurationError for what is no record of a proof, parts of several plans, and cases that are in two parts.
     """
@@ -192,7 +192,7 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
 
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
-    """Write ``results`` by method; the fail rules that the first of them breaks."""
+    """Write ``results`` by method; the limits that the first of them exceeds."""
     from cable_envs.core.files import jsonable, write_atomic
     from cable_envs.proof import report
     from cablebench.pages.proof import render
