@@ -29,8 +29,8 @@ WORDS = {
 """Terms of the rows, for a reader who sees them for the first time."""
 INTRODUCTION = (
     "Simulators that share no integrator and no friction law with the diagnosis made recordings with concealed "
-    "effects. The keys to them were sealed by salted hashes before the diagnosis ran. The columns after the first method "
-    "are simpler methods on the same recordings. The terms are explained below the table."
+    "effects. The keys to them were sealed by salted hashes before the diagnosis ran. The columns after the first "
+    "method are simpler methods on the same recordings. The terms are explained below the table."
 )
 SMALL_PRINT = (
     "Shares are given with 95 % Clopper-Pearson intervals in brackets, and as counts. A dash: there is no such case, "
