@@ -79,7 +79,7 @@ RIGS: Mapping[str, HiddenRig] = {
         "answered `unknown`. With 4 N of dry friction in the load's guide instead of the lag, guide and hole both hold "
         "the load at a stop, and can share it in many ways. At the true parameters the load's tension in generator and "
         "simulator then differs by 0.6 to 1.5 N below 1 mm/s and by 0.2 to 0.3 N above, with 0.1 N of noise. With a "
-        "gap of 0.5 mm instead of the lag, both effects were found within 0.3 %. Up to 1.5 times the noise was left, all "
-        "of it below 1 mm/s.",
+        "gap of 0.5 mm instead of the lag, both effects were found within 0.3 %. Up to 1.5 times the noise was left, "
+        "all of it below 1 mm/s.",
     ),
 }  # fmt: skip
