@@ -295,7 +295,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     if not closed and not weighed:
         raise ConfigurationError(
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
-            "that may take any value hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
+            "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
         )
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
     control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
