@@ -1,10 +1,10 @@
-"""A planner for the board: it tries commands in the nominal simulator, and has only measurements of the true rig.
+"""A planner for the board: it tries commands in the nominal simulator, and knows of the true rig what is measured.
 
-`examples/mppi.py` plans from the true state of the true rig, which nobody knows at a real rig. This file can be
-submitted like any other (`cablebench submit`). It keeps a simulation of the nominal rig beside the real one, and
-corrects its state towards the measurements after every step (an observer). From there it plans by model predictive path
-integral control (Williams, Aldrich, Theodorou, J. Guid. Control Dyn. 40 (2017) 344). Of the reference it is told what
-every controller is told: value, rate and acceleration of this instant, which it continues over its horizon.
+`examples/mppi.py` plans from the true state of the true rig, which nobody has at a rig. This file is a submission like
+any other (`cablebench submit`): it keeps a simulation of the nominal rig beside the real one, draws its state towards
+the measurements after every step (an observer), and plans from there by model predictive path integral control
+(Williams, Aldrich, Theodorou, J. Guid. Control Dyn. 40 (2017) 344). Of the reference it is told what every controller
+is told: value, rate and acceleration of this instant, which it continues over its horizon.
 
     cablebench submit examples/mppi_on_measurements.py --trust
 """
