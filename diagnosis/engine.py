@@ -45,8 +45,8 @@ KEPT_BACK = 1.0 / 3.0
 JUDGES = ("noise", "unseen")
 """What accepts an effect."""
 LEARNT = (
-    "the noise is learnt from what a model leaves, and what is slow or small passes for it: two minutes in which "
-    "nothing moves, as a record with 'use: rest', or a noise_std show more"
+    "the noise is estimated from the residual, so that a slow or small mismatch may be taken for noise; two minutes in "
+    "which nothing moves, as a record with 'use: rest', or a stated noise_std show more"
 )
 
 
@@ -142,7 +142,7 @@ def examine(
     """
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
-    tell("looking at the data")
+    tell("checking the data")
     require_known("judge", [judge], JUDGES)
     quality = gate(recording, looked_at(recording))
     quality.require_usable()
@@ -270,7 +270,7 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
         learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)
         return replace(question, notes=(*question.notes, LEARNT)) if learnt else question
     if not question.at_rest:
-        why = "a recorded signal drives the simulator, and its noise is in everything"
+        why = "a recorded signal drives the simulator, so that its noise is in all predictions"
         return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
     longest = max(len(b.time) for b in question.fit.blocks)
     found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks}, longest)
@@ -279,7 +279,7 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     known, still = ([c for c, n in found.items() if (n is None) is none] for none in (False, True))
     said = f"the noise of {', '.join(known)} is known from {record.name}" if known else f"{record.name} shows no noise"
     if still:
-        said += f"; {', '.join(still)} shows none above its resolution: there it is learnt from what a model leaves"
+        said += f"; {', '.join(still)} shows no noise above its resolution, and there it is estimated from the residual"
     return replace(question, notes=(*question.notes, said))
 
 

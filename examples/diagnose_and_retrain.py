@@ -3,9 +3,9 @@
 The hidden rig is the paper's cable circuit, but its drive lags by 50 ms and its coupling has a backlash of 0.1 rad,
 which the nominal simulator does not have. Three steps:
 
-1. the hidden rig is recorded by an independent simulator (that of the blind proof), which tells of neither;
-2. the recording is diagnosed, which gives a corrected rig;
-3. residual PPO is trained on the nominal rig and on the corrected one, and both policies are tried on the hidden rig.
+1. An independent simulator (that of the blind proof) records the hidden rig. The recording mentions neither effect.
+2. The recording is diagnosed, which gives a corrected rig.
+3. Residual PPO is trained on the nominal rig and on the corrected one, and both policies are tested on the hidden rig.
 
 The file prints the verdict with the parameters found, and the root mean square of the tracking error (RMSE) in mrad.
 docs/pays.md has the same with several seeds and intervals.

@@ -1,10 +1,10 @@
 """Plan through the simulator: model predictive path integral control (MPPI) on a batch that starts from one state.
 
-Before every control step the state of the environment is put into all lanes of a batch (`CableVectorEnv.restore`),
-each lane tries another sequence of actions over a short horizon, and the first action of their weighted mean is taken
-(Williams, Aldrich, Theodorou, J. Guid. Control Dyn. 40 (2017) 344). The planner knows everything: the true rig, its
-state and the reference to come. So it is no rival of controllers that only see measurements; it shows what they could
-reach.
+Before every control step the state of the environment is put into all environments (lanes) of a batch
+(`CableVectorEnv.restore`). Each lane tries another sequence of actions over a short horizon, and the first action of
+their weighted mean is taken (Williams, Aldrich, Theodorou, J. Guid. Control Dyn. 40 (2017) 344). The planner knows
+everything: the true rig, its state and the reference to come. So it cannot be compared with controllers that only see
+measurements. It shows what they could reach.
 
     python examples/mppi.py                                     # the hole's position along a sine, 5 s
     python examples/mppi.py PulleyCircuit-Position-Sine --seconds 10 --lanes 512

@@ -1,7 +1,7 @@
 """A recording of one's own: from the log of a rig to the physics that its simulator leaves out.
 
 The file first plays the rig, so that the example needs no hardware: a slide on a linear axis, pushed by a measured
-force, with dry friction and a spring that nobody mentioned. It writes what a logger would write (`slow.csv` and
+force, with dry friction and a spring that its model lacks. It writes what a logger would write (`slow.csv` and
 `fast.csv`: time in ms, position in mm, force in N, with the noise of the sensors) and a mapping that says what the
 columns mean. With logs of a real rig only the mapping has to be written. Then the logs are imported, and diagnosed
 against a slide without a spring, whose mass and friction are only believed. It prints the verdict and the parameters.

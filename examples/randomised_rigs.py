@@ -1,4 +1,4 @@
-"""Randomised rigs: one controller on 256 rigs at once, and which unknown parameter hurts it.
+"""Randomised rigs: one controller on 256 rigs at once, and which unknown parameter matters most.
 
 The paper's rig is never the rig on the bench. `randomize=True` draws mass, wrap angle, friction, extrusion, radius
 ratio and stiffness of the hole anew for every episode; the native batch runs all rigs in one loop. The controller is

@@ -7,7 +7,7 @@ effects      what can be missing: parameters, random sizes, systems; also what i
 excitation   reference motions;  sensors   noise, quantisation, clocks
 cases        a seed makes a recording folder and its key; `refit` sets the size of an effect against the refit
 sealing      keys with salted hashes, fixed before the tool runs
-scoring      tables against the fail rules;  baselines   what the same cases look like to simpler methods
+scoring      tables and limits;  baselines   what the same cases look like to simpler methods
 """
 
 if __name__ != "cable_envs.proof":

@@ -8,28 +8,38 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
 from cable_envs.core.text import markdown_code, markdown_text
-from cable_envs.proof.scoring import Result, Row, calibration, confusion, failures, restored, table
+from cable_envs.proof.scoring import LIMITS, Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
 
 WORDS = {
-    "adds 10 %": "the concealed effect raises the RMS of the residual by 10 % above the noise, after the nominal "
-    "parameters have been refitted",
-    "right name exactly": "the answer is the concealed effect and no other",
-    "right name or class": "that, or several effects that the recording cannot tell apart, the concealed one among "
-    "them and none that is not declared to look like it",
-    "stand out (gain 100)": "whoever knew the shape of the mismatch and the spectrum of the noise would gain 100 or "
-    "more in twice the log likelihood; the diagnosis knows neither",
-    "decoy": "a recording with wrong parameters and nothing else",
-    "effect in no library": "physics that the diagnosis has no equation for",
-    "absorbed, masked, brief, small, behind another": "why the effect is hard to see: a parameter can imitate it, a "
-    "control loop hides it, it acts for a short time, it is small in the RMS, or it stands beside a larger one",
+    "effect adds 10 %": "the concealed effect raises the RMS of the residual by 10 % above the noise, after the "
+    "nominal parameters have been refitted",
+    "exact name": "the answer is the concealed effect and no other",
+    "exact name or class": "the answer is the exact name, or several effects that the recording cannot tell apart; the "
+    "concealed effect is one of them, and all of them are declared to look like it",
+    "possible gain of 100 or more": "a method that knew the shape of the mismatch and the spectrum of the noise would "
+    "gain 100 or more in twice the log likelihood; the diagnosis knows neither",
+    "only parameters wrong": "the recording has wrong nominal parameters and no missing effect",
+    "physics outside the library": "physics that the diagnosis has no equation for",
+    "absorbed by refit, masked by loop, brief, small in rms, behind another effect": "why an effect is hard to see: a "
+    "parameter can imitate it, a control loop hides it, it acts for a short time, it is small in the RMS, or it stands "
+    "beside a larger one",
 }
 """Terms of the rows, for a reader who sees them for the first time."""
+INTRODUCTION = (
+    "Simulators that share no integrator and no friction law with the diagnosis made recordings with concealed "
+    "effects. The keys to them were sealed by salted hashes before the diagnosis ran. The columns after the first "
+    "method are simpler methods on the same recordings. The terms are explained below the table."
+)
+SMALL_PRINT = (
+    "Shares are given with 95 % Clopper-Pearson intervals in brackets, and as counts. A dash: there is no such case, "
+    "or the method makes no such statement."
+)
 
 
 def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) -> dict[str, Any]:
-    """Everything that was measured: ``results`` by method; the fail rules apply to the first one."""
+    """Everything that was measured: ``results`` by method; the limits apply to the first one."""
     first = next(iter(results.values()), ())
     methods = {
         method: {
@@ -89,7 +99,7 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     """One table: a line for each row of the proof, a column for each method."""
     columns = {method: table(own) for method, own in results.items()}
     names = [row.name for row in next(iter(columns.values()), [])]
-    lines = [f"# Blind proof: {about['cases_total']} cases", "", markdown_code(about["command"]), ""]
+    lines = [f"# Blind proof: {about['cases_total']} cases", "", INTRODUCTION, "", markdown_code(about["command"]), ""]
     lines += (
         [f"State of the tool (hash of its sources): {markdown_code(about['state'])}", ""] if "state" in about else []
     )
@@ -97,16 +107,34 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     lines += ["| measured | wanted | " + " | ".join(columns) + " |", "|---" * (2 + len(columns)) + "|"]
     for k, name in enumerate(names):
         row = next(iter(columns.values()))[k]
-        wanted = f"{row.direction} {100 * row.reach:g} %" if row.direction else "reported"
-        lines.append(f"| {name} | {wanted} | " + " | ".join(cell(own[k]) for own in columns.values()) + " |")
+        lines.append(
+            f"| {name} | {wanted(asdict(row))} | " + " | ".join(cell(own[k]) for own in columns.values()) + " |"
+        )
     first = next(iter(results), "nobody")
     broken = failures(results.get(first, ()), bool(about.get("sample")))
     if about.get("sample"):
-        lines += ["", "A sample: a fail rule is broken where the 95 % limit of its share is beyond it."]
+        lines += ["", "This is a sample: a limit counts as exceeded where the 95 % interval of the share is beyond it."]
     lines += ["", *(f"- *{word}*: {meaning}" for word, meaning in WORDS.items())]
-    lines += ["", "Shares with 95 % Clopper-Pearson limits, and counts. A dash: no such case, or no such statement."]
-    lines += ["", f"Fail rules broken by {first}: {'; '.join(broken)}." if broken else f"{first} breaks no fail rule."]
+    lines += ["", SMALL_PRINT, "", limits_kept(first, broken)]
     return "\n".join(lines) + "\n"
+
+
+def wanted(row: Mapping[str, Any]) -> str:
+    """What was asked of a row before the proof: ``at least 95 %``; empty where nothing was."""
+    if not row["direction"]:
+        return ""
+    return f"{'at most' if row['direction'] == '<=' else 'at least'} {100 * row['reach']:g} %"
+
+
+def limits_kept(method: str, broken: Sequence[str]) -> str:
+    """A sentence: which of the three limits of `failures` a method exceeds."""
+    if broken:
+        return f"Limits exceeded by {method}: {'; '.join(broken)}."
+    return (
+        f"{method} keeps all three limits: at most {100 * LIMITS['false_alarms']:g} % false alarms; at least "
+        f"{100 * LIMITS['coverage']:g} % of the 95 % intervals contain the true value; at least "
+        f"{100 * LIMITS['claimed_90']:g} % of the answers with a confidence of 0.9 or more are right."
+    )
 
 
 def cell(row: Row) -> str:

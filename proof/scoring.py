@@ -1,4 +1,4 @@
-"""Verdicts against opened keys: one `Result` for each case, then the proof's tables and fail rules.
+"""Verdicts against opened keys: one `Result` for each case, then the proof's tables and limits.
 
 A verdict is JSON of schema "cable-diagnosis/1"; None stands for a tool that gave none. Names that are true of every
 recording of a system (`effects.AMBIENT`) are taken out of an answer first.
@@ -18,8 +18,10 @@ nothing wrong; wrong: a name that is not there; unknown, none: these verdicts; f
 SEEN = 100.0
 """Gain of knowing the mismatch's shape and the noise from which a tool that knows neither may be expected to see it."""
 
+BANDS = {">10": "more than 10 %", "3-10": "3 to 10 %", "1-3": "1 to 3 %"}
+"""What a concealed effect adds to the RMS of the residual, in words."""
 LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
-"""Fail rules: most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
+"""Most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
 
 
 def band_of(added: float) -> str:
@@ -243,41 +245,41 @@ def table(results: Sequence[Result]) -> list[Row]:
     decoys = [r for r in results if r.kind == "decoy"]
     right = ("exact", "class")
     rows = []
-    for band, reach in ((">10", 0.95), ("3-10", 0.0), ("1-3", 0.75)):
-        own = [r for r in single if r.band == band]
-        rows.append(_row(f"right name or class, effect adds {band} %", _in(own, right), ">=" if reach else "", reach))
-        rows += _by_noise(f"right name or class, {band} %", own, right)
+    for (band, words), reach in zip(BANDS.items(), (0.95, 0.0, 0.75), strict=True):
+        own, adds = [r for r in single if r.band == band], f"effect adds {words}"
+        rows.append(_row(f"{adds}: exact name", _in(own, ("exact",))))
+        rows.append(_row(f"{adds}: exact name or class", _in(own, right), ">=" if reach else "", reach))
+        rows += _by_noise(f"{adds}: exact name or class", own, right)
         clear = [r for r in own if r.stands_out >= SEEN]
-        rows.append(_row(f"the same, of those that stand out (gain {SEEN:g}), {band} %", _in(clear, right)))
-        rows.append(_row(f"right name exactly, effect adds {band} %", _in(own, ("exact",))))
+        rows.append(_row(f"{adds}, possible gain of {SEEN:g} or more: exact name or class", _in(clear, right)))
         limit = ("<=", 0.03) if band == "1-3" else ("", 0.0)
-        rows.append(_row(f"wrong name, effect adds {band} %", _in(own, ("wrong",)), *limit))
+        rows.append(_row(f"{adds}: wrong name", _in(own, ("wrong",)), *limit))
         offered = (r.outcome == "wrong" and r.offered for r in own)
-        rows.append(_row(f"of those, the right name among the alternatives, {band} %", offered))
+        rows.append(_row(f"{adds}: wrong name, with the right one among its alternatives", offered))
     for noise in ("white", "coloured"):
         own = [r for r in nothing if (r.noise == "white") == (noise == "white")]
-        rows.append(_row(f"false alarms, nothing wrong, {noise} noise", (alarm(r) for r in own), "<=", 0.05))
-    rows.append(_row("decoys answered with an effect", _in(decoys, ("wrong",)), "<=", 0.05))
+        rows.append(_row(f"nothing missing, {noise} noise: something is reported", (alarm(r) for r in own), "<=", 0.05))
+    rows.append(_row("only parameters wrong: an effect is named", _in(decoys, ("wrong",)), "<=", 0.05))
     strange = [r for r in results if r.kind == "strange"]
-    rows.append(_row('effects in no library answered "unknown"', _in(strange, ("unknown",)), ">=", 0.90))
-    rows += _by_noise('"unknown"', strange, ("unknown",))
+    rows.append(_row('physics outside the library: "unknown"', _in(strange, ("unknown",)), ">=", 0.90))
+    rows += _by_noise('physics outside the library: "unknown"', strange, ("unknown",))
     seen = [r for r in strange if r.stands_out >= SEEN]
     rows.append(
-        _row(f"the same, of those that stand out (shape and noise known: gain {SEEN:g})", _in(seen, ("unknown",)))
+        _row(f'physics outside the library, possible gain of {SEEN:g} or more: "unknown"', _in(seen, ("unknown",)))
     )
     pairs = [r for r in results if r.kind == "pair"]
-    rows.append(_row("two effects at once, both right", _in(pairs, right), ">=", 0.70))
-    rows += _by_noise("both right", pairs, right)
+    rows.append(_row("two effects at once: exact name or class of both", _in(pairs, right), ">=", 0.70))
+    rows += _by_noise("two effects at once: exact name or class of both", pairs, right)
     covered = [hit for r in results for _, hit in r.intervals]
-    rows.append(_row("95 % intervals cover the truth", covered, ">=", 0.90, "90-98 % wanted"))
+    rows.append(_row("95 % intervals of parameters that contain the true value", covered, ">=", 0.90, "90-98 % wanted"))
     held = [r.heldout for r in single if r.heldout is not None]
-    rows.append(_row("held-out RMSE <= 1.15 x noise where named", (h <= 1.15 for h in held), ">=", 0.95))
+    rows.append(_row("held-out RMS at most 1.15 times the noise, where named", (h <= 1.15 for h in held), ">=", 0.95))
     overlaps = [r.overlap for r in single if r.overlap is not None]
-    rows.append(_row("located regime holds >= 80 % of the mismatch", (o >= 0.8 for o in overlaps), ">=", 0.8))
+    rows.append(_row("stated regime holds at least 80 % of the mismatch", (o >= 0.8 for o in overlaps), ">=", 0.8))
     for kind in ("absorbed_by_refit", "masked_by_loop", "brief", "small_in_rms", "behind_another_effect"):
         own = [r for r in results if kind in r.concealment and r.kind in ("single", "pair")]
-        rows.append(_row(f"right name or class, {kind.replace('_', ' ')}", _in(own, right)))
-    rows.append(_row("no verdict at all", _in(results, ("failed",)), "<=", 0.0))
+        rows.append(_row(f"effect that is {kind.replace('_', ' ')}: exact name or class", _in(own, right)))
+    rows.append(_row("no answer at all", _in(results, ("failed",)), "<=", 0.0))
     return rows
 
 
@@ -286,8 +288,8 @@ def _by_noise(name: str, results: Sequence[Result], outcomes: Sequence[str]) -> 
     white = [r for r in results if r.noise == "white"]
     coloured = [r for r in results if r.noise != "white"]
     return [
-        _row(f"{name}, white noise, stated", _in(white, outcomes)),
-        _row(f"{name}, coloured noise, recorded at rest", _in(coloured, outcomes)),
+        _row(f"{name} (white noise, stated)", _in(white, outcomes)),
+        _row(f"{name} (coloured noise, recorded at rest)", _in(coloured, outcomes)),
     ]
 
 
@@ -339,20 +341,20 @@ def calibration(
 
 
 def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
-    """The fail rules that results break, in words; a rule without cases is not broken.
+    """The limits that results exceed, in words; a limit without cases is not exceeded.
 
     Parameters
     ----------
     results : sequence of Result
         Of one method.
     sample : bool
-        A few dozen cases, of which one more or less means nothing: a rule is broken where the 95 % limit of the
+        A few dozen cases, of which one more or less means nothing: a limit is exceeded where the 95 % interval of the
         share is beyond it, not the share itself.
 
     Returns
     -------
     list of str
-        Empty where none is broken.
+        Empty where none is exceeded.
     """
     without = [r for r in results if r.kind in ("nothing", "decoy")]
     alarms = sum(alarm(r) if r.kind == "nothing" else r.outcome == "wrong" for r in without)
@@ -366,7 +368,9 @@ def failures(results: Sequence[Result], sample: bool = False) -> list[str]:
     if without and share(alarms, len(without), False) > LIMITS["false_alarms"]:
         broken.append(f"false alarms: {alarms} of {len(without)}, more than 5 %")
     if covered and share(sum(covered), len(covered), True) < LIMITS["coverage"]:
-        broken.append(f"95 % intervals cover {sum(covered)} of {len(covered)}, less than 90 %")
+        broken.append(f"95 % intervals that contain the true value: {sum(covered)} of {len(covered)}, less than 90 %")
     if claimed and share(sum(claimed), len(claimed), True) < LIMITS["claimed_90"]:
-        broken.append(f"answers claimed at 90 % or more: {sum(claimed)} of {len(claimed)} right, less than 85 %")
+        broken.append(
+            f"answers with a confidence of 0.9 or more: {sum(claimed)} of {len(claimed)} right, less than 85 %"
+        )
     return broken

@@ -8,25 +8,25 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.core.files import read_json
-from cable_envs.proof.report import cell
+from cable_envs.proof.report import cell, wanted
 from cable_envs.proof.scoring import Row
 
 LINES = (
-    ("effect adds more than 10 % to the RMS: its exact name", "right name exactly, effect adds >10 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds >10 %"),
-    ("effect adds 3 to 10 %: its exact name", "right name exactly, effect adds 3-10 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds 3-10 %"),
-    ("effect adds 1 to 3 %: its exact name", "right name exactly, effect adds 1-3 %"),
-    ("... its name, or a class that holds it", "right name or class, effect adds 1-3 %"),
-    ("... a wrong name", "wrong name, effect adds 1-3 %"),
-    ("two effects at once: both right (name or class)", "two effects at once, both right"),
-    ('physics outside the library: "unknown"', 'effects in no library answered "unknown"'),
-    ("nothing missing, white noise: something is reported", "false alarms, nothing wrong, white noise"),
-    ("nothing missing, coloured noise: something is reported", "false alarms, nothing wrong, coloured noise"),
-    ("only parameters wrong: an effect is named", "decoys answered with an effect"),
-    ("95 % intervals of parameters that hold the truth", "95 % intervals cover the truth"),
+    "effect adds more than 10 %: exact name",
+    "effect adds more than 10 %: exact name or class",
+    "effect adds 3 to 10 %: exact name",
+    "effect adds 3 to 10 %: exact name or class",
+    "effect adds 1 to 3 %: exact name",
+    "effect adds 1 to 3 %: exact name or class",
+    "effect adds 1 to 3 %: wrong name",
+    "two effects at once: exact name or class of both",
+    'physics outside the library: "unknown"',
+    "nothing missing, white noise: something is reported",
+    "nothing missing, coloured noise: something is reported",
+    "only parameters wrong: an effect is named",
+    "95 % intervals of parameters that contain the true value",
 )
-"""What a line says to a reader, and the row of the proof it shows."""
+"""Rows of the proof that are shown."""
 METHODS = {"diagnose": "`diagnose`", "no refit": "without refit", "sparse regression": "SINDy"}
 
 
@@ -59,10 +59,10 @@ def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> 
         "| in the recording | wanted | " + " | ".join(methods.values()) + " |",
         "|---|--:|" + "--:|" * len(methods),
     ]
-    for words, name in LINES:
+    for name in LINES:
         row = rows[first][name]
         cells = [_wanted(row), cell(_row(row)), *(_count(rows[method][name]) for method in others)]
-        lines.append(f"| {words} | " + " | ".join(cells) + " |")
+        lines.append(f"| {name} | " + " | ".join(cells) + " |")
     return "\n".join(lines) + "\n"
 
 
@@ -72,9 +72,7 @@ def _row(row: Mapping[str, Any]) -> Row:
 
 def _wanted(row: Mapping[str, Any]) -> str:
     """What was asked of the row before the proof, and whether it was missed: a rounded share may hide one case."""
-    if not row["direction"]:
-        return ""
-    words = f"{'at most' if row['direction'] == '<=' else 'at least'} {100 * row['reach']:g} %"
+    words = wanted(row)
     return f"{words}, missed" if row["reached"] is False else words
 
 

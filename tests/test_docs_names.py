@@ -178,17 +178,6 @@ def test_the_architecture_page_shows_the_layers_that_are_tested():
     assert shown == LAYERS
 
 
-def test_what_the_changelog_says_has_moved_is_there_and_no_longer_where_it_was():
-    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
-    table = text[text.index("| before | now |") :].split("\n\n")[0]
-    rows = [line.split("|")[1:3] for line in table.splitlines()[2:]]
-    before, now = ([w for row in rows for w in re.findall(r"`([a-z_]+\.[\w.]+)`", row[k])] for k in (0, 1))
-    now = [name for name in now if not _suffix(name.partition(".")[2])]
-    assert len(now) > 40 and [name for name in now if not resolves(name)] == []
-    packages = {"cablebench.entrants", "cablebench.protocol"}  # packages of these names are there now
-    assert [name for name in before if resolves(name) and name not in packages] == []
-
-
 def test_the_page_of_the_diagnosis_lists_every_effect():
     page = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
     table = page[page.index("| group | effects |") : page.index("## The four answers")]

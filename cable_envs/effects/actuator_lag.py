@@ -1,4 +1,4 @@
-"""The drive's amplifier follows the command with a first-order lag."""
+"""The amplifier of the drive follows the command with a first-order lag."""
 
 from cable_envs.core.kernels import exp, inline, select
 from cable_envs.effects.base import Effect, EffectParameter
@@ -9,8 +9,8 @@ EFFECT = Effect(
     equation="time c' = command - c; the drive sees c, and its rate likewise",
     source="first-order actuator: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems",
     parameters=(EffectParameter("time", "s", 0.0, 0.0, 10.0, "time constant", 0.03),),
-    validity="small against the periods of the motion; solved exactly for a command that is held",
-    experiment="a chirp: the phase of a lag bends, that of a delay is straight",
+    validity="lags that are small against the periods of the motion; it is solved exactly for a command that is held",
+    experiment="Command a chirp. The phase of a lag bends over frequency, that of a delay is straight",
     confusable=("sensor_delay", "viscous_friction"),
 )
 

@@ -1,4 +1,4 @@
-"""Lost motion between the drive (where it is measured) and what it moves."""
+"""The drive, where the motion is measured, moves by a gap before what it drives moves."""
 
 from cable_envs.core.kernels import clip, inline, maximum, minimum
 from cable_envs.effects.base import Effect, EffectParameter
@@ -15,8 +15,8 @@ EFFECT = Effect(
             probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion: a refit from far away ends elsewhere
         ),
     ),
-    validity="the part between gear and cable has no inertia; linear_drive needs a belt (belt_stiffness above 0)",
-    experiment="reversals of growing amplitude with the output locked: a gap's lost motion does not grow",
+    validity="a part between gear and cable without inertia; linear_drive needs a belt (belt_stiffness above 0)",
+    experiment="Reverse with growing amplitude, with the output locked. The lost motion of a gap does not grow",
     confusable=("presliding_hysteresis", "cable_elongation", "slack"),
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""A stiff cable lifts off at both ends of the hole's edge: less wrap, less friction, more so at low tension."""
+"""A stiff cable lifts off at both ends of the hole's edge, most at low tension, and so has less friction."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -13,6 +13,6 @@ EFFECT = Effect(
         ),
     ),
     validity="free spans l with l sqrt(T / B) > 1.83",
-    experiment="tension ratio at four tensions and two cable diameters",
+    experiment="Measure the tension ratio at four tensions and with two cable diameters",
     confusable=("coulomb_friction", "load_dependent_friction"),
 )  # fmt: skip

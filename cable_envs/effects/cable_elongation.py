@@ -1,4 +1,4 @@
-"""The cable stretches in proportion to its tension; without the effect it is nearly rigid."""
+"""The cable stretches in proportion to its tension. Without the effect it is nearly rigid."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -18,12 +18,13 @@ EFFECT = Effect(
             probes=_PROBES, inverse=True,
         ),
         EffectParameter(
-            "belt_stiffness", "N/m", 0.0, 0.0, 1e9, "spring between motor and carriage; 0: rigid", 1e5,
+            "belt_stiffness", "N/m", 0.0, 0.0, 1e9, "spring between motor and carriage; 0 is a rigid belt", 1e5,
             probes=_PROBES, inverse=True,
         ),
     ),
-    validity="strains below a percent, no waves. The null of a cable is a stiffness a hundred times the usual one: a "
-    "rigid one would leave the tension undetermined",
-    experiment="output locked, force ramped up and down: the slope of drive motion over tension",
+    validity="strains below 1 %, without waves. At its null the stiffness of a cable is a hundred times the usual "
+    "one, because a rigid cable would leave the tension undetermined",
+    experiment="Lock the output, and ramp the force up and down. The compliance is the slope of drive motion over "
+    "tension",
     confusable=("backlash", "presliding_hysteresis", "stiffness_hardening", "viscoelastic_creep"),
 )  # fmt: skip

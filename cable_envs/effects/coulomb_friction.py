@@ -1,4 +1,4 @@
-"""Dry friction of constant size: at the contact of the cable, and at the load or output."""
+"""Dry friction of constant size acts at the contact of the cable, and at the load or output."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -15,7 +15,8 @@ EFFECT = Effect(
             "contact", "1", 0.0, 0.0, 5.0, "friction coefficient of the cable where it is wrapped", 0.4,
         ),
     ),
-    validity="rigid bodies, sliding distances far above those of pre-sliding",
-    experiment="constant slow speeds both ways, at two loads: the part that does not change with the load is the level",
+    validity="rigid bodies that slide much farther than their pre-sliding",
+    experiment="Move at constant slow speeds in both directions, under two loads. The level is the part of the "
+    "friction that does not change with the load",
     confusable=("stribeck_friction", "load_dependent_friction", "presliding_hysteresis"),
 )  # fmt: skip

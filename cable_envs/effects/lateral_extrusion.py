@@ -1,4 +1,4 @@
-"""Friction of the hole that grows with sliding speed, as the cable is pressed into the edge."""
+"""The friction of a hole grows with the sliding speed, because the cable is pressed against the edge and flattened."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -19,6 +19,6 @@ EFFECT = Effect(
         ),
     ),
     validity="braided and stranded cables, 30 to 90 degrees, up to about 11 mm/s (Gu 2024, Table A1)",
-    experiment="tension ratio over speed at three wrap angles and two clearances",
+    experiment="Measure the tension ratio over speed at three wrap angles and two clearances",
     confusable=("viscous_friction", "stribeck_friction"),
 )  # fmt: skip

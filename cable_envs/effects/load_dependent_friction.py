@@ -1,4 +1,4 @@
-"""Friction in proportion to the cable's tension: bearings that carry it, guides that it presses."""
+"""Friction grows in proportion to the tension of the cable, in bearings that carry it and guides that it presses."""
 
 from cable_envs.core.kernels import inline, select
 from cable_envs.effects.base import Effect, EffectParameter
@@ -12,18 +12,19 @@ EFFECT = Effect(
     "mu r_s / R per tension: Eq. (24); exponent -1/3 for elastic contacts: Bowden and Tabor, The Friction and "
     "Lubrication of Solids, Oxford 1950",
     parameters=(
-        EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension at the load or output", 0.03, 0.02),
+        EffectParameter("coefficient", "1", 0.0, 0.0, 1.0, "friction over tension, at the load or output", 0.03, 0.02),
         EffectParameter(
-            "exponent", "1", 0.0, -2.0, 2.0, "growth of the hole's friction coefficient with the tension", 0.3,
+            "exponent", "1", 0.0, -2.0, 2.0, "exponent of the hole's friction coefficient over the tension", 0.3,
             signed=True,
         ),
         EffectParameter(
             "shaft", "1", 0.0, 0.0, 2.0, "friction coefficient of the idlers on their shafts, mu_s", 0.15,
         ),
     ),
-    validity="Amontons; coefficient mu r_s / R of a plain bearing. On the hole a friction in proportion to T1 is what "
-    "the coefficient of friction does, too; the weight is that of the load at rest at y = 0",
-    experiment="constant slow speed at four loads or pretensions: the slope of friction over tension",
+    validity="Amontons' law; the coefficient is mu r_s / R of a plain bearing. On the hole, friction in proportion to "
+    "T1 is what the coefficient of friction does as well; the weight is that of the load at rest at y = 0",
+    experiment="Move at a constant slow speed under four loads or pretensions. The coefficient is the slope of "
+    "friction over tension",
     confusable=("coulomb_friction", "bending_stiffness"),
 )  # fmt: skip
 

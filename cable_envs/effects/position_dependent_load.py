@@ -1,4 +1,4 @@
-"""A spring or a weight that the nominal load lacks: return springs, wiring, gravity."""
+"""The load has a spring or a weight that its nominal model lacks: return springs, wiring, gravity."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -18,7 +18,7 @@ EFFECT = Effect(
             "mass", "kg", 0.0, 0.0, 1e3, "point mass carried by the driven pulley", 0.2, 0.2,
         ),
     ),
-    validity="the hole's spring is relaxed at y = 0; a mass also adds inertia",
-    experiment="hold at eight positions, approached from both sides",
+    validity="any travel; the spring of the hole is relaxed at y = 0, and a mass also adds inertia",
+    experiment="Hold at eight positions, each approached from both sides",
     confusable=("position_ripple", "cable_elongation", "asymmetric_friction"),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""A periodic error over position: eccentric pulleys and screws (motion), cogging (force)."""
+"""An error repeats with the position: of the motion (eccentric pulleys and screws) or of the force (cogging)."""
 
 from cable_envs.core.kernels import inline, sine_cosine
 from cable_envs.effects.base import Effect, EffectParameter
@@ -21,8 +21,9 @@ EFFECT = Effect(
         EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
         EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),
     ),
-    validity="amplitude below period / 2 pi, else the drive would move the cable backwards",
-    experiment="slow motion over several periods, both ways and at two speeds: the same over position, not over time",
+    validity="amplitudes below period / 2 pi; with a larger one the drive would move the cable backwards",
+    experiment="Move slowly over several periods, in both directions and at two speeds. The error is the same over "
+    "position and not over time",
     confusable=("position_dependent_load",),
     wave=("period", "phase"),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Dry friction that builds up over a distance after each reversal: asperities bend before they slide."""
+"""After each reversal dry friction builds up over a distance, because asperities bend before they slide."""
 
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sqrt
 from cable_envs.effects.base import Effect, EffectParameter
@@ -18,14 +18,16 @@ EFFECT = Effect(
             0.0,
             0.0,
             1.0,
-            "motion from full friction one way to full friction the other",
+            "travel from full friction in one direction to full friction in the other",
             5e-4,
             0.02,
             probes=(0.05, 0.1, 0.2, 0.4, 0.7, 1.0, 2.0),  # far from in proportion
         ),
     ),
-    validity="takes the place of the set-valued dry friction of the load or output (cable_hole: the hole's too)",
-    experiment="reversals of growing amplitude around one position with the output free; loops within loops",
+    validity="wherever dry friction acts; it replaces the set-valued friction of the load or output, and on "
+    "`cable_hole` that of the hole",
+    experiment="Reverse with growing amplitude around one position, with the output free. The loops lie within each "
+    "other",
     confusable=("backlash", "cable_elongation", "partial_slip"),
 )
 

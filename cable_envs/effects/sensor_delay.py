@@ -1,4 +1,4 @@
-"""A measurement that comes late."""
+"""A measurement comes late."""
 
 import numpy as np
 
@@ -8,11 +8,11 @@ from cable_envs.effects.base import Effect, EffectParameter
 EFFECT = Effect(
     name="sensor_delay",
     seam="sense",
-    equation="y(t) = x(t - delay), by straight lines between control steps",
+    equation="y(t) = x(t - delay), interpolated linearly between control steps",
     source="Smith, Chem. Eng. Prog. 53 (1957) 217: dead time",
     parameters=(EffectParameter("signal", "s", 0.0, 0.0, 1.0, "delay of this sensor", 0.02),),
-    validity="whole and part control steps; until the delay has passed the first value is seen",
-    experiment="a chirp, and a step seen by two sensors: a delay shifts, a lag smears",
+    validity="whole and fractional control steps; until the delay has passed, the sensor shows the first value",
+    experiment="Command a chirp, and a step that two sensors see. A delay shifts the step, and a lag smears it",
     confusable=("actuator_lag",),
     each_sensor=True,
 )

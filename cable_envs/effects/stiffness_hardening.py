@@ -1,4 +1,4 @@
-"""A rope whose stiffness grows with its tension: strands and braids settle."""
+"""The stiffness of a rope grows with its tension, because strands and braids settle."""
 
 from cable_envs.core.kernels import inline, sqrt
 from cable_envs.effects.base import Effect, EffectParameter
@@ -14,8 +14,8 @@ EFFECT = Effect(
             probes=(0.1, 0.5, 2.0, 6.0),
         ),
     ),
-    validity="first order in tension; the chain takes each span's secant stiffness from the step before",
-    experiment="output locked, force ramped over the whole range: drive motion over tension bends",
+    validity="first order in the tension; the chain takes the secant stiffness of each span from the step before",
+    experiment="Lock the output, and ramp the force over the whole range. The curve of drive motion over tension bends",
     confusable=("cable_elongation", "slack"),
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Friction that falls from its value at breakaway to the sliding one as the speed grows."""
+"""Friction is largest at breakaway, and falls to its sliding value as the speed grows."""
 
 from cable_envs.core.kernels import exp, inline
 from cable_envs.effects.base import Effect, EffectParameter
@@ -11,15 +11,15 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("excess", "N", 0.0, 0.0, 1e4, "friction at v = 0 above Coulomb's, load or output", 2.0, 0.01),
         EffectParameter(
-            "contact", "1", 0.0, 0.0, 5.0, "excess of the hole's friction coefficient at v = 0", 0.15,
+            "contact", "1", 0.0, 0.0, 5.0, "friction coefficient of the hole at v = 0 above the sliding one", 0.15,
         ),
         EffectParameter(
             "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True,
             probes=(0.3, 1.0, 4.0, 16.0),
         ),
     ),
-    validity="steady sliding; below a few pre-sliding lengths the excess is not yet lost",
-    experiment="eight constant speeds from far below to far above `velocity`, both ways",
+    validity="steady sliding; within a few pre-sliding lengths the friction has not yet fallen",
+    experiment="Move at eight constant speeds in both directions, from far below `velocity` to far above it",
     confusable=("coulomb_friction", "viscous_friction", "presliding_hysteresis"),
 )  # fmt: skip
 

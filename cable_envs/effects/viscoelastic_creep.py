@@ -1,4 +1,4 @@
-"""The cable goes on stretching under load, and recovers: a standard linear solid."""
+"""The cable goes on stretching under load, and recovers after it (standard linear solid)."""
 
 from cable_envs.core.kernels import exp, inline, select
 from cable_envs.effects.base import Effect, EffectParameter
@@ -9,14 +9,14 @@ EFFECT = Effect(
     equation="T = k (stretch - u), time u' = share T / k - u (circuit: share (T - T_pre): it is settled at rest)",
     source="standard linear solid: Zener, Elasticity and Anelasticity of Metals, Chicago 1948",
     parameters=(
-        EffectParameter("share", "1", 0.0, 0.0, 20.0, "creep's part of the compliance over the elastic one", 0.5),
+        EffectParameter("share", "1", 0.0, 0.0, 20.0, "compliance of the creep over the elastic one", 0.5),
         EffectParameter(
             "time", "s", 5.0, 1e-3, 1e5, "time constant of the creep", 5.0, shape=True, probes=(0.1, 1.0),
             search_low=0.2,  # creep that is over in 0.1 s is a cable's damping
         ),
     ),
-    validity="linear; one time constant (a rope has several: the one within the record counts)",
-    experiment="hold a load, unload, hold, repeat: creep comes back, drift does not",
+    validity="linear creep with one time constant. A rope has several; the one that is visible in the record counts",
+    experiment="Hold a load, unload, hold, and repeat. Creep comes back, and drift does not",
     confusable=("friction_drift", "cable_elongation", "actuator_lag"),
 )  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""Friction that grows with speed: load, output, carriage, and the drive of a circuit."""
+"""Friction grows in proportion to speed: at the load, the output, the carriage, or the drive of a circuit."""
 
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -15,7 +15,8 @@ EFFECT = Effect(
             "drive", "N s/m", 0.0, 0.0, 100.0, "viscous friction of the drive (felt in torque mode)", 5e-3, 5e-3,
         ),
     ),
-    validity="laminar lubrication, constant temperature",
-    experiment="eight constant speeds both ways at one load: the slope of friction over speed",
+    validity="laminar lubrication at constant temperature",
+    experiment="Move at eight constant speeds in both directions under one load. The coefficient is the slope of "
+    "friction over speed",
     confusable=("lateral_extrusion", "stribeck_friction", "actuator_lag"),
 )  # fmt: skip

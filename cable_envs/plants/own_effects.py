@@ -20,7 +20,7 @@ A cubic spring to ground, which pushes the slide of a drive back:
     EFFECT = Effect(
         name="cubic_spring", seam="load", equation="F = -stiffness y^3", source="Duffing 1918",
         parameters=(EffectParameter("stiffness", "N/m^3", 0.0, 0.0, 1e8, "spring to ground", typical=5e3),),
-        plants=("linear_drive",), validity="any travel", experiment="hold at eight positions", hooks={"load": spring},
+        plants=("linear_drive",), validity="any travel", experiment="Hold at eight positions", hooks={"load": spring},
     )
 
 They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math` and those of

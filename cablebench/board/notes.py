@@ -1,4 +1,4 @@
-"""What a reader must know about a board before believing it: what is missing, left out, or thinner than asked for."""
+"""What a reader must know about a board before believing it: what is missing, left out, or less than asked for."""
 
 from collections.abc import Sequence
 
@@ -21,15 +21,18 @@ def notes(
     found = [protocol.note, *_coverage(tables, protocol), *_seeds(tables, protocol)]
     rows = [r for t in tables for r in t.rows]
     if any(r.score is not None and r.score.unit == "episodes" for r in rows):
-        found.append("Rows with a single run have intervals over test episodes only: they say nothing about training.")
+        found.append(
+            "The interval of a row with a single run is over test episodes only. It does not say how much another "
+            "training would differ."
+        )
     missing = [f"{t.task} ({t.track})" for t in tables if t.rows and t.rows[0].score is None]
     if missing:
         found.append(
-            "No scores, because open loop or oracle are missing, or the oracle is no better: "
+            "There are no scores where the open loop or the oracle is missing, or where the oracle is no better: "
             f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
         )
     if incomplete:
-        found.append(f"Left out because some of their episodes are missing: {', '.join(incomplete)}.")
+        found.append(f"These were left out because some of their episodes are missing: {', '.join(incomplete)}.")
     return tuple(filter(None, [*found, *_others(everything, protocol), _mixture(own)]))
 
 
@@ -48,9 +51,12 @@ def _coverage(tables: Sequence[Table], protocol: Protocol) -> list[str]:
     ]
     lines = []
     if absent:
-        lines.append(f"Incomplete board: the protocol asks for {len(asked)} rankings; not run: {', '.join(absent)}.")
+        lines.append(
+            f"Incomplete board: of the {len(asked)} rankings that the protocol asks for, these were not run: "
+            f"{', '.join(absent)}."
+        )
     if thin:
-        lines.append(f"Fewer test episodes than the protocol asks for: {', '.join(thin)}.")
+        lines.append(f"These have fewer test episodes than the protocol asks for: {', '.join(thin)}.")
     return lines
 
 
@@ -69,7 +75,7 @@ def _seeds(tables: Sequence[Table], protocol: Protocol) -> list[str]:
         counts = sorted(set(tasks.values()))
         where = ", ".join(tasks) if len(tasks) <= 2 else f"{len(tasks)} tasks"
         texts.append(f"{name} ({'-'.join(map(str, dict.fromkeys((counts[0], counts[-1]))))} on {where})")
-    return [f"Fewer than the protocol's {protocol.training_seeds} training seeds: {', '.join(texts)}."]
+    return [f"These have fewer than the protocol's {protocol.training_seeds} training seeds: {', '.join(texts)}."]
 
 
 def _others(everything: Sequence[Record], protocol: Protocol) -> list[str]:
@@ -86,7 +92,7 @@ def _others(everything: Sequence[Record], protocol: Protocol) -> list[str]:
         else:
             others += 1
     lines = [
-        f"{count} records of version {version} of the protocol were left out: this board is of version "
+        f"{count} records of version {version} of the protocol were left out, because this board is of version "
         f"{protocol.version}."
         for version, count in sorted(versions.items())
     ]

@@ -97,14 +97,16 @@ def print_board(board: Board, console: Any) -> None:
 def legend(board: Board) -> list[str]:
     """The sentences without which the tables cannot be read."""
     lines = [
-        f"Score: 0 = {board.protocol.open_loop}, 1 = {board.protocol.oracle}; interquartile mean with "
-        f"{100 * board.protocol.level:g} % interval over training seeds (* single run: over test episodes). "
-        f"Ranked within the information class. A failed episode scores {board.protocol.worst_score:g}.",
-        f"Raw values: median over completed episodes; '>' marks a settling time that was not reached. "
-        f"'> paper': probability of improvement over {_papers(board)}.",
+        f"Score: 0 = {board.protocol.open_loop}, 1 = {board.protocol.oracle}. A score is an interquartile mean with "
+        f"its {100 * board.protocol.level:g} % interval over training seeds; a star marks a single run, whose interval "
+        "is over test episodes. Entrants are ranked within their information class. A failed episode has a score of "
+        f"{board.protocol.worst_score:g}.",
+        "Other values are medians over completed episodes. '>' before a settling time: it was not reached. "
+        f"'> paper': the probability that an episode is better than that of {_papers(board)}.",
     ]
     origin = (
-        f"{board.protocol.name} protocol, version {board.version}, configuration {board.configuration}, {board.created}"
+        f"Made by the {board.protocol.name} protocol, version {board.version}, configuration {board.configuration}, "
+        f"on {board.created}."
     )
     return [*lines, *board.notes, origin]
 

@@ -107,12 +107,12 @@ def check_name(entrant: Any, records: list[Mapping[str, Any]], reserved: tuple[s
     and, under another name, other settings.
     """
     if entrant.name in reserved:
-        raise ConfigurationError(f"'{entrant.name}' is the name of a reference: choose another with --name")
+        raise ConfigurationError(f"'{entrant.name}' is the name of a reference controller: choose another with --name")
     for r in records:
         if r["entrant"] == entrant.name and r.get("maker", "") != entrant.maker:
             raise ConfigurationError(
                 f"'{entrant.name}' is on the board already, by another maker: choose another name with --name, or say "
-                "--maker with the phrase that it was handed in with"
+                "--maker with the phrase that it was submitted with"
             )
         same = (r["entrant"], r["training_seed"]) == (entrant.name, entrant.training_seed)
         if same and (r.get("settings") or {}) != dict(entrant.settings) and _enters(entrant, r["env_id"]):

@@ -50,7 +50,7 @@ def _places(record: Mapping[str, Any], traces: Sequence[Any], named: bool) -> li
         if not own:
             continue
         first = next((t for t in own if place and t.record == place["record"]), own[0])
-        text = place["where"] if place else f"{words.plain(channel)} of {first.record}: nothing beyond noise"
+        text = place["where"] if place else f"{words.plain(channel)} of {first.record}: there is nothing beyond noise"
         found.append((text, figures.over_time(first, named), figures.along(own, place, named)))
     return found
 
@@ -64,7 +64,7 @@ def _visited(record: Mapping[str, Any]) -> str:
         f"{words.plain(c)} {words.shown(r['low'], r['unit'])} to {words.shown(r['high'], r['unit'])}"
         for c, r in seen["ranges"].items()
     ]
-    text = f"{seen['seconds']:.0f} s to fit: {'; '.join(ranges)}"
+    text = f"The fitted records last {seen['seconds']:.0f} s and cover {'; '.join(ranges)}"
     if "reversals" in seen:
         unit = seen["ranges"][seen["motion"]]["unit"]
         text += f"; {seen['reversals']} reversals, speeds up to {words.shown(seen['fastest'], unit + '/s')}"

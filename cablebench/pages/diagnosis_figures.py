@@ -48,7 +48,7 @@ def over_time(trace: Any, named: bool) -> str:
             bottom.plot(time, factor * after, color=BLUE, linewidth=0.6, label="recorded − with the answer")
         for side in (-2.0, 2.0):
             bottom.axhline(side * factor * trace.noise, color=SOFT, linewidth=0.7, linestyle=(0, (2, 2)))
-        bottom.set(xlabel="time of the recording [s]", ylabel=f"left [{unit}]", xlim=(time[0], time[-1]))
+        bottom.set(xlabel="time of the recording [s]", ylabel=f"residual [{unit}]", xlim=(time[0], time[-1]))
         for ax in (top, bottom):
             ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         figure.subplots_adjust(left=0.085, right=0.99, top=0.92, bottom=0.12, hspace=0.3)
@@ -84,7 +84,7 @@ def along(traces: Sequence[Any], place: Mapping[str, Any] | None, named: bool) -
             if k >= len(names):
                 ax.set_visible(False)
             elif k % 3 == 0:
-                ax.set_ylabel(f"mean left [{unit}]")
+                ax.set_ylabel(f"mean residual [{unit}]")
         axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         height = figure.get_size_inches()[1]
         figure.subplots_adjust(
@@ -145,7 +145,7 @@ def errors(fit: Mapping[str, Any], named: bool) -> str:
             ax.plot(ratios, range(len(channels)), marker, color=colour, markersize=6, label=label)
         ax.axvline(1.0, color=INK, linewidth=0.9, linestyle=(0, (4, 2)), label="noise")
         ax.set_yticks(range(len(channels)), [plain(c) for c in channels])
-        ax.set(ylim=(len(channels) - 0.5, -0.5), xlabel="RMS on unseen records over the noise", xscale="log")
+        ax.set(ylim=(len(channels) - 0.5, -0.5), xlabel="RMS on held-out records over the noise", xscale="log")
         ticks = [
             t for t in (0.5, 1, 1.2, 1.5, 2, 3, 5, 10, 20, 50, 100, 1000) if ax.get_xlim()[0] <= t <= ax.get_xlim()[1]
         ]
@@ -175,7 +175,7 @@ def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:
             )
             ax.plot(by * at, factor * height, color=BLUE)
             ax.axhline(0.0, color=SOFT, linewidth=0.7)
-            ax.set(title=plain(row["channel"]), xlabel=f"{row['coordinate']} [{shown}]", ylabel=f"left [{unit}]")
+            ax.set(title=plain(row["channel"]), xlabel=f"{row['coordinate']} [{shown}]", ylabel=f"residual [{unit}]")
         figure.subplots_adjust(left=0.085, right=0.99, top=0.88, bottom=0.2, wspace=0.35)
 
     return svg(draw, 9.6, 2.5)
@@ -197,7 +197,7 @@ def spectra(rows: Sequence[Mapping[str, Any]]) -> str:
             decades = [f for k in range(-3, 9) for f in (10.0**k,) if least / 2 < f < 2 * most]
             ax.set_yticks(decades, [f"{f:g}" for f in decades])
             ax.set_yticks([], minor=True)
-        axes[0].set_ylabel("power over the noise's")
+        axes[0].set_ylabel("power over that of the noise")
         axes[0].legend(loc="upper left")
         figure.subplots_adjust(left=0.085, right=0.99, top=0.9, bottom=0.18, wspace=0.25)
 

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 VERDICT = {
-    "named": "Something is missing, and it has a name",
-    "equivalence_class": "Something is missing; this recording cannot tell which of a few",
-    "unknown": "Something is missing that no hypothesis explains",
+    "named": "An effect is missing, and it is named",
+    "equivalence_class": "An effect is missing, and this recording cannot tell which of a few",
+    "unknown": "Something is missing that no known effect explains",
     "no_detectable_mismatch": "Nothing is missing that this recording could show",
 }
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
@@ -49,13 +49,13 @@ def headline(record: Mapping[str, Any]) -> str:
     if verdict == "no_detectable_mismatch":
         return (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
-        ) + (" It oscillates by itself, and the recording as it does." if record.get("spectra") else "")
+        ) + (" It oscillates by itself, as the recording does." if record.get("spectra") else "")
     if verdict == "unknown":
         places = record["location"]
         where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
         if record.get("suspected"):
-            return f"Something is missing; {_suspects(record)} helped, but what is left is no noise.{where}"
-        return f"Something is missing, but none of the {len(record['hypotheses'])} hypotheses explains it.{where}"
+            return f"Something is missing. The fit improves with {_suspects(record)}, but the rest is not noise.{where}"
+        return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it.{where}"
     several = " and ".join(_one(effect) for effect in effects)
     return f"The simulator lacks {several}."
 
@@ -77,7 +77,7 @@ def _suspects(record: Mapping[str, Any]) -> str:
 
 
 def cost(record: Mapping[str, Any]) -> str:
-    """What it costs to leave it out: the channel whose held-out error falls most, or is farthest above its noise."""
+    """What the effect changes: the channel whose held-out error falls most, or is farthest above its noise."""
     named = record["verdict"] in ("named", "equivalence_class")
 
     def above(fit: Mapping[str, Any]) -> float:
@@ -91,27 +91,27 @@ def cost(record: Mapping[str, Any]) -> str:
     held, unit = fit["heldout_rmse"], fit["unit"]
     floor = shown(fit["noise_floor"], unit)
     if not named:
-        helped = f", with {_suspects(record)} {shown(held['suspected'], unit)}" if record.get("suspected") else ""
+        helped = f", and {shown(held['suspected'], unit)} with {_suspects(record)}" if record.get("suspected") else ""
         return (
-            f"On records that no fit has seen, {plain(channel)} is predicted to {shown(held['refit'], unit)} RMS "
-            f"(at the claimed parameters {shown(held['nominal'], unit)}{helped}); its noise is about {floor}."
+            f"On held-out records the error of {plain(channel)} is {shown(held['refit'], unit)} RMS with the refitted "
+            f"parameters, {shown(held['nominal'], unit)} with the claimed ones{helped}. Its noise is about {floor}."
         )
     if record.get("spectra"):
         return (
             f"With it the simulation oscillates by itself as the recording does, most at {_loudest(record):.3g} Hz. "
-            f"When it swings which way nobody can predict: on unseen records {plain(channel)} stays at "
-            f"{shown(held['refit'], unit)} RMS (the noise is {floor}), and to ignore it costs the oscillation."
+            f"The phase of the oscillation cannot be predicted, so that the error of {plain(channel)} on held-out "
+            f"records stays at {shown(held['refit'], unit)} RMS (the noise is {floor}). Without the effect the "
+            "simulation does not oscillate."
         )
     change = 1.0 - held["augmented"] / max(held["refit"], 1e-300)
     if change < HARDLY:
         return (
-            f"It is there, and to ignore it costs little: {plain(channel)} is predicted on unseen records to "
-            f"{shown(held['refit'], unit)} RMS without it, to {shown(held['augmented'], unit)} with it (the noise is "
-            f"{floor})."
+            f"It changes little: on held-out records the error of {plain(channel)} is {shown(held['refit'], unit)} RMS "
+            f"without it and {shown(held['augmented'], unit)} with it. The noise is {floor}."
         )
     return (
-        f"To ignore it costs {plain(channel)} on unseen records {shown(held['refit'], unit)} RMS where "
-        f"{shown(held['augmented'], unit)} is possible ({change:.0%} less; the noise is {floor})."
+        f"On held-out records the error of {plain(channel)} is {shown(held['refit'], unit)} RMS without it and "
+        f"{shown(held['augmented'], unit)} with it ({change:.0%} less). The noise is {floor}."
     )
 
 
@@ -127,8 +127,8 @@ def advice(record: Mapping[str, Any]) -> str:
     if verdict == "named":
         rig = record["augmented_rig"]
         if record["about"]["system"] == "linear_drive":  # no environment has it
-            return f"Take the corrected rig, {rig}: it has the effect and the refitted parameters."
-        return f"Simulate with the corrected rig: gymnasium.make(..., rig='{rig}') has the effect and the refit."
+            return f"Use the corrected rig, {rig}, which has the effect and the refitted parameters."
+        return f"Simulate with the corrected rig, which has the effect and the refit: gymnasium.make(..., rig='{rig}')."
     if verdict == "equivalence_class":
         effect = next((e for e in record["effects"] if e["alternatives"]), record["effects"][0])  # or another sensor's
         return f"To tell them apart: {effect['separating_experiment']}."
@@ -136,19 +136,19 @@ def advice(record: Mapping[str, Any]) -> str:
         places = record["location"]
         where = f" where the mismatch is ({places[0]['in_words']})" if places else ""
         look = (
-            f"Look at the rig{where}; then give your own idea as --effect-file. The maps of what is left say "
-            "what shape it must have."
+            f"Look at the rig{where}. Then test an idea of your own with --effect-file. The maps of what is left show "
+            "what shape the effect must have."
         )
         if not record.get("suspected") or record["about"]["judge"] == "unseen":
             return look
-        unseen = "ask with --judge unseen, which accepts effects by the error on records that no fit has seen"
+        unseen = "use --judge unseen, which accepts effects by the error on held-out records"
         return f"If what is left may be the simulator's own error, {unseen}. {look}"
-    return "Look below for the size that each effect would need for this recording to show it."
+    return "The table of the effects tried says from which size on this recording would have shown each."
 
 
 def _stepped(step: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     errors = ", ".join(f"{plain(c)} {shown(value, fit[c]['unit'])}" for c, value in step["heldout"].items())
-    return f"  step: {plain(step['name'])}; unseen records then: {errors}"
+    return f"  step: {plain(step['name'])}; RMS on held-out records after it: {errors}"
 
 
 def lines(record: Mapping[str, Any]) -> list[str]:
@@ -164,11 +164,11 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     found += [f"  where: {place['where']}" for place in record["location"][:4]]
     for name, p in record["absorbed"].items():
         values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]
-        found.append(f"  {name}: claimed {values[0]}, refitted {values[1]}, with the answer {values[2]}")
+        found.append(f"  {name}: claimed {values[0]}, refitted {values[1]}, refitted with the answer {values[2]}")
     for channel, fit in record["fit"].items():
         held, unit = fit["heldout_rmse"], fit["unit"]
         found.append(
-            f"  {channel}, unseen records, RMS: claimed {shown(held['nominal'], unit)}, refitted "
+            f"  {channel}, RMS error on held-out records: claimed {shown(held['nominal'], unit)}, refitted "
             f"{shown(held['refit'], unit)}, with the answer {shown(held['augmented'], unit)}; noise "
             f"{shown(fit['noise_floor'], unit)}"
         )

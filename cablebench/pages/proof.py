@@ -5,7 +5,7 @@ from typing import Any
 
 from cable_envs.drawing import pages
 from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
-from cable_envs.proof.report import WORDS, missing_words
+from cable_envs.proof.report import SMALL_PRINT, WORDS, limits_kept, missing_words, wanted
 
 
 def render(record: Mapping[str, Any]) -> str:
@@ -22,7 +22,8 @@ def render(record: Mapping[str, Any]) -> str:
         for name, method in methods.items()
     ]
     content = {"record": record, "methods": methods, "rows": _rows(methods), "figures": figures, "words": WORDS}
-    content |= {"broken": record["broken_rules"], "missing": missing_words(record)}
+    content |= {"broken": record["broken_rules"], "missing": missing_words(record), "small_print": SMALL_PRINT}
+    content |= {"limits_kept": limits_kept(next(iter(methods), "nobody"), record["broken_rules"])}
     return pages.render("cablebench.pages", "templates/proof.html.j2", content)
 
 
@@ -31,7 +32,7 @@ def _rows(methods: Mapping[str, Any]) -> list[dict[str, Any]]:
     return [
         {
             "name": row["name"],
-            "wanted": f"{row['direction']} {100 * row['reach']:g} %" if row["direction"] else "",
+            "wanted": wanted(row),
             "cells": [_cell(method["rows"][k]) for method in methods.values()],
         }
         for k, row in enumerate(first)

@@ -16,7 +16,9 @@ FILES = {JAW: "davinci"}
 _SAID = {
     "load_dependent_friction": "load-dependent friction", "presliding_hysteresis": "pre-sliding",
     "sensor_rectification": "rectifying sensor", "actuator_lag": "lag of the drive",
-    "sensor_delay.speed_reading": "delay of the sensor", "detector_power": "curved sensor",
+    "sensor_delay.speed_reading": "delay of the sensor", "detector_power": "nonlinear sensor",
+    "coulomb_friction": "Coulomb friction", "stribeck_friction": "Stribeck friction",
+    "position_dependent_load": "position-dependent load",
 }  # fmt: skip
 _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
@@ -66,17 +68,23 @@ def summary(out: Path, names: Sequence[str]) -> str:
     lines = [
         "# Recordings of real rigs, diagnosed",
         "",
-        f"This is the first table of the page with all figures, {PAGE}, which",
-        "`cablebench recordings --page-only --out docs/recordings` makes from the numbers beside this file.",
+        "Four public recordings of real rigs were diagnosed. Each diagnosis began with a *naive* simulator, which",
+        "lacks almost everything, and accepted an effect only if it lowers the error on held-out records",
+        "(`cablebench diagnose --judge unseen`). The error is the RMS of the prediction on these records. The last",
+        "column says which effects are named when the diagnosis starts from the corrected rig.",
         "",
-    ]
-    lines += [
-        "| recording | named, in order | naive, held-out error | with what was named | from the corrected rig |",
+        "| recording | effects that are named, in their order | error, naive simulator | error, with these effects "
+        "| named from the corrected rig |",
         "|---|---|--:|--:|---|",
     ]
     for row in glance(_sets(out, names)):
         again = ", ".join(row["again"])
         lines.append(f"| {row['title']} | {', '.join(row['named'])} | {row['naive']} | {row['final']} | {again} |")
+    lines += [
+        "",
+        "`cablebench real-data --page-only --out docs/recordings` makes this table, and the page with all figures",
+        f"({PAGE}), from the numbers beside this file.",
+    ]
     return "\n".join(lines) + "\n"
 
 

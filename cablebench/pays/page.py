@@ -40,22 +40,36 @@ def page(result: Mapping[str, Any]) -> str:
     lines = [
         "# Does it pay?",
         "",
-        "A rig with concealed effects was recorded by the generator of the blind proof, which shares no integrator "
-        "with the simulators, and `cablebench diagnose` was asked, which knew the preset and nothing of the effects. "
-        "Then the paper's controller was tuned, and an agent that corrects it was trained without randomisation, on "
-        "three simulators each: the nominal preset, the one that the diagnosis corrected, and the oracle, which is "
-        "told the effects. The controller believes its simulator's rig. All were scored on the hidden rig, on seeds "
-        "that no tuning or training saw. The agent corrects the controller with the gains of the agent's own settings "
-        "(`configs/agents/residual-ppo.yaml`), not the tuned ones: compare along the rows, not down the columns.",
+        "Does a controller or an agent become better on a rig when its simulator is corrected by a diagnosis? This "
+        "page measures it on rigs that are simulated, so that the truth is known.",
+        "",
+        "1. A *hidden rig* has effects that its nominal simulator lacks. The generator of the blind proof, which "
+        "shares no integrator with the simulators, recorded it.",
+        "2. `cablebench diagnose` was given the recording and the preset of the rig. It was not told the effects.",
+        "3. The paper's controller was tuned, and an agent that corrects this controller was trained without "
+        "randomisation, on each of three simulators:",
+        "",
+        "| simulator | rig that it simulates, and that the controller takes for the true one |",
+        "|---|---|",
+        "| nominal | the preset |",
+        "| augmented | the preset, corrected by the diagnosis |",
+        "| oracle | the preset with the concealed effects |",
+        "",
+        "4. All were tested on the hidden rig, with seeds that no tuning or training used.",
+        "",
+        "The agent corrects the controller with the gains of the agent's own settings "
+        "(`configs/agents/residual-ppo.yaml`) and not with the tuned ones. The numbers can therefore be compared along "
+        "the rows and not down the columns.",
         "",
         "```",
         " ".join(result["command"].replace("`", "'").split()),
         "```",
         "",
-        f"Each tuning had {budget['trials']} trials of {budget['tuning_episodes']} episodes, each training "
-        f"{budget['steps']} steps, on every simulator alike. Intervals: 95 %, bootstrap over {len(result['seeds'])} "
-        f"seeds of tuning and training with {result['episodes']} episodes each. The recording is one, and so is the "
-        "diagnosis: the intervals do not hold what another recording would change.",
+        f"Each tuning had {budget['trials']} trials of {budget['tuning_episodes']} episodes and each training "
+        f"{budget['steps']} steps, on every simulator. Brackets hold 95 % intervals: a bootstrap over "
+        f"{len(result['seeds'])} seeds of tuning and training with {result['episodes']} episodes each. There is one "
+        "recording and one diagnosis of each rig. The intervals therefore do not include what another recording would "
+        "change.",
         "",
         f"![errors on the hidden rigs]({FIGURE})",
     ]
@@ -66,19 +80,20 @@ def page(result: Mapping[str, Any]) -> str:
 
 def _of_rig(name: str, found: Mapping[str, Any]) -> list[str]:
     bench = RIGS[name]
-    chosen = f"They were chosen so: {bench.chosen}." if found["hidden"] == bench.effects else ""
+    chosen = bench.chosen if found["hidden"] == bench.effects else ""
     lines = [
         f"## {name.capitalize()}",
         "",
-        f"Hidden rig: `{bench.preset}`, {bench.about}. Concealed: {_said(found['hidden'])}. {chosen}".rstrip(),
+        f"The hidden rig has the preset `{bench.preset}`. {bench.about} Concealed are {_said(found['hidden'])}.",
         "",
+        *((chosen, "") if chosen else ()),
         f"The diagnosis answered **{markdown_text(found['diagnosis']['verdict'])}**:",
         "",
         *_against_truth(found["hidden"], found["diagnosis"]["effects"]),
         "",
         f"Tracking error on the hidden rig, RMSE in {bench.unit}:",
         "",
-        "| learner | nominal | augmented | oracle | saved by the diagnosis | share of the oracle's saving |",
+        "| controller or agent | nominal | augmented | oracle | nominal less augmented | share of the oracle's gain |",
         "|---|---|---|---|---|---|",
     ]
     for learner, entry in found["summary"].items():
@@ -99,7 +114,7 @@ def _against_truth(hidden: Mapping[str, Mapping[str, float]], effects: Sequence[
     for effect in effects:
         for name, q in effect["parameters"].items():
             named[effect["name"], name.split(".")[-1]] = (q, effect.get("confidence"))
-    rows = ["| effect | hidden | named | 95 % interval | confidence |", "|---|---|---|---|---|"]
+    rows = ["| effect | true value | named value | 95 % interval | confidence |", "|---|---|---|---|---|"]
     for effect, name in dict.fromkeys((*truth, *named)):
         value = truth.get((effect, name))
         q, sure = named.get((effect, name), (None, None))

@@ -51,12 +51,12 @@ RIGS: Mapping[str, HiddenRig] = {
         ),
         unit="mrad of the output angle",
         per_si=1e3,
-        about="played by the chain of spans and contacts; controllers and agents were made on the analytic circuit "
-        "and measure the drive alone",
-        chosen="the drive follows its command with a lag of 0.05 s, and its coupling has a gap of 0.1 rad, so that the "
-        "output stays behind after every reversal. With 0.02 N m of dry friction at the output instead of the gap both "
-        "were named too, the friction with load-dependent friction as its alternative; with all three at once the "
-        "diagnosis, which names two at the most, answered `unknown`",
+        about="It is simulated by the chain of spans and contacts. Controllers and agents are tuned and trained on the "
+        "analytic circuit, and measure the drive only.",
+        chosen="The drive follows its command with a lag of 0.05 s. Its coupling has a gap of 0.1 rad, so that the "
+        "output stays behind after every reversal. Two other choices were tried. With 0.02 N m of dry friction at the "
+        "output instead of the gap, both effects were named too, the friction with load-dependent friction as its "
+        "alternative. With all three at once the diagnosis, which names two effects at most, answered `unknown`.",
     ),
     "hole": HiddenRig(
         env="cable_envs/CableHole-Position-Sine-v0",
@@ -72,13 +72,14 @@ RIGS: Mapping[str, HiddenRig] = {
         ),
         unit="um of the load's position",
         per_si=1e6,
-        about="of which no second formulation can be controlled: what controllers and agents act on is the simulators' "
-        "own hole with the concealed effects and sensor noise; they measure the load",
-        chosen="what is moved pulls back by 400 N/m (tissue, wiring, a return spring), 4 N of 49 at the end of the "
-        "motion, and the drive follows its command with a lag of 0.1 s. Two other plans were answered `unknown`. With "
-        "4 N of dry friction in the load's guide in the lag's place, guide and hole both hold the load at a stop, and "
-        "may share it in many ways: at the truth the generator's tension of the load is 0.6 to 1.5 N off the "
-        "simulator's below 1 mm/s, 0.2 to 0.3 N above, with 0.1 N of noise. With a gap of 0.5 mm both were found "
-        "within 0.3 %, and up to 1.5 times the noise was left, all of it below 1 mm/s",
+        about="There is no second formulation of the hole that can be controlled. Controllers and agents are therefore "
+        "tested on the simulators' own hole with the concealed effects and sensor noise. They measure the load.",
+        chosen="The load is pulled back by a spring of 400 N/m (tissue, wiring, a return spring), which gives 4 N of "
+        "49 N at the end of the motion. The drive follows its command with a lag of 0.1 s. Two other choices were "
+        "answered `unknown`. With 4 N of dry friction in the load's guide instead of the lag, guide and hole both hold "
+        "the load at a stop, and can share it in many ways. At the true parameters the load's tension in generator and "
+        "simulator then differs by 0.6 to 1.5 N below 1 mm/s and by 0.2 to 0.3 N above, with 0.1 N of noise. With a "
+        "gap of 0.5 mm instead of the lag, both effects were found within 0.3 %. Up to 1.5 times the noise was left, "
+        "all of it below 1 mm/s.",
     ),
 }  # fmt: skip

@@ -29,7 +29,7 @@ _STANDS_OUT = 3.6
 """Standard deviations that `cable_envs.diagnosis.fit.score_tests.Score.visible` speaks of."""
 
 
-TURNED = "; the data want it with the other sign"
+TURNED = "; the data ask for the other sign, which it cannot have"
 
 
 def answer(
@@ -84,8 +84,8 @@ def _drifting(selection: Selection) -> list[str]:
     if selection.verdict != "unknown":
         return []
     settle = (
-        "the same motion again after a rest tells whether it comes back; a stated noise_std or a record at rest shows "
-        "smaller ones"
+        "to settle it, repeat the motion after a rest and see whether it comes back; with a stated noise_std or a "
+        "record at rest smaller drifts are visible"
     )
     found = [(name, why) for name, why in selection.refused.items() if why.startswith(LIKE_ANY)]
     return [f"{effect_name(name).replace('_', ' ')}: {why}; {settle}" for name, why in found]
@@ -97,8 +97,8 @@ def _oscillating(selection: Selection) -> list[str]:
         return []
     by = " with it" if selection.accepted else ""
     return [
-        f"the simulation{by} oscillates by itself, in a phase of its own: spectra were compared, and errors are those "
-        f"of the mean of {RUNS} runs, which has next to nothing of the oscillation"
+        f"the simulation{by} oscillates by itself, with a phase that cannot be predicted; so spectra were compared, "
+        f"and the errors are those of the mean of {RUNS} runs, in which the oscillation averages out"
     ]
 
 
@@ -122,7 +122,9 @@ def _unfitted(recording: Recording, question: Question, selection: Selection) ->
     if alone.p_value < selection.rules.alone_p or alone.over_noise > selection.rules.over:
         return []
     shown = ", ".join(dict.fromkeys(b.record for b in question.heldout.blocks))
-    return [f"only {shown}, held out, shows it: fit a motion like that ('use: fit') and hold another out"]
+    return [
+        f"only the held-out record {shown} shows it; fit a motion like that ('use: fit') and hold another record out"
+    ]
 
 
 def _beside_its_effects(selection: Selection) -> list[str]:
@@ -131,7 +133,9 @@ def _beside_its_effects(selection: Selection) -> list[str]:
     if not named_none or selection.after.p_value >= selection.rules.left_p:
         return []
     share = selection.after.excess / selection.explained
-    return [f"what is left is {share:.1%} of what the rig's effects explain: two formulations differ by as much"]
+    return [
+        f"what is left is {share:.1%} of what the rig's effects explain; two formulations of one physics differ as much"
+    ]
 
 
 def parameter_name(row: str, hypothesis: Hypothesis) -> str:
@@ -251,7 +255,7 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection) -> str:
     if not selection.score_tests:
         return "not looked for"
     if not scores:
-        return "none: wholly absorbed"
+        return "no size: the refit absorbs it"
     lead = next(iter(h.nulls))
     unit = question.units.get(lead, "")
     unit = "" if unit in ("", "1") else f" {unit}"
@@ -259,10 +263,10 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection) -> str:
     name = parameter_name(lead, h)
     if lead in h.inverse:
         value = max(_probed(s, lead) / (s.visible * asked) for s in scores)
-        return f"{name} below {value:.3g}{unit}" if value > bounds.low else "none within its bounds"
+        return f"{name} below {value:.3g}{unit}" if value > bounds.low else "no size within its bounds"
     size = min(abs(_probed(s, lead) - h.nulls[lead]) * s.visible * asked for s in scores)
     if size > max(abs(bounds.high - h.nulls[lead]), abs(bounds.low - h.nulls[lead])):
-        return f"none within its bounds: it would take {size:.3g}{unit}"
+        return f"no size within its bounds; it would take {size:.3g}{unit}"
     return f"{size:.3g}{unit}"
 
 
@@ -308,15 +312,15 @@ def wrong_way(score: Score | None, model: Model, least: float) -> bool:
 
 def _state(name: str, taken: Mapping[str, EffectGain], selection: Selection, refitted: Mapping[str, float]) -> str:
     if name in taken:
-        return "accepted" if selection.verdict != "unknown" else "helps, but does not explain what is left"
+        return "accepted" if selection.verdict != "unknown" else "improves the fit, but does not explain what is left"
     classes = [a.hypothesis.name for a in taken.values() if name in a.alternatives]
     if classes:
-        return f"cannot be told from {', '.join(classes)}"
+        return f"cannot be distinguished from {', '.join(classes)}"
     if name in selection.refused and not taken:
         return f"refused: {selection.refused[name]}"
     if name in refitted:
-        return "refitted; another one fits better" if taken else "refitted; gains too little"
-    return "scored only: others promise more"
+        return "refitted; another effect fits better" if taken else "refitted; the gain is too small"
+    return "not refitted; other effects have higher estimates"
 
 
 def _leftovers(selection: Selection) -> list[dict[str, Any]]:

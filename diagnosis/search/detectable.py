@@ -38,8 +38,8 @@ def limited_by_the_model(model: Model, selection: Selection, stated: Mapping[str
         return ""
     said = ", ".join(f"{channel.replace('_', ' ')} {ratio:.0f}" for channel, ratio in least.items())
     return (
-        f"noise is not what limits here: in every regime what is left is far above the sensors' noise (at least this "
-        f"many times: {said}). Use --judge unseen: it accepts effects by the error of records that no fit has seen"
+        f"the sensors' noise is not what limits the fit: in every part of the motion the residual is far above it (at "
+        f"least this many times: {said}). Use --judge unseen, which accepts effects by the error on held-out records"
     )
 
 

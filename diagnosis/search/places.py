@@ -81,10 +81,10 @@ def _regime(ways: tuple[str, str], own: Sequence[Trace], energy: np.ndarray) -> 
 def _sentence(channel: str, record: str, text: str, found: locate.Regime | None, share: float) -> str:
     name = channel.replace("_", " ")
     if found is None:
-        return f"{name} of {record}: {text}; {share:.0%} of the mismatch shows in this channel"
+        return f"{name} of {record}: {text}. {share:.0%} of the mismatch is in this channel"
     return (
-        f"{name} of {record}: {text}; that is {found.time:.0%} of the time and {found.energy:.0%} of this channel's "
-        f"mismatch, and {share:.0%} of it all shows in this channel"
+        f"{name} of {record}: {text}. That is {found.time:.0%} of the time and {found.energy:.0%} of this channel's "
+        f"mismatch. {share:.0%} of the whole mismatch is in this channel"
     )
 
 

@@ -183,7 +183,7 @@ def _compared(fit, heldout, base, scored, rules, so_far, refused, keep):
         comparisons.append(tuple(candidates))
         found = _first(fit, heldout, base, scored, candidates, rules, so_far, refused)
         if found is not None and _like_any(found, rules):
-            gains = f"it gains {found.gain:.1f}, less than the {rules.drifts:g} that would tell what"
+            gains = f"it gains {found.gain:.1f}, and {rules.drifts:g} would be needed to say which effect it is"
             refused[found.hypothesis.name] = f"{LIKE_ANY}: {gains}"
             return None, comparisons
         if found is not None or not any(c.gain >= least for c in candidates):

@@ -294,8 +294,8 @@ def prepare(recording: Recording, request: Request) -> Question:
     weighed = recording.rig is not None or "mass" in {**recording.known, **recording.nominal, **(request.rig or {})}
     if not closed and not weighed:
         raise ConfigurationError(
-            f"{recording.path}: no controller explains the effort, and nobody says what the drive weighs: a mass that "
-            "may be anything hides every force. Add it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
+            f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
+            "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
         )
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
     control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
@@ -306,8 +306,9 @@ def prepare(recording: Recording, request: Request) -> Question:
         use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
         for use in ("fit", "heldout")
     }
-    how = f"the whole loop is replayed: a controller leaves {explained:.2f} of what noise alone makes of the effort"
-    how = how if closed else "the drive is held to the recorded position by a soft servo: no controller to replay"
+    how = "no controller was found to replay, so the drive is held to the recorded position by a soft servo"
+    if closed:
+        how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
         (*GAINS, HOLD, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},

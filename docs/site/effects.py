@@ -4,6 +4,7 @@ Run ``python -m docs.site.effects`` after a change of an effect. The site shows 
 effect on each plant (`docs.site.signatures`).
 """
 
+import sys
 from pathlib import Path
 
 from cable_envs.effects import EFFECTS
@@ -14,17 +15,26 @@ from docs.site.markdown import table
 FILE = Path(__file__).parents[1] / "effects.md"
 HEAD = """# Effects that a simulator may lack
 
-Made from the files in `cable_envs/effects/` by `python -m docs.site.effects`. Each effect is off unless it is asked
-for, and at its null value changes no bit of a result:
+An effect is a piece of physics that a simulator may lack. Each one is off unless it is asked for:
 
     gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effects={"backlash": {"gap": 0.0005}})
 
-The diagnosis looks for all of them ([diagnosis.md](diagnosis.md)). *Acts on* names the plants that have the effect;
-*confused with*, the effects that look alike in some motions; *isolated by*, the experiment in which they do not.
+The [diagnosis](diagnosis.md) looks for all of them in a recording. Each effect below has
+
+- its **equation**, and a table of its parameters: the *null* is the value at which the effect changes no bit of a
+  result, and the *typical* value shows it plainly (in brackets: the value for a plant that turns, in rad and N m);
+- the **plants** that have it, and the **seam**: the place in the equations of motion where it acts, from the command
+  (actuate) over the cable, the contact and the load to the sensors (sense);
+- the effects it may be **confused with**, because they look alike in some motions, and the **experiment** that
+  isolates it from them;
+- where the equation is **valid**, and its **source**.
+
+`python -m docs.site.effects` makes this page from the files in `cable_envs/effects/`. The [glossary](glossary.md)
+explains further terms.
 """
-SHOWN = """Each picture is one plant that its drive moves slowly to and fro. Above is the signal that the effect changes
-most plainly, over the position of the drive: without the effect (grey) and with it at its typical size (blue). Below is
-the change. A plant that has the effect and no picture does not show it in this motion.
+SHOWN = """Each picture shows one plant whose drive moves slowly back and forth. The upper part is the signal that the
+effect changes most, over the position of the drive: without the effect (grey) and with it at its typical size (blue).
+The lower part is the change. A plant that has the effect but no picture does not show it in this motion.
 """
 
 
@@ -64,7 +74,13 @@ def line(parameter: EffectParameter) -> tuple[str, ...]:
 def form(plant: str, effect: Effect) -> str:
     """What the page says of an effect's own form on a plant."""
     numbers = ", ".join(f"`{p.name}` ({p.meaning}, {p.unit})" for p in effect.parameters)
-    return f"- On `{plant}`: {effect.equation}; {numbers}."
+    return f"- On `{plant}`: {effect.equation}. Parameters: {numbers}."
+
+
+def described(effect: Effect) -> str:
+    """What an effect of the library is, in a sentence: the first line of its file."""
+    words = (sys.modules[f"cable_envs.effects.{effect.name}"].__doc__ or "").strip()
+    return words.splitlines()[0]
 
 
 def section(effect: Effect, figures: str = "", linked: bool = False) -> str:
@@ -76,15 +92,17 @@ def section(effect: Effect, figures: str = "", linked: bool = False) -> str:
         (
             f"## {effect.name}",
             "",
+            *((described(effect), "") if effect.name in EFFECTS else ()),
             f"Equation: {effect.equation}." if not linked else f"Equation: `{effect.equation}`.",
             "",
             *((figures, "") if figures else ()),
             table(head, map(line, effect.parameters), numbers=(2, 3)),
             "",
-            f"- Acts on: {plants}. Seam: {effect.seam}.",
+            f"- Plants: {plants}. Seam: {effect.seam}.",
             *(form(plant, one) for plant, one in forms_of(effect.name).items() if effect.name in EFFECTS),
-            f"- Confused with: {', '.join(names) or 'none'}. Isolated by: {effect.experiment}.",
-            f"- Valid: {effect.validity}.",
+            f"- May be confused with: {', '.join(names) or 'none'}.",
+            f"- Experiment: {effect.experiment}.",
+            f"- Valid for: {effect.validity}.",
             f"- Source: {effect.source}.",
         )
     )

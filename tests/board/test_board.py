@@ -184,7 +184,7 @@ def test_without_references_the_board_ranks_by_raw_error_and_says_so(made):
     table = board.table("CableHole-Position-Sine", "nominal")
     assert all(r.score is None for r in table.rows)
     assert [r.entrant for r in table.rows if r.information == "nominal"] == ["mrac-g22", "mrac-g9", "open-loop"]
-    assert any("No scores" in n for n in board.notes)
+    assert any("There are no scores" in n for n in board.notes)
     assert "CableHole-Position-Sine" in render_markdown(board) and len(render_json(board)) > 1000
 
 
@@ -317,9 +317,9 @@ def test_notes_say_what_the_protocol_asks_for_and_nobody_ran(made):
     keep = [r for r in records if r["task"] != "CableHole-Position-Step" and (r["training_seed"] or 0) < 2]
     notes = " ".join(build_board(protocol, keep).notes)
     assert "Incomplete board" in notes and "CableHole-Position-Step (nominal)" in notes
-    assert "Fewer than the protocol's 3 training seeds: ppo (2 on 3 tasks)." in notes
+    assert "These have fewer than the protocol's 3 training seeds: ppo (2 on 3 tasks)." in notes
     few = " ".join(build_board(protocol, [r for r in records if r["seed"] < 2004]).notes)
-    assert "Fewer test episodes than the protocol asks for" in few and "(nominal): 4 of 8" in few
+    assert "fewer test episodes than the protocol asks for" in few and "(nominal): 4 of 8" in few
 
 
 def test_robustness_is_the_mean_score_over_a_sweep(board):

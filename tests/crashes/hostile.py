@@ -111,7 +111,7 @@ def _with_table(text):
     return "\n".join(["schema: cable-recording/1", "system: pulley_circuit", text, ""])
 
 
-FIRST = ("first-look", "rec")
+FIRST = ("inspect", "rec")
 SEEN = ("diagnose", "rec", "--effects", "backlash", "--out", "out")
 TABLES = {
     "empty": b"", "only a header": HEADER + "\n", "one row": csv_text(GOOD[:1]), "ten samples": csv_text(GOOD[:10]),

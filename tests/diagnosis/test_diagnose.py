@@ -118,7 +118,7 @@ def test_an_effect_of_ones_own_is_named_and_its_rig_leaves_nothing_to_find(tmp_p
     turned = ["--effect-file", str(tmp_path / "wrong.py"), "--out", str(tmp_path / "turned")]
     record = json.loads(CliRunner().invoke(app, [*words, *turned], catch_exceptions=False).stdout)
     state = next(h["state"] for h in record["hypotheses"] if h["name"] == "cubic_spring")
-    assert record["verdict"] == "unknown" and state.endswith("the data want it with the other sign")
+    assert record["verdict"] == "unknown" and state.endswith("the data ask for the other sign, which it cannot have")
 
 
 def test_the_report_is_one_file_that_speaks_of_the_spring(sprung):
@@ -408,7 +408,7 @@ def test_an_observed_drive_needs_a_mass(tmp_path):
     """One that may be anything hides every force; with one that is believed the friction is named."""
     folder = _rubbing(tmp_path / "rubbing")
     with pytest.raises(
-        ConfigurationError, match=r"nobody says what the drive weighs: .* nominal: \{mass: \{value: 2.5"
+        ConfigurationError, match=r"the mass of the drive is not stated: .* nominal: \{mass: \{value: 2.5"
     ):
         diagnose(folder)
     content = yaml.safe_load((folder / "recording.yaml").read_text())
@@ -422,10 +422,10 @@ def test_an_observed_drive_needs_a_mass(tmp_path):
 def test_an_effect_that_costs_little_is_said_to():
     fit = {"unit": "m", "noise_floor": 6.4e-6, "heldout_rmse": {"nominal": 5e-5, "refit": 6.6e-6, "augmented": 6.55e-6}}
     record = {"verdict": "named", "fit": {"load_position": fit}}
-    assert cost(record).startswith("It is there, and to ignore it costs little: load position")
+    assert cost(record).startswith("It changes little: on held-out records the error of load position")
     fit["heldout_rmse"]["refit"] = 9e-6
     assert cost(record).startswith(
-        "To ignore it costs load position on unseen records 0.009 mm RMS where 0.00655 mm is"
+        "On held-out records the error of load position is 0.009 mm RMS without it and 0.00655 mm with it"
     )
 
 
@@ -438,12 +438,12 @@ def test_an_unknown_mismatch_says_what_helped_and_how_far():
         "suspected": [{"name": "backlash", "hypothesis": "backlash", "equation": "play", "parameters": {"gap": gap}}],
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
-    assert headline(record) == "Something is missing; backlash helped, but what is left is no noise."
-    assert "with backlash 0.186 N" in cost(record)
+    assert headline(record) == "Something is missing. The fit improves with backlash, but the rest is not noise."
+    assert "and 0.186 N with backlash" in cost(record)
     assert "--judge unseen" in advice(record) and "--effect-file" in advice(record)
     assert "    gap = 0.501 mm (95 %: 0.46 mm to 0.54 mm)" in lines(record)
     unseen = {**record, "about": {"judge": "unseen"}}
     assert "--judge unseen" not in advice(unseen)
     nothing = {**record, "suspected": []}
-    assert "none of the 35 hypotheses" in headline(nothing) and "--judge unseen" not in advice(nothing)
+    assert "none of the 35 effects" in headline(nothing) and "--judge unseen" not in advice(nothing)
     assert "backlash" not in cost(nothing)

@@ -208,7 +208,7 @@ def test_a_channel_without_noise_at_rest_is_learnt_and_said(tmp_path):
     assert not gate(recording).faults
     question = told_at_rest(recording, ask(recording, request_of(recording)))
     assert {b.channel for b in question.fit.blocks if b.noise is None} == {"position"}
-    assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position shows none")
+    assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position shows no noise")
 
 
 def test_who_tells_no_noise_is_told_what_it_costs(tmp_path):

@@ -51,7 +51,7 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
     record = json.loads(out)
     assert code == 0 and list(record["methods"]) == list(run.BASELINES)
     assert (tmp_path / "proof.html").read_text().startswith("<!doctype html>")
-    assert "| decoys answered with an effect |" in (tmp_path / "proof.md").read_text()
+    assert "| only parameters wrong: an effect is named |" in (tmp_path / "proof.md").read_text()
     written = {f: f.stat().st_mtime_ns for f in (tmp_path / "verdicts").rglob("*.json")}
     assert len(written) == 6
     assert json.loads(_run(capsys, *arguments)[1]) == record

@@ -61,8 +61,8 @@ def test_a_class_that_holds_too_much_is_wrong_and_says_that_the_truth_is_in_it()
     assert wide.outcome == plain.outcome == "wrong"
     assert (wide.offered, plain.offered, judge(key(), verdict("backlash")).offered) == (True, False, False)
     rows = {row.name: row.count for row in table([wide, plain])}
-    assert rows["wrong name, effect adds >10 %"] == 2
-    assert rows["of those, the right name among the alternatives, >10 %"] == 1
+    assert rows["effect adds more than 10 %: wrong name"] == 2
+    assert rows["effect adds more than 10 %: wrong name, with the right one among its alternatives"] == 1
 
 
 def test_outcomes_of_other_kinds():
@@ -111,24 +111,24 @@ def _results(right, wrong, unknown, quiet, alarms):
 def test_table_confusion_and_calibration_count():
     results = _results(7, 2, 1, 18, 2)
     rows = {row.name: row for row in table(results)}
-    named = rows["right name or class, effect adds >10 %"]
+    named = rows["effect adds more than 10 %: exact name or class"]
     assert (named.count, named.total, named.reached) == (7, 10, False)
-    alarms = rows["false alarms, nothing wrong, white noise"]
+    alarms = rows["nothing missing, white noise: something is reported"]
     assert (alarms.count, alarms.total, alarms.reached) == (2, 20, False)
-    assert rows["right name or class, brief"].total == 10
-    assert rows["two effects at once, both right"].share is None
+    assert rows["effect that is brief: exact name or class"].total == 10
+    assert rows["two effects at once: exact name or class of both"].share is None
     assert confusion(results)["backlash"] == {"backlash": 7, "slack": 2, "unknown": 1}
     assert confusion(results)["nothing"] == {"no mismatch": 18, "slack": 2}
     (high,) = [b for b in calibration(results) if b["from"] == 0.95]
     assert (high["answers"], high["right"]) == (9, 7)
 
 
-def test_fail_rules():
+def test_limits():
     assert failures(_results(20, 0, 0, 40, 2)) == []  # 2 of 42 are 4.8 %
     assert [b.split(":")[0] for b in failures(_results(20, 0, 0, 37, 2))] == ["false alarms"]  # 2 of 39: 5.1 %
-    assert "answers claimed" in failures(_results(5, 1, 0, 1, 0))[0]  # 5 of 6: 83 %
+    assert "confidence of 0.9" in failures(_results(5, 1, 0, 1, 0))[0]  # 5 of 6: 83 %
     missed = [judge(key(), verdict("backlash", gap=[0.5, 0.6])) for _ in range(2)] + _results(17, 0, 0, 1, 0)
-    assert "intervals cover 17 of 19" in failures(missed)[0]
+    assert "intervals that contain the true value: 17 of 19" in failures(missed)[0]
     assert failures([]) == []
     few = _results(20, 0, 0, 10, 2)  # 2 of 12 are 17 %, but the lower limit is 2 %
     assert failures(few) and failures(few, sample=True) == []
@@ -175,10 +175,13 @@ def test_report_and_page():
     from cablebench.pages.proof import render
 
     results = {"diagnose": _results(7, 2, 1, 18, 2), "black box": _results(0, 0, 3, 2, 0)}
-    about = {"command": "cablebench proof", "cases_total": 30}
+    about = {"command": "cablebench blind-test", "cases_total": 30}
     text = report.markdown(results, about)
-    assert "| right name or class, effect adds >10 % | >= 95 % | 70 % (35-93), 7/10 | 0 % (0-71), 0/3 |" in text
-    assert "Fail rules broken by diagnose: false alarms: 2 of 20" in text
+    assert (
+        "| effect adds more than 10 %: exact name or class | at least 95 % | 70 % (35-93), 7/10 | 0 % (0-71), 0/3 |"
+        in text
+    )
+    assert "Limits exceeded by diagnose: false alarms: 2 of 20" in text
     page = render(jsonable(report.record(results, about)))
     assert page.count("<svg") == 3  # two matrices; only one method stated confidence
     assert "http://" not in page.replace("http://www.w3.org", "") and "src=" not in page

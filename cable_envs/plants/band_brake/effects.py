@@ -22,7 +22,7 @@ FORMS = (
     ),
     _form(
         "backlash", "D = f(s - gap / 2) for s > gap / 2, f(s + gap / 2) for s < -gap / 2, else 0; s = x - z, z slips",
-        EffectParameter("gap", "m", 0.0, 0.0, 0.1, "whole way over which the band does not pull", 1e-3),
+        EffectParameter("gap", "m", 0.0, 0.0, 0.1, "whole travel over which the band does not pull", 1e-3),
     ),
     _form(
         "cable_elongation", "D = (x - z) / compliance, |D| <= grip: beyond it the drum slips (z follows)",
@@ -37,7 +37,7 @@ FORMS = (
         "s_k' = 4 z' / (k displacement), held in [0, 1], k = 1..4; D = -down + mean(s) (up + down), and D is the "
         "band's spring of x - z: friction builds up over the slip z",
         EffectParameter(
-            "displacement", "m", 0.0, 0.0, 0.1, "slip after a reversal until all of the friction is turned round", 1e-3
+            "displacement", "m", 0.0, 0.0, 0.1, "slip after a reversal until all of the friction has reversed", 1e-3
         ),
     ),
     _form(
@@ -47,7 +47,7 @@ FORMS = (
     ),
     _form(
         "stribeck_friction", "band_grip + excess exp(-(v / velocity)^2) in the place of band_grip",
-        EffectParameter("excess", "N", 0.0, 0.0, 1e5, "grip at v = 0 above that while it slides", 100.0),
+        EffectParameter("excess", "N", 0.0, 0.0, 1e5, "grip at v = 0 above that of sliding", 100.0),
         EffectParameter(
             "velocity", "m/s", 0.02, 1e-3, 1.0, "speed at which the excess has fallen to 1/e", 0.01, shape=True,
             probes=(0.5, 2.0, 8.0),
@@ -56,7 +56,7 @@ FORMS = (
     _form(
         "asymmetric_friction", "up = grip + max(difference, 0), down = grip + max(-difference, 0)",
         EffectParameter(
-            "difference", "N", 0.0, -1e5, 1e5, "grip moving up less that moving down", 100.0, signed=True
+            "difference", "N", 0.0, -1e5, 1e5, "grip up minus grip down", 100.0, signed=True
         ),
     ),
     _form(

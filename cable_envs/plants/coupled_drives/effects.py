@@ -6,7 +6,8 @@ from cable_envs.effects import EFFECTS, Acting, Effect, EffectParameter
 
 RECTIFICATION = replace(
     EFFECTS["sensor_rectification"],
-    equation="y = x - share min(x, 0): 1 cuts negative speeds off, 2 turns them round; then the detector's power",
+    equation="y = x - share min(x, 0), then the detector's power: a share of 1 cuts negative speeds off, a share of 2 "
+    "makes them positive",
     parameters=(
         EffectParameter("share", "1", 0.0, 0.0, 3.0, "share of negative values that is lost", 1.0, complete=True),
     ),
@@ -16,11 +17,11 @@ DETECTOR = Effect(
     name="detector_power",
     seam="sense",
     equation="z = sign(y) |y|^power",
-    source="detector of diodes: square for small signals, straight for large ones (Horowitz and Hill, The Art of "
-    "Electronics); the power stands for its law between",
+    source="diode detector: a square law for small signals, a linear one for large signals (Horowitz and Hill, The Art "
+    "of Electronics); the power stands for the law between",
     parameters=(EffectParameter("power", "1", 1.0, 0.5, 4.0, "power of the reading over the speed", 2.0),),
-    validity="within the range of speeds that the recording has",
-    experiment="six constant speeds: the reading over the speed is no straight line",
+    validity="speeds within the range of the recording",
+    experiment="Run at six constant speeds. The reading over the speed is not a straight line",
     confusable=("stribeck_friction",),
 )
 

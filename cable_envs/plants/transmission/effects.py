@@ -43,14 +43,14 @@ FORMS = (
         "presliding_hysteresis",
         "w = share max(low, min(w_before, high)) + (1 - share) (low where v > 0, high where v < 0): low and high are w "
         "at full friction against opening and against closing, w_before what the play of the torque was a step before",
-        EffectParameter("share", "1", 0.0, 0.0, 1.2, "part of the friction that sticks, the rest follows sign(v)", 0.5),
+        EffectParameter("share", "1", 0.0, 0.0, 1.2, "part of the friction that sticks; the rest follows sign(v)", 0.5),
         source="play operator: Krasnosel'skii and Pokrovskii, Systems with Hysteresis, Springer 1989",
     ),
     _form(
         "partial_slip",
         "two contacts: share of exponent and level at the drive, then angle -= compliance w_1, then the rest of them",
         EffectParameter("share", "1", 0.0, 0.0, 0.95, "part of the friction before the spring in the path", 0.3),
-        EffectParameter("compliance", "rad/(N m)", 0.0, 0.0, 50.0, "of that spring", 0.5),
+        EffectParameter("compliance", "rad/(N m)", 0.0, 0.0, 50.0, "compliance of that spring", 0.5),
     ),
     _form(
         "viscous_friction", "M = w + coefficient v",
@@ -70,19 +70,19 @@ FORMS = (
     ),
     _form(
         "viscoelastic_creep", "angle -= u, time u' = share e - u with the elastic stretch e of all springs",
-        EffectParameter("share", "1", 0.0, 0.0, 20.0, "creep's part of the compliance over the elastic one", 0.2),
+        EffectParameter("share", "1", 0.0, 0.0, 20.0, "compliance of the creep over the elastic one", 0.2),
         EffectParameter(
             "time", "s", 1.0, 0.02, 100.0, "time constant of the creep", 1.0, shape=True, probes=(0.1, 1.0, 5.0)
         ),
     ),
     _form(
         "friction_drift", "level, excess and exponent times 1 + change d, d' = (1 - d) (1 / time + |v| / travel)",
-        EffectParameter("change", "1", 0.0, -0.9, 5.0, "relative change of all dry friction in the end", 0.6),
-        EffectParameter("time", "s", 60.0, 1e-2, 1e9, "time constant; 1e9: not with time", 60.0, shape=True),
-        EffectParameter("travel", "rad", 1e9, 1e-6, 1e9, "travel constant; 1e9: not with travel", 50.0, shape=True),
+        EffectParameter("change", "1", 0.0, -0.9, 5.0, "final relative change of all dry friction", 0.6),
+        EffectParameter("time", "s", 60.0, 1e-2, 1e9, "time constant; 1e9 is no change", 60.0, shape=True),
+        EffectParameter("travel", "rad", 1e9, 1e-6, 1e9, "travel constant; 1e9 is no change", 50.0, shape=True),
     ),
     _form(
-        "position_ripple", "angle = ratio x + sine (sin 2x - 2x) + cosine (cos 2x - 1): half a turn, its line in ratio",
+        "position_ripple", "angle = ratio x + sine (sin 2x - 2x) + cosine (cos 2x - 1), with a period of half a turn",
         EffectParameter("sine", "rad", 0.0, -1.0, 1.0, "amplitude of the sine", 0.02),
         EffectParameter("cosine", "rad", 0.0, -1.0, 1.0, "amplitude of the cosine", 0.02),
         wave=None,

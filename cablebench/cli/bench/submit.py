@@ -53,7 +53,7 @@ def submit(
     Its records, and a board with its row among the published ones, go to a folder of their own; what is published is
     read, not written, unless --publish asks for it.
 
-    The row is its maker's: without --maker, only the same files can be handed in again under the same name.
+    The row is its maker's: without --maker, only the same files can be submitted again under the same name.
     """
     from cablebench.entrants.admission import check_name, read_submission
     from cablebench.entrants.dry_run import dry_run

@@ -30,7 +30,7 @@ def tune(
     algo: Annotated[str | None, typer.Option(help="Agent whose settings are tuned: configs/agents, or a file.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Environment steps of an agent's trial.")] = None,
     protocol: Annotated[str, typer.Option(help="Protocol whose tuning seeds and tracks are used.")] = "quick",
-    track: Annotated[str, typer.Option(help="Track that trials are judged on.")] = "randomised",
+    track: Annotated[str, typer.Option(help="Track that the trials are scored on.")] = "randomised",
     episodes: Annotated[int, typer.Option(min=1, help="Tuning episodes of a trial.")] = 5,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the optimiser.")] = 0,
     batch: Annotated[int, typer.Option(min=1, help="Trials chosen at a time; decides numbers, --jobs does not.")] = 4,

@@ -26,26 +26,26 @@ def blind_test(
     ),
     quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
     cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
-    first: Annotated[
-        int | None, typer.Option(help="Only so many of what was asked for; the order is random.", min=1)
-    ] = None,
-    after: Annotated[
-        int, typer.Option(help="Not the first so many: parts of a proof run on several machines or days.", min=0)
-    ] = 0,
+    first: Annotated[int | None, typer.Option(help="Only this many cases; their order is random.", min=1)] = None,
+    after: Annotated[int, typer.Option(help="Skip this many cases, to run a proof in parts.", min=0)] = 0,
     join: Annotated[
-        list[Path] | None, typer.Option(help="proof.json.gz of a part; repeated: parts become one, nothing runs.")
+        list[Path] | None, typer.Option(help="proof.json.gz of a part; repeatable: join the parts, run nothing.")
     ] = None,
     kind: Annotated[
-        list[str] | None, typer.Option(help="Only single, pair, nothing, decoy or strange; may be repeated.")
+        list[str] | None,
+        typer.Option(help="Only kind single, pair, nothing, decoy or strange; repeatable."),
     ] = None,
     system: Annotated[list[str] | None, typer.Option(help="Only this system; may be repeated.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the plan; calibration uses others.", min=0)] = 5,
+    seed: Annotated[int, typer.Option(help="Seed of the cases; calibration uses other seeds.", min=0)] = 5,
     jobs: Annotated[int, typer.Option(help="Recordings at a time.", min=1)] = 1,
     baselines: Annotated[bool, typer.Option(help="Run the simpler methods too.")] = True,
     tool: Annotated[bool, typer.Option(help="Run `cablebench diagnose`; without it only the baselines.")] = True,
     as_json: Annotated[bool, typer.Option("--json", help="The whole record on standard output.")] = False,
 ) -> None:
-    """Measure how often the diagnosis is right. Exit code 1 where a fail rule is broken; the same command goes on."""
+    """Measure how often the diagnosis is right. Exit code 1 if a limit is exceeded.
+
+    The same command goes on where a stopped one was.
+    """
     if quick and cases is not None:
         raise ConfigurationError("--quick and --cases exclude each other")
     if not tool and not baselines:
@@ -171,7 +171,7 @@ def _missing(out: Path, manifest: dict[str, Any], methods: Sequence[str]) -> dic
 
 
 def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
-    """The report of several parts of one proof; the fail rules that the tool breaks.
+    """The report of several parts of one proof; the limits that the tool exceeds.
 
     Raises ConfigurationError for what is no record of a proof, parts of several plans, and cases that are in two parts.
     """
@@ -192,7 +192,7 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
 
 def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick: bool, as_json: bool) -> list[str]:
-    """Write ``results`` by method; the fail rules that the first of them breaks."""
+    """Write ``results`` by method; the limits that the first of them exceeds."""
     from cable_envs.core.files import jsonable, write_atomic
     from cable_envs.proof import report
     from cablebench.pages.proof import render

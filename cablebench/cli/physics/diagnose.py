@@ -16,13 +16,23 @@ INTERRUPTED = 130
 def diagnose(
     recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
     out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json, augmented.yaml and report.html.")] = None,
-    effects: Annotated[str | None, typer.Option(help="Look for these only: names with commas between.")] = None,
-    without: Annotated[str | None, typer.Option(help="Do not look for these: names with commas between.")] = None,
+    effects: Annotated[
+        str | None, typer.Option(help="Look for these effects only: names, with commas between.")
+    ] = None,
+    without: Annotated[
+        str | None, typer.Option(help="Do not look for these effects: names, with commas between.")
+    ] = None,
     effect_file: Annotated[Path | None, typer.Option(help="An effect of your own, looked for as well.")] = None,
-    rig: Annotated[Path | None, typer.Option(help="A rig whose numbers and effects count, as augmented.yaml.")] = None,
-    variant: Annotated[str, typer.Option(help="Of a circuit: chain (if left out), or analytic, the closed form.")] = "",
-    judge: Annotated[str, typer.Option(help="What accepts an effect: noise, or unseen (held-out records).")] = "noise",
-    seed: Annotated[int, typer.Option(min=0, help="Of the draws behind p-values.")] = 0,
+    rig: Annotated[
+        Path | None, typer.Option(help="A rig file whose numbers and effects replace the recording's.")
+    ] = None,
+    variant: Annotated[
+        str, typer.Option(help="Model of a circuit: chain (default), or analytic, the closed form.")
+    ] = "",
+    judge: Annotated[
+        str, typer.Option(help="Criterion to accept an effect: noise, or unseen (held-out records).")
+    ] = "noise",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the draws behind p-values.")] = 0,
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
 ) -> None:
@@ -30,7 +40,7 @@ def diagnose(
 
     Nominal parameters are refitted first; only what they cannot absorb counts. Answers: named, equivalence_class,
     unknown, or no_detectable_mismatch. The criterion "noise" suits recordings whose sensors limit what can be seen,
-    "unseen" rigs that no model predicts down to its sensors' noise: there, the held-out records judge.
+    "unseen" rigs that no model predicts down to its sensors' noise: there the held-out records decide.
     """
     from cable_envs.diagnosis.engine import diagnose as run
     from cable_envs.diagnosis.fit.rounds import heard

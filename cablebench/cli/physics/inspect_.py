@@ -11,11 +11,11 @@ from cablebench.cli.shared.output import console, print_json
 
 def inspect(
     recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
-    group: Annotated[str, typer.Option(help="Circuit: condition that tells tools or sessions apart.")] = "series",
+    group: Annotated[str, typer.Option(help="Circuit: condition that distinguishes tools or sessions.")] = "series",
     load: Annotated[str, typer.Option(help="Circuit: condition that holds the load.")] = "load_percent",
     as_json: Annotated[bool, typer.Option("--json", help="The findings as JSON on standard output.")] = False,
 ) -> None:
-    """Show a recording's records, channels and doubts; of a cable circuit also its friction, stiffness and reversals.
+    """Show a recording's records, channels and gaps; of a cable circuit also its friction, stiffness and reversals.
 
     Nothing is simulated: of a circuit whose drive and output were both recorded it says how far it is from a rigid
     transmission, and where.

@@ -20,24 +20,24 @@ QUICK = {
 def retrain_study(
     out: Annotated[Path, typer.Option(help="Folder for recording, diagnosis, policies, scores and the page.")],
     quick: Annotated[
-        bool, typer.Option("--quick", help="Small budgets: shows that it runs, not what it brings.")
+        bool, typer.Option("--quick", help="Small budgets: they show that it runs, and measure nothing.")
     ] = False,
     rig: Annotated[
         list[str] | None, typer.Option(help="Hidden rig: circuit or hole; may be repeated, else both.")
     ] = None,
-    seed: Annotated[list[int] | None, typer.Option(min=0, help="Of tuning and training; may be repeated.")] = None,
+    seed: Annotated[list[int] | None, typer.Option(min=0, help="Seed of tuning and training; may be repeated.")] = None,
     steps: Annotated[int | None, typer.Option(min=1, help="Environment steps of each training.")] = None,
     trials: Annotated[int | None, typer.Option(min=1, help="Trials of each tuning.")] = None,
     tuning_episodes: Annotated[int | None, typer.Option(min=1, help="Episodes of a trial.")] = None,
     episodes: Annotated[int | None, typer.Option(min=1, help="Episodes on the hidden rig for each seed.")] = None,
-    duration: Annotated[float | None, typer.Option(help="s of an episode, else the rig's own.")] = None,
-    record_seconds: Annotated[float | None, typer.Option(help="s of each recorded motion.")] = None,
+    duration: Annotated[float | None, typer.Option(help="Length of an episode, s; default: the rig's.")] = None,
+    record_seconds: Annotated[float | None, typer.Option(help="Length of each recorded motion, s.")] = None,
     hide: Annotated[
         list[str] | None, typer.Option(help="Concealed effect of the one --rig, as backlash.gap=0.1; may be repeated.")
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
-    """Record hidden rigs, diagnose them, tune and train on nominal, corrected and true simulators, score on them."""
+    """Record hidden rigs, diagnose them, and compare training on nominal, corrected and true simulators."""
     from cablebench.cli.physics.retrain_steps import run
     from cablebench.pays.rigs import RIGS
     from cablebench.pays.scores import Study

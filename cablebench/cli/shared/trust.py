@@ -61,7 +61,7 @@ Trusted = Annotated[
 """``--trust`` of every command that may execute a file."""
 
 Walls = Annotated[
-    str, typer.Option("--sandbox", help="What stands around a .py file: auto, bwrap, landlock, seccomp, limits, none.")
+    str, typer.Option("--sandbox", help="Sandbox of a .py file: auto, bwrap, landlock, seccomp, limits, none.")
 ]
 """``--sandbox`` of every command that evaluates controllers' files."""
 
