@@ -11,12 +11,45 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import jsonable, write_atomic
 from cable_envs.core.text import number
 from cable_envs.drawing import pages
-from cable_envs.reproduction.registry import ITEMS, PAPERS, STATUSES, Result
+from cable_envs.reproduction.registry import ITEMS, PAPERS, Result
+from cable_envs.reproduction.yardstick import KINDS, STATUSES
 
 
-def as_rows(results: Sequence[Result]) -> list[dict[str, Any]]:
-    """What ``--json`` prints: one mapping for each row, in the order of the registry."""
-    return [row.as_json(result.item) for result in in_order(results) for row in result.rows]
+def as_json(results: Sequence[Result]) -> dict[str, Any]:
+    """What ``--json`` prints and ``results.json`` holds.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        In any order.
+
+    Returns
+    -------
+    dict
+        "statuses" and "kinds": what the words mean, with the tolerances; "items": name, title, seconds, counts of rows
+        by status; "rows": every row, in the order of the registry.
+    """
+    results = in_order(results)
+    titles = _titles(results)
+    return {
+        "statuses": {status.name: status.says for status in STATUSES},
+        "kinds": {kind.name: {"agrees": kind.agrees, "says": kind.says} for kind in KINDS},
+        "items": [
+            {"item": r.item, "title": titles[r.item], "seconds": round(r.seconds, 1), "counts": r.counts}
+            | ({"error": r.error} if r.error else {})
+            for r in results
+        ],
+        "rows": [row.as_json(result.item) for result in results for row in result.rows],
+    }
+
+
+def _titles(results: Sequence[Result]) -> dict[str, str]:
+    return {result.item: result.item for result in results} | {item.name: item.title for item in ITEMS}
+
+
+def total(results: Sequence[Result]) -> dict[str, int]:
+    """How many rows of all items have which status."""
+    return {status.name: sum(result.counts[status.name] for result in results) for status in STATUSES}
 
 
 def in_order(results: Sequence[Result]) -> list[Result]:
@@ -32,8 +65,8 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
     ----------
     results : sequence of Result
     folder : Path or str
-        It is made. ``rows.json`` gets every row, ``tables.json`` the tables beyond the papers, ``index.html`` the page,
-        ``figures/<item>-<name>.svg`` each figure.
+        It is made. ``results.json`` gets every row and the counts of all items, ``tables.json`` the tables beyond the
+        papers, ``index.html`` the page, ``figures/<item>-<name>.svg`` each figure.
 
     Returns
     -------
@@ -51,7 +84,7 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
             path = folder / "figures" / f"{result.item}-{figure.name}.svg"
             write_atomic(path, standalone(figure.svg))
     paths = {
-        "json": folder / "rows.json",
+        "json": folder / "results.json",
         "tables": folder / "tables.json",
         "html": folder / "index.html",
         "figures": folder / "figures",
@@ -68,7 +101,7 @@ def write(results: Sequence[Result], folder: Path | str) -> dict[str, Path]:
         for t in r.tables
     ]
     write_atomic(paths["tables"], json.dumps(jsonable(tables), indent=1, ensure_ascii=False) + "\n")
-    write_atomic(paths["json"], json.dumps(as_rows(results), indent=1, ensure_ascii=False) + "\n")
+    write_atomic(paths["json"], json.dumps(jsonable(as_json(results)), indent=1, ensure_ascii=False) + "\n")
     write_atomic(paths["html"], render_html(results))
     return paths
 
@@ -89,7 +122,7 @@ def standalone(svg: str) -> str:
 
 
 def render_html(results: Sequence[Result]) -> str:
-    """The page of a run: every item with its verdict, figures and tables inline.
+    """The page of a run: what the words mean, and every item with its counts, figures and tables inline.
 
     Parameters
     ----------
@@ -106,7 +139,6 @@ def render_html(results: Sequence[Result]) -> str:
     from cable_envs.core.provenance import machine, versions
 
     results = in_order(results)
-    titles = {result.item: result.item for result in results} | {item.name: item.title for item in ITEMS}
     filters = {
         "number": shown,
         "percent": percent,
@@ -115,11 +147,12 @@ def render_html(results: Sequence[Result]) -> str:
         "plain": lambda text: re.sub(r"\s+", " ", text),
     }
     papers = [(PAPERS[key], [r for r in results if r.item.startswith(key + "-")]) for key in PAPERS]
-    rows = [row for result in results for row in result.rows]
     content = {
         "papers": [(name, found) for name, found in papers if found],
-        "titles": titles,
-        "counts": {status: sum(row.status == status for row in rows) for status in STATUSES},
+        "titles": _titles(results),
+        "statuses": STATUSES,
+        "kinds": KINDS,
+        "counts": total(results),
         "seconds": sum(result.seconds for result in results),
         "created": datetime.now(UTC).strftime("%Y-%m-%d"),
         "versions": versions(),

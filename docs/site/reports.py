@@ -5,7 +5,6 @@ They are made from the committed records. That of the reproduction takes minutes
 """
 
 import re
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -125,32 +124,30 @@ def _recordings_page() -> bytes:
 
 def _reproduction() -> str:
     from cable_envs.reproduction.registry import ITEMS, PAPERS
+    from cable_envs.reproduction.yardstick import KINDS, STATUSES
 
-    made = (REPRODUCTION / "index.html").is_file()
-    rows = read_json(REPRODUCTION / "rows.json") if made else []
+    made = (REPRODUCTION / "results.json").is_file()
+    counts = {i["item"]: i["counts"] for i in read_json(REPRODUCTION / "results.json")["items"]} if made else {}
+    head = ("item", "what", *((f"{status.sign} {status.name}" for status in STATUSES) if made else ()))
     parts = [
         "# Reproduction",
         "`cablebench reproduce` computes the tables and figures of both papers again and puts each number beside the "
-        "printed one. A number that differs is a result too: each says why.",
+        "printed one. Every row is of one kind, each kind has one tolerance, and five words say what came out. A "
+        "number "
+        "that differs is a result too: it is called explained where the reason is computed or derived.",
+        table(("word", "what it means"), [(f"{status.sign} {status.name}", status.says) for status in STATUSES]),
+        table(("kind", "agrees within", "what it compares"), [(k.name, k.agrees, k.says) for k in KINDS]),
     ]
     for key, title in PAPERS.items():
         own = [item for item in ITEMS if item.paper == key]
-        lines = [(f"`{item.name}`", item.title, *_counts(rows, item.name)) for item in own]
-        head = ("item", "what", *(("reproduced", "differs", "cannot be reproduced") if made else ()))
-        parts += [f"## {title}", table(head, lines, numbers=(2, 3, 4))]
+        lines = [(f"`{i.name}`", i.title, *(str(n) for n in counts.get(i.name, {}).values())) for i in own]
+        parts += [f"## {title}", table(head, lines, numbers=range(2, 2 + len(STATUSES)))]
     parts += [link_to("reproduction", "All numbers and figures")] if made else []
     parts.append(
         "Where the papers and their own equations disagree is told on the page of the "
         "[mismatches](mismatches/README.md); the equations are on that of the [physics](physics.md)."
     )
     return page(*parts)
-
-
-def _counts(rows: Iterable[Any], item: str) -> list[str]:
-    from cable_envs.reproduction.registry import STATUSES
-
-    own = [row["status"] for row in rows if row["item"] == item]
-    return [str(own.count(status)) for status in STATUSES] if own else []
 
 
 def linked(address: str, text: str) -> str:

@@ -9,7 +9,8 @@ from cable_envs.identification.problem import ratio_at
 from cable_envs.physics.contact import tension_ratio
 from cable_envs.reproduction import style
 from cable_envs.reproduction.gu.data import PEAK_SPEED, TABLE_2
-from cable_envs.reproduction.registry import DIFFERS, Figure, Progress, Result, Row, claim, compare, not_reproducible
+from cable_envs.reproduction.registry import Figure, Progress, Result
+from cable_envs.reproduction.rows import Row, digits, missing, statement
 
 SECTION = "docs/mismatches/fig12-speed.md"
 
@@ -24,64 +25,13 @@ def reproduce(progress: Progress) -> Result:
     progress(0.5, "Stribeck term")
     found = stribeck_search()
     falls = [100 * found[f"fall_{angle}"] for angle in (30, 60, 90)]
-    rows = [
-        not_reproducible(
-            "ratios of the 75 points",
-            None,
-            f"{n.min():.3f} to {n.max():.3f}",
-            "",
-            "shown as a contour plot without readable numbers; speeds, hole and load are not printed",
-        ),
-        claim(
-            "speed matters little at 30-60°",
-            "contours almost straight",
-            f"+{rise[30]:.0f} % at 30°, +{rise[60]:.0f} % at 60°",
-            False,
-            f"n(60°) rises by {rise[60]:.0f} % from rest to {1e3 * PEAK_SPEED:g} mm/s, and section 5.3 needs it to: "
-            "sqrt(73/33) "
-            f"= 1.487 against sqrt(62/40) = 1.245 are at 60°. The statement holds up to {1e3 * quiet_speed(0.02):.1f} "
-            "mm/s "
-            f"(2 %): Fig. 12 was taken slower than section 5.3, or the two do not belong to one cable",
-        ),
-        Row(
-            "speed at 60-90°",
-            "n rises, then falls",
-            f"only rises (by {rise[90]:.0f} % at 90°)",
-            "",
-            DIFFERS,
-            "n grows with M = mu + C at every wrap, and C = K v^omega with v: no K, omega > 0 makes it fall. A "
-            "friction that "
-            f"weakens at some speed does: the example below falls by {falls[0]:.1f} % at 30°, {falls[1]:.1f} % at 60°, "
-            f"{falls[2]:.1f} % at 90°, so that contours of small wraps stay nearly straight. See {SECTION}",
-        ),
-        compare(
-            "towed mass (Eq. 36)",
-            10.0,
-            inferred_mass(),
-            "kg",
-            0.05,
-            differs="raising takes n G and lowering G / n, so that the product of the extremes of section 5.3 is G^2: "
-            "sqrt(73 x 33) "
-            "and sqrt(62 x 40) N belong to 5 kg. With 10 kg, raising at n = 1.487 takes 146 N, beyond the 100 N "
-            "sensor. "
-            "See docs/mismatches/load.md",
-        ),
-        claim(
-            "Eq. (22) approximates G17",
-            "approximate",
-            f"{np.max(np.abs(n / exact - 1)):.1e} off at most",
-            True,
-            "delta 0.02, over the whole map",
-        ),
-    ]
+    rows = [*statements(n, rise, falls), mass_row(), expansion_row(n, exact)]
     note = (
-        "A Stribeck term of Gauss' form (exponent 2) on top of Table 2 makes the ratio fall with speed from the start "
-        "and rise "
-        "later, never the other way round: K v^2.03 and the Gaussian both start with v^2. With exponent 4, a drop of "
-        f"{found['drop']:.2f} and a Stribeck speed of {1e3 * found['speed']:.1f} mm/s the ratio rises, falls and "
-        "rises again, at "
-        f"all wraps at the same speeds since dn/dv = (dn/dM) M'(v), but {falls[2] / falls[0]:.0f} times less at 30° "
-        "than at 90°."
+        "A Stribeck term of Gauss' form (exponent 2) on top of Table 2 makes the ratio fall with speed from the "
+        "start and rise later, never the other way round: K v^2.03 and the Gaussian both start with v^2. With "
+        f"exponent 4, a drop of {found['drop']:.2f} and a Stribeck speed of {1e3 * found['speed']:.1f} mm/s the "
+        "ratio rises, falls and rises again, at all wraps at the same speeds since dn/dv = (dn/dM) M'(v), but "
+        f"{falls[2] / falls[0]:.0f} times less at 30° than at 90°."
     )
     why = "The map follows from Table 2. That n falls again with speed at 60-90° takes a friction that weakens."
     return Result(rows, figures(wraps, speeds, n, found), notes=(note,), why=why)
@@ -91,9 +41,76 @@ RANGES = ((33.0, 73.0), (40.0, 62.0))
 """N; tensions of section 5.3 with the extrusion in the controller and without"""
 
 
-def inferred_mass() -> float:
-    """kg; the load whose raising and lowering give the ranges of section 5.3, mean of both."""
-    return float(np.mean([math.sqrt(low * high) for low, high in RANGES])) / 9.81
+def statements(n: np.ndarray, rise: dict[int, float], falls: list[float]) -> list[Row]:
+    """What section 5.2 says about the map: ratios [wraps, speeds], their rise (%) and falls (%) of the Stribeck law."""
+    backwards = bool(np.any(np.diff(n, axis=1) < 0))
+    (low, high), (low_9, high_9) = RANGES
+    needed = 100 * (math.sqrt(high / low) / math.sqrt(high_9 / low_9) - 1)
+    return [
+        missing(
+            "ratios of the 75 points",
+            None,
+            f"{n.min():.3f} to {n.max():.3f}",
+            "",
+            "They are shown as a contour plot without readable numbers, and speeds, hole and load are not printed.",
+        ),
+        statement(
+            "speed matters little at 30-60°",
+            "contours almost straight",
+            f"+{rise[30]:.0f} % at 30°, +{rise[60]:.0f} % at 60°",
+            rise[60] < 5,
+            reason="Two prints exclude each other: at 60° the tensions of section 5.3 need the ratio to grow by "
+            f"{needed:.0f} %, from sqrt(62/40) to sqrt(73/33). The statement holds up to "
+            f"{1e3 * quiet_speed(0.02):.1f} mm/s (2 %), so that Fig. 12 was taken slower than section 5.3, or the "
+            "two do not belong to one cable.",
+            how=f"Speeds go up to the {1e3 * PEAK_SPEED:g} mm/s of section 5.3.",
+        ),
+        statement(
+            "speed at 60-90°",
+            "n rises, then falls",
+            f"{'falls too' if backwards else 'only rises'} (by {rise[90]:.0f} % at 90°)",
+            backwards,
+            reason="The equation cannot do it: n grows with M = mu + C at every wrap and C = K v^omega with v, so "
+            "that no K, omega > 0 makes it fall. A friction that weakens at some speed does: the example below falls "
+            f"by {falls[0]:.1f} % at 30°, {falls[1]:.1f} % at 60°, {falls[2]:.1f} % at 90°, so that contours of "
+            f"small wraps stay nearly straight. See {SECTION}.",
+        ),
+    ]
+
+
+def mass_row() -> Row:
+    """The towed mass from the tensions of section 5.3."""
+    (low, high), half = RANGES[0], 0.5
+    heavy = 9.81 * 10.0 * math.sqrt(high / low)
+    return digits(
+        "towed mass (Eq. 36)",
+        "10",
+        inferred_mass(),
+        "kg",
+        inputs=(inferred_mass(-half), inferred_mass(half)),
+        how="Mean of two pairs of tensions.",
+        reason="Two prints exclude each other: raising takes n G and lowering G / n, so that the product of the "
+        "extremes of section 5.3 is G^2, and sqrt(73 x 33) and sqrt(62 x 40) N belong to 5 kg. With 10 kg, raising "
+        f"at n = {math.sqrt(high / low):.3f} takes {heavy:.0f} N, beyond the 100 N sensor. See "
+        "docs/mismatches/load.md.",
+    )
+
+
+def expansion_row(n: np.ndarray, exact: np.ndarray) -> Row:
+    """Eq. (22) against the ratio that it expands in delta."""
+    off = float(np.max(np.abs(n / exact - 1)))
+    return statement(
+        "Eq. (22) approximates G17",
+        "approximate",
+        f"{off:.1e} off at most",
+        off < TABLE_2.delta**2,
+        how=f"Over the whole map. A first-order expansion in delta = {TABLE_2.delta:g} may be off by delta^2.",
+    )
+
+
+def inferred_mass(shift: float = 0.0) -> float:
+    """kg; the load whose raising and lowering give the ranges of section 5.3, mean of both; all tensions moved by N."""
+    return float(np.mean([math.sqrt((low + shift) * (high + shift)) for low, high in RANGES])) / 9.81
 
 
 def quiet_speed(share: float, wrap: float = math.pi / 3) -> float:
@@ -188,11 +205,10 @@ def figures(wraps: np.ndarray, speeds: np.ndarray, n: np.ndarray, found: dict[st
     captions = (
         "Tension ratio of the 2 mm fibre cable over wrap and speed, Eq. (22) with Table 2 and ρ₀ = 1.5 (inferred). "
         "The paper says: straight contours below the dashed line, a rise and a fall above it.",
-        "Ratio against speed. (a) The model only rises. (b) A Stribeck term of Gauss' form makes it fall first. "
-        "(c) A steeper one makes it rise, fall and rise again, least where the wrap is small.",
+        "Ratio against speed. (a) The model only rises. (b) A Stribeck term of Gauss' form makes it fall first. (c) "
+        "A steeper one makes it rise, fall and rise again, least where the wrap is small.",
         "Tension of raising (upper branch) and lowering (lower branch) a load against the ratio. The tension ranges "
-        "of section 5.3 "
-        "lie on the curves of 5 kg, not of the printed 10 kg.",
+        "of section 5.3 lie on the curves of 5 kg, not of the printed 10 kg.",
         "Ratio at 60° without extrusion against the size of the hole, with both readings of ρ (Eq. 2). With the "
         "printed one the ratio falls to 1 in a wide hole, where it must become the capstan's, and the measured 1.245 "
         "is out of reach for any cable that fits into its hole.",

@@ -15,7 +15,8 @@ from cable_envs.identification.problem import RatioProblem
 from cable_envs.identification.pso import SwarmSettings, growth, stable_as_printed, swarm, typical_growth
 from cable_envs.reproduction import style
 from cable_envs.reproduction.gu.data import PEAK_SPEED, TABLE_2, problem
-from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, Row, claim, not_reproducible
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result
+from cable_envs.reproduction.rows import Row, curve, missing, statement
 
 SEEDS = 20
 TABLE_1 = {"w": 0.4, "c1": 0.6, "c2": 0.8}
@@ -65,9 +66,7 @@ def reproduce(progress: Progress) -> Result:
         tables(settings),
         why=(
             "Eq. (27) is right for w and far too strict for c1 and c2: swarms it forbids converge, and better than "
-            "Table "
-            "1's, which "
-            "collapse too early. What predicts divergence is the growth of a typical particle."
+            "Table 1's, which collapse too early. What predicts divergence is the growth of a typical particle."
         ),
     )
 
@@ -139,52 +138,57 @@ def rows(settings: Sequence[Setting]) -> list[Row]:
     typical = [s for s in settings if (s.typical < 1.0) == s.diverged]
     table_1 = next(s for s in settings if s.constant == "w" and s.value == TABLE_1["w"])
     listed = ", ".join(f"{s.constant} = {s.value:g}" for s in wrong) or "none"
+    shrink = float(np.sqrt(growth(**TABLE_1)[1]))
+    unstable = [s for s in wrong if not s.printed_stable]
     return [
-        claim(
+        statement(
             "Fig. 15: sensitivity to w",
             "not sensitive",
             text["w"],
             share["w"] < 2,
-            f"final costs differ by a factor of {share['w']:.0e} among the values that converge: with w near 0.8 "
-            "the swarm keeps searching",
+            how=f"Final costs differ by a factor of {share['w']:.0f} among the values that converge, as the swarm "
+            "keeps searching with w near 0.8.",
         ),
-        claim(
+        statement(
             "Fig. 16: sensitivity to c1",
             "highly sensitive, differences above 50 %",
             text["c1"],
             share["c1"] > 1.5,
-            f"a factor of {share['c1']:.0e} among the values that converge",
+            chosen="The five values of c1 are not printed and were chosen.",
+            how=f"Final costs differ by a factor of {share['c1']:.1f} among the values that converge.",
         ),
-        claim(
+        statement(
             "Fig. 17: sensitivity to c2",
             "not highly sensitive",
             text["c2"],
             share["c2"] < 2,
-            f"a factor of {share['c2']:.0e} among the values that converge: the same attraction enters with c1 and c2",
+            how=f"Final costs differ by a factor of {share['c2']:.0e} among the values that converge. The same "
+            "attraction enters with c1 and c2.",
         ),
-        claim(
+        curve(
             "Fig. 15: iterations to converge, w = 0.4",
-            "about 600",
-            f"{table_1.iterations:.0f} until within a factor of two of the last cost",
-            table_1.iterations > 300,
-            "Table 1's swarm shrinks by a third in every iteration (see gu-table2)",
+            600,
+            table_1.iterations,
+            "1",
+            reason="The count and Table 1 exclude each other: Eq. (25) with its constants contracts the swarm by a "
+            f"factor of {shrink:.2f} in every iteration (see gu-table2).",
+            how="Median over the seeds until within a factor of two of the last cost.",
         ),
-        claim(
+        statement(
             "Eq. (27) bounds the stable constants",
             "mean-square convergence",
             f"wrong for {len(wrong)} of {len(settings)}: {listed}",
             not wrong,
-            "it calls them unstable and they converge. Eq. (26) turns the iteration into a differential "
-            "equation, which moves the "
-            f"bound. The second moments of Eq. (25) itself are wrong for {len(moments)}, the growth of a "
-            f"typical particle for {len(typical)}",
+            reason=f"Of these, {len(unstable)} are called unstable and converge. Eq. (26) turns the iteration into a "
+            "differential equation, which moves the bound: the second moments of Eq. (25) itself are wrong for "
+            f"{len(moments)}, the growth of a typical particle for {len(typical)}.",
         ),
-        not_reproducible(
+        missing(
             "values of w, c1, c2",
             None,
             "; ".join(f"{k}: {', '.join(f'{v:g}' for v in vs)}" for k, vs in VALUES.items()),
             "1",
-            "five each, not printed (c1 = 0.6 is named twice with different results); chosen here",
+            "There are five each, and none is printed: c1 = 0.6 is named twice with different results.",
         ),
     ]
 
@@ -226,9 +230,8 @@ def tables(settings: Sequence[Setting]) -> list[Extra]:
     )
     note = (
         f"{SEEDS} seeds, 40 particles, 1000 iterations, the other constants as in Table 1. Growth: factor of the "
-        "swarm's size in an "
-        "iteration. Mean square and typical: around best points that do not move. The best cost of a diverging swarm "
-        "is what it met before."
+        "swarm's size in an iteration. Mean square and typical: around best points that do not move. The best cost "
+        "of a diverging swarm is what it met before."
     )
     return [Extra("All settings", columns, lines, note)]
 
@@ -287,16 +290,15 @@ def figures(settings: Sequence[Setting]) -> list[Figure]:
     return [
         Figure(
             "costs",
-            "Medians over 20 seeds, data without noise; dotted: the swarm diverges. Long dashes: the "
-            "reported final cost. Upper row: best "
-            "cost so far, which no divergence can raise. Lower row: median cost of the particles, which "
-            "may oscillate as the paper describes.",
+            "Medians over 20 seeds, data without noise; dotted: the swarm diverges. Long dashes: the reported final "
+            "cost. Upper row: best cost so far, which no divergence can raise. Lower row: median cost of the "
+            "particles, which may oscillate as the paper describes.",
             style.svg(draw_costs, style.PAGE, 4.2),
         ),
         Figure(
             "stability",
-            "Factor by which the swarm's size changes in an iteration: above 1 it diverges. Shaded: "
-            "unstable by Eq. (27).",
+            "Factor by which the swarm's size changes in an iteration: above 1 it diverges. Shaded: unstable by Eq. "
+            "(27).",
             style.svg(draw_stability, style.PAGE, 2.5),
         ),
     ]

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -43,13 +43,23 @@ class Sine(NamedTuple):
         return self.amplitude * sine, self.amplitude * w * math.cos(w * t), -self.amplitude * w * w * sine
 
 
+class Ramp(NamedTuple):
+    """Motion at a constant speed; m/s."""
+
+    speed: float
+
+    def at(self, t: float) -> tuple[float, float, float]:
+        """Value and two derivatives."""
+        return self.speed * t, self.speed, 0.0
+
+
 @dataclass(frozen=True)
 class Case:
     """One controller on one true rig."""
 
     controller: str
     """key of `CONTROLLERS`"""
-    reference: Step | Sine
+    reference: Step | Sine | Ramp
     rig: Mapping[str, float]
     """changes to the preset gu-inferred: the truth"""
     belief: Mapping[str, float] | None = None
@@ -59,6 +69,8 @@ class Case:
     """m/s; half width over which the direction of friction is interpolated"""
     noise: float = 1.0
     """times the sensor noise of the position task"""
+    gains: Mapping[str, float] = field(default_factory=dict)
+    """of the controller, other than its defaults"""
 
 
 @dataclass(frozen=True)
@@ -115,6 +127,7 @@ def run(cases: Sequence[Case], duration: float = DURATION, seed: int = 2) -> Run
             DT,
             direction=c.direction,
             direction_speed=c.direction_speed,
+            **c.gains,
         )
         for c, r in zip(cases, rigs, strict=True)
     ]

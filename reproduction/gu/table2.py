@@ -22,30 +22,18 @@ from cable_envs.reproduction.gu.table2_runs import (
     Runs,
     exact_data,
     identify,
+    single_starts,
     standard_swarm,
     swarm_sizes,
 )
 from cable_envs.reproduction.gu.table2_tables import notes, tables
-from cable_envs.reproduction.registry import (
-    DIFFERS,
-    REPRODUCED,
-    Figure,
-    Progress,
-    Result,
-    Row,
-    claim,
-    compare,
-    not_reproducible,
-)
+from cable_envs.reproduction.registry import Figure, Progress, Result
+from cable_envs.reproduction.rows import Band, Row, curve, missing, parameter, statement
 
 UNITS = {"delta": "1", "mu": "1", "K": "SI", "omega": "1"}
-CLEAN = {"delta": 5e-4, "mu": 5e-4, "K": 6.5, "omega": 5e-3}
-"""half a unit of the last digit in Table A1; K, printed to half a unit in 6574, within 0.1 %"""
-VAGUE = 0.5
-"""a parameter whose 99 % interval reaches further than this share of its printed value is not determined by the data"""
 WHY = (
-    "The parameters of all nine cables come back from their own data, but not by the swarm of Table 1: it collapses on "
-    "a wrong point. Least squares finds the optimum from every seed. delta is hardly determined, K and omega only "
+    "The parameters of all nine cables come back from their own data, but not by the swarm of Table 1: it collapses "
+    "on a wrong point. Least squares finds the optimum from every seed. delta is hardly determined, K and omega only "
     "together."
 )
 
@@ -71,19 +59,11 @@ def reproduce(progress: Progress) -> Result:
 
 
 def clean_rows(clean: Runs) -> list[Row]:
-    """Table 2 from data without noise, by least squares: the numbers come back to the printed digits."""
+    """Table 2 from data without noise, by least squares."""
     fit = min(clean.fits["lsq"], key=lambda f: f.cost)
-    why = "least squares, data without noise; left is Eq. (22) against Eq. (13), which made the data"
+    how = "Least squares on data without noise. What is left is Eq. (22) against Eq. (13), which made the data."
     return [
-        compare(
-            f"Table 2 {name}",
-            getattr(TABLE_2, name),
-            fit.parameters[name],
-            UNITS[name],
-            CLEAN[name],
-            why=why,
-            absolute=True,
-        )
+        parameter(f"Table 2 {name}", getattr(TABLE_2, name), fit.parameters[name], UNITS[name], how=how)
         for name in NAMES
     ]
 
@@ -94,37 +74,39 @@ def iteration_rows(clean: Runs, slow: Runs, standard: dict[str, Any]) -> list[Ro
     shrink = math.sqrt(growth(0.4, 0.6, 0.8)[1])
     below = sum(fit.cost < 1e-6 for fit in clean.fits["pso"])
     single = slow.data.noise_floor
+    collapse = (
+        f"Eq. (25) with Table 1's w 0.4, c1 0.6, c2 0.8 contracts the swarm by a factor of {shrink:.2f} in an "
+        "iteration around any best point, so that it is a thousand times smaller after "
+        f"{math.log(1e-3) / math.log(shrink):.0f}"
+    )
     return [
-        compare(
+        curve(
             "iterations until the parameters settle",
             PAPER_ITERATIONS,
             float(np.median(settled)),
             "1",
-            0.2,
-            differs=f"median of {SEEDS} seeds until the swarm is smaller than 1/1000 of the search range. With w 0.4, "
-            "c1 0.6, "
-            f"c2 0.8 it shrinks by a factor of {shrink:.2f} in an iteration around any best point. With the "
-            "usual constants (0.729, "
-            f"1.494, 1.494) the cost passes 1e-6 after {standard['iterations']:.0f} iterations",
+            reason=f"The count and Table 1 exclude each other. {collapse}. With the usual constants (0.729, 1.494, "
+            f"1.494) the cost passes 1e-6 after {standard['iterations']:.0f} iterations.",
+            how=f"Median of {SEEDS} seeds until the swarm is smaller than 1/1000 of the search range.",
         ),
-        claim(
+        statement(
             "final cost below 1e-6",
             "within 1e-6",
             f"{below} of {SEEDS} seeds, median {np.median([f.cost for f in clean.fits['pso']]):.1e}",
             below > SEEDS // 2,
-            "data without noise, Table 1, 40 particles: the swarm collapses on a point of the K-omega valley that is "
-            "not its bottom. "
-            f"With the usual constants {standard['below']} of {SEEDS} get there. Swarm size and search range are not "
-            "printed",
+            reason=f"The cost and Table 1 exclude each other. {collapse}, on a point of the K-omega valley that is "
+            f"not its bottom. With the usual constants {standard['below']} of {SEEDS} get there.",
+            how="Data without noise and 40 particles. Swarm size and search range are not printed, and no size in "
+            "the table on swarm sizes gets there reliably.",
         ),
-        claim(
+        statement(
             "final cost below 1e-6 with the sensor's 0.1 N",
             "within 1e-6",
             f"{single:.1e} at the best",
-            False,
-            f"75 ratios, each from one tension reading with {SENSOR_STD:g} N of noise, leave this sum of squares at "
-            "any parameters. 1e-6 "
-            f"needs {single / 1e-6:.0f} readings averaged for each point, or a model that was fitted to itself",
+            single < 1e-6,
+            reason="The cost and the accuracy of the sensor exclude each other: 75 ratios, each from one tension "
+            f"reading with {SENSOR_STD:g} N of noise, leave this sum of squares at any parameters. For 1e-6, "
+            f"{single / 1e-6:.0f} readings would have to be averaged for each point.",
         ),
     ]
 
@@ -135,22 +117,22 @@ def cable_rows(runs: Sequence[Runs]) -> list[Row]:
     for run in runs:
         for name in NAMES:
             interval = profile_interval(run.data, run.best.parameters, name, 0.99)
-            printed, value = getattr(run.cable, name), run.best.parameters[name]
-            low = f"{interval.low:.4g}" if not interval.low_open else "no lower end"
-            high = f"{interval.high:.4g}" if not interval.high_open else "no upper end"
-            inside = interval.low <= printed <= interval.high
+            band = Band(
+                -math.inf if interval.low_open else interval.low,
+                math.inf if interval.high_open else interval.high,
+                f"99 % interval of 75 ratios with {SENSOR_STD:g} N of noise",
+            )
             swarm_value = np.median([fit.parameters[name] for fit in run.fits["pso"]])
-            why = f"99 % interval of noisy data: {low} to {high}; the swarm's median is {swarm_value:.4g}"
-            label, unit = f"{run.cable.name}: {name}", UNITS[name]
-            if not inside:
-                row = Row(label, printed, value, unit, DIFFERS, f"{why}; one interval in a hundred misses by chance")
-            elif max(interval.high - printed, printed - interval.low) > VAGUE * printed:
-                row = not_reproducible(
-                    label, printed, value, unit, f"75 ratios with 0.1 N of noise hardly determine it: {why}"
+            rows.append(
+                parameter(
+                    f"{run.cable.name}: {name}",
+                    getattr(run.cable, name),
+                    run.best.parameters[name],
+                    UNITS[name],
+                    band=band,
+                    how=f"The data are made from the printed values. The swarm's median is {swarm_value:.4g}.",
                 )
-            else:
-                row = Row(label, printed, value, unit, REPRODUCED, why)
-            rows.append(row)
+            )
     return rows
 
 
@@ -158,21 +140,24 @@ def method_rows(runs: Sequence[Runs], slow: Runs) -> list[Row]:
     """Success of the methods over all cables and seeds."""
     everything = [*runs, slow]
     total = SEEDS * len(everything)
-    hits = {m: sum(run.successes(m) for run in everything) for m in METHODS}
+    hits = sum(run.successes("lsq") for run in everything)
+    alone = single_starts(slow)
     return [
-        claim(
+        statement(
             "Eq. (23) needs a swarm: least squares is challenging",
             "challenging",
-            f"{hits['lsq']} of {total} runs find the optimum",
-            hits["lsq"] < 0.9 * total,
-            "ln K in place of K and three starts out of 24 random points are enough",
+            f"{hits} of {total} runs find the optimum",
+            hits < 0.9 * total,
+            how="Each run makes three starts with ln K in place of K. Neither is needed for Table 2's cable: single "
+            f"starts from random points, with K itself, find the optimum in {alone} of {3 * SEEDS} runs.",
         ),
-        not_reproducible(
+        missing(
             "particles in the swarm",
             None,
             40,
             "1",
-            "not printed; 40 are assumed here, the table on swarm sizes shows what depends on it",
+            "The number is not printed.",
+            how="40 are assumed here. The table on swarm sizes shows what depends on it.",
         ),
     ]
 
@@ -182,27 +167,22 @@ def figures(slow: Runs, clean: Runs, sizes: Sequence[tuple], runs: Sequence[Runs
     drawn: Sequence[tuple[str, str, Any]] = (
         (
             "convergence",
-            "Best cost against evaluations, 20 seeds each, Table 2's cable. (a) Without noise: the swarm "
-            "of Table 1 stops "
-            "moving after some tens of iterations on 20 different costs. (b) With 0.1 N of noise on the "
-            "tension. "
-            "Long dashes: the final cost of 1e-6 that the paper reports.",
+            "Best cost against evaluations, 20 seeds each, Table 2's cable. (a) Without noise: the swarm of Table 1 "
+            "stops moving after some tens of iterations on 20 different costs. (b) With 0.1 N of noise on the "
+            "tension. Long dashes: the final cost of 1e-6 that the paper reports.",
             plots.convergence(slow, clean),
         ),
         (
             "valley",
             "(a) Cost above the optimum over K and omega, the others refitted: one narrow valley (grey: 95 %); every "
-            "circle "
-            "is where one of the 20 "
-            "swarms stopped, the cross is where all 20 least-squares runs did. (b) Profile of delta for three "
-            "values of rho0: the same curve, shifted.",
+            "circle is where one of the 20 swarms stopped, the cross is where all 20 least-squares runs did. (b) "
+            "Profile of delta for three values of rho0: the same curve, shifted.",
             plots.valley(slow),
         ),
         (
             "cables",
-            "Nine cables of Table A1 (open circles) and what 75 noisy ratios give: least squares with 95 % "
-            "profile intervals, medians of "
-            "20 swarms (crosses).",
+            "Nine cables of Table A1 (open circles) and what 75 noisy ratios give: least squares with 95 % profile "
+            "intervals, medians of 20 swarms (crosses).",
             plots.cables(runs),
         ),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_envs.identification.cma_es import cma_es
 from cable_envs.identification.fit import Fit
-from cable_envs.identification.least_squares import least_squares
+from cable_envs.identification.least_squares import least_squares, refine
 from cable_envs.identification.problem import RatioProblem
 from cable_envs.identification.pso import SwarmSettings, swarm
 from cable_envs.reproduction.gu.data import (
@@ -115,6 +115,14 @@ def standard_swarm(slow: Runs, clean: Runs) -> dict[str, Any]:
         "below": sum(len(k) > 0 for k in below),
         "iterations": float(np.median([k[0] if len(k) else np.inf for k in below])),
     }
+
+
+def single_starts(slow: Runs) -> int:
+    """How many least-squares runs from one random point each, with K itself, find the optimum of the noisy data."""
+    rng = np.random.default_rng(3)
+    plain = slow.data.changed(log_gain=False)
+    allowed = slow.best.cost * (1 + FOUND / (len(plain.wrap) - len(plain.free)))
+    return sum(2.0 * refine(plain, rng.random(len(plain.free))).cost < allowed for _ in range(3 * SEEDS))
 
 
 def absorbed() -> list[tuple[Any, ...]]:

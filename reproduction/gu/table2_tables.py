@@ -48,10 +48,9 @@ def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: d
         )
     paper = PAPER_ITERATIONS * 40
     note = (
-        f"Ten data sets with 0.1 N of noise, {SEEDS} seeds each. Success: cost within {FOUND:g} residual variances of "
-        "the best known. "
-        f"The paper's budget would be {PAPER_ITERATIONS} iterations x 40 = {paper} evaluations; a tenth is "
-        f"{paper // 10}."
+        f"Ten data sets with 0.1 N of noise, {SEEDS} seeds each. Success: cost within {FOUND:g} residual variances "
+        f"of the best known. The paper's budget would be {PAPER_ITERATIONS} iterations x 40 = {paper} evaluations; a "
+        f"tenth is {paper // 10}."
     )
     size_lines = [
         ("Table 1", n, "for each coordinate" if c else "for each particle", f"{hits} of {SEEDS}", int(e), x)
@@ -86,9 +85,8 @@ def tables(runs: Sequence[Runs], slow: Runs, sizes: Sequence[tuple], standard: d
             "What the parameters absorb when the area law is not linear",
             ("compression [mm]", *NAMES, "rms left in n"),
             absorbed(),
-            "Table 2's cable, data by Eq. (13) with the area of Eq. (6), no noise; compression at 49 N/rad. Table "
-            "A1 has 0.485 mm, "
-            "beyond the reach of the model at 90°.",
+            "Table 2's cable, data by Eq. (13) with the area of Eq. (6), no noise; compression at 49 N/rad. Table A1 "
+            "has 0.485 mm, beyond the reach of the model at 90°.",
         ),
     ]
 
@@ -147,7 +145,7 @@ def notes(slow: Runs, runs: Sequence[Runs]) -> list[str]:
     high = f"{interval.high:.4f}" + (" (its bound)" if interval.high_open else "")
     return [
         f"Table 2's cable up to 10.8 mm/s: the 95 % profile interval of delta is {low} to {high}, with rho0 taken as "
-        f"exactly 1.5. If rho0 is off by 1 %, delta is off by 0.01: 75 ratios only determine rho0 (1 + delta).",
+        "exactly 1.5. If rho0 is off by 1 %, delta is off by 0.01: 75 ratios only determine rho0 (1 + delta).",
         "Success means a cost at the noise floor, not a delta: within that floor delta is anywhere in its interval.",
         "The speed whose loss costs most: " + ", ".join(f"{v:.1f} mm/s for {n}" for n, v in key.items()) + ".",
     ]

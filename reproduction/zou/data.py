@@ -21,6 +21,10 @@ class Idler(NamedTuple):
     wrap: float
     """rad"""
 
+    def shown(self, column: str) -> str:
+        """A value as the table prints it: three decimals in all columns."""
+        return f"{getattr(self, column):.3f}"
+
 
 TABLE_3 = {
     "1t": Idler(0.051, 1.006, 1.098, 0.279),

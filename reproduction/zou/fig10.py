@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from cable_envs.reproduction import style
-from cable_envs.reproduction.registry import Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.registry import Figure, Progress, Result
+from cable_envs.reproduction.rows import missing, statement
 from cable_envs.reproduction.zou.data import PRETENSIONS
 from cable_envs.reproduction.zou.pretension import BY_NAME, CHOSEN, Fitted, fit, simulate
 from cable_envs.reproduction.zou.runs import Run
@@ -26,35 +27,39 @@ def reproduce(progress: Progress) -> Result:
     at = chain.expected_angle[np.argmax(np.abs(chain.position_error), axis=0), range(3)]
     apart = float(np.max(np.abs(chain["output_angle"] - analytic["output_angle"])))
     slack = chain["slack_fraction"].mean(axis=0)
+    sensor = f"Stiffness and position of the sensor are fitted to Table 4: {conditions(fitted)}."
     rows = [
-        claim(
+        statement(
             "backlash is large, with all three pretensions",
             "very large",
             f"{', '.join(f'{v:.2f}' for v in errors)} of {turning:.2f} rad",
             bool(errors.min() > 0.05 * turning),
-            "largest differences between expected and output angle at 12.5, 50, 150 N",
+            chosen=sensor,
+            how="Largest differences between expected and output angle at 12.5, 50 and 150 N.",
         ),
-        claim(
+        statement(
             "where it is largest",
             "where the direction of the drive's torque changes",
             f"at {', '.join(f'{v:.2f}' for v in at)} of {turning:.2f} rad",
             bool(np.all(at > 0.97 * turning)),
-            "at the reversal in contact, where the drive's torque is largest and begins to fall",
+            chosen="The words are read as the reversal in contact, where the drive's torque is largest and begins to "
+            "fall; its sign does not change there.",
         ),
-        claim(
+        statement(
             "output torque closer to the expected with more pretension",
             "in theory, not observed",
             ", ".join(f"{v:.3f}" for v in fitted.errors[:, 2]) + " N m",
             not bool(np.all(np.diff(fitted.errors[:, 2]) < 0)),
-            f"largest torque errors at 12.5, 50, 150 N; see {SECTION}",
+            chosen=sensor,
+            how=f"Largest torque errors at 12.5, 50 and 150 N. See {SECTION}.",
         ),
-        not_reproducible(
+        missing(
             "curves of Fig. 10",
             None,
             None,
             "",
-            "drawn without numbers that the text gives; stiffness and position of the sensor are not printed: "
-            + conditions(fitted),
+            "They are drawn without numbers that the text gives, and stiffness and position of the sensor are not "
+            "printed.",
         ),
     ]
     return Result(
@@ -62,12 +67,12 @@ def reproduce(progress: Progress) -> Result:
         (figure(chain, fitted),),
         notes=(
             f"Slack share of the cycle at 12.5, 50, 150 N: {', '.join(f'{100 * v:.0f} %' for v in slack)}. Chain and "
-            "analytic plant are within "
-            f"{apart:.4f} rad of each other.",
+            f"analytic plant are within {apart:.4f} rad of each other.",
             f"Largest tensions: {', '.join(f'{v:.0f}' for v in chain['peak_tension'].max(axis=0))} N; the rope is "
             "good for about 223 N.",
         ),
-        why="Loops as described: large errors at all three pretensions, largest at the reversal in contact.",
+        why="The loops are as described: errors are large at all three pretensions, and largest at the reversal in "
+        "contact.",
     )
 
 
@@ -131,7 +136,6 @@ def figure(chain: Run, fitted: Fitted) -> Figure:
     return Figure(
         "cycle",
         f"One cycle of 1.74 sin(2πt/12.5 s) at the drive, from the chain; contact from {c:.2f} rad with {k:.2f} N "
-        "m/rad. "
-        "(a), (b) the part of the loops near the contact, (c), (d) errors against a rigid cable.",
+        "m/rad. (a), (b) the part of the loops near the contact, (c), (d) errors against a rigid cable.",
         style.svg(draw, style.PAGE, 4.6),
     )

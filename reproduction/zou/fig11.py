@@ -5,7 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_envs.reproduction import style
-from cable_envs.reproduction.registry import Extra, Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result
+from cable_envs.reproduction.rows import curve, digits, missing, within_truths
 from cable_envs.reproduction.zou.data import ESTIMATED, GRASPER_LENGTH, UNCOMPENSATED
 from cable_envs.reproduction.zou.grasp import (
     HOLDS,
@@ -19,7 +20,6 @@ from cable_envs.reproduction.zou.grasp import (
     noisy,
     truths,
     uncompensated,
-    within,
 )
 from cable_envs.reproduction.zou.runs import Run, last_cycle
 
@@ -72,51 +72,51 @@ def reproduce(progress: Progress) -> Result:
     main = cases["band", SPREAD]
     plain = last_cycle(uncompensated([touched.parameters()]))
     chosen = (
-        f"by choice: stiffness {touched.stiffness:.4f} N m/rad and position {touched.angle:.4f} rad of the sensor are "
-        "not printed and are "
-        "chosen so that the chain with Table 2 has both uncompensated errors"
+        f"Stiffness {touched.stiffness:.4f} N m/rad and position {touched.angle:.4f} rad of the sensor are not "
+        "printed and are chosen so that the chain with Table 2 has both uncompensated errors."
     )
-    what = f"Eqs. (44)-(47) with Table 2 on truths within ±{100 * SPREAD:.0f} % and sensor noise"
+    what = f"truths within ±{100 * SPREAD:.0f} %"
+    how = "The estimate is Eqs. (44)-(47) with Table 2, from noisy sensors."
     no_hold, widest = cases["printed", SPREAD], cases["band", SPREADS[-1]]
     rows = [
-        not_reproducible(
+        curve(
             "max position error, uncompensated",
             UNCOMPENSATED.degrees,
             float(np.degrees(largest(plain.position_error)[0])),
             "deg",
-            chosen,
+            chosen=chosen,
         ),
-        not_reproducible(
+        curve(
             "max torque error, uncompensated",
             UNCOMPENSATED.torque,
             float(largest(plain.torque_error())[0]),
             "N m",
-            chosen,
+            chosen=chosen,
         ),
-        within("max position error of the estimate", ESTIMATED.degrees, main.angle, "deg", what),
-        within(
+        within_truths("max position error of the estimate", ESTIMATED.degrees, main.angle, "deg", what, how=how),
+        within_truths(
             "max torque error of the estimate",
             ESTIMATED.torque,
             main.torque,
             "N m",
             what,
-            f"truths within ±30 % reach {np.quantile(widest.torque, 0.95):.3f} N m. What gets there is a hold "
-            "after the reversal that ends at the wrong time: "
-            f"no hold at all, the flag of Eq. (47) as printed, gives {np.median(no_hold.torque):.3f} N m and "
-            f"{np.median(no_hold.angle):.2f} deg",
+            how=f"{how} Truths within ±30 % reach {np.quantile(widest.torque, 0.95):.3f} N m. A hold that ends at "
+            "the wrong time passes the print: no hold at all, the flag of Eq. (47) as printed, gives "
+            f"{np.median(no_hold.torque):.3f} N m and {np.median(no_hold.angle):.2f} deg.",
         ),
-        not_reproducible(
-            "mean position error of the estimate", None, float(np.median(main.mean_angle)), "deg", "not printed"
+        missing(
+            "mean position error of the estimate", None, float(np.median(main.mean_angle)), "deg", "It is not printed."
         ),
-        not_reproducible(
-            "mean torque error of the estimate", None, float(np.median(main.mean_torque)), "N m", "not printed"
+        missing(
+            "mean torque error of the estimate", None, float(np.median(main.mean_torque)), "N m", "It is not printed."
         ),
-        claim(
+        digits(
             "largest force error, 15 mm grasper",
-            "14.3 N",
-            f"{UNCOMPENSATED.torque / GRASPER_LENGTH:.1f} N",
-            True,
-            "0.215 N m over 15 mm",
+            "14.3",
+            UNCOMPENSATED.torque / GRASPER_LENGTH,
+            "N",
+            inputs=((UNCOMPENSATED.torque - 5e-4) / GRASPER_LENGTH, (UNCOMPENSATED.torque + 5e-4) / GRASPER_LENGTH),
+            how="0.215 N m over 15 mm.",
         ),
     ]
     return Result(
@@ -125,11 +125,10 @@ def reproduce(progress: Progress) -> Result:
         (table(cases),),
         notes=(
             "Truths: the chain with EA, both friction coefficients and both pretensions drawn uniformly within the "
-            "given share of Table 2, 40 draws; "
-            "sensor noise of the position task (0.5 mrad and 2 mN m at the drive, 1 mrad and 2 mN m at the output).",
+            "given share of Table 2, 40 draws; sensor noise of the position task (0.5 mrad and 2 mN m at the drive, "
+            "1 mrad and 2 mN m at the output).",
             "Only the reading of Eq. (47) matters beyond the parameters: with the lost minus restored the flag holds "
-            "until the drive's torque "
-            "changes sign, which a contact that pushes back delays to the end of the stroke.",
+            "until the drive's torque changes sign, which a contact that pushes back delays to the end of the stroke.",
         ),
         why="The position error of the estimate is what ±20 % in the parameters make; the printed torque error needs "
         "a wrong hold at the reversal.",
@@ -222,7 +221,7 @@ def figure(cases: dict[tuple[str, float], Case]) -> Figure:
     return Figure(
         "estimate",
         "Estimate from drive angle and torque at 25 N. (a), (b) one truth with parameters within ±20 %; (c), (d) "
-        "largest errors over 40 "
-        "truths, median and 5 to 95 %, for three ways to end the hold after a reversal; dashed: printed.",
+        "largest errors over 40 truths, median and 5 to 95 %, for three ways to end the hold after a reversal; "
+        "dashed: printed.",
         style.svg(draw, style.PAGE, 5.0),
     )

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from cable_envs.reproduction import style
-from cable_envs.reproduction.registry import DIFFERS, Extra, Figure, Progress, Result, Row, not_reproducible
+from cable_envs.reproduction.registry import Extra, Figure, Progress, Result
+from cable_envs.reproduction.rows import digits, missing
 from cable_envs.reproduction.zou.data import GRASPER_LENGTH, INSTRUMENT, INSTRUMENT_MEAN, PERIOD
 from cable_envs.reproduction.zou.grasp import SPREAD, Contact, Sine, compensated, estimate, largest, noisy, truths
 from cable_envs.reproduction.zou.runs import Run
@@ -61,16 +62,16 @@ def reproduce(progress: Progress) -> Result:
         cases[amplitude, stiffness] = case(amplitude, stiffness)
     shown = cases[SHOWN]
     reach = {name: [getattr(c, name) for c in cases.values()] for name in ("max_angle", "mean_angle", "max_torque")}
-    chosen = f"chosen {SHOWN[0]:g} rad, 12.5 s, {SHOWN[1]:g} N m/rad, Table 2"
-    missing = f"amplitude, period, object and cable run are not printed; {chosen}"
     rows = [
-        not_reproducible(
+        missing(
             label,
             printed,
             getattr(shown, name),
             unit,
-            f"{missing}; over amplitudes 0.3 to 1 rad and objects 0.05 to 0.5 N m/rad: {min(reach[name]):.3g} to "
-            f"{max(reach[name]):.3g} {unit}",
+            "Amplitude, period, object and cable run are not printed.",
+            how=f"Chosen are {SHOWN[0]:g} rad, 12.5 s, {SHOWN[1]:g} N m/rad and Table 2. Over amplitudes of 0.3 to 1 "
+            f"rad and objects of 0.05 to 0.5 N m/rad there are {min(reach[name]):.3g} to {max(reach[name]):.3g} "
+            f"{unit}.",
         )
         for label, printed, name, unit in (
             ("max position error, compensated", INSTRUMENT.degrees, "max_angle", "deg"),
@@ -78,14 +79,16 @@ def reproduce(progress: Progress) -> Result:
             ("max torque error, estimated less desired", INSTRUMENT.torque, "max_torque", "N m"),
         )
     ]
+    force = INSTRUMENT.torque / GRASPER_LENGTH
     rows.append(
-        Row(
+        digits(
             "force error for 0.025 N m, 15 mm grasper",
-            1.47,
-            INSTRUMENT.torque / GRASPER_LENGTH,
+            "1.47",
+            force,
             "N",
-            DIFFERS,
-            "misprint: the conclusions have 1.67 N; 1.47 N would need 0.022 N m or 17 mm",
+            inputs=(force - 5e-4 / GRASPER_LENGTH, force + 5e-4 / GRASPER_LENGTH),
+            reason=f"It is a misprint: the conclusions have 1.67 N, which is {INSTRUMENT.torque:g} N m over 15 mm. "
+            f"1.47 N would need {1.47 * GRASPER_LENGTH:.3f} N m or {1e3 * INSTRUMENT.torque / 1.47:.0f} mm.",
         )
     )
     return Result(
@@ -93,8 +96,7 @@ def reproduce(progress: Progress) -> Result:
         (figure(cases),),
         (table(cases),),
         why="The torque error comes out as printed for most of what is not printed; the position errors are smaller "
-        "than printed in all nine cases. Neither "
-        "can be checked.",
+        "than printed in all nine cases. Neither can be checked.",
     )
 
 
@@ -143,7 +145,6 @@ def figure(cases: dict[tuple[float, float], Case]) -> Figure:
     return Figure(
         "instrument",
         "Instrument at 25 N with compensation, truths within ±20 %. (a) one truth, 0.6 rad on an object of 0.2 N "
-        "m/rad; (b)-(d) median "
-        "errors over amplitude for three objects.",
+        "m/rad; (b)-(d) median errors over amplitude for three objects.",
         style.svg(draw, style.PAGE, 2.7),
     )

@@ -12,7 +12,9 @@ import numpy as np
 
 from cable_envs.plants.circuit.statics import Statics
 from cable_envs.reproduction import style
-from cable_envs.reproduction.registry import Figure, Progress, Result, claim, not_reproducible
+from cable_envs.reproduction.registry import Figure, Progress, Result
+from cable_envs.reproduction.rows import curve, missing, statement
+from cable_envs.reproduction.yardstick import CURVE
 from cable_envs.reproduction.zou.data import PERIOD
 from cable_envs.reproduction.zou.runs import CONTACT_DAMPING, Run, follow, last_cycle, sinusoid
 
@@ -102,54 +104,58 @@ def reproduce(progress: Progress) -> Result:
     }
     order = [PHASES[int(p)] for p in phases[np.flatnonzero(np.diff(phases, prepend=0.0))] if p]
     rows = [
-        claim(
+        statement(
             "phases after a reversal",
             "delay, transition, working",
             ", ".join(dict.fromkeys(order)),
             list(dict.fromkeys(order)) == list(PHASES.values()),
-            "emerge in the chain: nothing in it knows of phases",
+            how="They emerge in the chain: nothing in it knows of phases.",
         ),
-        claim(
+        statement(
             "delay: output",
             "held",
             f"{found['delay']:.1e} of R0/R5",
             abs(found["delay"]) < 1e-3,
-            f"slope over {reach['delay']:.3f} rad of the drive",
+            how=f"The slope over {reach['delay']:.3f} rad of the drive is below a thousandth of a rigid cable's.",
         ),
-        claim(
+        statement(
             "transition: slope of the output",
             "between zero and the working slope",
             f"{found['transition']:.3f}, working {found['working']:.3f}",
             0 <= found["transition"] < found["working"],
-            f"mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5",
+            how=f"Mean over {reach['transition']:.3f} rad of the drive, in units of R0/R5.",
         ),
-        claim(
-            "delay and transition lumped into one hold (Eq. 47)",
-            "simplification",
-            f"chain works after {held:.4f} rad of the drive, closed forms {predicted:.4f} rad",
-            abs(held / predicted - 1) < 0.05,
-            "Eq. (45) in both directions at the torque of the reversal; the chain moves a little within the transition",
+        curve(
+            "delay and transition lumped into one hold (Eq. 47): drive angle until the output works",
+            predicted,
+            held,
+            "rad",
+            how="Eq. (45) in both directions at the torque of the reversal, against the chain, which moves a little "
+            "within the transition.",
         ),
-        claim(
+        statement(
             "working phase: Eqs. (44)-(46) against the chain",
             "the same",
             f"at most {max(apart.values()):.1e} of the range apart",
-            max(apart.values()) < 1e-2,
-            "angle, output torque, drive torque where both report the working phase; largest right after the "
-            "high-load reversal, "
-            "where the chain has moved a little in its transition",
+            CURVE.within(1.0, 1.0 + max(apart.values())),
+            how="Angle, output torque and drive torque where both report the working phase. They are furthest apart "
+            "right after the high-load reversal, where the chain has moved a little in its transition.",
         ),
-        not_reproducible(
-            "curve of Fig. 6", None, None, "", "drawn without numbers; pretension, load and amplitude are not named"
+        missing(
+            "curve of Fig. 6",
+            None,
+            None,
+            "",
+            "It is drawn without numbers, and pretension, load and amplitude are not named.",
         ),
     ]
     return Result(
         rows,
         figures(analytic, chain),
         notes=(
-            "Eq. (47) with its lost minus restored would hold the output until M_in changes sign; against a load that "
-            "pushes back it "
-            "never does within a stroke. The analytic plant therefore ends the hold by the balance of torques.",
+            "Eq. (47) with its lost minus restored would hold the output until M_in changes sign; against a load "
+            "that pushes back it never does within a stroke. The analytic plant therefore ends the hold by the "
+            "balance of torques.",
         ),
         why="Four phases emerge from spans and friction contacts; the hold of Eq. (47) is as long as they take "
         "together.",
@@ -209,10 +215,8 @@ def figures(analytic: Run, chain: Run) -> tuple[Figure, ...]:
         Figure(
             "characteristic",
             "Transmission characteristic at 50 N against a contact of 0.57 N m/rad: (a) output angle, (b) output "
-            "torque, "
-            "(c) drive torque over the drive angle, the chain coloured by its phases; (d) the angle that the cables "
-            "take up, with "
-            "the chain's delay and transition shaded.",
+            "torque, (c) drive torque over the drive angle, the chain coloured by its phases; (d) the angle that the "
+            "cables take up, with the chain's delay and transition shaded.",
             style.svg(draw, style.PAGE, 4.8),
         ),
     )

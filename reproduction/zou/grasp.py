@@ -19,7 +19,6 @@ from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics, replay
-from cable_envs.reproduction.registry import DIFFERS, REPRODUCED, Row
 from cable_envs.reproduction.zou.data import GRASP_PRETENSION, UNCOMPENSATED
 from cable_envs.reproduction.zou.runs import CONTACT_DAMPING, DT, SUBSTEPS, Run, follow, last_cycle, sinusoid
 from cable_envs.sim.tasks import load_task
@@ -197,9 +196,10 @@ def compensated(
     reference: Sine,
     cycles: float = 1.5,
     seed: int | None = 11,
+    action_mode: str = "position",
     **gains: float,
 ) -> Run:
-    """The chain under a reference controller with a position servo and noisy drive signals.
+    """The chain under a reference controller with noisy drive signals, through a position servo or by torque.
 
     Parameters
     ----------
@@ -215,6 +215,8 @@ def compensated(
         Length of the run in periods of the reference.
     seed : int or None
         Of the noise; None: no noise.
+    action_mode : str
+        "position": the controller commands a servo; "torque": it commands the motor, as Fig. 7 draws it.
     **gains : float
         Of the controller; the torque saturator is set out of reach unless ``grasp_limit`` is given.
 
@@ -226,8 +228,9 @@ def compensated(
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(rigs)))
     u = INPUTS.zeros(len(rigs))
+    u.mode[:] = [mode.name for mode in plant.action_modes].index(action_mode)
     drives = [
-        make_controller(name, "pulley_chain", "position", "position", nominal, DT, **{"grasp_limit": 5.0, **gains})
+        make_controller(name, "pulley_chain", action_mode, "position", nominal, DT, **{"grasp_limit": 5.0, **gains})
         for _ in rigs
     ]
     rows = {n: plant.row(n) for n in ("drive_angle", "drive_velocity", "drive_torque")}
@@ -257,39 +260,4 @@ def tracking_errors(run: Run) -> Estimate:
     return Estimate(
         run["reference"] - run["output_angle"],
         run.contact_torque(run["reference"]) - run.contact_torque(run["output_angle"]),
-    )
-
-
-def within(quantity: str, published: float, values: np.ndarray, unit: str, what: str, differs: str = "") -> Row:
-    """A printed number against an ensemble.
-
-    Parameters
-    ----------
-    quantity : str
-        What it is, in words.
-    published : float
-        In ``unit``.
-    values : ndarray
-        Of the ensemble.
-    unit : str
-    what : str
-        What the ensemble is.
-    differs : str
-        Why the number may lie outside.
-
-    Returns
-    -------
-    Row
-        Reproduced when between the ensemble's 5 and 95 % quantiles; computed is its median.
-    """
-    low, high = np.quantile(values, (0.05, 0.95))
-    inside = bool(low <= published <= high)
-    why = f"{what}: 5 to 95 % of {len(values)} truths are {low:.3g} to {high:.3g} {unit}"
-    return Row(
-        quantity,
-        published,
-        float(np.median(values)),
-        unit,
-        REPRODUCED if inside else DIFFERS,
-        why if inside else f"{why}; {differs or 'reason not found'}",
     )

@@ -101,9 +101,14 @@ def sinusoid(cycles: float = 1.25, dt: float = DT, amplitude: float = AMPLITUDE,
 
 
 def follow(
-    variant: str, rigs: Sequence[Mapping[str, float]], angle: np.ndarray, dt: float = DT, substeps: int = SUBSTEPS
+    variant: str,
+    rigs: Sequence[Mapping[str, float]],
+    angle: np.ndarray,
+    dt: float = DT,
+    substeps: int = SUBSTEPS,
+    action_mode: str = "position",
 ) -> Run:
-    """Drive mechanisms along an angle through their position servos.
+    """Drive mechanisms along an angle through their position servos, or by a torque.
 
     Parameters
     ----------
@@ -112,11 +117,13 @@ def follow(
     rigs : sequence of mapping
         Parameters of the mechanisms, SI.
     angle : ndarray [samples + 1]
-        Of every drive, rad; the first is the start.
+        Of every drive, rad; the first is the start. With the action mode "torque": its torque, N m.
     dt : float
         Sampling period, s.
     substeps : int
         Integration steps in a sample.
+    action_mode : str
+        "position" or "torque".
 
     Returns
     -------
@@ -127,6 +134,7 @@ def follow(
     p = plant.prepare(np.stack([CIRCUIT.pack(rig) for rig in rigs], axis=1))
     x = plant.rest(p, np.zeros(len(rigs)))
     u = INPUTS.zeros(len(rigs))
+    u.mode[:] = [mode.name for mode in plant.action_modes].index(action_mode)
     names = [s.name for s in plant.signals if not s.name.startswith(("stretch_", "slip_"))]
     kept = np.empty((len(angle) - 1, len(names), len(rigs)))
     for k in range(len(angle) - 1):

@@ -1,10 +1,14 @@
 """Table 4: errors of position and torque at three pretensions, and why position has its minimum near 50 N."""
 
+import math
+
 import numpy as np
 
 from cable_envs.physics.supports import BEARING_FRICTION
 from cable_envs.plants.circuit.statics import Statics
-from cable_envs.reproduction.registry import DIFFERS, Extra, Progress, Result, Row, claim, compare
+from cable_envs.reproduction.registry import Extra, Progress, Result
+from cable_envs.reproduction.rows import Row, curve, digits, statement
+from cable_envs.reproduction.yardstick import same_digits
 from cable_envs.reproduction.zou.data import ERROR_UNITS, ERRORS, GRASPER_LENGTH, PRETENSIONS, TABLE_4
 from cable_envs.reproduction.zou.pretension import (
     BY_NAME,
@@ -20,8 +24,6 @@ from cable_envs.reproduction.zou.pretension import (
 from cable_envs.reproduction.zou.table4_figures import figures
 
 SECTION = "docs/mismatches/pretension.md"
-TOLERANCE = 0.1
-"""relative; what the twelve numbers vary by themselves between the two readings of "mean" """
 
 
 def cases() -> list[tuple[str, Reading]]:
@@ -44,18 +46,14 @@ def reproduce(progress: Progress) -> Result:
         (misfits(fits), shares(chain), closed_form()),
         notes=(
             "Not printed: stiffness and position of the sensor, what the torque error is measured against, and over "
-            "which part of the cycle the "
-            f"means are taken. Chosen by fit to the twelve numbers: {conditions(chain)}; the torque is expected from "
-            "the contact at the rigid "
-            "cable's angle; means over the half cycle on the sensor's side. Sensitivity: the misfit stays below 1.2 "
-            "times its minimum within "
-            f"{range_of(fits)}.",
+            f"which part of the cycle the means are taken. Chosen by fit to the twelve numbers: {conditions(chain)}; "
+            "the torque is expected from the contact at the rigid cable's angle; means over the half cycle on the "
+            f"sensor's side. Sensitivity: the misfit stays below 1.2 times its minimum within {range_of(fits)}.",
             f"The explanation in full: {SECTION}.",
         ),
-        why="The minimum of the position error near 50 N is what slack at low and friction at high pretension make of "
-        "a closed circuit against a "
-        "contact; friction in the bearings of P0 and P5 adds next to nothing. The chain makes the minimum deeper than "
-        "measured.",
+        why="The minimum of the position error near 50 N is what slack at low and friction at high pretension make "
+        "of a closed circuit against a contact; friction in the bearings of P0 and P5 adds next to nothing. The "
+        "chain makes the minimum deeper than measured.",
     )
 
 
@@ -90,25 +88,26 @@ def twelve(fits: Fits) -> list[Row]:
     """Table 4 beside the chain under its fitted conditions."""
     chain, found = fits["chain", CHOSEN], []
     more = fits["preload", CHOSEN].conditions["preload"]
-    slack = "the chain's slack at 12.5 N weighs more against 50 N than measured"
-    extreme = f"{slack}; {more:.0f} N more in the cables would remove that"
-    reasons = (
+    extreme = (
+        f"The chain's slack at 12.5 N weighs more against 50 N than measured. {more:.0f} N more in the cables would "
+        "make the minimum as shallow as measured."
+    )
+    notes = (
         extreme,
-        "outside the contact the measured error falls with pretension, the chain's grows (table below)",
-        f"as the position error, times the stiffness: {extreme}",
-        "in contact the measured error grows with pretension, the chain's is smallest at 50 N (table below)",
+        "Outside the contact the measured error falls with pretension, and the chain's grows (table below).",
+        f"It is the position error times the stiffness. {extreme}",
+        "In contact the measured error grows with pretension, and the chain's is smallest at 50 N (table below).",
     )
     for j, (name, unit) in enumerate(zip(ERRORS, ERROR_UNITS, strict=True)):
         for i, pretension in enumerate(PRETENSIONS):
             found.append(
-                compare(
+                curve(
                     f"{name}, {pretension:g} N",
                     TABLE_4[i, j],
                     float(chain.errors[i, j]),
                     unit,
-                    TOLERANCE,
-                    why="chain under the fitted contact",
-                    differs=f"chain under the fitted contact: {reasons[j]}",
+                    chosen="Stiffness and position of the sensor are fitted to these twelve numbers, with the chain.",
+                    how=notes[j],
                 )
             )
     return found
@@ -121,12 +120,17 @@ def statements(fits: Fits) -> list[Row]:
         f = fits[name, CHOSEN]
         sizes = ", ".join(f"{v:.3f}" for v in f.errors[:, 0])
         found.append(
-            claim(
+            statement(
                 f"pretension of the smallest max position error, {f.model.label}",
                 "50 N",
                 f"{f.best_pretension:g} N",
                 f.best_pretension == 50.0,
-                f"{sizes} rad at 12.5, 50, 150 N; misfit of all twelve {100 * f.misfit:.0f} %",
+                chosen=f"The conditions are fitted to the twelve numbers; the misfit is {100 * f.misfit:.0f} %.",
+                reason="The equations cannot do it: they never let a cable go slack, and the friction of the idlers, "
+                "which is all that pretension brings into them, grows with it."
+                if name == "printed"
+                else "",
+                how=f"There are {sizes} rad at 12.5, 50 and 150 N.",
             )
         )
     chain, bearings, tighter = (fits[name, CHOSEN] for name in ("chain", "bearings", "preload"))
@@ -134,38 +138,38 @@ def statements(fits: Fits) -> list[Row]:
     highest = [bool(np.all(np.argmax(f.errors[:, 2:], axis=0) == 2)) for f in (chain, tighter)]
     drive = fits["bearings", Reading("drive", True)]
     slope, offset = closed_form_numbers()
+    chosen = "Stiffness and position of the sensor are fitted to the table."
     found += [
-        claim(
+        statement(
             "the more pretension, the smaller the backlash (section 3.1)",
             "in theory",
             f"D = {slope[1]:.3f} M_out + {', '.join(f'{v:.4f}' for v in offset)} rad at 12.5, 50, 150 N",
-            False,
-            "Eqs. (44)-(45) with both cables taut: the pretension is in no term with a torque, it only adds the "
-            "friction of the idlers. "
-            "It helps by keeping the second cable from going slack, beyond M_out = "
-            f"{', '.join(f'{v:.2f}' for v in slack_limit())} N m",
+            bool(np.any(np.diff(slope) < -1e-9) or np.any(np.diff(offset) < 0)),
+            reason="The equations say the opposite: in Eqs. (44)-(45) with both cables taut the pretension is in no "
+            "term with a torque, and only adds the friction of the idlers. It helps by keeping the second cable from "
+            f"going slack, beyond M_out = {', '.join(f'{v:.2f}' for v in slack_limit())} N m.",
         ),
-        claim(
+        statement(
             "cause: bearing of the driving pulley (section 3.2)",
             "blamed",
             f"misfit {100 * bearings.misfit:.0f} % with bearings, {100 * chain.misfit:.0f} % without",
             bearings.misfit < 0.8 * chain.misfit,
-            "the drive's angle is given, so its bearing changes no angle; in a torque taken from the motor the fit "
-            "sets it to "
-            f"{1e3 * drive.conditions['drive_arm']:.3f} mm, because that error is {drive.errors[2, 2]:.2f} N m at 150 "
-            "N already without it. "
-            f"The driven pulley's bearing would need {1e3 * arm:.2f} mm, {arm / rolling:.0f} times a rolling "
-            "bearing's, for that little",
+            chosen=chosen,
+            reason="The drive's angle is given, so that its bearing changes no angle. In a torque taken from the "
+            f"motor the fit sets it to {1e3 * drive.conditions['drive_arm']:.3f} mm, because that error is "
+            f"{drive.errors[2, 2]:.2f} N m at 150 N already without it. The driven pulley's bearing would need "
+            f"{1e3 * arm:.2f} mm, {arm / rolling:.0f} times a rolling bearing's, for that little.",
         ),
-        claim(
+        statement(
             "torque error is the largest at 150 N",
             "max and mean at 150 N",
             f"max at {PRETENSIONS[int(np.argmax(chain.errors[:, 2]))]:g} N, mean at "
             f"{PRETENSIONS[int(np.argmax(chain.errors[:, 3]))]:g} N",
             highest[0],
-            "chain: slack at 12.5 N is too strong, as above"
+            chosen=chosen,
+            how="The chain's slack at 12.5 N is too strong, as above."
             + (
-                f"; with {tighter.conditions['preload']:.0f} N more in the cables both are at 150 N"
+                f" With {tighter.conditions['preload']:.0f} N more in the cables both are at 150 N."
                 if highest[1]
                 else ""
             ),
@@ -177,24 +181,35 @@ def statements(fits: Fits) -> list[Row]:
 def arithmetic() -> list[Row]:
     """Numbers that section 3.1 derives from the table."""
     force = TABLE_4[:, 2:] / GRASPER_LENGTH
+    half = 5e-4
     return [
-        Row("0.323 rad in degrees", 57, float(np.degrees(0.323)), "deg", DIFFERS, "misprint; 57 deg is one radian"),
-        compare("0.1368 rad in degrees", 7.84, float(np.degrees(0.1368)), "deg", 0.001),
-        Row(
-            "mean force error at 50 N, 15 mm",
-            2.7,
-            float(force[1, 1]),
-            "N",
-            DIFFERS,
-            f"2.7 N is the row of 12.5 N: {force[0, 1]:.2f} N",
+        digits(
+            "0.323 rad in degrees",
+            "57",
+            math.degrees(0.323),
+            "deg",
+            inputs=(math.degrees(0.323 - half), math.degrees(0.323 + half)),
+            reason=f"It is a misprint: one radian is {math.degrees(1.0):.1f} deg.",
         ),
-        Row(
-            "max force error at 50 N, 15 mm",
-            13.4,
-            float(force[1, 0]),
-            "N",
-            DIFFERS,
-            f"13.4 N is the row of 150 N: {force[2, 0]:.2f} N",
+        digits(
+            "0.1368 rad in degrees",
+            "7.84",
+            math.degrees(0.1368),
+            "deg",
+            inputs=(math.degrees(0.1368 - 5e-5), math.degrees(0.1368 + 5e-5)),
+        ),
+        *(
+            digits(
+                f"{name} force error at 50 N, 15 mm",
+                printed,
+                float(force[1, column]),
+                "N",
+                inputs=(force[1, column] - half / GRASPER_LENGTH, force[1, column] + half / GRASPER_LENGTH),
+                reason=f"It is the row of {PRETENSIONS[row]:g} N: {force[row, column]:.2f} N."
+                if same_digits(printed, force[row, column], force[row, column])
+                else "",
+            )
+            for name, printed, row, column in (("mean", "2.7", 0, 1), ("max", "13.4", 2, 0))
         ),
     ]
 
@@ -209,9 +224,8 @@ def misfits(fits: Fits) -> Extra:
         "Fits to the twelve numbers",
         ("model", "expected torque, means over", "free", "misfit %", "smallest max error at", "conditions"),
         rows,
-        "Misfit: root mean square of the twelve relative errors. The last four models beyond (c) are not the paper's: "
-        "they ask "
-        "which constant would do what friction does not.",
+        "Misfit: root mean square of the twelve relative errors. The last four models beyond (c) are not the "
+        "paper's: they ask which constant would do what friction does not.",
     )
 
 
@@ -237,8 +251,7 @@ def shares(chain: Fitted) -> Extra:
         ),
         rows,
         "One stiffness for all three: the torque error is the contact's answer to the position error. With it the "
-        "measured means split: "
-        "in contact the error grows with pretension, outside it falls. The sum has the minimum.",
+        "measured means split: in contact the error grows with pretension, outside it falls. The sum has the minimum.",
     )
 
 

@@ -85,15 +85,14 @@ def figures(fits: Fits) -> tuple[Figure, ...]:
         Figure(
             "pretension",
             "The twelve numbers of Table 4 (circles) and the models under their best conditions: only models with "
-            "slack have the "
-            "minimum of the position error at 50 N; friction in the bearings changes little.",
+            "slack have the minimum of the position error at 50 N; friction in the bearings changes little.",
             style.svg(draw_errors, style.PAGE, 2.8),
         ),
         Figure(
             "misfit",
             "(a) Misfit of all models; the last four are not the paper's. (b) Chain: misfit over the two free "
-            "conditions; cross: best, dashed: the stiffness that the ratio "
-            "of torque to position error gives, 0.568 N m/rad.",
+            "conditions; cross: best, dashed: the stiffness that the ratio of torque to position error gives, 0.568 "
+            "N m/rad.",
             style.svg(draw_misfit, style.PAGE, 3.6),
         ),
     )

@@ -17,7 +17,7 @@ def reproduce(
     out: Annotated[Path | None, typer.Option(help="Folder for the report, the rows and the figures.")] = None,
     jobs: Annotated[int, typer.Option(min=0, help="Processes; 0: two, or one on a single core.")] = 0,
     as_list: Annotated[bool, typer.Option("--list", help="Only list the items.")] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="All rows as JSON on standard output.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="All rows and counts as JSON on standard output.")] = False,
 ) -> None:
     """Recompute the tables and figures of both papers and put each number beside the printed one.
 
@@ -39,7 +39,7 @@ def reproduce(
     results = report.in_order(results)
     paths = report.write(results, out) if out is not None else None
     if as_json:
-        print_json(report.as_rows(results))
+        print_json(report.as_json(results))
     else:
         _print(results, console())
     err = console(stderr=True)
@@ -71,28 +71,34 @@ def _list(items: Sequence[Any], as_json: bool) -> None:
 
 
 def _print(results: Sequence[Any], out: Any) -> None:
-    """One line for each item, then every number that is not reproduced with its reason."""
+    """How many rows of each item have which status, then every row that is not reproduced and why."""
     from rich.table import Table
     from rich.text import Text
 
-    from cable_envs.reproduction.report import percent, shown
+    from cable_envs.reproduction.report import shown, total
+    from cable_envs.reproduction.yardstick import REPRODUCED, STATUSES
 
-    colours = {"reproduced": "green", "differs": "red", "not reproducible": "yellow"}
     table = Table(box=None, pad_edge=False)
-    for name in ("item", "verdict", "reproduced", "largest error", "time"):
-        table.add_column(name, justify="left" if name in ("item", "verdict") else "right")
+    table.add_column("item")
+    for status in STATUSES:
+        table.add_column(Text(f"{status.sign} {status.name}", status.colour), justify="right")
+    table.add_column("time", justify="right")
     for r in results:
-        good = [row for row in r.rows if row.status == "reproduced"]
-        errors = [row.rel_error for row in good if row.rel_error is not None]
-        verdict = Text("failed", "red") if r.error else Text(r.status, colours[r.status])
-        largest = percent(max(errors, key=abs)) if errors else "–"
-        table.add_row(r.item, verdict, f"{len(good)} of {len(r.rows)}", largest, f"{r.seconds:.0f} s")
+        cells = [
+            Text(f"{n}" if n else "·", s.colour if n else "dim")
+            for s, n in zip(STATUSES, r.counts.values(), strict=True)
+        ]
+        table.add_row(r.item, *([Text("failed", "red"), *cells[1:]] if r.error else cells), f"{r.seconds:.0f} s")
+    if len(results) > 1:
+        sums = (Text(f"{n}", s.colour) for s, n in zip(STATUSES, total(results).values(), strict=True))
+        table.add_row("all", *sums, f"{sum(r.seconds for r in results):.0f} s")
     out.print(table)
     for r in results:
         for row in r.rows:
-            if row.status == "reproduced":
+            status = row.status
+            if status is REPRODUCED:
                 continue
             unit = "" if row.unit == "1" else f" {row.unit}"
             head = f"\n{r.item}: {row.quantity}: published {shown(row.published)}, computed {shown(row.computed)}{unit}"
-            out.print(Text(head), Text(f"[{row.status}]", colours[row.status]))
+            out.print(Text(head), Text(f"{status.sign} {status.name}", status.colour))
             out.print(Text(f"  {row.why}", "dim"))
