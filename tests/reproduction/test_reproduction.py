@@ -16,22 +16,13 @@ from cable_envs.reproduction.gu import fig13 as gu_fig13
 from cable_envs.reproduction.gu import fig15_17 as gu_fig15_17
 from cable_envs.reproduction.gu import table2 as gu_table2
 from cable_envs.reproduction.gu import table2_runs as gu_table2_runs
-from cable_envs.reproduction.registry import (
-    Extra,
-    Figure,
-    Item,
-    Result,
-    Row,
-    claim,
-    compare,
-    find,
-    not_reproducible,
-    run,
-)
+from cable_envs.reproduction.registry import Extra, Figure, Item, Result, find, run
+from cable_envs.reproduction.rows import digits
+from cable_envs.reproduction.yardstick import BY_NAME, DIFFERS, EXPLAINED, KINDS, REPRODUCED, STATUSES
 from cable_envs.sim.rigs import load_rig
 from cablebench.cli import main
 
-KEYS = ["item", "quantity", "published", "computed", "unit", "rel_error", "status", "why"]
+KEYS = ["item", "quantity", "kind", "published", "computed", "unit", "rel_error", "band", "status", "why"]
 
 
 def quiet(share, text):
@@ -46,34 +37,21 @@ def fig12():
 
 
 def test_rows_have_exactly_the_promised_keys(fig12):
-    rows = report.as_rows([fig12])
+    told = report.as_json([fig12])
+    rows = told["rows"]
     assert [list(row) for row in rows] == [KEYS] * len(rows)
-    assert {row["status"] for row in rows} <= set(registry.STATUSES)
-    assert json.loads(json.dumps(rows, allow_nan=False)) == rows
-    assert all(row["why"] for row in rows if row["status"] != "reproduced")
+    assert {row["status"] for row in rows} <= set(told["statuses"]) == set(BY_NAME)
+    assert {row["kind"] for row in rows} <= set(told["kinds"]) == {kind.name for kind in KINDS}
+    assert json.loads(json.dumps(told, allow_nan=False)) == told
+    assert all(row["why"] for row in rows if row["status"] != REPRODUCED.name)
 
 
-def test_compare_decides_by_its_tolerance():
-    assert compare("a", 2.0, 2.01, "N", 0.01).status == "reproduced"
-    assert compare("a", 2.0, 2.05, "N", 0.01, differs="friction").why == "friction"
-    assert compare("a", 0.0, 0.02, "N", 0.05, absolute=True).status == "reproduced"
-    assert compare("a", -2.0, -2.2, "N", 0.2).rel_error == pytest.approx(-0.1)  # of the size, with the direction
-    assert claim("b", "rises", "falls", False, "because").rel_error is None
-    assert not_reproducible("c", None, math.inf, "1", "not told").as_json("x")["computed"] is None
-
-
-def test_a_row_needs_its_reason():
-    with pytest.raises(ValueError, match="needs a reason"):
-        Row("a", 1.0, 2.0, "N", "differs")
-    with pytest.raises(ValueError, match="status 'wrong'"):
-        Row("a", 1.0, 2.0, "N", "wrong", "why")
-
-
-def test_verdict_of_an_item():
-    good, bad, unknown = (Row("a", 1.0, 1.0, "N", status, "why") for status in registry.STATUSES)
-    assert Result([good, unknown]).status == "reproduced"
-    assert Result([good, bad]).status == "differs"
-    assert Result([unknown]).status == "not reproducible"
+def test_an_item_counts_its_rows_by_status(fig12):
+    (item,) = report.as_json([fig12])["items"]
+    assert item["counts"] == {s.name: sum(row.status is s for row in fig12.rows) for s in STATUSES}
+    assert sum(item["counts"].values()) == len(fig12.rows) > 1
+    assert report.total([fig12, fig12]) == {name: 2 * n for name, n in item["counts"].items()}
+    assert not hasattr(fig12, "status")  # one word for an item would hide the rest
 
 
 def test_registry_names_are_unique_and_unknown_ones_refused():
@@ -96,8 +74,8 @@ def test_report_needs_nothing_else(fig12, tmp_path):
     paths = report.write([fig12], tmp_path / "deep" / "folder")
     page = paths["html"].read_text(encoding="utf-8")
     assert not re.search(r'(?:src|href)="(?:https?:)?//', page) and "<script" not in page
-    assert page.count("<figure") == len(fig12.figures) and "differs" in page
-    assert json.loads(paths["json"].read_text(encoding="utf-8")) == report.as_rows([fig12])
+    assert page.count("<figure") == len(fig12.figures)
+    assert json.loads(paths["json"].read_text(encoding="utf-8")) == report.as_json([fig12])
     files = sorted(p.name for p in paths["figures"].iterdir())
     assert files == [f"gu-fig12-{name}.svg" for name in ("load", "map", "misprint", "stribeck")]
     (tmp_path / "file").write_text("")
@@ -106,10 +84,38 @@ def test_report_needs_nothing_else(fig12, tmp_path):
 
 
 def test_report_escapes_what_items_say():
-    result = Result([Row("<b>", "a & b", 1.0, "N", "reproduced")], (Figure("f", "x < y", "<svg></svg>"),),
+    result = Result([digits("<b>", "1.0", 1.0, "N", how="a & b")], (Figure("f", "x < y", "<svg></svg>"),),
                     (Extra("t", ("c",), [("<i>",)]),), item="gu-x")  # fmt: skip
     page = report.render_html([Result(result.rows, result.figures, result.tables, item="gu-fig12")])
-    assert "&lt;b&gt;" in page and "&lt;i&gt;" in page and "x &lt; y" in page and "<svg></svg>" in page
+    assert (
+        "&lt;b&gt;" in page
+        and "a &amp; b" in page
+        and "&lt;i&gt;" in page
+        and "x &lt; y" in page
+        and "<svg></svg>" in page
+    )
+
+
+def test_page_shows_the_yardstick_and_every_count(fig12):
+    page = report.render_html([fig12])
+    for status in STATUSES:
+        assert f'<span class="verdict {status.style}">{status.sign} {status.name}</span>' in page
+        assert re.search(rf"\.{status.style}\b[^}}]*{{ color: var\(--\w+\)", page), "no colour"
+    for kind in KINDS:
+        assert f"<td>{kind.name}</td>" in page and kind.agrees in page
+    counts = fig12.counts
+    for status in (s for s in STATUSES if counts[s.name]):
+        assert f"{status.sign} {counts[status.name]} {status.name}" in page
+    assert len({status.sign for status in STATUSES}) == len({status.colour for status in STATUSES}) == len(STATUSES)
+
+
+def test_command_prints_the_counts_and_why(capsys):
+    with pytest.raises(SystemExit):
+        main(["reproduce", "gu-fig12", "--jobs", "1"])
+    text = capsys.readouterr().out
+    assert all(f"{status.sign} {status.name}" in text for status in STATUSES)
+    assert re.search(r"gu-fig12 +1 +· +3 +· +1 ", text), text[:400]
+    assert "Two prints exclude each other" in text
 
 
 def test_figures_are_the_same_every_time():
@@ -123,7 +129,7 @@ def test_command_prints_rows_and_writes_the_report(tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
         main(["reproduce", "gu-fig12", "--out", str(tmp_path), "--json", "--jobs", "1"])
     assert not end.value.code and (tmp_path / "index.html").is_file()
-    assert {row["item"] for row in json.loads(capsys.readouterr().out)} == {"gu-fig12"}
+    assert {row["item"] for row in json.loads(capsys.readouterr().out)["rows"]} == {"gu-fig12"}
 
 
 def test_command_lists_and_refuses(capsys):
@@ -166,8 +172,8 @@ def test_gu_eq13_points_agree_with_the_closed_form():
 def test_gu_table_2_comes_back_from_data_of_eq13():
     data = gu_data.problem(gu_data.TABLE_2, gu_data.PEAK_SPEED, None)
     fit = least_squares(data, np.random.default_rng(0))
-    for name, tolerance in gu_table2.CLEAN.items():
-        assert abs(fit.parameters[name] - getattr(gu_data.TABLE_2, name)) < tolerance
+    clean = gu_table2_runs.Runs(gu_data.TABLE_2, gu_data.PEAK_SPEED, data, {"lsq": [fit]})
+    assert [row.status for row in gu_table2.clean_rows(clean)] == [REPRODUCED] * 4
 
 
 def test_gu_table_1_bounds_of_success_are_strict():
@@ -180,7 +186,7 @@ def test_gu_table_1_bounds_of_success_are_strict():
 
 def test_gu_fig12_ratio_only_rises_with_speed(fig12):
     row = next(r for r in fig12.rows if r.quantity == "speed at 60-90°")
-    assert row.status == "differs" and row.computed.startswith("only rises")
+    assert row.status is EXPLAINED and row.computed.startswith("only rises")
     found = gu_fig12.stribeck_search()
     assert 0 < found["fall_30"] < found["fall_60"] < found["fall_90"]
     assert gu_fig12.stribeck_search(2.0)["fall_90"] == pytest.approx(0.0, abs=1e-12)  # falls first, never after a rise
@@ -192,6 +198,16 @@ def test_gu_table_a1_compressions_fit_steel_and_not_thick_rubber():
     assert fits["rubber 3 mm"].misfit > 0.1e-3
     moduli = [fits[f"steel wire {d} mm"].contact.lateral_modulus for d in (1, 2, 3)]
     assert moduli[0] > 3 * moduli[1] > 3 * moduli[2]  # no constant of the material
+
+
+def test_gu_fig13_rows_of_one_fitted_modulus_are_never_called_reproduced():
+    rows = gu_fig13.cable_rows([gu_fig13.fit_modulus(cable) for cable in gu_data.CABLES.values()])
+    assert len(rows) == 27 and {row.status.name for row in rows} == {"consistent", "differs"}
+    assert all((row.status is DIFFERS) == (abs(row.rel_error) > 0.05) for row in rows)
+
+
+def test_gu_table_a1_thicker_cables_are_compressed_more():
+    assert gu_fig13._softer_when_thicker() == 18  # read off the table: three materials, two steps, three angles
 
 
 def test_line_force_integrates_to_the_friction():
