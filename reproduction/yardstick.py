@@ -41,7 +41,7 @@ EQUATION = Kind(
     1e-6,
     "0.0001 %",
     "A printed equation against an independent numerical solution of what it was derived from. The solvers are set "
-    "to 1e-10 of the result, so that a larger difference is one of the equation.",
+    "to ten digits, so that a larger difference is one of the equation.",
 )
 PARAMETER = Kind(
     "parameter",

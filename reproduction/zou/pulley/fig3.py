@@ -140,7 +140,7 @@ def loading_rows(whole: WrappedPart) -> list[Row]:
             "elongation at the end of loading (Eq. (16))",
             1e6 * whole.loading(INLET),
             1e6 * stretch,
-            "um",
+            "µm",
             how="The integrated tension put into Eqs. (14) and (15).",
         ),
         statement(
@@ -168,21 +168,21 @@ def unloading_rows(
             "elongation when the outlet turns (Eq. (21), T_2 = T_pk)",
             1e6 * as_printed[0],
             1e6 * solved[0, 1],
-            "um",
+            "µm",
             how="Eq. (7) integrated from both ends.",
         ),
         equation(
             "elongation when all of the part has slipped back (Eq. (21), T_2 = T_pk / lambda^2)",
             1e6 * as_printed[-1],
             1e6 * solved[-1, 1],
-            "um",
+            "µm",
             how="Eq. (7) integrated from the outlet.",
         ),
         equation(
             f"elongation on the way back, where it is furthest off (Eq. (21), T_2 = {values[k]:.2f} N)",
             1e6 * as_printed[k],
             1e6 * solved[k, 1],
-            "um",
+            "µm",
             how="Eq. (7) integrated from both ends up to the angle at which both tensions are equal.",
             reason="Eq. (17) takes lambda(x + y) = lambda(x) lambda(y), which is true of the capstan only. At the "
             f"joint the tension of the printed equations jumps from {inner:.3f} to {outer:.3f} N, by "
@@ -222,7 +222,7 @@ def capstan_row(as_printed: float, solved: float) -> Row:
         "elongation half of the way back in the capstan's limit (Eq. (21))",
         1e6 * as_printed,
         1e6 * solved,
-        "um",
+        "µm",
         how=f"Eq. (7) integrated from both ends, with a radius ratio of {WIDE:g} in place of {part().rho:.2f}.",
     )
 
@@ -232,7 +232,7 @@ def table(values: np.ndarray, solved: np.ndarray, as_printed: np.ndarray, angles
     chosen = range(0, len(values), 4)
     return Extra(
         "Outlet on its way back, idler 3t",
-        ("outlet N", "reversed angle rad", "printed rad", "elongation um", "printed um", "printed less integrated %"),
+        ("outlet N", "reversed angle rad", "printed rad", "elongation µm", "printed µm", "printed less integrated %"),
         [
             (
                 float(values[k]),
@@ -240,7 +240,7 @@ def table(values: np.ndarray, solved: np.ndarray, as_printed: np.ndarray, angles
                 float(angles[k]),
                 1e6 * float(solved[k, 1]),
                 1e6 * float(as_printed[k]),
-                100 * float(as_printed[k] / solved[k, 1] - 1),
+                round(100 * float(as_printed[k] / solved[k, 1] - 1), 3),
             )
             for k in chosen
         ],
