@@ -1,7 +1,9 @@
 """Multi-start nonlinear least squares (trust region, exact Jacobian) on the same cost as the swarm.
 
-The paper calls least squares "challenging" here. Two things make it easy: ln K instead of K, since K and omega differ
-by orders of magnitude and act together, and starts chosen from a handful of random points.
+The paper calls least squares "challenging" here. On the noisy data of Table 2's cable it is not: single starts from
+random points, with K itself, find the optimum in 60 of 60 runs (`cablebench reproduce gu-table2`). Here ln K takes the
+place of K, since K and omega differ by orders of magnitude and act together, and starts are chosen from a handful of
+random points.
 """
 
 import time

@@ -80,8 +80,9 @@ def reproduce(progress: Progress) -> Result:
             "Direction of friction: by the wanted motion, as a load at rest has none (chosen); by the measured "
             "speed, as Eq. (28) is written, in the table.",
         ),
-        why="Errors an order of magnitude apart and the tensions with extrusion come out; the chatter of G9 in the "
-        "step does not: there G9 sticks, and it is G22 whose compensation follows the noise at the target.",
+        why="Errors an order of magnitude apart come out if the direction of friction is taken from the wanted motion, "
+        "and the tensions with extrusion are consistent. The chatter of G9 in the step does not come out: there G9 "
+        "sticks, and it is G22 whose compensation follows the noise at the target.",
     )
 
 

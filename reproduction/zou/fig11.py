@@ -130,8 +130,8 @@ def reproduce(progress: Progress) -> Result:
             "Only the reading of Eq. (47) matters beyond the parameters: with the lost minus restored the flag holds "
             "until the drive's torque changes sign, which a contact that pushes back delays to the end of the stroke.",
         ),
-        why="The position error of the estimate is what ±20 % in the parameters make; the printed torque error needs "
-        "a wrong hold at the reversal.",
+        why="The position error of the estimate is consistent with parameters wrong by up to 20 %. The printed torque "
+        "error is larger than those make, and smaller than without a hold at the reversal.",
     )
 
 

@@ -137,8 +137,8 @@ def reproduce(progress: Progress) -> Result:
             "4.84 deg and 0.081 N m are in the ratio 0.96 N m/rad, 13.96 deg and 0.215 N m in the ratio 0.88: one "
             "sensor, nearly.",
         ),
-        why="Compensation leaves what the parameters are wrong by; the printed errors are those of parameters wrong "
-        "by 20 to 30 %.",
+        why="Compensation leaves what the parameters are wrong by. The printed errors are consistent with parameters "
+        "wrong by up to 20 %, but while grasping the paper's model was closer.",
     )
 
 

@@ -146,6 +146,7 @@ def statement_rows() -> list[Row]:
             "must be smaller",
             f"{slipping} of {len(IDLERS)} idlers",
             slipping == len(IDLERS),
+            how="The slip angle is the logarithm of Eq. (30) over the cable's friction coefficient.",
         ),
         statement(
             "slip angle of an idler does not depend on the cable's friction (Eq. (30))",
