@@ -247,8 +247,8 @@ def test_settings_merge_and_schedules(tmp_path, monkeypatch):
         "  policy_kwargs: {net_arch: [8], activation_fn: relu}\n  env_options: {sensor_noise: true}\n"
         f"{HOLE}:\n  gamma: 0.8\n  policy_kwargs: {{log_std_init: -1.0}}\n"
     )
-    monkeypatch.setattr("cable_envs.agents.settings.config_path", lambda kind, name: tmp_path / kind / name)
-    monkeypatch.setattr("cable_envs.agents.settings.config_root", lambda: tmp_path)
+    monkeypatch.setattr("cable_envs.agents.files.config_path", lambda kind, name: tmp_path / kind / name)
+    monkeypatch.setattr("cable_envs.agents.files.config_root", lambda: tmp_path)
     s = load_settings("ppo", HOLE, env_options={"randomize": True})
     assert (s.n_envs, s.n_timesteps, s.learner["gamma"]) == (8, 2_000_000, 0.8)
     assert s.policy_kwargs == {"net_arch": [8], "activation_fn": "relu", "log_std_init": -1.0}

@@ -38,7 +38,7 @@ def test_train_tune_and_test_seeds_are_disjoint_and_test_seeds_are_enough(name):
 def test_quick_is_three_seeds_by_ten_episodes_on_all_eight_tasks():
     protocol = load_protocol("quick")
     assert (protocol.training_seeds, protocol.episodes, len(protocol.tasks)) == (3, 10, 8)
-    assert "Quick board" in protocol.note  # a quick board says that it is one
+    assert "3 training seeds x 10 test episodes" in protocol.note  # a quick board says that it is one
 
 
 def test_every_policy_sees_the_same_episodes_on_every_task_and_track():

@@ -48,7 +48,7 @@ CASES = [
     (("export", HOLE, "--out", "x", "--episodes", "0"), "greater than or equal to 1"),
     (("export", HOLE, "--out", "x", "--format", "minary"), "minari"),
     (("new", "controler", "mine"), "controller"),
-    (("new", "controller"), "Missing argument"),
+    (("new", "controller"), "give it a name: cablebench new controller NAME"),
     ((*TUNE, "--controller", "pidd", "--trials", "2"), "did you mean 'pid'"),
     ((*TUNE, "--controller", "pid", "--trials", "0"), "greater than or equal to 1"),
     ((*TRAIN, "--algo", "dqn"), "unknown algorithm 'dqn'.*Valid: "),

@@ -136,7 +136,7 @@ def test_a_note_says_so_where_only_held_out_records_show_it(rest, p_value, notes
         rules=Rules(alone_p=1e-3),
     )  # fmt: skip
     said = _unfitted(SimpleNamespace(noise={}), SimpleNamespace(fit=model, heldout=heldout), found)
-    assert len(said) == notes and all("only run9, held out" in text for text in said)
+    assert len(said) == notes and all("only the held-out record run9 shows it" in text for text in said)
 
 
 def test_what_the_parameters_are_unsure_of_is_not_left_over_in_held_out_records():

@@ -169,7 +169,8 @@ def test_a_gap_with_a_limit_cycle_is_named(oscillating):
     gap = effect.parameters["gap"]
     assert gap.low < true < gap.high and gap.high - gap.low < 0.6 * true
     record = examined.diagnosis.as_json()
-    assert "oscillates by itself" in words.cost(record) and any("phase of its own" in n for n in record["notes"])
+    assert "oscillates by itself" in words.cost(record)
+    assert any("with a phase that cannot be predicted" in note for note in record["notes"])
     assert "Its spectrum" in render(record, examined.diagnosis.traces)
     held = record["fit"]["force"]["heldout_rmse"]
     assert held["augmented"] < 1.15 * held["refit"]  # not the phase's error twice

@@ -246,7 +246,7 @@ def test_a_rig_that_noise_does_not_limit_is_said_to_be_one(jaw):
     """A likelihood under noise improves the torque and ruins the angle; the note says so, unseen records do not."""
     wanted = ["coulomb_friction", "cable_elongation"]
     noise, unseen = (diagnose(jaw, judge=judge, effects=wanted) for judge in ("noise", "unseen"))
-    assert any("noise is not what limits here" in note and "--judge unseen" in note for note in noise.notes)
+    assert any("noise is not what limits the fit" in note and "--judge unseen" in note for note in noise.notes)
     assert not any("noise is not what limits" in note for note in unseen.notes)
     assert unseen.steps[0].name == "" and {s.name for s in unseen.steps[1:]} == set(wanted)
     assert {e.name for e in unseen.effects} == set(wanted) and unseen.about["judge"] == "unseen"
