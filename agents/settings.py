@@ -150,6 +150,10 @@ class Settings:
         """Twelve hex digits that change with any setting."""
         return configuration_hash(asdict(self))
 
+    def env_seeds(self, seed: int) -> range:
+        """Seeds that the environments start from under a training seed: those of two training seeds differ."""
+        return range(seed * self.n_envs, (seed + 1) * self.n_envs)
+
     def algorithm(self) -> type[BaseAlgorithm]:
         """The class from stable-baselines3 or sb3-contrib."""
         return ALGORITHMS[self.algorithm_name or self.algo]

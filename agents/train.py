@@ -163,7 +163,7 @@ def _new_model(settings: Settings, seed: int, env: VecEnv) -> BaseAlgorithm:
         settings.policy, env, policy_kwargs=settings.policy_arguments(), seed=seed, device="cpu",
         **settings.arguments(),
     )  # fmt: skip
-    env.seed(seed * settings.n_envs)  # the algorithm has seeded them with seed + i
+    env.seed(settings.env_seeds(seed).start)  # the algorithm has seeded them with seed + i
     return model
 
 
@@ -192,7 +192,7 @@ def _before(
             raise ConfigurationError(f"{file} is not complete, but there is no {state.name} beside it to go on from")
         return checkpoint.load_checkpoint(state, settings, seed), None
     if not overwrite and (there := next((f for f in (file, state) if f.exists()), None)):
-        raise ConfigurationError(f"{there} exists: choose another folder, or resume or overwrite it")
+        raise ConfigurationError(f"{there} exists: choose another folder, or --resume, or --overwrite")
     return None, None
 
 

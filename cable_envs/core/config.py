@@ -44,7 +44,7 @@ def config_names(kind: str) -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in (config_root() / kind).glob("*.yaml")))
 
 
-def config_path(kind: str, name: str) -> Path:
+def config_path(kind: str, name: str, called: str = "") -> Path:
     """Path of a file of configs/.
 
     Parameters
@@ -53,6 +53,8 @@ def config_path(kind: str, name: str) -> Path:
         Its folder, as "rigs".
     name : str
         Its name, with the ending.
+    called : str
+        What the error calls such a file; default: the folder's name in the singular.
 
     Returns
     -------
@@ -72,8 +74,10 @@ def config_path(kind: str, name: str) -> Path:
     folder = config_root() / kind
     path = folder / name
     if not path.is_file():
-        known = [p.name for p in folder.glob("*.yaml")] if folder.is_dir() else []
-        raise ConfigurationError(f"no {kind} file '{name}'; {nearest(name, known)}")
+        stem = name.removesuffix(".yaml")
+        raise ConfigurationError(
+            f"unknown {called or kind.removesuffix('s')} '{stem}'; {nearest(stem, config_names(kind))}"
+        )
     return path
 
 

@@ -164,7 +164,7 @@ def make_setup(
     (200, 'm', (0.0, 120.0))
     """
     for name in unknown:
-        raise UnknownOption.of("CableEnv", name, OPTIONS)
+        raise UnknownOption.of("CableEnv", name, ("reference", *OPTIONS, "render_mode", "render_theme"))
     declared = load_task(task)
     own: tuple[Effect, ...] = ()
     if effect_file is not None:

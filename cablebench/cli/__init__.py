@@ -33,6 +33,12 @@ EXTRAS = {
 }
 """Module that may be missing -> the extra that brings it."""
 
+CPU_BUILD = (
+    "--extra-index-url https://download.pytorch.org/whl/cpu ",
+    " (this index has torch's build for CPUs; without it pip fetches gigabytes of CUDA)",
+)
+"""What the command for the extra that brings torch has besides, and why."""
+
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``cablebench``; ``arguments`` default to those of the process. Ends by SystemExit."""
@@ -62,7 +68,9 @@ def missing_extra(error: ImportError) -> str | None:
         return str(error)
     module = (error.name or "").split(".")[0]
     if isinstance(error, ModuleNotFoundError) and module in EXTRAS:
-        return f"this command needs {module}: pip install 'cable-envs[{EXTRAS[module]}]'"
+        extra = EXTRAS[module]
+        index, why = CPU_BUILD if extra == "agents" else ("", "")
+        return f"this command needs {module}: pip install {index}'cable-envs[{extra}]'{why}"
     return None
 
 

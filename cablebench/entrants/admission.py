@@ -4,8 +4,10 @@
 over their names and contents.
 """
 
-from collections.abc import Mapping
+import shlex
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,9 @@ from cablebench.entrants import controller_files, onnx_policies, policy_files
 from cablebench.entrants.submission import source_hash
 
 FOLDER = "submissions"
+
+HASH = 12
+"""Digits of a `Submission.hash`, which is the maker of a row where no phrase was given; a phrase's key has more."""
 
 
 @dataclass(frozen=True)
@@ -100,25 +105,63 @@ def _from_yaml(path: Path, name: str) -> Submission:
     return Submission({**files, path.name: text}, path.name, flag, Path(named).name if executes else "")
 
 
-def check_name(entrant: Any, records: list[Mapping[str, Any]], reserved: tuple[str, ...]) -> None:
+def check_name(
+    entrant: Any,
+    records: Sequence[Mapping[str, Any]],
+    reserved: tuple[str, ...],
+    own: Collection[Mapping[str, Any]] = (),
+    folder: Path | None = None,
+) -> None:
     """Refuse a name that is a reference's, or under which the records know somebody else.
 
     A name belongs to its maker (`Entrant.maker`). The same maker may hand in further training seeds of the same name,
-    and, under another name, other settings.
+    and, under another name, other settings. ``own`` are the records of the user's own results ``folder``: there the
+    other maker is the same person with a file that has changed since.
     """
     if entrant.name in reserved:
         raise ConfigurationError(f"'{entrant.name}' is the name of a reference controller: choose another with --name")
+    again = f"choose another name (--name {shlex.quote(_next_name(entrant.name, records))})"
+    for r in own:
+        if r["entrant"] == entrant.name and r.get("maker", "") != entrant.maker:
+            why = (
+                "its row was submitted with another --maker phrase, or with none"
+                if len(entrant.maker) != HASH else
+                "its row was submitted with --maker: say the same phrase"
+                if len(r.get("maker", "")) > HASH else
+                "this file differs from the one that its row was made with"
+            )  # fmt: skip
+            raise ConfigurationError(
+                f"'{entrant.title}' is in {folder} already, and {why}; {again} or another --results folder"
+            )
     for r in records:
         if r["entrant"] == entrant.name and r.get("maker", "") != entrant.maker:
             raise ConfigurationError(
-                f"'{entrant.name}' is on the board already, by another maker: choose another name with --name, or say "
-                "--maker with the phrase that it was submitted with"
+                f"'{entrant.name}' is on the board already, by another maker: {again}, or say --maker with the phrase "
+                "that it was submitted with"
             )
         same = (r["entrant"], r["training_seed"]) == (entrant.name, entrant.training_seed)
         if same and (r.get("settings") or {}) != dict(entrant.settings) and _enters(entrant, r["env_id"]):
             raise ConfigurationError(
-                f"'{entrant.title}' is on the board already, with other settings: choose another name with --name"
+                f"'{entrant.title}' is on the board already, with other settings: {again} or another --results folder"
             )
+
+
+def check_training(entrant: Any, protocol: Any) -> None:
+    """Refuse a policy that was trained from seeds that the protocol keeps for tuning or for testing."""
+    for use, kept in (("tuning", protocol.tune), ("testing", protocol.test)):
+        taken = [seed for seed in entrant.trained_on if seed in kept]
+        if taken:
+            raise ConfigurationError(
+                f"'{entrant.title}' was trained on environments with the seeds {entrant.trained_on.start} to "
+                f"{entrant.trained_on.stop - 1}; {protocol.name} keeps {kept.first} to {kept.first + kept.count - 1} "
+                f"for {use}: train with a smaller --seed"
+            )
+
+
+def _next_name(name: str, records: Sequence[Mapping[str, Any]]) -> str:
+    """The name with the first number behind it that no record has."""
+    taken = {r["entrant"] for r in records}
+    return next(f"{name}-{n}" for n in count(2) if f"{name}-{n}" not in taken)
 
 
 def _enters(entrant: Any, env_id: str) -> bool:

@@ -54,16 +54,17 @@ def _try(entrant: Entrant, env_id: str, options: Mapping[str, Any], seed: int) -
     env = gym.make(env_id, disable_env_checker=True, **options)
     core: Any = env.unwrapped
     spent, clipped = [], 0
+    tried_in = _Named(f"on {env_id} (observe: {options.get('observe') or core.setup.task.observe})")
     try:
-        with within(HANGS, f"'{entrant.title}' on {env_id}: not ready after {HANGS:g} s"):
+        with within(HANGS, f"'{entrant.title}' on {env_id}: not ready after {HANGS:g} s"), tried_in:
             actor = entrant.make(core.setup)
         for episode in range(2):
             observation, info = env.reset(seed=seed + episode)
-            with within(HANGS, f"'{entrant.title}' on {env_id}: reset() has not ended after {HANGS:g} s"):
+            with within(HANGS, f"'{entrant.title}' on {env_id}: reset() has not ended after {HANGS:g} s"), tried_in:
                 actor.start(core)
             for _ in range(STEPS // 2):
                 at = f"'{entrant.title}' on {env_id}, t = {info['time']:g} s"
-                with within(HANGS, f"{at}: no answer within {HANGS:g} s"):
+                with within(HANGS, f"{at}: no answer within {HANGS:g} s"), tried_in:
                     before = time.perf_counter()
                     action = actor.act(observation, info["time"])
                     spent.append(time.perf_counter() - before)
@@ -82,6 +83,19 @@ def _try(entrant: Entrant, env_id: str, options: Mapping[str, Any], seed: int) -
             f"control period is {1e3 * core.setup.control_period:g} ms"
         )
     return Tried(env_id, median, clipped / len(spent))
+
+
+class _Named:
+    """A block, to be entered any number of times, whose errors begin with a place."""
+
+    def __init__(self, place: str):
+        self._place = place
+
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, ConfigurationError):
+            raise ConfigurationError(f"{self._place}: {error}") from None
 
 
 @contextmanager

@@ -66,6 +66,8 @@ class Entrant:
     """key of who handed it in (`cablebench.run.makers`); empty: who keeps the store"""
     sandbox: str = ""
     """what stood around the process of its file (`entrants.sandbox.kinds`); empty: no file of its own is run"""
+    trained_on: range = range(0)
+    """seeds from which the environments of its training started, as far as they are known"""
 
     def __post_init__(self) -> None:
         if not is_name(self.name):
@@ -80,6 +82,12 @@ class Entrant:
     def title(self) -> str:
         """Its name, with the training seed where it has one."""
         return self.name if self.training_seed is None else f"{self.name} (seed {self.training_seed})"
+
+    def entered(self) -> tuple[str, ...]:
+        """The ids of the environments that it enters, of all that there are, with their default options."""
+        from cable_envs import ENV_IDS
+
+        return tuple(env_id for env_id in ENV_IDS if self.needs(env_id, setup_of(env_id, {})) is not None)
 
     def enters(self, env_id: str, options: Mapping[str, Any]) -> dict[str, Any] | None:
         """The options of the environment that it enters under a protocol's ``options``; None where it does not enter.
@@ -149,12 +157,14 @@ def agent_entrant(
     path: str = "",
     settings: Mapping[str, Any] | None = None,
     versions: Mapping[str, str] | None = None,
+    trained_on: range | None = None,
 ) -> Entrant:
     """One trained policy for one environment id.
 
     ``policy`` has ``predict(observation, state, episode_start, deterministic)``; ``options`` are environment options
     that shape its observation and action as in training (`CHOICES`); ``path`` is where it is saved, for the
-    replay command; ``settings`` should hold a hash of the saved file.
+    replay command; ``settings`` should hold a hash of the saved file; ``trained_on`` are the seeds from which the
+    environments of the training started (default: the training seed).
     """
     shape = dict(options or {})
     return Entrant(
@@ -167,4 +177,5 @@ def agent_entrant(
         charged={"environment_steps": environment_steps, "tuning_trials": tuning_trials},
         settings=dict(settings or {}),
         versions=dict(versions or {}),
+        trained_on=range(training_seed, training_seed + 1) if trained_on is None else trained_on,
     )

@@ -276,7 +276,17 @@ class Played:
             return function(*arguments)
         except Exception as error:
             at = f" at t = {arguments[0]:g} s" if name != "reset" and math.isfinite(arguments[0]) else ""
-            raise ConfigurationError(f"{self.path}: {name}() raised {told(error)}{at}") from None
+            known = self._known(error, arguments[1] if name == "act" else self._about)
+            raise ConfigurationError(f"{self.path}: {name}() raised {told(error)}{at}{known}") from None
+
+    def _known(self, error: Exception, given: Mapping[str, Any]) -> str:
+        """Behind a KeyError for a name that it was not given: those that it was."""
+        key = error.args[0] if isinstance(error, KeyError) and error.args else None
+        if key == "rig" and "rig" not in self._about:
+            return "; a model-free controller is told no rig"
+        if not isinstance(key, str) or key in given:
+            return ""
+        return f"; {'about' if given is self._about else 'y'} has {', '.join(given)}"
 
 
 def action_modes() -> tuple[str, ...]:

@@ -33,13 +33,15 @@ _KEYS = (
 )
 
 
-def load_protocol(name: str | Path) -> Protocol:
+def load_protocol(name: str | Path, called: str = "protocol") -> Protocol:
     """A protocol by name, or from a file.
 
     Parameters
     ----------
     name : str or Path
         Name of a file in configs/protocols (quick, full, demo), or path of a YAML file.
+    called : str
+        What an error about the name calls it: a board is named like its protocol.
 
     Returns
     -------
@@ -56,15 +58,15 @@ def load_protocol(name: str | Path) -> Protocol:
     >>> protocol.episodes, len(protocol.cells(tracks=("nominal",)))
     (10, 8)
     """
-    path = protocol_path(name)
+    path = protocol_path(name, called)
     return parse_protocol(read_yaml(path), str(path.name))
 
 
-def protocol_path(name: str | Path) -> Path:
+def protocol_path(name: str | Path, called: str = "protocol") -> Path:
     """The file of a protocol: ``name`` itself, or that name in configs/protocols. Raises ConfigurationError."""
     text = str(name)
     is_path = text.endswith((".yaml", ".yml")) and Path(text).exists()
-    return Path(text) if is_path else config_path("protocols", text.removesuffix(".yaml") + ".yaml")
+    return Path(text) if is_path else config_path("protocols", text.removesuffix(".yaml") + ".yaml", called)
 
 
 def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protocol:

@@ -111,7 +111,7 @@ def test_the_hash_follows_what_changes_numbers_and_nothing_else(data):
 
 
 def test_unknown_protocols_tracks_and_tasks_name_the_nearest():
-    with pytest.raises(ConfigurationError, match=r"did you mean 'quick\.yaml'"):
+    with pytest.raises(ConfigurationError, match=r"did you mean 'quick'"):
         load_protocol("quik")
     protocol = load_protocol("quick")
     with pytest.raises(ConfigurationError, match="did you mean 'randomised'"):

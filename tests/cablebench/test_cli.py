@@ -135,7 +135,10 @@ BAD = {
         "did you mean 'CableHole-Position-Sine'?",
     ),
     "controller": (("run", HOLE, "--controller", "mrac-g23"), "did you mean 'mrac-g22'?"),
-    "not for this plant": (("run", HOLE, "--controller", "feedforward-pid"), "does not apply to"),
+    "not for this plant": (
+        ("run", HOLE, "--controller", "feedforward-pid"),
+        "does not apply to CableHole-Position-Sine: it enters PulleyCircuit-",
+    ),
     "gain": (("run", HOLE, "--controller", "pid", "--gain", "kpp=1"), "did you mean 'kp'?"),
     "gain's value": (("run", HOLE, "--controller", "pid", "--gain", "kp=much"), "--gain kp: expected a number"),
     "gain out of bounds": (("run", HOLE, "--controller", "pid", "--gain", "kp=-1"), "kp"),
@@ -152,12 +155,12 @@ BAD = {
     "policy": (("run", HOLE, "--policy", "nowhere"), "no policy at nowhere"),
     "format": (("run", HOLE, "--controller", "pid", "--save", "a.xls"), "--save a.xls: unknown format '.xls'"),
     "algorithm": (("train", "--env", HOLE, "--algo", "pppo"), "did you mean 'ppo'?"),
-    "protocol": (("evaluate", "--protocol", "quik"), "did you mean 'quick.yaml'?"),
+    "protocol": (("evaluate", "--protocol", "quik"), "did you mean 'quick'?"),
     "track": (("evaluate", "--protocol", "demo", "--track", "nominl"), "did you mean 'nominal'?"),
     "gain for many": (("evaluate", "--gain", "kp=1"), "--gain needs exactly one --controller"),
     "resume": (("evaluate", "--resume"), "--resume needs --results"),
     "results": (("leaderboard", "--results", "nowhere"), "no records in nowhere"),
-    "demo's protocol": (("demo", "--protocol", "nothing"), "no protocols file 'nothing.yaml'"),
+    "demo's protocol": (("demo", "--protocol", "nothing"), "unknown protocol 'nothing'"),
 }
 
 

@@ -87,7 +87,9 @@ def test_what_is_wrong_is_said_with_the_file(written, change, expected):
     ("float('nan')", r"t = 0 s: the answer is not finite"),
     ("'fast'", r"act\(\) answered 'fast' \(str\) at t = 0 s"),
     ("None", "expected one number"),
-    ("y['load_positon']", r"act\(\) raised KeyError: 'load_positon' \(line 11\) at t = 0 s"),
+    ("y['load_positon']", r"act\(\) raised KeyError: 'load_positon' \(line 11\) at t = 0 s; y has .* drive_position, "),
+    ("y['nothing']", r"^on cable_envs/CableHole-Position-Sine-v0 \(observe: full\): .*mine\.py: act\(\) raised"),
+    ("{}[1]", r"act\(\) raised KeyError: 1 \(line 11\) at t = 0 s$"),
     ("__import__('time').sleep(0.03) or 1.0", "the control period is 10 ms"),
 ])  # fmt: skip
 def test_the_dry_run_finds_what_only_running_shows(written, answer, expected):
@@ -145,6 +147,17 @@ def test_it_is_told_what_its_class_allows(written, information):
     assert controller.act(0.0, {}, (0.0, 0.0, 0.0)) == 60.0
     assert entrant.make(setup).controller.act is not None
     assert kind.within(*case, setup.rig.values, 0.01, 0.0, 1.0)._offered.seen == []
+
+
+def test_a_name_that_about_does_not_have_is_said_with_those_it_has(written):
+    asks = TOLD.replace("seen.append(dict(about))", "about['{asked}']")
+    for information, asked, expected in (
+        ("model-free", "rig", "KeyError: 'rig' .*; a model-free controller is told no rig$"),
+        ("nominal", "mass", "KeyError: 'mass' .*; about has plant, action_mode, task, dt, low, high, rig$"),
+    ):
+        entrant = submission_entrant(written(asks.format(information=information, asked=asked)))
+        with pytest.raises(ConfigurationError, match=expected):
+            dry_run(entrant, short(), [HOLE])
 
 
 CLASS = """

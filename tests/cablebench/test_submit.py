@@ -95,6 +95,30 @@ def test_submitting_again_runs_nothing_again(place, submitted, cli):
     assert code == 0 and len(ResultStore(submitted / "records.jsonl").records()) == before
 
 
+def test_a_file_that_has_changed_is_said_to_differ_from_the_one_of_its_row(place, submitted, cli, tmp_path):
+    changed = tmp_path / "mine.py"
+    changed.write_text(MINE.replace("4000.0", "3000.0"))
+    arguments = (changed, "--protocol", place / "tiny.yaml", "--results", submitted, "--trust", "--check-only")
+    code, _, err = cli("submit", *arguments)
+    assert code == 2 and f"'mine' is in {submitted} already, and this file differs from the one that its row was" in err
+    assert "(--name mine-2) or another --results folder" in err and "another maker" not in err
+    code, _, err = cli("submit", *arguments, "--maker", "me 1")
+    assert code == 2 and "its row was submitted with another --maker phrase, or with none" in err
+    assert cli("submit", *arguments, "--name", "mine-2")[0] == 0
+
+
+def test_of_the_published_board_only_the_tables_with_ones_row_are_printed(place, submitted, cli, tmp_path):
+    two = TINY.replace("gu-inferred}}]", "gu-inferred}}, {env: cable_envs/CableHole-Position-Step-v0}]")
+    (tmp_path / "tiny.yaml").write_text(two.replace("episodes: 2", "episodes: 1"))
+    (tmp_path / "mine.py").write_text(MINE + 'tasks = ["CableHole-Position-Sine"]\n')
+    flags = ("--protocol", tmp_path / "tiny.yaml", "--results", tmp_path / "r")
+    assert cli("evaluate", *flags, "--controller", "pid", "--env", "CableHole-Position-Step")[0] == 0
+    code, out, err = cli("submit", tmp_path / "mine.py", *flags, "--trust")
+    assert code == 0, err
+    assert "CableHole-Position-Sine" in out and "CableHole-Position-Step" not in out
+    assert "CableHole-Position-Step" in (tmp_path / "r" / "board.md").read_text()
+
+
 def test_submitting_in_jobs_gives_the_serial_numbers(place, submitted, cli, tmp_path):
     arguments = ("submit", place / "mine.py", "--protocol", place / "tiny.yaml", "--results", tmp_path, "--trust")
     code, _, err = cli(*arguments, "--jobs", "2")
@@ -162,7 +186,7 @@ def test_unknown_rows_name_the_nearest(place, submitted, cli):
 def test_boards_by_name_lie_in_their_folder(cli, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, _, err = cli("leaderboard", "--board", "quik")
-    assert code == 2 and "did you mean 'quick.yaml'" in err
+    assert code == 2 and "did you mean 'quick'" in err
     code, _, err = cli("leaderboard")
     assert code == 2 and "--board quick" in err
     from cablebench.cli.bench.leaderboard import results_folder

@@ -281,7 +281,7 @@ def test_actions_of_wrong_shape_are_refused(action):
 
 
 BAD = [
-    ({"rig": "gu-infered"}, "did you mean 'gu-inferred.yaml'"),
+    ({"rig": "gu-infered"}, "did you mean 'gu-inferred'"),
     ({"rig": "zou-table2"}, "needs a rig of plant cable_hole"),
     ({"rig": {"load_mas": 5.0}}, "did you mean 'load_mass'"),
     ({"rig": {"load_mass": -5.0}}, r"load_mass = -5 kg is outside its physical range \[0.001, 10000\]"),

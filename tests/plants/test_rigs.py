@@ -88,7 +88,7 @@ def test_bad_rigs_name_the_key_and_what_would_be_right(changes, message):
 
 
 def test_unknown_and_broken_files(tmp_path):
-    with pytest.raises(ConfigurationError, match=r"did you mean 'gu-steel-1mm\.yaml'"):
+    with pytest.raises(ConfigurationError, match=r"did you mean 'gu-steel-1mm'"):
         load_rig("gu-steel-1m")
     with pytest.raises(ConfigurationError, match="cannot read"):
         load_rig(tmp_path / "none.yaml")

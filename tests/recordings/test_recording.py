@@ -84,7 +84,7 @@ CHANGES = [
     ({"schema": "cable-recording/2"}, "'schema' must be 'cable-recording/1'"),
     ({"system": "cablehole"}, "unknown system 'cablehole'; did you mean 'cable_hole'"),
     ({"rig": "zou-table2"}, "rig 'zou-table2' belongs to pulley_circuit"),
-    ({"rig": "gu-infered"}, "did you mean 'gu-inferred.yaml'"),
+    ({"rig": "gu-infered"}, "did you mean 'gu-inferred'"),
     ({"recrods": []}, "unknown key in rig.yaml 'recrods'; did you mean 'records'"),
     ({"records": []}, "'records' must be a list"),
     ({"records": [{"data": "a.csv", "use": "train"}]}, "record 1: use 'train' is unknown"),

@@ -1,6 +1,7 @@
 """``cablebench leaderboard``: the board of a results folder as terminal table, JSON, Markdown and HTML."""
 
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -73,7 +74,7 @@ def results_folder(board: str | None, results: Path | None, protocol: str | None
         raise ConfigurationError("name a board (--board quick) or a results folder (--results DIR)")
     given = {"--board": board, "--results": results, "--protocol": protocol}
     flags = " ".join(f"{flag} {shlex.quote(str(value))}" for flag, value in given.items() if value is not None)
-    return results or board_folder(load_protocol(str(board)).name), flags
+    return results or board_folder(load_protocol(str(board), "board").name), flags
 
 
 def protocol_of(records: list[Any], name: str | None) -> Any:
@@ -91,8 +92,23 @@ def protocol_of(records: list[Any], name: str | None) -> Any:
     return load_protocol(name)
 
 
+def _with_tables_of(board: Any, entrant: str) -> Any:
+    overall, tables = (
+        tuple(t for t in found if any(row.entrant == entrant for row in t.rows))
+        for found in (board.overall, board.tables)
+    )
+    return replace(board, overall=overall, tables=tables)
+
+
 def make_board(
-    protocol: Any, store: Any, reading: Any, folder: Path, as_json: bool, place: str = "", show: bool = True
+    protocol: Any,
+    store: Any,
+    reading: Any,
+    folder: Path,
+    as_json: bool,
+    place: str = "",
+    show: bool = True,
+    of: str = "",
 ) -> Any:
     """Build the board, write its three files, and show it: as JSON on standard output, or as a table.
 
@@ -100,6 +116,8 @@ def make_board(
 
     ``place``: the flags that name the results folder, for replay commands; without them a row shows the command that
     evaluated it.
+
+    ``of``: an entrant; of the tables only those that it is in are printed.
     """
     from cablebench.board.board import build_board
     from cablebench.board.learning import learning_curves
@@ -121,7 +139,7 @@ def make_board(
         typer.echo(render_json(board), nl=False)
     elif show:
         out = console()
-        print_board(board, out)
+        print_board(_with_tables_of(board, of) if of else board, out)
         out.print()
     for path in paths.values():
         console(stderr=as_json).print(f"wrote {path}", markup=False)

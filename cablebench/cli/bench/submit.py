@@ -51,11 +51,11 @@ def submit(
     """Check a controller or policy, run the protocol, and rank it against the published board.
 
     Its records, and a board with its row among the published ones, go to a folder of their own; what is published is
-    read, not written, unless --publish asks for it.
+    read, not written, unless --publish asks for it. Of the board, the tables with its row are printed.
 
     The row is its maker's: without --maker, only the same files can be submitted again under the same name.
     """
-    from cablebench.entrants.admission import check_name, read_submission
+    from cablebench.entrants.admission import check_name, check_training, read_submission
     from cablebench.entrants.dry_run import dry_run
     from cablebench.protocol.files import load_protocol
     from cablebench.run.folders import board_folder, open_store, rank_against
@@ -63,7 +63,7 @@ def submit(
 
     if publish and results:
         raise ConfigurationError("--publish writes to boards/NAME, --results to another folder: give one of them")
-    chosen = unsealed(load_protocol(protocol or board or "quick"), seal)
+    chosen = unsealed(load_protocol(protocol or board or "quick", "protocol" if protocol else "board"), seal)
     if chosen.seal and not chosen.secret and not check_only:
         chosen.seeds(1)  # says what is missing
     folder = board_folder(chosen.name) if publish else results or Path("results") / f"submitted-{chosen.name}"
@@ -82,7 +82,12 @@ def submit(
         key = maker_key(maker, entrant.name) if maker else submission.hash()
         entrant = replace(entrant, maker=key)
         tried = dry_run(entrant, chosen, tasks)
-        check_name(entrant, [r for r in records if r["protocol_hash"] == chosen.hash()], _reserved())
+        of_protocol, own = (
+            [r for r in found if r["protocol_hash"] == chosen.hash()]
+            for found in (records, [] if publish else type(store)(store.path).read().records)
+        )
+        check_training(entrant, chosen)
+        check_name(entrant, of_protocol, _reserved(), own, folder)
     say_sandboxes([entrant])
     for t in tried:
         beyond = f", {100 * t.clipped:.0f} % of the commands beyond the drive's range" if t.clipped else ""
@@ -102,7 +107,7 @@ def submit(
     recipes = (*_missing(chosen, records, entered, track), recipe)
     # what the store holds is skipped: an interrupted submission goes on where it was when it is given again
     evaluate_on(backend, jobs, ray_address, chosen, recipes, (entered, tuple(track or ()), store), resume=True)
-    made = make_board(chosen, store, store.read(), folder, as_json, place=flags)
+    made = make_board(chosen, store, store.read(), folder, as_json, place=flags, of=entrant.name)
     _place(made, entrant, say)
 
 

@@ -11,7 +11,7 @@ import typer
 from cable_envs.agents.files import CHECKPOINT, POLICY, settings_file
 from cablebench.cli.shared.arguments import parse_options, resolve_env, short_name
 from cablebench.cli.shared.output import console, print_json, progress_bar
-from cablebench.cli.shared.training import chosen_seeds, training_job
+from cablebench.cli.shared.training import chosen_seeds, say_seeds, training_job
 from cablebench.cli.shared.trust import Trusted
 from cablebench.jobs import Backend, Done, Job, open_backend
 
@@ -60,6 +60,7 @@ def train(
 
     started = time.time()
     settings = load_settings(algo, env_id, steps, options)
+    say_seeds(settings, chosen)
     folders = run_folders(settings.algo, env_id, chosen, out)
     work = [
         training_job(

@@ -35,6 +35,12 @@ def short_name(env_id: str) -> str:
 def parse_options(pairs: Sequence[str]) -> dict[str, Any]:
     """``["randomize=true", "rig={load_mass: 4}"]`` as keyword arguments of an environment; values are YAML."""
     options = parse_pairs(pairs, "--option")
+    for key, value in options.items():
+        option, dot, parameter = key.partition(".")
+        if dot and option in ENVIRONMENT_OPTIONS:
+            raise ConfigurationError(
+                f"--option {key}: write what belongs to '{option}' in braces: -o '{option}={{{parameter}: {value}}}'"
+            )
     require_known("environment option", options, ENVIRONMENT_OPTIONS)
     effect = Path(str(options.get("effect_file", "")))
     if effect.is_file():
@@ -78,7 +84,11 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
 
     needs = entrant.needs(env_id, setup_of(env_id, options))
     if needs is None:
-        raise ConfigurationError(f"'{entrant.title}' does not apply to {env_id} with these options")
+        entered = [short_name(env) for env in entrant.entered()]
+        where = (
+            "with these options" if short_name(env_id) in entered else f"it enters {', '.join(entered) or 'no task'}"
+        )
+        raise ConfigurationError(f"'{entrant.title}' does not apply to {short_name(env_id)}: {where}")
     for key, value in needs.items():
         if options.get(key, value) != value:
             raise ConfigurationError(f"'{entrant.title}' needs {key}={value}, not {options[key]}")

@@ -40,6 +40,7 @@ def policy_entrant(path: str) -> Any:
         path=path,
         settings=settings,
         versions=m.versions,
+        trained_on=policy.settings.env_seeds(m.seed),
     )
 
 

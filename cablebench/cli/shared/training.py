@@ -6,10 +6,13 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.shared.arguments import short_name
+from cablebench.cli.shared.output import console
 from cablebench.jobs import Context, Job, Stopped
 
 RUN, LOGS = "run", "tensorboard"
 """Names of a training's folders."""
+
+BOARDS = ("quick", "full")
 
 
 def training_job(
@@ -57,6 +60,24 @@ def summary(policy: Any) -> dict[str, Any]:
         "digest": policy.digest, "env_id": m.env_id, "algo": m.name, "seed": m.seed, "steps": m.steps,
         "complete": m.complete, "configuration": m.settings_hash, "curve": m.curve,
     }  # fmt: skip
+
+
+def say_seeds(settings: Any, seeds: Sequence[int]) -> None:
+    """Say on standard error where a training starts environments from seeds that the boards do not train on."""
+    from cablebench.protocol.files import load_protocol
+
+    for seed in seeds:
+        used = settings.env_seeds(seed)
+        out = [p.name for p in map(load_protocol, BOARDS) if not (used.start in p.train and used.stop - 1 in p.train)]
+        if out:
+            train = load_protocol(out[0]).train
+            console(stderr=True).print(
+                f"warning: --seed {seed} starts the {settings.n_envs} environments from the seeds {used.start} to "
+                f"{used.stop - 1}; the range for training of the boards {' and '.join(out)} is {train.first} to "
+                f"{train.first + train.count - 1}, and `cablebench submit` refuses seeds for tuning or testing",
+                markup=False,
+            )
+            return
 
 
 def chosen_seeds(seeds: Sequence[int], ranges: Sequence[str]) -> tuple[int, ...]:
