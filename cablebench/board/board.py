@@ -228,7 +228,7 @@ def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Generator) -> tuple[Table, ...]:
-    """For each mechanism and track one table over all its tasks, of the entrants that ran every one."""
+    """For each mechanism and track one table over all its tasks, of the entrants that ran every one; none where nobody did."""
     result = []
     for family, track in dict.fromkeys((t.family, t.track) for t in tables):
         group = [t for t in tables if (t.family, t.track) == (family, track)]
@@ -239,6 +239,8 @@ def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Gener
             for row in table.rows:
                 rows.setdefault(row.entrant, []).append(row)
         whole = {n: r for n, r in rows.items() if len(r) == len(group)}
+        if not whole:
+            continue
         scores = {n: {k: np.array(v) for row in r for k, v in row.scores.items()} for n, r in whole.items()}
         paper = protocol.paper.get(family, "")
         merged = [

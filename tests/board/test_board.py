@@ -154,6 +154,16 @@ def test_the_overall_table_leaves_out_who_did_not_run_everything_and_says_so(mad
     assert "rmse" not in row.raw  # errors of different units are not averaged
 
 
+def test_there_is_no_overall_table_where_nobody_ran_everything(made, tmp_path):
+    protocol, _, records = made
+    split = [r for r in records if (r["entrant"] in ("pid", "ppo")) == (r["task"] == "CableHole-Position-Step")]
+    board = build_board(protocol, split)
+    assert not [t for t in board.overall if t.family == "CableHole"]
+    assert [t for t in board.tables if t.family == "CableHole"]
+    page = write_board(board, tmp_path)["html"].read_text(encoding="utf-8")
+    assert "CableHole-Position-Step" in page and "CableHole-Position-Sine" in page
+
+
 def test_a_board_repeats_exactly_from_the_same_records(made, board):
     again = build_board(made[0], made[2])
     assert again == board

@@ -1,15 +1,18 @@
 """Anyone's controller as one file: what is accepted, what is refused and how that is said, what it is told."""
 
 import textwrap
+from types import SimpleNamespace
 
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
-from cablebench.entrants.admission import check_name, read_submission
+from cablebench.cli.shared.training import say_seeds
+from cablebench.entrants.admission import check_name, check_training, read_submission
 from cablebench.entrants.apart import submission_entrant
 from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.entrants.dry_run import dry_run, within
+from cablebench.entrants.entrant import agent_entrant
 from cablebench.entrants.named import named_entrant
 from cablebench.entrants.submission import kind_of
 from cablebench.protocol.protocol import Protocol, SeedRange, Task, Track
@@ -238,6 +241,27 @@ def test_only_what_can_be_entered_is_taken(written):
         read_submission(written("schema: 1", "x.yaml"))
     with pytest.raises(ConfigurationError, match="no file at"):
         read_submission(written("schema: cable-controller/1\nname: a\ncontroller: b.py", "x.yaml"))
+
+
+def test_a_policy_trained_on_seeds_for_tuning_or_testing_is_refused():
+    def trained(*seeds):
+        return agent_entrant("ppo", None, HOLE, training_seed=0, environment_steps=1, trained_on=range(*seeds))
+
+    check_training(trained(6, 10), short())
+    check_training(trained(0), short())  # of nothing is known
+    for seeds, use in (((8, 12), "keeps 10 to 19 for tuning"), ((20, 24), "keeps 20 to 29 for testing")):
+        with pytest.raises(ConfigurationError, match=f"the seeds {seeds[0]} to {seeds[1] - 1}; short {use}"):
+            check_training(trained(*seeds), short())
+
+
+def test_a_training_beyond_the_seeds_for_training_is_told_so(capsys):
+    settings = SimpleNamespace(n_envs=64, env_seeds=lambda seed: range(64 * seed, 64 * seed + 64))
+    say_seeds(settings, (0, 9, 15624))
+    assert capsys.readouterr() == ("", "")
+    say_seeds(settings, (0, 15625))
+    said = capsys.readouterr().err
+    assert "warning: --seed 15625 starts the 64 environments from the seeds 1000000 to 1000063; " in said
+    assert "boards quick and full is 0 to 999999" in said and said.count("\n") == 1
 
 
 def test_names_are_not_taken_twice(written):

@@ -115,7 +115,7 @@ def test_of_the_published_board_only_the_tables_with_ones_row_are_printed(place,
     assert cli("evaluate", *flags, "--controller", "pid", "--env", "CableHole-Position-Step")[0] == 0
     code, out, err = cli("submit", tmp_path / "mine.py", *flags, "--trust")
     assert code == 0, err
-    assert "CableHole-Position-Sine" in out and "CableHole-Position-Step" not in out
+    assert "CableHole-Position-Sine (nominal track)" in out and "CableHole-Position-Step (nominal track)" not in out
     assert "CableHole-Position-Step" in (tmp_path / "r" / "board.md").read_text()
 
 
