@@ -228,7 +228,7 @@ def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
 
 
 def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Generator) -> tuple[Table, ...]:
-    """For each mechanism and track one table over all its tasks, of the entrants that ran every one; none where nobody did."""
+    """For each mechanism and track one table over all its tasks, of those who ran every one, if any."""
     result = []
     for family, track in dict.fromkeys((t.family, t.track) for t in tables):
         group = [t for t in tables if (t.family, t.track) == (family, track)]
