@@ -25,7 +25,7 @@ def pages() -> dict[str, str | bytes]:
 
 
 def _plants(kind: type[Controller]) -> list[str]:
-    return [*kind.plants, *(("every plant with a view",) if kind.general else ())]
+    return [*kind.plants, *(("every plant that names its drive and its output",) if kind.general else ())]
 
 
 def _first(kind: type[Controller]) -> str:

@@ -11,9 +11,10 @@ from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
 from cable_envs.sim.tasks import LEVELS
+from cablebench.protocol.files import load_protocol
 from docs.site.cache import kept
 from docs.site.films import best_controller, film, last, small
-from docs.site.markdown import page, picture, table, unit, whole_picture
+from docs.site.markdown import linked_pages, page, picture, table, unit, whole_picture
 
 FOLDER = "environments"
 
@@ -137,12 +138,19 @@ def _summary(ids: list[str], setup: Setup) -> str:
         ("action space", f"`{action}`"),
         ("observation space", f"`{observed}` at the level `{setup.task.observe}`"),
         ("output", f"`{setup.task.output}` [{setup.output_unit}]"),
-        ("rig", f"`{setup.rig.name}`: {' '.join(setup.rig.description.split())}"),
+        ("rig", f"`{setup.rig.name}`: {linked_pages(' '.join(setup.rig.description.split()))}"),
         ("episode", f"{setup.steps} steps of {setup.control_period:g} s, {setup.substeps} integration steps in each"),
         ("success", f"error within {setup.task.success_error:g} {setup.output_unit} over the last fifth"),
+        ("boards", _boards(ids)),
         ("make", f'`gymnasium.make("{ids[-1]}")`'),
     ]
     return table(("", ""), rows)
+
+
+def _boards(ids: list[str]) -> str:
+    """The boards that rank entrants on a task."""
+    names = [name for name in ("quick", "full") if set(ids) & {task.env for task in load_protocol(name).tasks}]
+    return f"[{' and '.join(names)}](../boards.md)" if names else "on no board yet"
 
 
 def _actions(setup: Setup) -> str:

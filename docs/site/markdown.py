@@ -40,6 +40,17 @@ def page(*parts: str) -> str:
     return "\n\n".join(part.strip("\n") for part in parts if part) + "\n"
 
 
+def linked_pages(text: str) -> str:
+    """A page that a description names by its file, as a link from a folder of the site.
+
+    Examples
+    --------
+    >>> linked_pages("inferred (docs/physics.md)")
+    'inferred ([physics](../physics.md))'
+    """
+    return re.sub(r"docs/([\w-]+)\.md", r"[\1](../\1.md)", text)
+
+
 def of_docstring(text: str) -> str:
     r"""A docstring as Markdown; a table drawn with rules of equal signs becomes one of Markdown.
 

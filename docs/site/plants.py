@@ -17,7 +17,7 @@ from cable_envs.sim.rigs import load_rig
 from docs.site.cache import kept
 from docs.site.environments import slug, tasks
 from docs.site.films import best_controller, played, small, still, webp
-from docs.site.markdown import page, picture, table, unit, whole_picture
+from docs.site.markdown import linked_pages, page, picture, table, unit, whole_picture
 
 FOLDER = "plants"
 STILL_AT = 2.0
@@ -113,7 +113,7 @@ def _equations(plant: Plant) -> str:
 
 def _parameters(parameters: Iterable[Parameter]) -> str:
     rows = [
-        (f"`{p.name}`", f"{p.default:g}", f"{p.low:g} to {p.high:g}", unit(p.unit), p.meaning, p.source)
+        (f"`{p.name}`", f"{p.default:g}", f"{p.low:g} to {p.high:g}", unit(p.unit), p.meaning, linked_pages(p.source))
         for p in parameters
     ]
     return table(("parameter", "default", "range", "unit", "meaning", "source of the default"), rows, numbers=(1,))
@@ -132,5 +132,5 @@ def _effects(plants: list[Plant]) -> str:
 
 def _rigs(family: Family) -> list[str]:
     rigs = [rig for rig in map(load_rig, config_names("rigs")) if rig.plant == family.name]
-    rows = [(f"`{rig.name}`", " ".join(rig.description.split())) for rig in rigs]
+    rows = [(f"`{rig.name}`", linked_pages(" ".join(rig.description.split()))) for rig in rigs]
     return ["## Rigs", table(("preset", "what it is"), rows)] if rows else []
