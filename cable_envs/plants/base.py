@@ -103,6 +103,8 @@ class Plant:
         How a recorded drive may drive it, besides its action modes (`cable_envs.sim.replay.replay`).
     own : tuple of Effect
         A user's own effects (`cable_envs.plants.own_effects`).
+    version : str
+        Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
     Notes
     -----
@@ -132,13 +134,14 @@ class Plant:
 
     replays: tuple[str, ...] = ("follow", "imposed", "observed")
     own: tuple[Effect, ...] = ()
+    version: str = "v1"
 
     def __post_init__(self) -> None:
         if self.signal_rows.count != len(self.signals):
             raise ValueError(f"{self.name}: {len(self.signals)} signals, but {self.signal_rows.count} rows for them")
 
     def __hash__(self) -> int:
-        return hash((self.name, len(self.signals), self.own))
+        return hash((self.name, self.version, len(self.signals), self.own))
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -154,7 +157,7 @@ class Plant:
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
         """Kernels (x, p, u, lo, hi, substeps, dt) without and with effects, as of `advance`; compiled on first use."""
         made = kernels(
-            f"{self.name}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
+            f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
             self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], made[1])

@@ -99,6 +99,8 @@ class Family:
         For people.
     build : callable
         (variant, holes) -> `cable_envs.plants.base.Plant`; what it imports is imported when it is called.
+    as_v0 : callable, optional
+        Plant -> the plant with the numbers that the ids ``-v0`` have; None: they have changed nothing since.
     variants : tuple of str
         Simulators of the same rig; the first one is what is taken unless another is asked for.
     series : bool
@@ -136,6 +138,7 @@ class Family:
     name: str
     title: str
     build: Callable[[str, int], Any]
+    as_v0: Callable[[Any], Any] | None = None
     variants: tuple[str, ...] = ("analytic",)
     series: bool = False
     tasks: str = ""

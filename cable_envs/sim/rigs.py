@@ -23,7 +23,7 @@ import numpy as np
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.effects import Effect, dotted
-from cable_envs.plants import plant_for
+from cable_envs.plants import VERSIONS, plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
 
@@ -118,13 +118,15 @@ class Rig:
         given = {name: value for name, value in self.effects.items() if name in plant.table}
         return plant.table.pack({**self.values, **given})[:, None]
 
-    def simulated_by(self, variant: str = "analytic") -> Plant:
+    def simulated_by(self, variant: str = "analytic", version: str = VERSIONS[-1]) -> Plant:
         """The plant that simulates this rig.
 
         Parameters
         ----------
         variant : str
             "analytic", or "chain" for the pulley circuit as a chain of spans and contacts.
+        version : str
+            Version of the ids whose numbers it gives (`cable_envs.plants.plant_for`).
 
         Returns
         -------
@@ -134,9 +136,9 @@ class Rig:
         Raises
         ------
         ConfigurationError
-            For an unknown variant, and for own effects that do not act on the plant.
+            For an unknown variant or version, and for own effects that do not act on the plant.
         """
-        return with_own_effects(plant_for(self.plant, variant, self.holes), self.own)
+        return with_own_effects(plant_for(self.plant, variant, self.holes, version), self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
         """The same rig with some parameters changed.

@@ -210,7 +210,7 @@ begin = instantiate(_begin, "begin", distorted=None), instantiate(_begin, "begin
 @cache
 def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
     """The kernels (block, obs, common, lo, hi) of a plant, without and with effects; compiled on first use."""
-    name = f"step_{plant.name}_{len(plant.signals)}"
+    name = f"step_{plant.name}_{plant.version}_{len(plant.signals)}"
     return (
         instantiate(_step, name, advance=plant.kernels[0], distorted=None),
         instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
@@ -223,7 +223,7 @@ def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], Callable[...,
 
     The arrays are `kernels.handed`.
     """
-    name, column = f"step_one_{plant.name}_{len(plant.signals)}", plant.signal_rows.column
+    name, column = f"step_one_{plant.name}_{plant.version}_{len(plant.signals)}", plant.signal_rows.column
     return (
         instantiate(_step_one, name, advance=inlined(plant.kernels[0]), distorted=None, signal_column=column),
         instantiate(
