@@ -101,7 +101,7 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1, version: str
     if version not in VERSIONS:
         raise ConfigurationError(f"unknown version '{version}'; {nearest(version, VERSIONS)}")
     plant = found.build(variant if variant in found.variants else found.variants[0], holes)
-    return found.as_v0(plant) if version == "v0" and found.as_v0 is not None else plant
+    return found.as_v0(plant) if version == "v0" else plant
 
 
 @cache

@@ -17,6 +17,7 @@ from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.references import pack_signal
 from cable_envs.sim.rigs import Rig, load_rig
+from cable_envs.sim.stepsize import MOST, substeps_for
 from cable_envs.sim.tasks import (
     COMMAND,
     ERROR,
@@ -195,6 +196,7 @@ def make_setup(
     bound = chosen.values[mode.bound]
     ranges = _ranges(declared, chosen, simulator, randomize)
     column = chosen.column(simulator)
+    given = None if substeps is None else _count("substeps", substeps, 1, MOST)
     return Setup(
         task=declared,
         rig=chosen,
@@ -212,7 +214,7 @@ def make_setup(
         sensor_steps=_sensor_steps(simulator, column, ranges, period),
         action_delay=_count("action_delay", action_delay, 0, MAX_DELAY),
         control_period=period,
-        substeps=_count("substeps", declared.substeps if substeps is None else substeps, 1, 10_000),
+        substeps=substeps_for(simulator, column, ranges, period, given, declared.substeps),
         steps=round(length / period),
     )
 

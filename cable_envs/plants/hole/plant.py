@@ -34,6 +34,7 @@ from cable_envs.plants.hole.parameters import (
     MAX_HOLES,
     coefficient_rows,
     derive,
+    resolves,
     series_parameters,
     series_signals,
     signal_rows,
@@ -284,6 +285,7 @@ def cable_hole(holes: int = 1) -> Plant:
         settle=_settle,
         solve=_solve,
         effects=Layout("cable_hole", parameters, ACTING),
+        resolves=resolves,
     )
 
 
