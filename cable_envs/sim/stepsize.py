@@ -102,7 +102,7 @@ def _corners(plant: Plant, column: np.ndarray, ranges: Sequence[tuple[str, float
     ends = [(low, high) for _, low, high in ranges]
     if len(ends) > CORNERS:
         at = np.where(np.eye(len(ends), dtype=bool)[:, None] ^ np.array([False, True])[None, :, None], 1, 0)
-        picks = at.reshape(-1, len(ends)).tolist()
+        picks = [tuple(pick) for pick in at.reshape(-1, len(ends)).tolist()]
     else:
         picks = list(product((0, 1), repeat=len(ends)))
     values = np.repeat(column, len(picks) + 1, axis=1)
