@@ -56,6 +56,7 @@ from cable_envs.plants.hole.stages import (
     record,
     slip_speed,
     span,
+    steepest_ratio,
     stiffness_now,
     transmitted,
     wrapped,
@@ -159,7 +160,7 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
 
 @inline
 def slipped(x, p, u, w, e, s, g, i, ahead, dt):
-    """The load's step, and the tensions to which it leads; ``ahead`` as of `pulled_midway`."""
+    """The load's step, and the tension above to which it leads; ``ahead`` as of `pulled_midway`."""
     y, v = x.load_position[i], x.load_velocity[i]
     v_new = slip_speed(x, p, w, e, s, g, i, ahead, dt)
     y_new = y + dt * (v + 0.5 * (v_new - v))
@@ -169,17 +170,16 @@ def slipped(x, p, u, w, e, s, g, i, ahead, dt):
     if e is not None:
         tension = select(g.imposes[i] > 0.5, w.tension_middle[i], tension)
         creeping(e, s, g, i, stretched)
-    w.ratio[i] = extrapolated(p, w, e, i, v, v_new)
     x.load_position[i], x.load_velocity[i], x.sliding[i] = y_new, v_new, sign(v_new)
     record(x, i, tension)
-    _behind(x, p, u, w, e, s, i)
+    w.ratio[i] = extrapolated(w, e, i, v, v_new)
     if e is not None:
         s.started[i] = 1.0
         drawn_in(x, p, e, s, g, i, dt)
 
 
 @inline
-def _behind(x, p, u, w, e, s, i):
+def behind(x, p, u, w, e, s, i):
     """The tension behind the hole, from the one above and the ratio."""
     v, above, n = x.load_velocity[i], x.drive_tension[i], w.ratio[i]
     inv_n = 1.0 / n
@@ -201,7 +201,7 @@ def _reported(x, p, u, w, e, s, g, lanes, bends):
         for i in range(lanes):
             ratio(p, w, i)
         for i in range(lanes):
-            _behind(x, p, u, w, e, s, i)
+            behind(x, p, u, w, e, s, i)
 
 
 @inline
@@ -225,7 +225,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             w.stiffness[i] = stiffness_now(x, p, e, i)
         else:
             w.stiffness[i] = p.cable_stiffness[i]
-        w.damping[i] = p.cable_damping[i]
+        w.damping[i], w.steepest[i] = p.cable_damping[i], steepest_ratio(p, i)
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):
@@ -245,6 +245,9 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             pulled_midway(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i])
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
+        if e is not None or bends:  # else the next step does not ask for it
+            for i in range(lanes):
+                behind(x, p, u, w, e, s, i)
     _reported(x, p, u, w, e, s, g, lanes, bends)
     for i in range(lanes):
         x.slack_fraction[i] /= substeps

@@ -20,7 +20,7 @@ HOLE = Lanes("Hole", [
     "tension_middle",  # the tension above with which the step is made, N
     "stiffness", "damping",  # of the cable, with what hardens it or takes it away: N/m, N s/m
     "friction", "friction_growth",  # M = mu + K |v|^omega, and dM/d|v| (s/m)
-    "wrap_in_contact", "ratio", "ratio_slope",  # rad; n and dn/dM
+    "wrap_in_contact", "ratio", "inverse", "ratio_slope", "steepest",  # rad; n, 1/n, dn/dM; the n that none exceeds
     "loop_gain", "loop_late", "loop_closed",  # gains of the drive's closed loop
     "elongation",  # with effects: what of the stretch makes tension, m
 ])  # fmt: skip
@@ -74,10 +74,10 @@ def closed(x, p, w, e, g, i, wanted, dt):
 
     wanted: `open_loop`. The tension grows by dT = k dt (old + a - v - b) / 2 + c (a - b - old + v) over the step.
     """
-    old, v, n = x.drive_velocity[i], x.load_velocity[i], w.ratio[i]
-    inv_n, half = 1.0 / n, 0.5 * dt
-    k, c, mass = w.stiffness[i], w.damping[i], p.load_mass[i]
-    alone = (wanted + w.loop_late[i] * (v - old)) * w.loop_closed[i]  # where the load stands still
+    old, v, n, inv_n, half = x.drive_velocity[i], x.load_velocity[i], w.ratio[i], w.inverse[i], 0.5 * dt
+    k, c, mass, gain = w.stiffness[i], w.damping[i], p.load_mass[i], w.loop_gain[i]
+    apart = wanted + w.loop_late[i] * (v - old)
+    alone = apart * w.loop_closed[i]  # where the load stands still
     grows = 0.5 * (half * k + c)
     fixed = x.drive_tension[i] + 0.5 * (half * k - c) * old  # of the tension in the middle: the rest is grows times a
     middle = fixed + grows * limited(p, i, old, alone, dt)
@@ -90,10 +90,10 @@ def closed(x, p, w, e, g, i, wanted, dt):
     steeper = x.drive_tension[i] * w.ratio_slope[i] * w.friction_growth[i] * select(up, inv_n * inv_n, 1.0)
     damping = maximum(w.resistance_damping[i] + c * passed + steeper, -mass / dt)
     stiffness = w.resistance_stiffness[i] + k * passed
-    gain = dt / (mass + half * (damping + half * stiffness))
-    still = v + gain * (fixed * passed - held - half * stiffness * v)
-    follows = gain * grows * passed
-    together = (wanted + w.loop_late[i] * (v - old) + w.loop_gain[i] * still) / (1.0 + w.loop_gain[i] * (1.0 - follows))
+    inertia = mass + half * (damping + half * stiffness)  # b = (still + follows a) / inertia
+    still = inertia * v + dt * (fixed * passed - held - half * stiffness * v)
+    follows = dt * grows * passed
+    together = (inertia * apart + gain * still) / (inertia + gain * (inertia - follows))
     ends = still + follows * together
     slides = (up & (ends > 0.0)) | (down & (ends < 0.0))
     return select(slides, together, alone)
@@ -127,6 +127,7 @@ def carried(x, w, e, s, g, i, new, dt):
 def ratio(p, w, i):
     """n and dn/dM with the exact solution of section 1 in docs/physics.md.  G9, G17."""
     w.ratio[i], w.ratio_slope[i] = tension_ratio_and_slope(p.radius_ratio[0, i], w.friction[i], w.wrap_in_contact[i])
+    w.inverse[i] = 1.0 / w.ratio[i]
 
 
 @inline
@@ -137,14 +138,14 @@ def steepest_ratio(p, i):
 
 
 @inline
-def extrapolated(p, w, e, i, v, v_new):
+def extrapolated(w, e, i, v, v_new):
     """n at the new speed in a straight line from the old one, within what friction can do.
 
     It is good to the second order, and for what goes on within the control step only: what is reported at its end is
     the contact's law at the speed there.
     """
     straight = w.ratio[i] + w.ratio_slope[i] * w.friction_growth[i] * (abs(v_new) - abs(v))
-    return minimum(maximum(straight, 1.0), steepest_ratio(p, i))
+    return minimum(maximum(straight, 1.0), w.steepest[i])
 
 
 @inline
@@ -212,8 +213,8 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
 
     The tension is that with the load moved on by ``ahead``; the step counts the same motion in the cable's stiffness.
     """
-    v, middle, n, mass = x.load_velocity[i], w.tension_middle[i], w.ratio[i], p.load_mass[i]
-    inv_n, growth = 1.0 / n, middle * w.ratio_slope[i] * w.friction_growth[i]
+    v, middle, n, inv_n = x.load_velocity[i], w.tension_middle[i], w.ratio[i], w.inverse[i]
+    mass, growth = p.load_mass[i], middle * w.ratio_slope[i] * w.friction_growth[i]
     taut = middle > 0.0
     k, c = select(taut, w.stiffness[i], 0.0), select(taut, w.damping[i], 0.0)
     back = k * ahead

@@ -20,7 +20,7 @@ from cable_envs.effects.own import own_actuate
 from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back
 from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.parameters import SIGNALS
-from cable_envs.plants.hole.plant import load_behind, load_resistance, pulled_midway, rubbed, slipped
+from cable_envs.plants.hole.plant import behind, load_behind, load_resistance, pulled_midway, rubbed, slipped
 from cable_envs.plants.hole.spool import engaged
 from cable_envs.plants.hole.stages import (
     any_stiff,
@@ -58,7 +58,7 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
-def _straight(p, w, e, i, v, v_new):
+def _straight(w, e, i, v, v_new):
     """n at the new speed in a straight line from the old one."""
     n = w.ratio[i] + w.ratio_slope[i] * w.friction_growth[i] * (abs(v_new) - abs(v))
     if e is not None:
@@ -98,6 +98,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             ratio(p, w, i)
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.0, dt)
+            behind(x, p, u, w, e, s, i)
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
         if e is not None:
