@@ -1,6 +1,6 @@
 """Properties of every plant over random rigs: one table, in the terminal and as a page of the documentation.
 
-    python -m benchmarks.properties [--rigs 200] [--out docs/properties.md]
+python -m benchmarks.properties [--rigs 200] [--out docs/properties.md]
 """
 
 import argparse
@@ -48,7 +48,9 @@ def rows(rigs: int, seed: int) -> Iterator[tuple[str, ...]]:
             ):
                 found = np.concatenate([measure(*run) for run in runs])
                 yield (*where, what, f"{count}", *_shown(found))
-            few = [Trial(g.plant, g.mode, g.values[:, :4], g.start[:4], g.command[:, :4], g.substeps) for g in groups[:8]]
+            few = [
+                Trial(g.plant, g.mode, g.values[:, :4], g.start[:4], g.command[:, :4], g.substeps) for g in groups[:8]
+            ]
             still = np.concatenate([rest_moves(g) for g in few])
             yield (*where, "motion in a minute at rest, m or rad", f"{len(still)}", *_shown(still))
             if plant.name in MECHANISMS:

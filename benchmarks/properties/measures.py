@@ -25,7 +25,9 @@ def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray
         if signal.name.endswith(("_position", "_angle", "_tension", "_torque")) or signal.name.startswith("tension_"):
             still = signal.unit in ("m", "rad")
             size = fine[:, row] - fine[:, row].mean(axis=0) if still else fine[:, forces[signal.unit]]
-            worst = np.maximum(worst, _rms(coarse[:, row] - fine[:, row]) / np.maximum(_rms(size), SMALLEST[signal.unit]))
+            worst = np.maximum(
+                worst, _rms(coarse[:, row] - fine[:, row]) / np.maximum(_rms(size), SMALLEST[signal.unit])
+            )
     return worst
 
 

@@ -37,6 +37,12 @@ class Signal:
     meaning: str
 
 
+OUT_OF_RANGE = Signal(
+    "out_of_range", "1", "1 where a signal is outside the range that the rig's parameters or the plant's laws hold in"
+)
+"""A signal that plants have whose rigs may say in what range they hold (`cable_envs.sim.rigs.Rig.valid`)."""
+
+
 @dataclass(frozen=True)
 class ActionMode:
     """How a command is understood by the drive.

@@ -110,6 +110,10 @@ def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
     followed, u, info = _signal(s.followed), _inputs(s.inputs), _info(s.info)
     shown, ring, measured = block[c.shown :], block[c.ring :], block[c.shown + c.proxy]
     output, peak, period = x[c.output], x[c.peak], c.period
+    for k in range(c.limits):
+        value, low, high, beyond = x[c.limited[k]], c.least[k], c.most[k], x[c.beyond]
+        for i in range(lo, hi):
+            beyond[i] = select((value[i] < low) | (value[i] > high), 1.0, beyond[i])
     for i in range(lo, hi):
         r, rate, acceleration = signal(followed, i, s.step[i] * period)
         info.reference[i], s.reference_rate[i], s.reference_acceleration[i] = r, rate, acceleration

@@ -50,7 +50,9 @@ def test_soft_and_stiff_cables(stiffness):
 
 def test_a_rig_that_is_too_quick_for_the_steps_is_refused_with_the_number_that_will_do():
     light = {"load_mass": 0.02, "cable_stiffness": 2e5}
-    with pytest.raises(ConfigurationError, match=r"substeps = 5 is too few: this rig needs \d+ integration steps") as told:
+    with pytest.raises(
+        ConfigurationError, match=r"substeps = 5 is too few: this rig needs \d+ integration steps"
+    ) as told:
         gym.make(HOLE, rig=light, substeps=5)
     wanted = int(re.search(r"substeps=(\d+)", str(told.value))[1])
     assert gym.make(HOLE, rig=light, substeps=wanted).unwrapped.setup.substeps == wanted

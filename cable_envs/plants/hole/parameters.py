@@ -11,7 +11,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
 from cable_envs.physics.modes import longest_step
-from cable_envs.plants.base import Signal
+from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
 MAX_HOLES = 4
 
@@ -70,6 +70,7 @@ SIGNALS = (
     Signal("sliding", "1", "direction in which the cable slides at the load: -1, 0 (stuck), 1"),
     Signal("slack_fraction", "1", "share of the last control step in which the drive span was slack"),
     Signal("peak_tension", "N", "largest drive-side tension within the last control step"),
+    OUT_OF_RANGE,
 )
 
 

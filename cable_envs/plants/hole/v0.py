@@ -74,6 +74,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         closed_loop(p, w, i, p.cable_stiffness[i], dt)
         x.slack_fraction[i] = 0.0
         x.peak_tension[i] = 0.0
+        x.out_of_range[i] = 0.0
         if e is not None:
             begin(
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],

@@ -228,7 +228,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             substeps * dt, dt,
         )  # fmt: skip
         dry_friction(e, g, i, x.load_velocity[i], p.load_friction[i], x.drive_tension[i])
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
