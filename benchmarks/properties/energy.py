@@ -1,6 +1,7 @@
-"""The dissipation inequality: what a mechanism stores is never more than the work that its drive has done on the cable."""
+"""The dissipation inequality: what a mechanism stores is never more than the work that its drive has done on it."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from cable_envs.core.inputs import INPUTS
 
 
 def energy_made(trial: Trial) -> np.ndarray:
-    """Largest energy that was gained without work, over the work that passed, shape (n,); every integration step counts.
+    """Largest energy that was gained without work, over the work that passed, shape (n,), at every integration step.
 
     The work of a step is the mean tension at the drive (the torque) times its motion.
     """
@@ -47,7 +48,7 @@ def _hole(value: dict[str, np.ndarray], x: dict[str, np.ndarray]) -> np.ndarray:
     stored = 0.5 * value["load_mass"] * v**2 + weight * y + 0.5 * value["load_stiffness"] * y**2
     slips = [x[name] for name in sorted(x) if name.startswith("slip_position")] + [y]
     stored = stored + 0.5 * value["cable_stiffness"] * np.maximum(x["drive_position"] - slips[0], 0.0) ** 2
-    for before, after in zip(slips[:-1], slips[1:], strict=True):
+    for before, after in pairwise(slips):
         stored = stored + 0.5 * value["span_stiffness"] * np.maximum(before - after, 0.0) ** 2
     return stored
 
