@@ -49,7 +49,7 @@ def run(
     check_suffix(save, DATA_FORMATS, "--save")
     check_suffix(render, PICTURE_FORMATS, "--render")
     require_known("theme", [theme], ("light", "dark"))
-    env_id = resolve_env(env)
+    env_id = resolve_env(env, every_version=True)
     options = parse_options(option or ())
     entrant = choose_entrant(controller, policy, gain or (), sandbox)
     with progress_bar() as update:
