@@ -1,8 +1,8 @@
 """Gymnasium environments for benchmarking learning-based tension control of cable mechanisms.
 
 Importing this package registers ``cable_envs/{CableHole-Position, CableHole-Tension, PulleyCircuit-Position,
-PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-v0`` for ``gymnasium.make`` and
-``gymnasium.make_vec``. Nothing is compiled before the first environment is made.
+PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-{v0, v1}`` for ``gymnasium.make``
+and ``gymnasium.make_vec``. Nothing is compiled before the first environment is made.
 
 What the package offers beside the ids is imported when it is first asked for:
 
@@ -23,6 +23,7 @@ Examples
 'cable_hole'
 """
 
+import warnings
 from importlib import import_module
 from typing import Any
 
@@ -32,24 +33,34 @@ from cable_envs.core.config import config_names, config_path, read_yaml
 
 __version__ = "0.1.0"
 
-ENV_IDS = tuple(f"cable_envs/{task}-{reference}-v0" for task in config_names("tasks") for reference in ("Step", "Sine"))
-"""Every registered environment id: each task of configs/tasks with a step and with a sinusoid."""
+_NAMES = tuple(f"cable_envs/{task}-{reference}" for task in config_names("tasks") for reference in ("Step", "Sine"))
+
+ENV_IDS = tuple(f"{name}-v0" for name in _NAMES)
+"""The registered environment ids that protocols, boards and tuned entrants are for: each task of configs/tasks with a
+step and with a sinusoid. Their numbers do not change."""
+
+V1_IDS = tuple(f"{name}-v1" for name in _NAMES)
+"""The same tasks on plants that have been mended since (see the version history of `cable_envs.envs.CableEnv`)."""
 
 _THRESHOLDS = {_task: read_yaml(config_path("thresholds", f"{_task}.yaml")) for _task in config_names("thresholds")}
 """Task -> reference -> return of an episode from which it counts as solved."""
 
-for _id in ENV_IDS:
-    _task, _reference = _id.removeprefix("cable_envs/").removesuffix("-v0").rsplit("-", 1)
+for _id in ENV_IDS + V1_IDS:
+    _name, _version = _id.removeprefix("cable_envs/").rsplit("-", 1)
+    _task, _reference = _name.rsplit("-", 1)
     register(
         id=_id,
         entry_point="cable_envs.envs:CableEnv",
         vector_entry_point="cable_envs.vector:CableVectorEnv",
-        kwargs={"task": _task, "reference": _reference},
+        kwargs={"task": _task, "reference": _reference} | ({"version": "v0"} if _version == "v0" else {}),
         reward_threshold=_THRESHOLDS.get(_task, {}).get(_reference.lower()),
         # what Gymnasium's default wrappers check the environments check themselves; a fifth of a step's time
         order_enforce=False,
         disable_env_checker=True,
     )
+
+# Gymnasium calls every id but the newest out of date. These are not: the boards are for them.
+warnings.filterwarnings("ignore", message=r".*The environment cable_envs/\S+-v0 is out of date")
 
 _OFFERED = {
     "CableEnv": "envs", "CableVectorEnv": "vector", "EFFECTS": "effects", "load_rig": "sim.rigs", "Rig": "sim.rigs",

@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from cable_envs.core.kernels import handed
 from cable_envs.effects import Effect
+from cable_envs.plants import VERSIONS
 from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.registered import described
 from cable_envs.sim.rigs import Rig
@@ -196,6 +197,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     |                |                      |             | (`cable_envs.effects.EFFECTS`)                         |
     | effect_file    | path or Effect       | none        | an effect of one's own                                 |
     |                |                      |             | (`cable_envs.plants.own_effects`)                      |
+    | version        | str                  | that of id  | "v0" or "v1": whose numbers the plant gives            |
     | plant          | str                  | "analytic"  | "chain" simulates the pulley circuit as a chain of     |
     |                |                      |             | spans and contacts                                     |
     | action_mode    | str                  | of the task | one of the action modes above                          |
@@ -246,6 +248,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     ## Version History
 
     * v0: first release.
+    * v1: the hole's load and drive are stepped together, so that light loads are right; every reported tension obeys
+      the contact's law; holes in series are solved together; the step fits the rig, or the rig is refused.
     """
 
     metadata = {"render_modes": ["rgb_array", "human", "web"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)
@@ -259,6 +263,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         rig: str | Path | Mapping[str, Any] | Rig | None = None,
         effects: Mapping[str, Any] | None = None,
         effect_file: str | Path | Effect | None = None,
+        version: str = VERSIONS[-1],
         plant: str = "analytic",
         action_mode: str | None = None,
         observe: str | None = None,
@@ -275,14 +280,14 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         **unknown: Any,
     ):
         self.setup = make_setup(
-            task, reference, rig=rig, effects=effects, effect_file=effect_file, plant=plant, action_mode=action_mode,
-            observe=observe, randomize=randomize, sensor_noise=sensor_noise, sensor_delay=sensor_delay,
-            action_delay=action_delay, disturbance=disturbance, control_period=control_period, substeps=substeps,
-            duration=duration, **unknown,
+            task, reference, rig=rig, effects=effects, effect_file=effect_file, version=version, plant=plant,
+            action_mode=action_mode, observe=observe, randomize=randomize, sensor_noise=sensor_noise,
+            sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance,
+            control_period=control_period, substeps=substeps, duration=duration, **unknown,
         )  # fmt: skip
         self._arguments: dict[str, Any] = {
             "task": task, "reference": reference, "rig": rig, "effects": effects, "effect_file": effect_file,
-            "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
+            "version": version, "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
             "sensor_noise": sensor_noise, "sensor_delay": sensor_delay, "action_delay": action_delay,
             "disturbance": disturbance, "control_period": control_period, "substeps": substeps, "duration": duration,
         }  # fmt: skip

@@ -54,7 +54,11 @@ def variants() -> tuple[str, ...]:
     return tuple(dict.fromkeys(variant for one in families().values() for variant in one.variants))
 
 
-def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
+VERSIONS = ("v0", "v1")
+"""Versions of the ids; a plant has the numbers of the last one unless another is asked for."""
+
+
+def plant_for(name: str, variant: str = "analytic", holes: int = 1, version: str = VERSIONS[-1]) -> Plant:
     """The plant that simulates rigs of a family.
 
     Parameters
@@ -66,6 +70,9 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
         without the variant gives its first one.
     holes : int
         How many holes are in series, where the family has such.
+    version : str
+        Version of the ids whose numbers it gives, one of `VERSIONS`: those of an older one are kept, so that its boards
+        can be replayed.
 
     Returns
     -------
@@ -75,8 +82,8 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
     Raises
     ------
     ConfigurationError
-        Where there is no such plant or variant, naming the nearest, and for several holes where there is no such
-        series.
+        Where there is no such plant, variant or version, naming the nearest, and for several holes where there is no
+        such series.
 
     Examples
     --------
@@ -91,7 +98,10 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1) -> Plant:
     if holes != 1 and not found.series:
         series = " or ".join(one.name for one in families().values() if one.series)
         raise ConfigurationError(f"'holes' belongs to {series} rigs only")
-    return found.build(variant if variant in found.variants else found.variants[0], holes)
+    if version not in VERSIONS:
+        raise ConfigurationError(f"unknown version '{version}'; {nearest(version, VERSIONS)}")
+    plant = found.build(variant if variant in found.variants else found.variants[0], holes)
+    return found.as_v0(plant) if version == "v0" else plant
 
 
 @cache

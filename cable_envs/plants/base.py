@@ -37,6 +37,12 @@ class Signal:
     meaning: str
 
 
+OUT_OF_RANGE = Signal(
+    "out_of_range", "1", "1 where a signal is outside the range that the rig's parameters or the plant's laws hold in"
+)
+"""A signal that plants have whose rigs may say in what range they hold (`cable_envs.sim.rigs.Rig.valid`)."""
+
+
 @dataclass(frozen=True)
 class ActionMode:
     """How a command is understood by the drive.
@@ -103,6 +109,14 @@ class Plant:
         How a recorded drive may drive it, besides its action modes (`cable_envs.sim.replay.replay`).
     own : tuple of Effect
         A user's own effects (`cable_envs.plants.own_effects`).
+    resolves : callable, optional
+        (p, e) -> the longest integration steps that follow the mechanisms' fastest motion, s, of shape (n,); p and e
+        are the rows of the plant and of the effects, by name. None: any step will do.
+    raised : callable, optional
+        (p, dt): raises in place the inertias and dampings of mechanisms that are too quick for steps of dt seconds, for
+        replays in coarse steps and for the ids ``-v0``. None: nothing is raised.
+    version : str
+        Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
     Notes
     -----
@@ -132,13 +146,16 @@ class Plant:
 
     replays: tuple[str, ...] = ("follow", "imposed", "observed")
     own: tuple[Effect, ...] = ()
+    resolves: Callable[[Any, Any], np.ndarray] | None = None
+    raised: Callable[[Any, float], None] | None = None
+    version: str = "v1"
 
     def __post_init__(self) -> None:
         if self.signal_rows.count != len(self.signals):
             raise ValueError(f"{self.name}: {len(self.signals)} signals, but {self.signal_rows.count} rows for them")
 
     def __hash__(self) -> int:
-        return hash((self.name, len(self.signals), self.own))
+        return hash((self.name, self.version, len(self.signals), self.own))
 
     @property
     def coefficients(self) -> tuple[str, ...]:
@@ -154,7 +171,7 @@ class Plant:
     def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
         """Kernels (x, p, u, lo, hi, substeps, dt) without and with effects, as of `advance`; compiled on first use."""
         made = kernels(
-            f"{self.name}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
+            f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
             self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], made[1])
@@ -209,6 +226,41 @@ class Plant:
         at = np.array(np.broadcast_to(position, n), dtype=np.float64)
         self.settle(self.signal_rows.over(x), s, self.coefficient_rows.over(p), e, at)
         return x
+
+    def longest_step(self, p: np.ndarray) -> np.ndarray:
+        """Longest integration steps that follow the fastest motion of mechanisms.
+
+        Parameters
+        ----------
+        p : ndarray, shape (rows, n)
+            Coefficients, as of `prepare`.
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Seconds; infinite where any step will do.
+        """
+        own, n = self.coefficient_rows.count, p.shape[1]
+        if self.resolves is None:
+            return np.full(n, np.inf)
+        effects = p[own:] if len(p) > own else self.effects.coefficients(np.repeat(self.effects.null[:, None], n, 1))
+        return self.resolves(self.coefficient_rows.over(p), self.effects.lanes.over(effects))
+
+    def raise_to(self, p: np.ndarray, dt: float) -> None:
+        """Raise the inertias and dampings of mechanisms that are too quick for steps of a length.
+
+        The mechanism is then another one. This is for replays that trade its fastest motion for speed, and for the
+        numbers of the ids ``-v0``; an environment takes shorter steps instead.
+
+        Parameters
+        ----------
+        p : ndarray, shape (rows, n)
+            Coefficients, as of `prepare`. They are changed in place.
+        dt : float
+            Length of an integration step, s.
+        """
+        if self.raised is not None:
+            self.raised(self.coefficient_rows.over(p), dt)
 
     def advance(self, x: np.ndarray, p: np.ndarray, u: np.ndarray, lo: int, hi: int, substeps: int, dt: float) -> None:
         """Move columns ``lo`` to ``hi`` on by ``substeps`` steps of ``dt`` seconds.

@@ -5,7 +5,7 @@ leaves something out does without it: what would need it refuses by name.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib import import_module
 from typing import Any
 
@@ -30,6 +30,11 @@ def _found(place: str) -> Any:
     """The class at "module:class"."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
+
+
+def coarse(plant: Any) -> Any:
+    """The plant without a longest step: with `Plant.raise_to` its inertias are raised instead."""
+    return replace(plant, version="v0", resolves=None)
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,9 @@ class Family:
         For people.
     build : callable
         (variant, holes) -> `cable_envs.plants.base.Plant`; what it imports is imported when it is called.
+    as_v0 : callable
+        Plant -> the plant with the numbers that the ids ``-v0`` have. Unless the family says otherwise they differ in
+        one thing: the step does not fit the rig, the rig's inertias are raised to the step.
     variants : tuple of str
         Simulators of the same rig; the first one is what is taken unless another is asked for.
     series : bool
@@ -136,6 +144,7 @@ class Family:
     name: str
     title: str
     build: Callable[[str, int], Any]
+    as_v0: Callable[[Any], Any] = coarse
     variants: tuple[str, ...] = ("analytic",)
     series: bool = False
     tasks: str = ""

@@ -9,6 +9,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.lanes import STATES
+from cable_envs.plants.base import OUT_OF_RANGE
 from cable_envs.sim.references import FIELDS
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import COMMAND, ERROR, INFO, REFERENCE, REFERENCE_ACCELERATION, REFERENCE_RATE
@@ -41,10 +42,12 @@ COMMON = np.dtype([
         "slots", "late", "action_delay",  # measurements that are kept; control steps that all come late
         "output", "peak",  # rows among the signals
         "substeps", "last_step", "mode", "noisy",  # noisy: whether any sensor has noise
+        "limits", "beyond",  # how many signals have a range; the row that says when one is outside
     )),
     *((name, np.float64) for name in ("dt", "period", "low", "high", "error_scale", "effort_weight")),
     ("source", np.int64, LISTED), ("scale", np.float64, LISTED),  # of each channel: row, and SI value of one
     ("sensor", np.int64, LISTED), ("deviation", np.float64, LISTED),  # of each sensor: row among the signals, noise
+    ("limited", np.int64, LISTED), ("least", np.float64, LISTED), ("most", np.float64, LISTED),  # their rows and ranges
     ("effects", np.int64, LISTED),  # of each sensor: first row of its effects among the coefficients, or -1
 ])  # fmt: skip
 """What is the same for all environments of a batch: counts, steps, and values in SI."""
@@ -146,6 +149,10 @@ def _common(setup: Setup) -> np.recarray:
         c.sensor[k], c.effects[k] = plant.row(name), plant.sense_row(name)
         c.deviation[k] = setup.noise[plant.row(name)]
     c.noisy = np.any(c.deviation > 0.0)
+    c.limits = len(setup.rig.valid)
+    c.beyond = plant.row(OUT_OF_RANGE.name) if c.limits else 0
+    for k, (name, (low, high)) in enumerate(setup.rig.valid.items()):
+        c.limited[k], c.least[k], c.most[k] = plant.row(name), low, high
     return common
 
 

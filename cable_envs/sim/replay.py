@@ -132,7 +132,8 @@ def replay(
 
     Notes
     -----
-    All columns go through all steps in one compiled call. Sensors have no noise here.
+    All columns go through all steps in one compiled call. Sensors have no noise here. The steps are as coarse as they
+    are asked for: inertias that are too small for them are raised (`Plant.raise_to`).
     """
     n = values.shape[1] if np.ndim(values) == 2 else 0
     if n == 0 or len(values) != len(plant.table):
@@ -140,6 +141,7 @@ def replay(
     if not is_number(period) or period <= 0.0:
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
     p = plant.prepare(np.asarray(values, dtype=np.float64))
+    plant.raise_to(p, period / substeps)
     inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance)
     if state is None:
         state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))

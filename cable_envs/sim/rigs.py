@@ -8,6 +8,8 @@ holes: 1                     # cable_hole only
 description: ...
 parameters:
   load_mass: {value: 5.0, unit: kg, source: "..."}
+valid:                       # where the parameters hold, by signal of the plant; beyond, info says out_of_range
+  load_velocity: {low: -11, high: 11, unit: mm/s, source: "..."}
 effects:                     # physics that the plant leaves out unless it is said here (`cable_envs.effects`)
   backlash: {gap: {value: 0.2, unit: mm, source: "..."}}
 ```
@@ -22,13 +24,14 @@ import numpy as np
 
 from cable_envs.core.config import config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.core.params import Parameter
 from cable_envs.effects import Effect, dotted
-from cable_envs.plants import plant_for
-from cable_envs.plants.base import Plant
+from cable_envs.plants import VERSIONS, plant_for
+from cable_envs.plants.base import OUT_OF_RANGE, Plant
 from cable_envs.plants.own_effects import with_own_effects
 
 SCHEMA = "cable-rig/1"
-_KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "effects")
+_KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "valid", "effects")
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,9 @@ class Rig:
         that the plant itself has under another name ("viscous_friction.coefficient") is among ``values``.
     own : tuple of Effect
         A user's own effects, which ``effects`` may name too.
+    valid : mapping of str to (float, float)
+        Range of a signal of the plant, SI, that the parameters are from, where that is known. Beyond it a simulation
+        goes on, and the info of an environment says ``out_of_range``. The sources are among ``sources``.
 
     Examples
     --------
@@ -70,6 +76,7 @@ class Rig:
     description: str = ""
     effects: Mapping[str, float] = field(default_factory=dict)
     own: tuple[Effect, ...] = ()
+    valid: Mapping[str, tuple[float, float]] = field(default_factory=dict)
 
     def content(self) -> dict[str, Any]:
         """The rig as the content of a rig file.
@@ -85,13 +92,19 @@ class Rig:
             | ({"source": self.sources[name]} if name in self.sources else {})
             for name, value in self.values.items()
         }
+        signals = {s.name: s for s in self.simulated_by().signals}
+        valid = {
+            name: {"low": low, "high": high, "unit": signals[name].unit}
+            | ({"source": self.sources[name]} if name in self.sources else {})
+            for name, (low, high) in self.valid.items()
+        }
         effects: dict[str, dict[str, float]] = {}
         for name, value in self.effects.items():
             effect, parameter = name.split(".", 1)
             effects.setdefault(effect, {})[parameter] = value
         return {
             "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes,
-            "description": self.description, "parameters": parameters, "effects": effects,
+            "description": self.description, "parameters": parameters, "valid": valid, "effects": effects,
         }  # fmt: skip
 
     def column(self, plant: Plant) -> np.ndarray:
@@ -118,13 +131,15 @@ class Rig:
         given = {name: value for name, value in self.effects.items() if name in plant.table}
         return plant.table.pack({**self.values, **given})[:, None]
 
-    def simulated_by(self, variant: str = "analytic") -> Plant:
+    def simulated_by(self, variant: str = "analytic", version: str = VERSIONS[-1]) -> Plant:
         """The plant that simulates this rig.
 
         Parameters
         ----------
         variant : str
             "analytic", or "chain" for the pulley circuit as a chain of spans and contacts.
+        version : str
+            Version of the ids whose numbers it gives (`cable_envs.plants.plant_for`).
 
         Returns
         -------
@@ -134,9 +149,9 @@ class Rig:
         Raises
         ------
         ConfigurationError
-            For an unknown variant, and for own effects that do not act on the plant.
+            For an unknown variant or version, and for own effects that do not act on the plant.
         """
-        return with_own_effects(plant_for(self.plant, variant, self.holes), self.own)
+        return with_own_effects(plant_for(self.plant, variant, self.holes, version), self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
         """The same rig with some parameters changed.
@@ -223,7 +238,9 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
         raise ConfigurationError(f"{origin}: {error}") from error
     sources = {n: str(item["source"]) for n, item in given.items() if isinstance(item, Mapping) and "source" in item}
     name, description = str(data.get("name", origin)), str(data.get("description", ""))
-    rig = Rig(name, plant.name, holes, values, sources, description, own=own)
+    valid = _valid(data.get("valid") or {}, plant, origin)
+    sources |= {n: str(item["source"]) for n, item in (data.get("valid") or {}).items() if "source" in item}
+    rig = Rig(name, plant.name, holes, values, sources, description, own=own, valid=valid)
     effects = data.get("effects") or {}
     if not isinstance(effects, Mapping):
         raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")
@@ -231,6 +248,27 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
         return rig.replace(dict(dotted(effects)))
     except ConfigurationError as error:
         raise ConfigurationError(f"{origin}: {error}") from error
+
+
+def _valid(given: Any, plant: Plant, origin: str) -> dict[str, tuple[float, float]]:
+    """Ranges of signals, SI, from the key "valid" of a rig file."""
+    if not isinstance(given, Mapping):
+        raise ConfigurationError(f"{origin}: 'valid' must be a mapping of signal: {{low, high, unit, source}}")
+    signals = {s.name: s for s in plant.signals}
+    if given and OUT_OF_RANGE.name not in signals:
+        raise ConfigurationError(f"{origin}: {plant.name} has no signal {OUT_OF_RANGE.name}, so 'valid' says nothing")
+    require_known(f"signal under 'valid' in {origin}", given, signals)
+    found = {}
+    for name, item in given.items():
+        if not isinstance(item, Mapping) or not {"low", "high"} <= set(item) <= {"low", "high", "unit", "source"}:
+            raise ConfigurationError(f"{origin}: valid.{name}: expected {{low, high, unit, source}}, got {item!r}")
+        unit = item.get("unit", signals[name].unit)
+        declared = Parameter(f"valid.{name}", signals[name].unit, 0.0, -np.inf, np.inf, "")
+        low, high = (declared.check({"value": item[end], "unit": unit}) for end in ("low", "high"))
+        if not low < high:
+            raise ConfigurationError(f"{origin}: valid.{name}: low {low:g} is not below high {high:g}")
+        found[name] = (low, high)
+    return found
 
 
 def load_rig(rig: str | Path | Mapping[str, Any] | Rig, own: tuple[Effect, ...] = ()) -> Rig:

@@ -12,11 +12,12 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError, UnknownOption, nearest, require_known
 from cable_envs.core.params import is_number
 from cable_envs.effects import Effect, dotted
-from cable_envs.plants import families
+from cable_envs.plants import VERSIONS, families
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.references import pack_signal
 from cable_envs.sim.rigs import Rig, load_rig
+from cable_envs.sim.stepsize import MOST, substeps_for
 from cable_envs.sim.tasks import (
     COMMAND,
     ERROR,
@@ -119,6 +120,7 @@ def make_setup(
     rig: str | Path | Mapping[str, Any] | Rig | None = None,
     effects: Mapping[str, Any] | None = None,
     effect_file: str | Path | Effect | None = None,
+    version: str = VERSIONS[-1],
     plant: str = "analytic",
     action_mode: str | None = None,
     observe: str | None = None,
@@ -142,6 +144,8 @@ def make_setup(
         "step", "sine", or a signal as `cable_envs.sim.references.pack_signal` takes it.
     rig, effects, effect_file, plant, action_mode, observe, randomize, sensor_noise, sensor_delay, action_delay
         As of `cable_envs.envs.CableEnv`.
+    version : str
+        Version of the ids whose numbers the plant gives (`cable_envs.plants.plant_for`).
     disturbance, control_period, substeps, duration
         As of `cable_envs.envs.CableEnv`. None takes what the task says; a disturbance is then absent.
     **unknown
@@ -174,7 +178,7 @@ def make_setup(
         if not isinstance(effects, Mapping):
             raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
         chosen = chosen.replace(dict(dotted(effects)))
-    simulator = chosen.simulated_by(plant)
+    simulator = chosen.simulated_by(plant, version)
     mode = _choose_mode(simulator, action_mode or declared.action_mode)
     level = observe or declared.observe
     if level not in LEVELS:
@@ -192,6 +196,7 @@ def make_setup(
     bound = chosen.values[mode.bound]
     ranges = _ranges(declared, chosen, simulator, randomize)
     column = chosen.column(simulator)
+    given = None if substeps is None else _count("substeps", substeps, 1, MOST)
     return Setup(
         task=declared,
         rig=chosen,
@@ -209,7 +214,7 @@ def make_setup(
         sensor_steps=_sensor_steps(simulator, column, ranges, period),
         action_delay=_count("action_delay", action_delay, 0, MAX_DELAY),
         control_period=period,
-        substeps=_count("substeps", declared.substeps if substeps is None else substeps, 1, 10_000),
+        substeps=substeps_for(simulator, column, ranges, period, given, declared.substeps),
         steps=round(length / period),
     )
 

@@ -15,6 +15,7 @@ from cable_envs.sim import steppers
 from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.references import FIELDS, evaluate, pack_signal
 from cable_envs.sim.setup import Setup
+from cable_envs.sim.stepsize import check_step
 from cable_envs.sim.tasks import INFO
 
 FARTHEST = 1000.0
@@ -97,7 +98,7 @@ class Simulation:
         self.values = np.repeat(self._column, n, axis=1)
         self.buffers = Buffers.of(setup, n)
         self._named = self.buffers.named
-        self._nominal = plant.prepare(self._column)
+        self._nominal = self._prepared(self._column)
         self._delays = [k for k, name in enumerate(plant.table.names) if name.startswith("sensor_delay.")]
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
@@ -142,7 +143,7 @@ class Simulation:
         key = FIELDS.row("key")
         reference[key], disturbance[key] = keys, keys + 1.0
         if rows:
-            p = self.setup.plant.prepare(values)
+            p = self._prepared(values)
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
         if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
@@ -159,6 +160,14 @@ class Simulation:
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
         steppers.begin[self.with_effects](b.block, b.obs, b.common, lanes)
+
+    def _prepared(self, values: np.ndarray) -> np.ndarray:
+        """Coefficients; where the step need not fit the rig, the rig is made to fit the step."""
+        plant = self.setup.plant
+        p = plant.prepare(values)
+        if plant.resolves is None:
+            plant.raise_to(p, self.setup.control_period / self.setup.substeps)
+        return p
 
     def _has_effects(self, p: np.ndarray) -> bool:
         return self.setup.plant.needs_effects(p) or self.setup.plant.effects.distorted(p)
@@ -220,7 +229,8 @@ class Simulation:
             column, p = self._column, self._nominal
         elif isinstance(changes, Mapping):
             column = self.setup.rig.replace(changes).column(self.setup.plant)
-            p = self.setup.plant.prepare(column)
+            p = self._prepared(column)
+            check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "the rig of this reset")
         else:
             raise ConfigurationError(f"reset option 'rig': expected a mapping of parameters to change, got {changes!r}")
         return np.repeat(column, n, axis=1), np.repeat(p, n, axis=1)

@@ -110,6 +110,10 @@ def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
     followed, u, info = _signal(s.followed), _inputs(s.inputs), _info(s.info)
     shown, ring, measured = block[c.shown :], block[c.ring :], block[c.shown + c.proxy]
     output, peak, period = x[c.output], x[c.peak], c.period
+    for k in range(c.limits):
+        value, low, high, beyond = x[c.limited[k]], c.least[k], c.most[k], x[c.beyond]
+        for i in range(lo, hi):
+            beyond[i] = select((value[i] < low) | (value[i] > high), 1.0, beyond[i])
     for i in range(lo, hi):
         r, rate, acceleration = signal(followed, i, s.step[i] * period)
         info.reference[i], s.reference_rate[i], s.reference_acceleration[i] = r, rate, acceleration
@@ -210,7 +214,7 @@ begin = instantiate(_begin, "begin", distorted=None), instantiate(_begin, "begin
 @cache
 def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
     """The kernels (block, obs, common, lo, hi) of a plant, without and with effects; compiled on first use."""
-    name = f"step_{plant.name}_{len(plant.signals)}"
+    name = f"step_{plant.name}_{plant.version}_{len(plant.signals)}"
     return (
         instantiate(_step, name, advance=plant.kernels[0], distorted=None),
         instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
@@ -223,7 +227,7 @@ def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], Callable[...,
 
     The arrays are `kernels.handed`.
     """
-    name, column = f"step_one_{plant.name}_{len(plant.signals)}", plant.signal_rows.column
+    name, column = f"step_one_{plant.name}_{plant.version}_{len(plant.signals)}", plant.signal_rows.column
     return (
         instantiate(_step_one, name, advance=inlined(plant.kernels[0]), distorted=None, signal_column=column),
         instantiate(

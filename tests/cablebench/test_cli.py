@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -258,3 +259,16 @@ def test_help_is_quick():
             )
             times.append(float(done.stdout.split()[-1]))
     assert min(spent[ours]) < 2.0 * min(spent[needed])
+
+
+def test_run_says_what_is_beyond_the_range_of_the_rig_and_takes_the_newer_ids(cli):
+    code, out, _ = cli(
+        "run", "CableHole-Position-Sine-v1", "--controller", "pid", "--no-score", "-o", "duration=1.0",
+        "-o", "reference={kind: sine, amplitude: 0.03, frequency: 1.0}",
+    )  # fmt: skip
+    assert code == 0 and "CableHole-Position-Sine-v1" in out
+    assert re.search(r"^\d+ % of it is outside the range that the rig's parameters", out, re.MULTILINE)
+    at_rest = cli("run", "CableHole-Position-Step", "--controller", "open-loop", "--no-score")
+    assert "outside the range" not in at_rest[1]
+    code, _, err = cli("train", "--env", "CableHole-Position-Sine-v1", "--algo", "ppo")
+    assert code == 2 and "write CableHole-Position-Sine" in err

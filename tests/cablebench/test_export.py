@@ -179,7 +179,7 @@ CASES = {
     "hole, tension": (HOLE, {}, "position_reference", "drive_tension_command"),
     "hole, speed": (HOLE, {"action_mode": "speed"}, "position_reference", "drive_velocity_command"),
     "hole, anchored": ("cable_envs/CableHole-Tension-Sine-v0", {}, "tension_reference", "drive_tension_command"),
-    "three holes": (HOLE, {"rig": "gu-three-holes"}, "position_reference", "drive_tension_command"),
+    "three holes": (HOLE.replace("v0", "v1"), {"rig": "gu-three-holes"}, "position_reference", "drive_tension_command"),
     "circuit": (CIRCUIT, {}, "angle_reference", "drive_angle_command"),
     "chain": (CIRCUIT, {"plant": "chain"}, "angle_reference", "drive_angle_command"),
     "circuit, torque": (

@@ -16,7 +16,7 @@ HOLE, CIRCUIT = "cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircu
 OPTIONS = [
     (HOLE, {"observe": "drive"}),
     (HOLE, {"observe": "full", "action_mode": "speed", "sensor_noise": True, "sensor_delay": 3, "action_delay": 2}),
-    (HOLE, {"rig": "gu-three-holes", "randomize": {"load_mass": {"scale": [0.9, 1.1]}}}),
+    (HOLE.replace("v0", "v1"), {"rig": "gu-three-holes", "randomize": {"load_mass": {"scale": [0.9, 1.1]}}}),
     (HOLE, {"reference": {"kind": "random_steps", "amplitude": 0.01, "hold": 0.3}, "randomize": True}),
     (CIRCUIT, {"observe": "output", "action_mode": "torque", "sensor_noise": 2.0, "sensor_delay": 1}),
     (CIRCUIT, {"observe": "full", "randomize": True, "disturbance": {"kind": "step", "amplitude": 0.01, "start": 0.1}}),

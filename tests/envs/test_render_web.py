@@ -64,7 +64,10 @@ def test_a_reader_is_served_fifteen_pictures_a_second(env):
     def read():
         number = 0
         while not served or served[-1]:
-            _, number, content = asked(f"{address}frame?after={number}")
+            try:
+                _, number, content = asked(f"{address}frame?after={number}")
+            except OSError:  # the page has ended while it was asked
+                return
             served.append(content)
 
     reader = threading.Thread(target=read, daemon=True)

@@ -31,6 +31,7 @@ def test_equals_stepping_each_column_alone():
     assert np.array_equal(out, both)
     for k in (0, 33, 69):
         p = CIRCUIT.prepare(values[:, k : k + 1])
+        CIRCUIT.raise_to(p, 0.0025)  # as replays in coarse steps do
         x, u = CIRCUIT.rest(p, np.zeros(1)), np.zeros((len(INPUTS), 1))
         for t, (now, before) in enumerate(zip(command, [command[0], *command], strict=False)):
             u[COMMAND], u[COMMAND_RATE], u[MODE] = now, (now - before) / 0.01, 0.0

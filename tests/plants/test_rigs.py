@@ -25,7 +25,7 @@ def test_preset_loads_and_every_number_has_a_source(name):
     rig = load_rig(name)
     given = yaml.safe_load((config_root() / "rigs" / f"{name}.yaml").read_text())["parameters"]
     assert rig.name == name and rig.description
-    assert set(rig.sources) == set(given) and all(rig.sources.values())
+    assert set(rig.sources) == set(given) | set(rig.valid) and all(rig.sources.values())
     plant = rig.simulated_by()
     p = plant.prepare(np.array([[rig.values[n]] for n in plant.parameters.names]))
     effects, states = (0, 0) if plant.plain else (plant.effects.count, STATES.count)  # a plant may have them always

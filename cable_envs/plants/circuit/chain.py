@@ -50,7 +50,8 @@ from cable_envs.plants.circuit.ends import (
     cosine,
     drive_step,
     load_torque,
-    resolve,
+    raised,
+    resolved,
     rest_elongation,
     settle_ends,
     shared_coefficients,
@@ -294,25 +295,28 @@ def _report(x, p, w, i):
     x.phase[i] = select(abs(x.drive_velocity[i]) > STILL, 1.0 + arrived, select(arrived > 1.5, 3.0, 0.0))
 
 
-@inline
-def _whole(length, i):
-    return 1.0 / (length[0, i] + length[1, i] + length[2, i] + length[3, i] + length[4, i])
+def _stiffnesses(p):
+    """(stiffness of M_in over the drive's angle, of M_out over the output's), N m.
 
-
-@inline
-def _resolve(p, i, dt):
-    """`circuit.ends.resolve` with the stiffness of the whole cables and a quarter of that of the end spans alone.
-
-    All of the end spans' would be too careful: they are this stiff only until their contact slides.
+    That of the whole cables and a quarter of that of the end spans alone: these are that stiff only until their contact
+    slides.
     """
-    top, bottom = _whole(p.length_top, i), _whole(p.length_bottom, i)
-    per_in = top + 0.25 / p.length_top[0, i]
-    per_in += bottom + 0.25 / p.length_bottom[0, i]
-    per_out = top + 0.25 / p.length_top[4, i]
-    per_out += bottom + 0.25 / p.length_bottom[4, i]
-    turn = p.stretch_stiffness[i] * p.gear[i] * p.drive_radius[i]
-    out = p.stretch_stiffness[i] * p.output_radius[i] * per_out + p.contact_stiffness[i]
-    resolve(p, i, turn * per_in, out, dt)
+    per_in = per_out = 0.0
+    for length in (p.length_top, p.length_bottom):
+        whole = 1.0 / length.sum(axis=0)
+        per_in, per_out = per_in + (whole + 0.25 / length[0]), per_out + (whole + 0.25 / length[-1])
+    turn = p.stretch_stiffness * p.gear * p.drive_radius * per_in
+    return turn, p.stretch_stiffness * p.output_radius * per_out + p.contact_stiffness
+
+
+def _resolves(p, e) -> np.ndarray:
+    turn, swing = _stiffnesses(p)
+    return resolved(p, e, turn, swing, p.length_top.sum(axis=0), p.length_bottom.sum(axis=0))
+
+
+def _raised(p, dt: float) -> None:
+    turn, swing = _stiffnesses(p)
+    raised(p, turn, swing, dt)
 
 
 @inline
@@ -323,7 +327,6 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
             _worn(_top(x, p, w), e.worn_ratio_top, drift, i)
             _worn(_bottom(x, p, w), e.worn_ratio_bottom, drift, i)
-        _resolve(p, i, dt)
         x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
         w.arrived_top[i], w.arrived_bottom[i] = 0.0, 0.0
         w.turned_in[i], w.turned_out[i] = 0.0, 0.0
@@ -409,4 +412,6 @@ PLANT = Plant(
     solve=_solve,
     effects=Layout("pulley_chain", CIRCUIT, replace(ACTING, seams=("actuate", "load")), worn=OF_EFFECTS),
     step_rows=STEP_ROWS,
+    resolves=_resolves,
+    raised=_raised,
 )

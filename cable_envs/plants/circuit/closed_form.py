@@ -58,6 +58,8 @@ from cable_envs.plants.circuit.stages import (
     mix,
     output_torques,
     output_velocity,
+    raise_inertias,
+    resolves,
     share_with,
     steepest,
 )  # fmt: skip
@@ -271,4 +273,6 @@ PLANT = Plant(
     settle=_settle,
     solve=_solve,
     effects=Layout("pulley_circuit", CIRCUIT, _ACTING, worn=WORN),
+    resolves=resolves,
+    raised=raise_inertias,
 )

@@ -17,6 +17,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, select, sine_cosine
+from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Signal
 from cable_envs.plants.circuit.effects import drive_at
 from cable_envs.plants.circuit.statics import Statics
@@ -139,20 +140,35 @@ def settle_ends(x, s, p, e, position: np.ndarray, elongation, top, bottom) -> No
     x.peak_tension[:] = np.maximum(top, bottom)
 
 
-@inline
-def resolve(p, i, stiffness_in, stiffness_out, dt):
-    """Make a column resolvable by steps of dt: raise its inertias and dampings where they are too small (in place).
+def raised(p, stiffness_in, stiffness_out, dt: float) -> None:
+    """Raise inertias and dampings that are too small for steps of dt, in place (`Plant.raise_to`).
 
     A contact or cable that tightens within a step is noticed late and pushes too hard: up to (omega dt)^2 / 4 of the
     energy is fed in. So omega dt is kept below 0.7 by the least inertia that does it, and a relaxation time of at
     least dt (omega dt)^6 takes more than that out again. Neither touches the rigs of the paper at 1 ms.
     """
-    p.drive_inertia[i] = maximum(p.drive_inertia[i], 2.0 * dt * dt * stiffness_in)
-    p.output_inertia[i] = maximum(p.output_inertia[i], 2.0 * dt * dt * stiffness_out)
-    fast = dt * dt * maximum(stiffness_in / p.drive_inertia[i], stiffness_out / p.output_inertia[i])
+    p.drive_inertia[:] = np.maximum(p.drive_inertia, 2.0 * dt * dt * stiffness_in)
+    p.output_inertia[:] = np.maximum(p.output_inertia, 2.0 * dt * dt * stiffness_out)
+    fast = dt * dt * np.maximum(stiffness_in / p.drive_inertia, stiffness_out / p.output_inertia)
     tau = dt * fast * fast * fast
-    p.stretch_damping[i] = maximum(p.stretch_damping[i], tau * p.stretch_stiffness[i])
-    p.contact_damping[i] = maximum(p.contact_damping[i], tau * p.contact_stiffness[i])
+    p.stretch_damping[:] = np.maximum(p.stretch_damping, tau * p.stretch_stiffness)
+    p.contact_damping[:] = np.maximum(p.contact_damping, tau * p.contact_stiffness)
+
+
+def resolved(p, e, stiffness_in, stiffness_out, length_top, length_bottom) -> np.ndarray:
+    """Longest steps, s, of both inertias on the stiffnesses (N m) that they feel (`Plant.longest_step`)."""
+    share_in, share_out = (
+        stiffness_in / p.stretch_stiffness,
+        (stiffness_out - p.contact_stiffness) / p.stretch_stiffness,
+    )
+    tension = np.maximum(p.preload_top / length_top, p.preload_bottom / length_bottom)
+    harder = np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * np.maximum(tension, 0.0))
+    swing = p.output_damping + p.contact_damping + share_out * p.stretch_damping
+    turn = p.drive_damping + share_in * p.stretch_damping
+    spring = p.contact_stiffness + share_out * p.stretch_stiffness * harder + e.position_dependent_load_stiffness
+    return np.minimum(
+        longest_step(p.drive_inertia, turn, stiffness_in * harder), longest_step(p.output_inertia, swing, spring)
+    )
 
 
 @inline

@@ -14,7 +14,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share as share_of
 from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.circuit.effects import output_step, rise
-from cable_envs.plants.circuit.ends import COEFFICIENTS, resolve, shared_coefficients
+from cable_envs.plants.circuit.ends import COEFFICIENTS, raised, resolved, shared_coefficients
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
 
@@ -164,9 +164,18 @@ def begin_step(x, p, w, e, s, i, dt):
     x.peak_tension[i] = 0.0
     w.level[i] = 0.0
     worn(p, e, s, i)
-    resolve(p, i, p.drive_stiffness[i], p.load_stiffness[i], dt)
     c_out = p.stretch_damping[i] * p.output_slope[i] + p.output_damping[i] + p.contact_damping[i]
     w.gain[i] = dt / (p.output_inertia[i] + 0.5 * dt * c_out + 0.25 * dt * dt * p.load_stiffness[i])
+
+
+def resolves(p, e) -> np.ndarray:
+    """Longest steps, s."""
+    return resolved(p, e, p.drive_stiffness, p.load_stiffness, p.length_top, p.length_bottom)
+
+
+def raise_inertias(p, dt: float) -> None:
+    """See `circuit.ends.raised`."""
+    raised(p, p.drive_stiffness, p.load_stiffness, dt)
 
 
 def derive(value: Mapping[str, np.ndarray], e) -> dict[str, np.ndarray]:

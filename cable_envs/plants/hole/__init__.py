@@ -10,10 +10,17 @@ def _build(variant: str, holes: int):
     return cable_hole(holes)
 
 
+def _as_v0(plant):
+    from cable_envs.plants.hole.v0 import as_v0
+
+    return as_v0(plant)
+
+
 FAMILY = Family(
     name="cable_hole",
     title="Cable through a hole",
     build=_build,
+    as_v0=_as_v0,
     series=True,
     tasks="CableHole",
     outputs={

@@ -10,7 +10,8 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
-from cable_envs.plants.base import Signal
+from cable_envs.physics.modes import longest_step
+from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
 MAX_HOLES = 4
 
@@ -69,6 +70,7 @@ SIGNALS = (
     Signal("sliding", "1", "direction in which the cable slides at the load: -1, 0 (stuck), 1"),
     Signal("slack_fraction", "1", "share of the last control step in which the drive span was slack"),
     Signal("peak_tension", "N", "largest drive-side tension within the last control step"),
+    OUT_OF_RANGE,
 )
 
 
@@ -128,6 +130,19 @@ def derive(value: Mapping[str, np.ndarray], e: Any) -> dict[str, Any]:
         "guide_mass": value.get("guide_mass", 0.0), "wrap_angle": wrap, "friction_coefficient": mu,
         "radius_ratio": rho * (1.0 + value["extrusion_delta"]), "edge_radius": rho * value["cable_radius"],
     }  # fmt: skip
+
+
+def resolves(p: Any, e: Any) -> np.ndarray:
+    """Longest steps, s: of the load on the cable, going down against the Coulomb friction of every hole.
+
+    The tension ratio is e^(a phi) with the a of `contact.tension_ratio`, which is never below it.
+    """
+    mu, rho = p.friction_coefficient + np.maximum(e.stribeck_friction_contact, 0.0), p.radius_ratio
+    q = 1.0 + rho
+    ratio = np.exp((2.0 * mu * rho / (q + np.sqrt(q * q + 4.0 * mu * mu * rho)) * p.wrap_angle).sum(axis=0))
+    harder = np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * ratio * p.load_weight)
+    stiffness = ratio * p.cable_stiffness * harder + p.load_stiffness
+    return longest_step(p.load_mass, ratio * p.cable_damping + p.load_damping, stiffness)
 
 
 ACTING = Acting(

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.core.kernels import inline, select
+from cable_envs.core.kernels import inline, maximum, minimum, select
 from cable_envs.effects.backlash import play
 from cable_envs.effects.position_ripple import wave
 
@@ -13,10 +13,18 @@ _TAU = 2.0 * np.pi
 
 @inline
 def engaged(e, s, i, position, speed):
-    """Whether a drive that is to move at ``speed`` takes the cable's end along."""
+    """Whether a drive that is to move at ``speed`` takes the cable's end along from the start of the step."""
     half, lead = 0.5 * e.backlash_gap[i], position - s.gap_position[i]
     at_edge = ((speed > 0.0) & (lead >= half * 0.999999)) | ((speed < 0.0) & (lead <= -half * 0.999999))
     return (half <= 0.0) | at_edge
+
+
+@inline
+def idle_share(e, s, i, position, speed, dt):
+    """Share of a step in which a drive that is to move at ``speed`` crosses its gap before the cable's end moves."""
+    half, lead = 0.5 * e.backlash_gap[i], position - s.gap_position[i]
+    left = maximum(half - select(speed < 0.0, -lead, lead), 0.0)
+    return select(half > 0.0, minimum(left / maximum(abs(speed) * dt, 1e-300), 1.0), 0.0)
 
 
 @inline

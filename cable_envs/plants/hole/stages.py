@@ -1,33 +1,30 @@
-"""Scalar pieces of the cable-hole kernel: the drive, one hole, the span behind it. They hold no effect of a user's own.
+"""Scalar pieces of the cable-hole kernel that hold no effect of a user's own: the drive, the hole, the slip through it.
 
 `cable_envs.plants.hole.plant` has the equations and the symbols, and the pieces into which a user's effects are put. In
 what follows e, s and g are None without effects: what asks for them is then left out before anything is compiled.
 """
 
-from cable_envs.core.kernels import clip, exp, inline, log, maximum, select
+from cable_envs.core.kernels import clip, exp, inline, log, maximum, minimum, select, sqrt
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
+from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.friction import stick_slip_step
-from cable_envs.plants.hole.spool import cable_end, engaged, moves_otherwise
+from cable_envs.plants.hole.spool import cable_end, moves_otherwise
 
 HOLE = Lanes("Hole", [
-    "slip", "speed", "tension_behind",  # of the cable in this hole: paid through (m), m/s, N
-    "wrap", "rho", "mu", "edge_radius",  # geometry and friction of this hole
-    "end_before", "end_after", "end_speed", "end_speed_after",  # the upper end of the cable above: m, m/s
-    "tension_above", "stiffness_above", "damping_above",
-    "resistance", "resistance_stiffness", "resistance_damping", "inertia",  # behind the hole: N, N/m, N s/m, kg
+    "end_before", "end_after", "end_speed", "end_speed_after",  # the upper end of the cable: m, m/s
+    "resistance", "resistance_stiffness", "resistance_damping",  # of the load: N, N/m, N s/m
     "tension_middle",  # the tension above with which the step is made, N
+    "stiffness", "damping",  # of the cable, with what hardens it or takes it away: N/m, N s/m
     "friction", "friction_growth",  # M = mu + K |v|^omega, and dM/d|v| (s/m)
-    "wrap_in_contact", "ratio", "ratio_slope",  # rad; n and dn/dM
-    "loop_gain", "loop_late", "loop_closed", "per_mass",  # gains of the drive's closed loop
-    # with effects, of the cable above: its hardening, the length that makes no tension, its stiffness over K, its
-    # elongation; and 1 where the drive is what ends it
-    "hardening", "lost_length", "rise", "elongation", "drive_ends_it",
+    "wrap_in_contact", "ratio", "inverse", "ratio_slope", "steepest",  # rad; n, 1/n, dn/dM; the n that none exceeds
+    "loop_gain", "loop_late", "loop_closed",  # gains of the drive's closed loop
+    "elongation",  # with effects: what of the stretch makes tension, m
 ])  # fmt: skip
-"""Scratch: the hole that is being solved."""
+"""Scratch of a step."""
 
 
 @inline
@@ -38,65 +35,117 @@ def span(stiffness, damping, stretch, rate):
 
 @inline
 def closed_loop(p, w, i, stiffness, dt):
-    """The gains of `drive`; they change within a control step only where the cable hardens."""
+    """The gains of the drive's inner loop; they change within a control step only where the cable hardens."""
     by_position, by_speed = 0.5 * dt * p.inner_kp[i] * stiffness, p.inner_kp[i] * p.cable_damping[i]
     w.loop_gain[i] = by_position + by_speed + p.inner_kd[i] * stiffness
     w.loop_late[i] = by_position - by_speed
     w.loop_closed[i] = 1.0 / (1.0 + w.loop_gain[i])
-    w.per_mass[i] = 1.0 / p.load_mass[i]
 
 
 @inline
-def drive(x, p, u, w, e, s, g, i, ahead, dt):
-    """Drive within its speed and acceleration limits; it becomes what is above the first hole.  G35 in tension mode.
+def stiffness_now(x, p, e, i):
+    """Slope of the cable's law at the tension above, N/m."""
+    hard = e.stiffness_hardening_coefficient[i]
+    return p.cable_stiffness[i] * (1.0 + hard * linear(x.drive_tension[i], hard))
 
-    The speed at the end of the step obeys G35 with the tension that it leads to there, and with the tension's rate from
-    the span itself; ``ahead`` is the cable's speed at the first hole by then. The algebraic loop through the cable's
-    stiffness is solved, not sampled: with the gains of Table 3 it is 300 times faster than the step.
-    """
-    old = x.drive_velocity[i]
-    wanted = p.inner_kp[i] * (u.command[i] - x.drive_tension[i]) + p.inner_kd[i] * u.command_rate[i]
-    loop = (wanted + w.loop_late[i] * (w.speed[i] - old) + w.loop_gain[i] * ahead) * w.loop_closed[i]
-    loop = select(x.drive_tension[i] > 0.0, loop, wanted)
-    if e is not None:
-        loop = select(engaged(e, s, i, x.drive_position[i], wanted), loop, wanted)
-    target = clip(select(u.mode[i] > 0.5, u.command[i], loop), -p.speed_limit[i], p.speed_limit[i])
+
+@inline
+def open_loop(x, p, u, i):
+    """The speed that G35 asks for at the tension of the start of the step."""
+    return p.inner_kp[i] * (u.command[i] - x.drive_tension[i]) + p.inner_kd[i] * u.command_rate[i]
+
+
+@inline
+def limited(p, i, old, wanted, dt):
+    """Speed of the drive after a step, within its speed and acceleration limits."""
+    target = clip(wanted, -p.speed_limit[i], p.speed_limit[i])
     most = p.acceleration_limit[i] * dt
-    new = old + clip(target - old, -most, most)
-    w.end_before[i] = x.drive_position[i]
+    return old + clip(target - old, -most, most)
+
+
+@inline
+def closed(x, p, w, e, g, i, wanted, dt):
+    """Speed of the drive after a step that obeys G35 with the tension that it leads to there.
+
+    The algebraic loop through the cable's stiffness is solved, not sampled: with the gains of Table 3 it is 300 times
+    faster than the step. The load takes part: its own step (`slip_speed`) gives its speed b at the end as a straight
+    line in the drive's a, on the branch of friction on which it slides. At rest it slides on the branch on which the
+    tension overcomes what resists, if there is one; it comes to rest where the line asks it to turn round.
+
+    wanted: `open_loop`. The tension grows by dT = k dt (old + a - v - b) / 2 + c (a - b - old + v) over the step.
+    """
+    old, v, n, inv_n, half = x.drive_velocity[i], x.load_velocity[i], w.ratio[i], w.inverse[i], 0.5 * dt
+    k, c, mass, gain = w.stiffness[i], w.damping[i], p.load_mass[i], w.loop_gain[i]
+    apart = wanted + w.loop_late[i] * (v - old)
+    alone = apart * w.loop_closed[i]  # where the load stands still
+    grows = 0.5 * (half * k + c)
+    fixed = x.drive_tension[i] + 0.5 * (half * k - c) * old  # of the tension in the middle: the rest is grows times a
+    middle = fixed + grows * limited(p, i, old, alone, dt)
+    above, below = w.resistance[i], w.resistance[i]
+    if e is not None:
+        above, below = above + g.up[i], below - g.down[i]
+    up = (v > 0.0) | ((v == 0.0) & (middle * inv_n > above))
+    down = (v < 0.0) | ((v == 0.0) & (middle * n < below))
+    passed, held = select(up, inv_n, n), select(up, above, below)
+    steeper = x.drive_tension[i] * w.ratio_slope[i] * w.friction_growth[i] * select(up, inv_n * inv_n, 1.0)
+    damping = maximum(w.resistance_damping[i] + c * passed + steeper, -mass / dt)
+    stiffness = w.resistance_stiffness[i] + k * passed
+    inertia = mass + half * (damping + half * stiffness)  # b = (still + follows a) / inertia
+    still = inertia * v + dt * (fixed * passed - held - half * stiffness * v)
+    follows = dt * grows * passed
+    together = (inertia * apart + gain * still) / (inertia + gain * (inertia - follows))
+    ends = still + follows * together
+    slides = (up & (ends > 0.0)) | (down & (ends < 0.0))
+    return select(slides, together, alone)
+
+
+@inline
+def carried(x, w, e, s, g, i, new, dt):
+    """The drive moves on with the speed ``new`` after the step, and the end of the cable with it."""
+    old, before = x.drive_velocity[i], x.drive_position[i]
+    w.end_before[i] = before
     w.end_speed[i] = 0.5 * (old + new)
     if e is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
-        w.end_speed[i] = select(g.follows[i] > 0.5, (g.target[i] - x.drive_position[i]) / dt, w.end_speed[i])
+        w.end_speed[i] = select(g.follows[i] > 0.5, (g.target[i] - before) / dt, w.end_speed[i])
     w.end_speed_after[i] = new
-    w.end_after[i] = x.drive_position[i] + dt * w.end_speed[i]
-    w.tension_above[i], w.stiffness_above[i], w.damping_above[i] = (
-        x.drive_tension[i],
-        p.cable_stiffness[i],
-        p.cable_damping[i],
-    )
+    w.end_after[i] = before + dt * w.end_speed[i]
     if e is not None:
         w.end_after[i] = select(g.follows[i] > 0.5, g.target[i], w.end_after[i])
     x.drive_position[i], x.drive_velocity[i] = w.end_after[i], new
     if e is not None:
-        before, after, mean, drawn = cable_end(e, s, i, w.end_before[i], w.end_after[i], new, dt)
+        at, after, mean, drawn = cable_end(e, s, i, w.end_before[i], w.end_after[i], new, dt)
         other = moves_otherwise(e, i)
-        w.end_before[i], w.end_after[i] = select(other, before, w.end_before[i]), select(other, after, w.end_after[i])
+        w.end_before[i], w.end_after[i] = select(other, at, w.end_before[i]), select(other, after, w.end_after[i])
         w.end_speed[i], w.end_speed_after[i] = (
             select(other, mean, w.end_speed[i]),
             select(other, drawn, w.end_speed_after[i]),
         )
-        w.hardening[i], w.lost_length[i], w.drive_ends_it[i] = (
-            e.stiffness_hardening_coefficient[i],
-            e.slack_length[i] + s.creep_top[i],
-            1.0,
-        )
 
 
 @inline
-def ratio(w, i):
+def ratio(p, w, i):
     """n and dn/dM with the exact solution of section 1 in docs/physics.md.  G9, G17."""
-    w.ratio[i], w.ratio_slope[i] = tension_ratio_and_slope(w.rho[i], w.friction[i], w.wrap_in_contact[i])
+    w.ratio[i], w.ratio_slope[i] = tension_ratio_and_slope(p.radius_ratio[0, i], w.friction[i], w.wrap_in_contact[i])
+    w.inverse[i] = 1.0 / w.ratio[i]
+
+
+@inline
+def steepest_ratio(p, i):
+    """The ratio that no friction exceeds: cosh(sqrt(rho) phi), the limit of `tension_ratio` for mu to infinity."""
+    turned = sqrt(p.radius_ratio[0, i]) * p.wrap_angle[0, i]
+    return 0.5 * (exp(turned) + exp(-turned))
+
+
+@inline
+def extrapolated(w, e, i, v, v_new):
+    """n at the new speed in a straight line from the old one, within what friction can do.
+
+    It is good to the second order, and for what goes on within the control step only: what is reported at its end is
+    the contact's law at the speed there.
+    """
+    straight = w.ratio[i] + w.ratio_slope[i] * w.friction_growth[i] * (abs(v_new) - abs(v))
+    return minimum(maximum(straight, 1.0), w.steepest[i])
 
 
 @inline
@@ -127,68 +176,26 @@ def record(x, i, tension):
 
 
 @inline
-def drawn_in(x, p, w, e, s, g, i, dt):
+def drawn_in(x, p, e, s, g, i, dt):
     """The drive where the tension is imposed: the cable's end must be where its law asks for it."""
     stretch = linear(x.drive_tension[i], e.stiffness_hardening_coefficient[i]) / p.cable_stiffness[i]
-    position = w.slip[i] + stretch + e.slack_length[i] + s.creep_top[i]
+    position = x.load_position[i] + stretch + e.slack_length[i] + s.creep_top[i]
     imposed = g.imposes[i] > 0.5
     x.drive_velocity[i] = select(imposed, (position - x.drive_position[i]) / dt, x.drive_velocity[i])
     x.drive_position[i] = select(imposed, position, x.drive_position[i])
 
 
 @inline
-def take_hole(x, p, w, i, h, last):
-    """State and geometry of hole ``h``; behind the last one is the load."""
-    if last:
-        w.slip[i], w.speed[i], w.tension_behind[i] = x.load_position[i], x.load_velocity[i], x.load_tension[i]
-    else:
-        w.slip[i], w.speed[i] = x.slip_position[h, i], x.slip_velocity[h, i]
-        w.tension_behind[i] = x.span_tension[h, i]
-    w.wrap[i], w.rho[i] = p.wrap_angle[h, i], p.radius_ratio[h, i]
-    w.mu[i], w.edge_radius[i] = p.friction_coefficient[h, i], p.edge_radius[h, i]
-
-
-@inline
-def keep_hole(x, w, i):
-    """The only hole after its step: its geometry is in place already."""
-    w.tension_behind[i] = x.load_tension[i]
-
-
-@inline
-def span_behind(x, p, w, i, h, before_load, ahead):
-    """The span behind hole ``h`` to the next hole, and the cable's own lumped mass.
-
-    The next hole is taken ``ahead`` seconds from now at its present speed: it moves on within the step.
-    ``before_load``: the next hole is the last, whose slip is the load's motion.
-    """
-    if before_load:
-        following, speed = x.load_position[i], x.load_velocity[i]
-    else:
-        following, speed = x.slip_position[h + 1, i], x.slip_velocity[h + 1, i]
-    resist = span(p.span_stiffness[i], 0.0, w.slip[i] - following - ahead * speed, 0.0)
-    w.resistance[i], w.resistance_damping[i], w.inertia[i] = resist, 0.0, p.guide_mass[i]
-    w.resistance_stiffness[i] = select(resist > 0.0, p.span_stiffness[i], 0.0)
-
-
-@inline
-def guide_moved(x, p, w, i, h, tension, inv_n):
-    """An inner hole after its step; its span is above the next hole."""
-    x.slip_position[h, i], x.slip_velocity[h, i] = w.slip[i], w.speed[i]
-    x.span_tension[h, i] = transmitted(w.speed[i], tension, w.ratio[i], inv_n, w.resistance[i])
-    w.tension_above[i], w.stiffness_above[i], w.damping_above[i] = x.span_tension[h, i], p.span_stiffness[i], 0.0
-
-
-@inline
-def wrapped(p, w, lanes, bends):
+def wrapped(x, p, w, lanes, bends):
     """Wrap that stays in contact; the loop is left out where no cable of the block is stiff.  G1"""
     if bends:
         for i in range(lanes):
             w.wrap_in_contact[i] = wrap_in_contact(
-                w.wrap[i], p.bending_rigidity[i], w.edge_radius[i], w.tension_above[i], w.tension_behind[i]
+                p.wrap_angle[0, i], p.bending_rigidity[i], p.edge_radius[0, i], x.drive_tension[i], x.load_tension[i]
             )
     else:
         for i in range(lanes):
-            w.wrap_in_contact[i] = w.wrap[i]
+            w.wrap_in_contact[i] = p.wrap_angle[0, i]
 
 
 @inline
@@ -201,35 +208,40 @@ def any_stiff(p, lanes):
 
 
 @inline
-def slip_speed(w, e, s, g, i, dt, theta, last):
-    """Speed of a slip after the step: the tension above against what resists behind the hole.  G28"""
-    v, middle, n = w.speed[i], w.tension_middle[i], w.ratio[i]
-    inv_n, growth = 1.0 / n, middle * w.ratio_slope[i] * w.friction_growth[i]
+def slip_speed(x, p, w, e, s, g, i, ahead, dt):
+    """Speed of the load after the step: the tension above against what resists behind the hole.  G28
+
+    The tension is that with the load moved on by ``ahead``; the step counts the same motion in the cable's stiffness.
+    """
+    v, middle, n, inv_n = x.load_velocity[i], w.tension_middle[i], w.ratio[i], w.inverse[i]
+    mass, growth = p.load_mass[i], middle * w.ratio_slope[i] * w.friction_growth[i]
     taut = middle > 0.0
-    if e is not None:
-        k, c = select(taut, w.stiffness_above[i] * w.rise[i], 0.0), select(taut, w.damping_above[i], 0.0)
-    else:
-        k, c = select(taut, w.stiffness_above[i], 0.0), select(taut, w.damping_above[i], 0.0)
-    up, down = middle * inv_n - w.resistance[i], middle * n - w.resistance[i]
+    k, c = select(taut, w.stiffness[i], 0.0), select(taut, w.damping[i], 0.0)
+    back = k * ahead
+    up, down = (middle + back) * inv_n - w.resistance[i], (middle + back) * n - w.resistance[i]
     stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
     damping_up = w.resistance_damping[i] + (c + growth * inv_n) * inv_n
     damping_down = w.resistance_damping[i] + c * n + growth
     if e is not None:
-        least = -w.inertia[i] / dt  # falling friction drives; what is left must still resist
-        if last:
-            dry_friction(e, g, i, v, e.coulomb_friction_level[i], middle)
-            up, down = up - g.up[i], down + g.down[i]
-            damping_up, damping_down = damping_up + g.steep[i], damping_down + g.steep[i]
-            stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
+        least = -mass / dt  # falling friction drives; what is left must still resist
+        dry_friction(e, g, i, v, e.coulomb_friction_level[i], middle)
+        up, down = up - g.up[i], down + g.down[i]
+        damping_up, damping_down = damping_up + g.steep[i], damping_down + g.steep[i]
+        stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
         damping_up, damping_down = maximum(damping_up, least), maximum(damping_down, least)
-    v_new = stick_slip_step(v, w.inertia[i], up, down, stiffness, damping_up, damping_down, dt, theta)
-    if e is not None:  # noqa: SIM102 (this alone is decided before the compiler sees it)
-        if last:
-            _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
-            at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)
-            bent = presliding_step(
-                e, s, i, v, w.inertia[i], up, down, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up,
-                damping_down,                dt, theta, middle * beside, middle * steeper, maximum(at_rest, 0.0),
-            )  # fmt: skip
-            v_new = select(e.presliding_hysteresis_displacement[i] > 0.0, bent, v_new)
+    v_new = stick_slip_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+    if e is not None:
+        _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
+        at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)
+        bent = presliding_step(
+            e, s, i, v, mass, up, down, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up, damping_down,
+            dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),
+        )  # fmt: skip
+        v_new = select(e.presliding_hysteresis_displacement[i] > 0.0, bent, v_new)
     return v_new
+
+
+@inline
+def creeping(e, s, g, i, elongation):
+    """The cable's lasting elongation after a step in which it was stretched by ``elongation``."""
+    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])

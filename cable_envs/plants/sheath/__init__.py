@@ -9,10 +9,17 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
+def _as_v0(plant):
+    from cable_envs.plants.sheath.v0 import as_v0
+
+    return as_v0(plant)
+
+
 FAMILY = Family(
     name="tendon_sheath",
     title="Tendon in a sheath",
     build=_build,
+    as_v0=_as_v0,
     tasks="TendonSheath",
     outputs={
         "position": Output("position_reference"),

@@ -8,7 +8,8 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
-from cable_envs.plants.base import Signal
+from cable_envs.physics.modes import longest_step
+from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
 _TYPICAL = "chosen: a 1 m sheath that moves a finger or a gripper"
 
@@ -46,6 +47,7 @@ SIGNALS = (
     Signal("sliding", "1", "direction in which the tendon slides at the load: -1, 0 (stuck), 1"),
     Signal("slack_fraction", "1", "share of the last control step in which the tendon was slack"),
     Signal("peak_tension", "N", "largest tension at the drive within the last control step"),
+    OUT_OF_RANGE,
 )
 
 ACTING = Acting(
@@ -93,6 +95,19 @@ def derive(value, e) -> dict[str, np.ndarray]:
         "servo_stiffness": frequency**2,
         "servo_damping": 2.0 * value["servo_damping_ratio"] * frequency,
     }
+
+
+def resolves(p, e) -> np.ndarray:
+    """Longest steps, s: of the load that pays the tendon out against all friction, and of the drive that pulls it in.
+
+    Either end then feels Tm r / (1 - e^-r) with r = mu Theta (`sheath.capstan.leaving` at -r).
+    """
+    r = (p.friction_coefficient + np.maximum(e.stribeck_friction_contact, 0.0)) * p.bend_angle
+    share = np.where(r > 1e-6, r / -np.expm1(-np.maximum(r, 1e-6)), 1.0)
+    k = share * p.stiffness * np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_preload)
+    c = share * p.tendon_damping
+    load = longest_step(p.load_mass, c + p.load_damping, k + p.load_stiffness)
+    return np.minimum(load, longest_step(p.drive_mass, c + p.drive_damping, k))
 
 
 def settle(x, s, p, e, position: np.ndarray) -> None:

@@ -55,7 +55,15 @@ from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.base import ActionMode, Plant, rows_of
 from cable_envs.plants.sheath.capstan import leaving, leaving_slope, mobilised, stuck_growth
-from cable_envs.plants.sheath.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, settle
+from cable_envs.plants.sheath.parameters import (
+    ACTING,
+    COEFFICIENTS,
+    PARAMETERS,
+    SIGNALS,
+    derive,
+    resolves,
+    settle,
+)
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
@@ -137,10 +145,17 @@ def _rub(x, p, w, e, g, i, v, resist):
 
 
 @inline
+def load_ahead(x, i, dt):
+    """How far the load moves in half a step with the speed that it has."""
+    return 0.5 * dt * x.load_velocity[i]
+
+
+@inline
 def _middle(x, p, u, w, e, s, g, i, dt):
-    """Forces on the load once the drive has gone half its way."""
+    """Forces on the load once the drive has gone half its way, and the load with the speed that it has."""
     y, v = x.load_position[i], x.load_velocity[i]
-    w.mean[i] = _tension(p, e, s, w, i, 0.5 * (w.end_before[i] + w.end_after[i]) - y, w.end_speed[i] - v)
+    ahead = y + load_ahead(x, i, dt)
+    w.mean[i] = _tension(p, e, s, w, i, 0.5 * (w.end_before[i] + w.end_after[i]) - ahead, w.end_speed[i] - v)
     at = _resist(p, u, e, i, y, v, x.load_tension[i])
     k = (_resist(p, u, e, i, y + STEP_Y, v, x.load_tension[i]) - at) / STEP_Y
     c = (_resist(p, u, e, i, y, v + STEP_V, x.load_tension[i]) - at) / STEP_V
@@ -155,8 +170,9 @@ def _slide(x, p, w, e, s, g, i, dt):
     taut, low = tm > 0.0, leaving(a)
     high, least = low + a, -p.load_mass[i] / dt  # falling friction drives; what is left must still resist
     dry_friction(e, g, i, v, p.load_friction[i], x.drive_tension[i])
-    up, down = tm * low - w.resistance[i] - g.up[i], tm * high - w.resistance[i] + g.down[i]
     k = select(taut, p.stiffness[i] * w.rise[i], 0.0)
+    whole = tm + k * load_ahead(x, i, dt)  # the step counts this motion in the tendon's stiffness
+    up, down = whole * low - w.resistance[i] - g.up[i], whole * high - w.resistance[i] + g.down[i]
     c = select(taut, p.tendon_damping[i], 0.0)
     grows_up, grows_down = tm * leaving_slope(a), tm * leaving_slope(-a)
     damping = w.resistance_damping[i] + g.steep[i]
@@ -212,7 +228,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             substeps * dt, dt,
         )  # fmt: skip
         dry_friction(e, g, i, x.load_velocity[i], p.load_friction[i], x.drive_tension[i])
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
@@ -240,6 +256,7 @@ PLANT = Plant(
     settle=settle,
     solve=_solve,
     effects=Layout("tendon_sheath", PARAMETERS, ACTING),
+    resolves=resolves,
     plain=False,
     replays=("follow",),
 )

@@ -15,7 +15,7 @@ def envs(
     """List environments: output, reference, action modes, observation channels with units; and the rigs."""
     from cable_envs import ENV_IDS
 
-    chosen = [resolve_env(env)] if env else list(ENV_IDS)
+    chosen = [resolve_env(env, every_version=True)] if env else list(ENV_IDS)
     listing = [describe(env_id) for env_id in chosen]
     rigs = describe_rigs({e["plant"] for e in listing})
     if as_json:

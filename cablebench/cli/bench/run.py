@@ -49,7 +49,7 @@ def run(
     check_suffix(save, DATA_FORMATS, "--save")
     check_suffix(render, PICTURE_FORMATS, "--render")
     require_known("theme", [theme], ("light", "dark"))
-    env_id = resolve_env(env)
+    env_id = resolve_env(env, every_version=True)
     options = parse_options(option or ())
     entrant = choose_entrant(controller, policy, gain or (), sandbox)
     with progress_bar() as update:
@@ -136,6 +136,12 @@ def _report(env_id: str, entrant: Any, seed: int, episode: Any, score: Any, writ
     state = "ran to its end" if episode.complete else "FAILED (cable torn, or state or action not finite)"
     out.print(f"{entrant.title} on {env_id}, seed {seed}: {len(episode.time)} steps, {state}", markup=False)
     _print_metrics(values, episode, out)
+    beyond = episode.signals.get("out_of_range")
+    if beyond is not None and beyond.any():
+        share = 100.0 * float((beyond > 0.0).mean())
+        out.print(
+            f"{share:.0f} % of it is outside the range that the rig's parameters and the laws hold in", markup=False
+        )
     if score is not None:
         out.print(score.said(episode), markup=False)
     for path in written:

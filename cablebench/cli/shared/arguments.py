@@ -17,13 +17,21 @@ ENVIRONMENT_OPTIONS = (
 """Options of an environment that ``--option KEY=VALUE`` may set (see `cable_envs.envs.CableEnv`)."""
 
 
-def resolve_env(name: str) -> str:
-    """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name."""
-    from cable_envs import ENV_IDS
+def resolve_env(name: str, every_version: bool = False) -> str:
+    """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name.
 
-    for env_id in ENV_IDS:
+    A name without a version is one of the ids of boards and tuned entrants. With ``every_version`` a name may also say
+    another version.
+    """
+    from cable_envs import ENV_IDS, V1_IDS
+
+    for env_id in ENV_IDS + V1_IDS if every_version else ENV_IDS:
         if name in (env_id, env_id.split("/")[1], short_name(env_id)):
             return env_id
+    if any(name in (env_id, env_id.split("/")[1]) for env_id in V1_IDS):
+        raise ConfigurationError(
+            f"'{name}': boards, tuned gains and trained agents are for -v0; write {short_name(name)}"
+        )
     raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, ENV_IDS))}")
 
 

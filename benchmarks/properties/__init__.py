@@ -1,0 +1,1 @@
+"""Properties of the plants, measured over random rigs."""

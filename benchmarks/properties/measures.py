@@ -1,0 +1,111 @@
+"""What is measured of a trial, each as one number per rig: 0 is perfect."""
+
+import numpy as np
+
+from benchmarks.properties.rigs import PERIOD, Trial
+from cable_envs.plants.hole.statics import EXACT, hole_ratio
+
+FINER = 20
+"""How much shorter the steps are that a run is compared with."""
+
+SMALLEST = {"m": 1e-4, "rad": 2e-3, "N": 0.05, "N m": 1e-3}
+"""By unit: a tenth of what a task's reward calls a small error. Below, a difference matters to nobody."""
+
+
+def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Worst signal's difference (root mean square) between steps and `FINER` times shorter ones, shape (n,).
+
+    Positions relative to how much they move, tensions and torques to the size of those at the drive; at least
+    `SMALLEST`.
+    """
+    plant, worst = trial.plant, np.zeros(trial.values.shape[1])
+    forces = {s.unit: plant.row(s.name) for s in plant.signals if s.name in ("drive_tension", "drive_torque")}
+    forces.setdefault("N", next((plant.row(s.name) for s in plant.signals if s.name == "tension_drive_top"), -1))
+    for row, signal in enumerate(plant.signals):
+        if signal.name.endswith(("_position", "_angle", "_tension", "_torque")) or signal.name.startswith("tension_"):
+            still = signal.unit in ("m", "rad")
+            size = fine[:, row] - fine[:, row].mean(axis=0) if still else fine[:, forces[signal.unit]]
+            worst = np.maximum(
+                worst, _rms(coarse[:, row] - fine[:, row]) / np.maximum(_rms(size), SMALLEST[signal.unit])
+            )
+    return worst
+
+
+def _rms(values: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(values**2, axis=0))
+
+
+def pushed(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """Most negative tension, N, shape (n,): cables do not push."""
+    rows = [row for row, signal in enumerate(trial.plant.signals) if "tension" in signal.name]
+    return np.maximum(0.0, -coarse[:, rows].min(axis=(0, 1)))
+
+
+def outside_contact(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
+    """How far the tensions of two sides of a contact are outside 1/n to n, as a share of it, shape (n,)."""
+    return _LAWS[trial.plant.name.split("_")[-1]](trial, coarse)
+
+
+def _of_hole(trial: Trial, out: np.ndarray) -> np.ndarray:
+    plant, names = trial.plant, trial.plant.parameters.names
+    t1, t2 = out[:, plant.row("drive_tension")], out[:, plant.row("load_tension")]
+    speed = out[:, plant.row("load_velocity")]
+    worst = np.zeros(t1.shape[1])
+    for k in range(t1.shape[1]):
+        q = dict(zip(names, trial.values[:, k], strict=True))
+        for a, b, v in zip(t1[:, k], t2[:, k], speed[:, k], strict=True):
+            n = hole_ratio(
+                EXACT, v, q["wrap_angle"], q["radius_ratio"], q["friction_coefficient"], q["extrusion_delta"],
+                q["extrusion_gain"], q["extrusion_exponent"], q["bending_rigidity"],
+                q["radius_ratio"] * q["cable_radius"], a, b,
+            )  # fmt: skip
+            if max(a, b) > 1e-9:
+                worst[k] = max(worst[k], max(a, b) / max(min(a, b), 1e-12) / n - 1.0)
+                if v != 0.0:  # sliding: exactly at the limit that opposes it
+                    worst[k] = max(worst[k], abs((a / b if v > 0.0 else b / a) / n - 1.0))
+    return worst
+
+
+def _of_sheath(trial: Trial, out: np.ndarray) -> np.ndarray:
+    plant, names = trial.plant, trial.plant.parameters.names
+    t1, t2 = out[:, plant.row("drive_tension")], out[:, plant.row("load_tension")]
+    most = trial.values[names.index("friction_coefficient")] * trial.values[names.index("bend_angle")]
+    taut = np.maximum(t1, t2) > 1e-9
+    share = np.abs(np.log(np.where(taut, t1, 1.0) / np.where(taut, t2, 1.0))) - most
+    return np.maximum(share.max(axis=0), 0.0)
+
+
+def _of_circuit(trial: Trial, out: np.ndarray) -> np.ndarray:
+    """At every idler the ratio is within its limit; over the four of a side within their product."""
+    from cable_envs.plants.circuit.statics import Statics
+
+    plant = trial.plant
+    product = Statics.from_values(trial.values).product
+    worst = np.zeros(out.shape[2])
+    for side, limit in zip(("top", "bottom"), product, strict=True):
+        a, b = out[:, plant.row(f"tension_drive_{side}")], out[:, plant.row(f"tension_output_{side}")]
+        taut = np.maximum(a, b) > 1e-9
+        ratio = np.where(taut, np.maximum(a, b) / np.maximum(np.minimum(a, b), 1e-12), 1.0)
+        worst = np.maximum(worst, (ratio / limit - 1.0).max(axis=0))
+    return np.maximum(worst, 0.0)
+
+
+_LAWS = {"hole": _of_hole, "sheath": _of_sheath, "circuit": _of_circuit, "chain": _of_circuit}
+
+
+def rest_moves(trial: Trial) -> np.ndarray:
+    """Motion of the load, m or rad, in a minute in which the drive is held, shape (n,)."""
+    from cable_envs.core.inputs import INPUTS
+
+    plant, n = trial.plant, trial.values.shape[1]
+    p = plant.prepare(trial.values)
+    x = plant.rest(p, trial.start)
+    u = INPUTS.zeros(n)
+    u.mode[:] = plant.action_modes.index(trial.mode)
+    if trial.mode.rest_signal:
+        u.command[:] = x[plant.row(trial.mode.rest_signal)]
+    row = next(r for r, s in enumerate(plant.signals) if s.name in ("load_position", "output_angle"))
+    before = x[row].copy()
+    for _ in range(round(60.0 / PERIOD)):
+        plant.advance(x, p, u.rows, 0, n, trial.substeps, PERIOD / trial.substeps)
+    return np.abs(x[row] - before)

@@ -1,0 +1,25 @@
+"""The tendon in a sheath as the ids ``-v0`` have it, kept so that what was measured on them can be replayed.
+
+In the middle of a step the drive has moved on and the load has not, so that a tendon that goes out under a small
+tension counts as slack there.
+"""
+
+from dataclasses import replace
+
+from cable_envs.core.compiling.templates import specialised
+from cable_envs.core.kernels import inline
+from cable_envs.plants.base import Plant
+from cable_envs.plants.sheath.plant import PLANT
+
+
+@inline
+def _still(x, i, dt):
+    return 0.0
+
+
+_SOLVE = specialised(PLANT.solve, load_ahead=_still)
+
+
+def as_v0(plant: Plant) -> Plant:
+    """The plant with the kernel of the ids ``-v0``."""
+    return replace(plant, version="v0", solve=_SOLVE, resolves=None)

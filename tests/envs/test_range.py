@@ -1,0 +1,59 @@
+"""A rig says in what range its parameters hold, and a simulation beyond says so."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from cable_envs import load_rig
+from cable_envs.core.errors import ConfigurationError
+
+ID = "cable_envs/CableHole-Position-Sine-v1"
+
+
+@pytest.mark.parametrize("name", ["gu-inferred", "gu-steel-1mm"])
+def test_the_rigs_of_the_paper_hold_to_the_speed_that_was_measured(name):
+    rig = load_rig(name)
+    low, high = rig.valid["load_velocity"]
+    assert -low == high == pytest.approx(0.0108) and "section 5.3" in rig.sources["load_velocity"]
+    again = load_rig(rig.content())
+    assert again.valid == rig.valid and again.sources == rig.sources
+    assert rig.replace({"load_mass": 2.0}).valid == rig.valid
+
+
+@pytest.mark.parametrize("n", [1, 5])
+def test_info_says_out_of_range_where_a_signal_is_beyond(n):
+    envs = gym.make_vec(ID, num_envs=n, action_mode="speed")
+    envs.reset(seed=0)
+    seen = []
+    for k in range(60):
+        info = envs.step(np.full((n, 1), 0.004 * k, np.float32))[4]
+        np.testing.assert_array_equal(info["out_of_range"], np.abs(info["load_velocity"]) > 0.0108)
+        seen.append(info["out_of_range"][0])
+    assert 0.0 < np.mean(seen) < 1.0
+
+
+def test_the_circuit_says_it_of_a_slack_cable_and_of_a_rigs_range_alike():
+    rig = {**load_rig("zou-table2").content(), "valid": {"drive_velocity": {"low": -1.0, "high": 1.0}}}
+    env = gym.make("cable_envs/PulleyCircuit-Position-Sine-v1", rig=rig)
+    env.reset(seed=0)
+    seen = [env.step(np.array([min(0.02 * k, 0.9)], np.float32))[4] for k in range(100)]
+    fast = [
+        abs(info["drive_velocity"]) > 1.0 or min(info["tension_drive_top"], info["tension_drive_bottom"]) <= 0
+        for info in seen
+    ]
+    assert [info["out_of_range"] > 0.0 for info in seen] == fast and any(fast) and not all(fast)
+
+
+@pytest.mark.parametrize(
+    ("valid", "message"),
+    [
+        ({"load_speed": {"low": 0, "high": 1}}, "unknown signal under 'valid'"),
+        ({"load_velocity": {"low": 1, "high": 0}}, "low 1 is not below high 0"),
+        ({"load_velocity": {"low": 0}}, "expected {low, high, unit, source}"),
+        ({"load_velocity": {"low": 0, "high": 1, "unit": "kg"}}, "unit"),
+        ([1], "must be a mapping"),
+    ],
+)
+def test_ranges_that_make_no_sense_are_refused(valid, message):
+    with pytest.raises(ConfigurationError, match=message):
+        load_rig({**load_rig("gu-inferred").content(), "valid": valid})
