@@ -52,8 +52,12 @@ def _power(x: Any, y: Any) -> Any:
     return _exp(y * _log(x)) if x > 0.0 else 0.0
 
 
-def _sine_cosine(x: Any) -> tuple[Any, Any]:
-    return (np.sin(x), np.cos(x)) if isinstance(x, complex) else (math.sin(x), math.cos(x))
+def _sine(x: Any) -> Any:
+    return np.sin(x) if isinstance(x, complex) else math.sin(x)
+
+
+def _cosine(x: Any) -> Any:
+    return np.cos(x) if isinstance(x, complex) else math.cos(x)
 
 
 def _abs(x: Any) -> Any:
@@ -76,8 +80,9 @@ def _clip(x: Any, low: Any, high: Any) -> Any:
     return _minimum(_maximum(x, low), high)
 
 
-NUMBERS = {
+NUMBERS: dict[str, Any] = {
     "select": _select, "exp": _exp, "expm1": _expm1, "log": _log, "sqrt": _sqrt, "power": _power,
-    "sine_cosine": _sine_cosine, "abs": _abs, "sign": _sign, "minimum": _minimum, "maximum": _maximum, "clip": _clip,
+    "sine": _sine, "cosine": _cosine, "sine_cosine": lambda x: (_sine(x), _cosine(x)),
+    "abs": _abs, "sign": _sign, "minimum": _minimum, "maximum": _maximum, "clip": _clip,
 }  # fmt: skip
 """Name of a function of `cable_envs.core.kernels` (and ``abs``) -> the same for floats and complex steps."""

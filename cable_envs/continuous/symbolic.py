@@ -14,6 +14,7 @@ holding: it creeps with speeds of the order of v_s times the load over the frict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+from cable_envs.continuous.numbers import NUMBERS
 from cable_envs.core.compiling.templates import interpreted
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import is_number
@@ -68,32 +69,29 @@ def _algebra() -> dict[str, Any]:
     """The functions of `cable_envs.core.kernels` for symbols; what has only numbers in it stays a number."""
     import casadi
 
-    def of(work: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda *given: Symbol(work(*map(_value, given)))
+    def of(name: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        def function(*given):
+            if any(isinstance(one, Symbol) for one in given):
+                return Symbol(work(*map(_value, given)))
+            return NUMBERS[name](*given)
+
+        return function
 
     def select(condition, a, b):
-        if not isinstance(condition, Symbol):
-            return a if condition else b
-        return Symbol(casadi.if_else(condition.value, _value(a), _value(b)))
+        if isinstance(condition, Symbol):
+            return Symbol(casadi.if_else(condition.value, _value(a), _value(b)))
+        return a if condition else b
 
-    def size(x):
-        return select(x >= 0.0, x, -x)  # its slope at 0 is that of one side, as in a complex step
-
-    def minimum(a, b):
-        return select(b < a, b, a)
-
-    def maximum(a, b):
-        return select(b > a, b, a)
-
-    def power(x, y):
-        return select(x > 0.0, of(casadi.power)(maximum(x, 1e-300), y), 0.0)
-
+    maximum, minimum = of("maximum", casadi.fmax), of("minimum", casadi.fmin)
+    raised, sine, cosine = of("power", casadi.power), of("sine", casadi.sin), of("cosine", casadi.cos)
     return {
-        "select": select, "minimum": minimum, "maximum": maximum, "abs": size, "power": power,
+        "select": select, "maximum": maximum, "minimum": minimum,
         "clip": lambda x, low, high: minimum(maximum(x, low), high),
+        "abs": lambda x: select(x >= 0.0, x, -x),  # its slope at 0 is that of one side, as of a complex step
         "sign": lambda x: select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0)),
-        "exp": of(casadi.exp), "expm1": of(casadi.expm1), "log": of(casadi.log), "sqrt": of(casadi.sqrt),
-        "sine_cosine": lambda x: (of(casadi.sin)(x), of(casadi.cos)(x)),
+        "power": lambda x, y: select(x > 0.0, raised(maximum(x, 1e-300), y), 0.0),
+        "sine_cosine": lambda x: (sine(x), cosine(x)),
+        **{name: of(name, getattr(casadi, name)) for name in ("exp", "expm1", "log", "sqrt")},
     }  # fmt: skip
 
 
@@ -140,7 +138,7 @@ def smooth(model: Any, speed: float, tension: float) -> Smooth:
     try:
         import casadi
     except ImportError as error:
-        raise ConfigurationError("casadi is not installed: pip install 'cable-envs[casadi]'") from error
+        raise ConfigurationError("CasADi functions need casadi: pip install 'cable-envs[casadi]'") from error
     for name, given in (("speed", speed), ("tension", tension)):
         if not is_number(given) or given <= 0.0:
             raise ConfigurationError(f"{name}: expected a smoothing above 0, got {given!r}")

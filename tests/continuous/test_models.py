@@ -38,7 +38,7 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
 
 @COMMANDED
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
-    """Substeps of 10 us. The tolerance is three times the largest difference seen, which halves with the step."""
+    """Substeps of 10 us. The largest difference seen is 9.2e-5 of the range, and falls in proportion to the step."""
     m = case.model()
     x0, u0 = m.rest(case.position)
     command = u0[0] + sampled(case.size, 100, PERIOD)
