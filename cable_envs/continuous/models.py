@@ -14,6 +14,7 @@ from cable_envs.continuous.points import balanced, slopes
 from cable_envs.core.compiling.templates import interpreted
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.inputs import INPUTS
+from cable_envs.core.lanes import Lanes
 from cable_envs.effects.lanes import STATES
 from cable_envs.plants import family_of
 from cable_envs.plants.base import ActionMode, Plant, Signal
@@ -104,6 +105,8 @@ class Model:
         self.outputs = tuple(signals[name] for name in self.equations.outputs)
         self._mode = float(self.plant.action_modes.index(mode)) if mode else 0.0
         self._coefficients = self.plant.prepare(rig.column(self.plant))
+        floats, own = self._coefficients.astype(object), self.plant.coefficient_rows.count
+        self._p, self._e = self.plant.coefficient_rows.over(floats), self.plant.effects.lanes.over(floats[own:])
         self._law = interpreted(self.equations.law, **NUMBERS)
         names = [s.name for s in self.states]
         self.held = names.index(self.equations.slides) if self.equations.slides in names else -1
@@ -283,22 +286,13 @@ class Model:
     def rows(self, u: Sequence[Any]) -> Rows:
         """Coefficients, inputs and fresh scratch under the names that the pieces of the plant's kernel read."""
         plant = self.plant
-        own = plant.coefficient_rows.count
-        given = INPUTS.over(_column(len(INPUTS)))
-        given.mode[0] = self._mode
+        given, step = _zeros(INPUTS), _zeros(plant.step_rows)
+        given.mode[0], step.factor[0] = self._mode, 1.0
         for entry, value in zip(self.equations.inputs, u, strict=True):
             getattr(given, entry.row)[0] = value
-        step = plant.step_rows.over(_column(len(plant.step_rows)))
-        step.factor[0] = 1.0
         return Rows(
-            plant.coefficient_rows.over(self._coefficients.astype(object)),
-            given,
-            plant.effects.lanes.over(self._coefficients[own:].astype(object)),
-            STATES.over(_column(len(STATES))),
-            step,
-            plant.scratch.over(_column(len(plant.scratch))),
-            plant.signal_rows.over(_column(len(plant.signal_rows))),
-        )
+            self._p, given, self._e, _zeros(STATES), step, _zeros(plant.scratch), _zeros(plant.signal_rows)
+        )  # fmt: skip
 
     def evaluated(self, x: Any, u: Any, way: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         """(rates, outputs) by the law, of floats or complex steps, sliding ``way``."""
@@ -333,9 +327,9 @@ class Model:
         return found[0], found[1]
 
 
-def _column(count: int) -> np.ndarray:
-    """Zeros that take any kind of number."""
-    return np.full((count, 1), 0.0, dtype=object)
+def _zeros(lanes: Lanes) -> Any:
+    """Rows of zeros that take any kind of number."""
+    return lanes.over(np.full((lanes.count, 1), 0.0, dtype=object))
 
 
 def _names(signals: Sequence[Signal]) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """The plants in continuous time: rest, sticking, the motion of the kernel with fine steps, slopes, refusals."""
 
+import doctest
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from cable_envs import ConfigurationError, load_rig, model
 from cable_envs.plants import families
 from cable_envs.sim.replay import replay
 from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, point, sampled
+from tests.support.tree import ROOT
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
 COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
@@ -171,3 +173,14 @@ def test_the_equations_name_signals_of_the_plant(case):
     assert len(m.f(*m.rest(case.position))) == len(m.states)
     assert len(m.h(*m.rest(case.position))) == len(m.outputs) == len(m.equations.outputs)
     assert all(s.unit for s in (*m.states, *m.inputs, *m.outputs))
+
+
+def test_the_page_about_it_holds():
+    """Its examples run, and its table names the states of every plant."""
+    page = ROOT / "docs" / "without-gymnasium.md"
+    failed, tried = doctest.testfile(str(page), module_relative=False)
+    assert failed == 0 and tried > 10
+    rows = {row.split("`")[1]: row for row in page.read_text(encoding="utf-8").splitlines() if row.startswith("| `")}
+    models = [case.model() for case in EVERY.values()]
+    assert {m.rig.plant for m in models} == set(families()) == set(rows)
+    assert [s.name for m in models for s in m.states if s.name not in rows[m.rig.plant]] == []
