@@ -44,13 +44,8 @@ class NonlinearMpc:
     def __init__(self, setup, horizon=10, smooth=1e-3, x_weight=1e-4, v_weight=1e-2, f_weight=10.0, gain=0.03):
         model = cable_envs.model(setup.rig, "tension")
         self.rest, self.mass = model.rest(0.0)[1][0], setup.rig.values["load_mass"]
-        self.dt, self.low, self.high, self.horizon, self.gain = (
-            setup.control_period,
-            setup.low,
-            setup.high,
-            horizon,
-            gain,
-        )
+        self.low, self.high = model.command_range
+        self.dt, self.horizon, self.gain = setup.control_period, horizon, gain
         self.f = model.casadi(speed=smooth).f
         x, u = casadi.SX.sym("x", 3, horizon + 1), casadi.SX.sym("u", 1, horizon)
         given = casadi.SX.sym("given", 3 + 2 + 2 * horizon)  # state, last command, disturbance, references

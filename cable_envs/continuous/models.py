@@ -81,6 +81,8 @@ class Model:
         The parameters.
     action_mode : str
         What the drive is told; empty for plants that are only moved.
+    command_range : tuple of two float
+        Lowest and highest command of the drive, SI; infinite for plants that are only moved.
     states, inputs, outputs : tuple of Signal
         Name, unit and meaning of each entry of x, u and y.
     plant : Plant
@@ -97,6 +99,8 @@ class Model:
         mode = _mode(self.plant, action_mode)
         self.action_mode = mode.name if mode else ""
         value = self.plant.table.unpack(rig.column(self.plant)[:, 0])
+        top = value[mode.bound] if mode else np.inf
+        self.command_range = (0.0 if mode and mode.one_sided else -top, top)
         self.equations = family_of(self.plant.name).moves()(self.plant, mode, value)
         _refuse(rig, self.plant, self.equations.effects)
         signals = {s.name: s for s in self.plant.signals}

@@ -184,3 +184,9 @@ def test_the_page_about_it_holds():
     models = [case.model() for case in EVERY.values()]
     assert {m.rig.plant for m in models} == set(families()) == set(rows)
     assert [s.name for m in models for s in m.states if s.name not in rows[m.rig.plant]] == []
+
+
+def test_the_range_of_the_command_is_that_of_the_action_mode():
+    assert model("gu-inferred", "tension").command_range == (0.0, 120.0)
+    assert model("gu-inferred", "speed").command_range == (-0.1, 0.1)
+    assert TRANSMISSION.model().command_range == (-np.inf, np.inf)
