@@ -28,7 +28,7 @@ from cablebench.protocol.actors import ControllerActor
 from cablebench.protocol.metrics import measure
 from cablebench.run.evaluation import run_episode
 
-ENV_ID = "cable_envs/CableHole-Position-Sine-v0"
+ENV_ID = "cable_envs/CableHole-Position-Sine-v1"
 QUIET = {"print_time": False, "ipopt": {"print_level": 0, "sb": "yes", "max_iter": 30, "tol": 1e-4,
          "warm_start_init_point": "yes", "mu_init": 1e-3}}  # fmt: skip
 
