@@ -12,6 +12,7 @@ What the package offers beside the ids is imported when it is first asked for:
 ``EFFECTS``            physics that a simulator may lack, by name (`cable_envs.effects`)
 ``load_rig``           a rig by preset name, path or mapping, as a ``Rig`` (`cable_envs.sim.rigs`)
 ``Rig``                the parameters of one test rig (`cable_envs.sim.rigs`)
+``model``              a rig as equations of motion, without Gymnasium (`cable_envs.continuous.models`)
 ``replay``             recorded inputs through many mechanisms at once (`cable_envs.sim.replay`)
 ``ConfigurationError`` what every mistake in an option, a rig or a name raises (`cable_envs.core.errors`)
 ====================== ================================================================================
@@ -64,7 +65,7 @@ warnings.filterwarnings("ignore", message=r".*The environment cable_envs/\S+-v0 
 
 _OFFERED = {
     "CableEnv": "envs", "CableVectorEnv": "vector", "EFFECTS": "effects", "load_rig": "sim.rigs", "Rig": "sim.rigs",
-    "replay": "sim.replay", "ConfigurationError": "core.errors",
+    "model": "continuous.models", "replay": "sim.replay", "ConfigurationError": "core.errors",
 }  # fmt: skip
 
 

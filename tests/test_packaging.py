@@ -20,6 +20,7 @@ INSTALLED = tuple(PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["package
 EXTRAS = (
     "torch", "stable_baselines3", "tensorboard", "typer", "rich", "jinja2", "matplotlib", "pygame", "cma", "pyarrow",
     "minari", "h5py", "rosbags", "asammdf", "mcap", "pandas", "optuna", "sqlalchemy", "ray", "markdown_it",
+    "casadi", "control",
 )  # fmt: skip
 
 

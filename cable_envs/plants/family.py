@@ -27,7 +27,7 @@ def _one(values: Values) -> float:
 
 
 def _found(place: str) -> Any:
-    """The class at "module:class"."""
+    """The class or function at "module:name"."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
 
@@ -120,6 +120,9 @@ class Family:
     view : str
         "module:class" of its `cable_envs.plants.view.View`, as reference controllers see it; empty: those that are made
         for it alone apply.
+    continuous : str
+        "module:function" that gives its equations of motion in continuous time
+        (`cable_envs.plants.continuous.Equations`); empty: it has none.
     scene : str
         "module:class" that draws it; empty: it cannot be rendered.
     shown : tuple of str
@@ -151,6 +154,7 @@ class Family:
     outputs: Mapping[str, Output] = field(default_factory=dict)
     observe: str = "output"
     view: str = ""
+    continuous: str = ""
     scene: str = ""
     shown: tuple[str, ...] = ()
     channels: Mapping[str, str] = field(default_factory=dict)
@@ -199,6 +203,12 @@ class Family:
         if not self.view:
             raise ConfigurationError(f"{self.name} has no view: general reference controllers are not available")
         return _found(self.view)
+
+    def moves(self) -> Any:
+        """The function that gives its equations of motion, imported now; ConfigurationError where there is none."""
+        if not self.continuous:
+            raise ConfigurationError(f"{self.name} has no equations in continuous time")
+        return _found(self.continuous)
 
     def records(self) -> Mapping[str, str]:
         """Its channels with their SI units; ConfigurationError where it has no recordings."""

@@ -22,6 +22,12 @@ PAGES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         ("cable_envs.plants", "cable_envs.plants.family", "cable_envs.plants.base", "cable_envs.effects.base",
          "cable_envs.plants.own_effects"),
     ),
+    "continuous": (
+        "Plants without Gymnasium",
+        "Equations of motion: f(x, u), rest, linear systems, simulation, CasADi functions.",
+        ("cable_envs.continuous.models", "cable_envs.continuous.linear.Linear", "cable_envs.continuous.motion.Motion",
+         "cable_envs.continuous.symbolic.Smooth", "cable_envs.plants.continuous"),
+    ),
     "controllers": (
         "Controllers and agents",
         "Reference controllers: SI in, a command out. Agents of stable-baselines3.",

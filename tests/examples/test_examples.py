@@ -62,6 +62,28 @@ def test_linear_mpc_beats_open_loop_and_pid_as_shipped():
     assert ours < 0.1 * mpc.run("pid", seconds=6.0) < 0.1 * mpc.run("open-loop", seconds=6.0)
 
 
+CASADI = "pip install 'cable-envs[casadi]'"
+
+
+def test_nonlinear_mpc_beats_pid_as_shipped():
+    pytest.importorskip("casadi", reason=f"the MPC needs CasADi: {CASADI}")
+    mpc = example("mpc_casadi")
+    ours, theirs = (mpc.run(controller, seconds=3.0)[0] for controller in (mpc.NonlinearMpc, "pid"))
+    assert ours < 0.1 * theirs
+
+
+def test_the_bode_plot_differs_by_the_direction_of_friction(tmp_path, monkeypatch):
+    """At low frequency the load moves by e^(-r) F over its spring, r = mu Theta pulled in and -mu Theta paid out."""
+    pytest.importorskip("control", reason=f"Bode plots need python-control: {CASADI}")
+    monkeypatch.setenv("MPLBACKEND", "agg")
+    bode = example("bode")
+    gains = {name: one.dcgain() for name, one in bode.systems().items()}
+    assert gains["pulled in"] * gains["paid out"] == pytest.approx(gains["without friction"] ** 2, rel=1e-6)
+    assert gains["without friction"] == pytest.approx(1.0 / 1500.0, rel=1e-6)
+    bode.main(["--out", str(tmp_path / "bode.png")])
+    assert (tmp_path / "bode.png").stat().st_size > 10_000
+
+
 def test_randomised_rigs_differ_most_by_their_wrap_angle():
     from scipy.stats import spearmanr
 

@@ -55,6 +55,31 @@ def specialised(piece, **names):
     return _like(piece, _copied(function, "", others)) if others else piece
 
 
+def interpreted(function, /, **names):
+    """A function, and every piece of a kernel that it calls by name, as plain Python.
+
+    Parameters
+    ----------
+    function : function
+        A plain function or a piece of a kernel. It is left as it is.
+    **names
+        Values of global names, in the function and in what it calls, at any depth: elementary functions of other
+        numbers than floats, for instance.
+
+    Returns
+    -------
+    function
+        It takes whatever numbers ``names`` can work with.
+
+    Examples
+    --------
+    >>> root = inline(lambda a: sqrt(a))
+    >>> interpreted(lambda a: 2.0 * piece(a), piece=interpreted(root, sqrt=abs))(-3.0)
+    6.0
+    """
+    return _interpreted(getattr(function, "py_func", function), names, {})
+
+
 def names_within(piece):
     """Every global name that a piece of a kernel reads, or a piece that it calls by name, at any depth."""
     found, waiting, seen = set(), [piece], set()
@@ -83,6 +108,20 @@ def _others(function, names, done):
             if done[piece] is not piece:
                 others[used] = done[piece]
     return others
+
+
+def _interpreted(function, names, done):
+    if function not in done:
+        others = {}
+        for used in names_read(function.__code__):
+            value = function.__globals__.get(used)
+            inner = getattr(value, "py_func", value)
+            if used in names:
+                others[used] = names[used]
+            elif isinstance(inner, FunctionType) and is_ours(inner):
+                others[used] = _interpreted(inner, names, done)
+        done[function] = _copied(function, "", others)
+    return done[function]
 
 
 def _copied(function, name, others):

@@ -13,6 +13,7 @@ FAMILY = Family(
     name="band_brake",
     title="Band brake",
     build=_build,
+    continuous="cable_envs.plants.band_brake.continuous:equations",
     scene="cable_envs.plants.band_brake.scene:BandBrakeScene",
     shown=("position", "velocity", "slip", "force", "band_tension_difference"),
 )

@@ -29,6 +29,7 @@ FAMILY = Family(
         ),
     },
     observe="drive",
+    continuous="cable_envs.plants.circuit.continuous:equations",
     scene="cable_envs.plants.circuit.scene:CircuitScene",
     shown=(
         "drive_angle", "drive_torque", "output_angle", "output_torque", "tension_drive_top", "tension_drive_bottom",

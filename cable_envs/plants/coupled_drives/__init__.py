@@ -13,6 +13,7 @@ FAMILY = Family(
     name="coupled_drives",
     title="Coupled electric drives",
     build=_build,
+    continuous="cable_envs.plants.coupled_drives.continuous:equations",
     scene="cable_envs.plants.coupled_drives.scene:CoupledDrivesScene",
     shown=("motor_position", "pulley_position", "belt_force", "voltage", "speed_reading"),
 )

@@ -14,6 +14,7 @@ FAMILY = Family(
     name="linear_drive",
     title="Linear drive",
     build=_build,
+    continuous="cable_envs.plants.drive.continuous:equations",
     scene="cable_envs.plants.drive.scene:DriveScene",
     shown=("position", "motor_position", "belt_force", "force", "sliding"),
     # speed_reading is what a speed sensor reads whose scale is not known and which may rectify (coupled drives); the

@@ -30,6 +30,7 @@ FAMILY = Family(
         ),
     },
     observe="output",
+    continuous="cable_envs.plants.hole.continuous:equations",
     scene="cable_envs.plants.hole.scene:HoleScene",
     shown=("drive_position", "drive_tension", "load_position", "load_tension", "sliding"),
     channels={

@@ -31,6 +31,7 @@ FAMILY = Family(
     },
     observe="output",
     view="cable_envs.plants.sheath.view:SheathView",
+    continuous="cable_envs.plants.sheath.continuous:equations",
     scene="cable_envs.plants.sheath.scene:SheathScene",
     shown=("drive_position", "drive_tension", "load_position", "load_tension", "sliding"),
     channels={

@@ -13,6 +13,7 @@ FAMILY = Family(
     name="transmission",
     title="Cable transmission of unknown geometry",
     build=_build,
+    continuous="cable_envs.plants.transmission.continuous:equations",
     scene="cable_envs.plants.transmission.scene:TransmissionScene",
     shown=("drive_angle", "output_angle", "drive_torque", "output_torque", "direction"),
 )

@@ -1,0 +1,1 @@
+"""Plants in continuous time, without Gymnasium: f(x, u), rest, linearisation, integration, and CasADi."""

@@ -1,0 +1,112 @@
+"""Motion of a model by `scipy.integrate.solve_ivp`: each direction of sliding is integrated apart, events end it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cable_envs.core.errors import ConfigurationError, require_known
+
+OPTIONS = {"method": "DOP853", "rtol": 1e-8, "atol": 1e-10, "max_step": np.inf}
+HELD = 1e-7
+"""s for which friction holds what would move for a shorter time."""
+MOST = 10000
+"""Changes of direction between two times, beyond which something is wrong."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a simulation gives, at N times.
+
+    Attributes
+    ----------
+    t : ndarray, shape (N,)
+        Times, s.
+    x : ndarray, shape (N, states)
+        States.
+    u : ndarray, shape (N, inputs)
+        Inputs.
+    y : ndarray, shape (N, outputs)
+        Outputs.
+    sliding : ndarray of int, shape (N,)
+        Directions of sliding.
+    """
+
+    t: np.ndarray
+    x: np.ndarray
+    u: np.ndarray
+    y: np.ndarray
+    sliding: np.ndarray
+
+
+def integrate(model: Any, t: ArrayLike, u: Any, x0: ArrayLike, **options: Any) -> Motion:
+    """See `cable_envs.continuous.models.Model.simulate`; ``model`` is one."""
+    require_known("option", options, OPTIONS)
+    times = np.asarray(t, dtype=np.float64)
+    if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
+        raise ConfigurationError("t: expected at least two times that grow")
+    given = _inputs(model, u, len(times) - 1)
+    x = np.asarray(x0, dtype=np.float64)
+    states, ways, taken = [x], [], []
+    for k, (start, end) in enumerate(pairwise(times)):
+        x, way = _between(model, given(k), x, start, end, {**OPTIONS, **options})
+        states.append(x)
+        taken.append(given(k)(start))
+        ways.append(way)
+    taken.append(given(len(times) - 2)(times[-1]))
+    ways.insert(0, model.sliding(states[0], taken[0]))
+    shown = [model.h(*one) for one in zip(states, taken, ways)]
+    return Motion(times, np.array(states), np.array(taken), np.array(shown), np.array(ways))
+
+
+def _inputs(model: Any, u: Any, steps: int) -> Callable[[int], Callable[[float], np.ndarray]]:
+    """Number of the interval -> the input over time."""
+    if callable(u):
+        return lambda k: lambda t: np.asarray(u(t), dtype=np.float64)
+    array, width = np.asarray(u, dtype=np.float64), len(model.inputs)
+    if array.shape not in ((width,), (steps, width)):
+        raise ConfigurationError(f"u: expected [{width}], [{steps}, {width}] or a function, got shape {array.shape}")
+    held = np.broadcast_to(array, (steps, width))
+    return lambda k: lambda t: held[k]
+
+
+def _between(model, u, x, start, end, options):
+    """(state, direction of sliding) at ``end``."""
+    from scipy.integrate import solve_ivp  # lazily: the rest of a model needs NumPy only
+
+    place, way, until = model.held, model.sliding(x, u(start)), end
+    for _ in range(MOST):
+        events = _events(model, u, way, start) if place >= 0 and until == end else []
+        run = solve_ivp(lambda t, z, way=way: model.f(z, u(t), way), (start, until), x, events=events, **options)
+        if not run.success:
+            raise ConfigurationError(f"the integration stops at {run.t[-1]:g} s: {run.message}")
+        before, start, x = start, run.t[-1], run.y[:, -1].copy()
+        if run.status == 1:
+            x[place] = 0.0
+        if start >= end:
+            return x, way
+        if run.status == 1 and way != 0 and start - before < 2.0 * HELD:  # it would move and stop again at once
+            way, until = 0, min(start + HELD, end)
+        elif run.status == 1 and way == 0:
+            way, until = 1 if run.t_events[0].size else -1, end
+        else:
+            way, until = model.sliding(x, u(start)), end
+    raise ConfigurationError(f"more than {MOST} changes of direction until {start:g} s")
+
+
+def _events(model, u, way, start):
+    """Functions of (t, x) that cross zero where the direction of sliding ends."""
+    k = model.held
+    found: list[Any]
+    if way == 0:
+        found = [lambda t, z: model.f(z, u(t), 1)[k], lambda t, z: -model.f(z, u(t), -1)[k]]
+        rises = 1
+    else:
+        # not at once: it may stop again within the first step of the integration
+        found, rises = [lambda t, z: way * z[k] + (1.0 if t <= start + HELD else 0.0)], -1
+    for event in found:
+        event.terminal, event.direction = True, rises
+    return found

@@ -1,0 +1,148 @@
+"""The equations of motion of a plant in continuous time, made of the pieces that its kernel is made of.
+
+A plant's ``continuous.py`` says which signals are states, and has one function, the law:
+
+    law(state, rows, way) -> (rates of the states, outputs)
+
+``rows`` are the coefficients, inputs and scratch under the names that pieces of kernels read (``rows.p.load_mass[0]``).
+``way`` is the direction in which the plant slides: 1.0, -1.0, or 0.0 where dry friction holds it. The friction is
+set-valued at rest, so the law is asked for each direction, and `cable_envs.continuous` decides which one holds: at rest
+it slides where the net force of a direction drives it that way, and sticks otherwise.
+
+The law is evaluated as plain Python with the elementary functions of floats, of complex steps, or of CasADi
+(`cable_envs.core.compiling.templates.interpreted`). It therefore uses the functions of `cable_envs.core.kernels`, and
+neither ``and`` nor ``if`` on what depends on states and inputs.
+"""
+
+from collections import namedtuple
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from cable_envs.core.kernels import maximum, minimum, select
+from cable_envs.plants.base import ActionMode, Signal
+
+Rows = namedtuple("Rows", ["p", "u", "e", "s", "g", "w", "x"])
+"""Coefficients, inputs, effects; scratch: states of effects, of a control step, of the plant, its signals.
+
+Each has its rows by name, of one column."""
+
+Values = Mapping[str, float]
+"""Every parameter of a rig by name, SI."""
+Law = Callable[[Sequence[Any], Rows, float], tuple[tuple[Any, ...], tuple[Any, ...]]]
+
+TINY = 1e-300
+"""Speed (m/s, rad/s) that stands for a motion that is about to start."""
+
+
+@dataclass(frozen=True)
+class Input:
+    """A quantity that drives the equations.
+
+    Attributes
+    ----------
+    name : str
+        Name of the input.
+    unit : str
+        SI unit.
+    meaning : str
+        What it is, for people.
+    row : str
+        Row of `cable_envs.core.inputs.INPUTS` that it is.
+    """
+
+    name: str
+    unit: str
+    meaning: str
+    row: str
+
+
+@dataclass(frozen=True)
+class Equations:
+    """What a plant says of itself in continuous time.
+
+    Attributes
+    ----------
+    states : tuple of str
+        Signals of the plant that are states, in the order of the law.
+    inputs : tuple of Input
+        What drives it.
+    outputs : tuple of str
+        Signals of the plant that the law gives beside the rates.
+    law : callable
+        (state, rows, way) -> (rates of the states, outputs).
+    place : str
+        The state that says where the output is.
+    slides : str
+        The state or input whose sign is the direction of sliding; empty: the law does not ask for one.
+    effects : tuple of str
+        Effects that the law has.
+    slack : mapping of str to str
+        Pieces that hold the slack of a cable as ``select(.., maximum(pull, 0.0), 0.0)`` -> the coefficient that their
+        pull is over the tension, empty where it is the tension. A smooth version rounds them off.
+    speed : float
+        Speed over which a smooth version turns the friction round unless another is asked for, m/s or rad/s.
+    """
+
+    states: tuple[str, ...]
+    inputs: tuple[Input, ...]
+    outputs: tuple[str, ...]
+    law: Law
+    place: str
+    slides: str = ""
+    effects: tuple[str, ...] = ()
+    slack: Mapping[str, str] = field(default_factory=dict)
+    speed: float = 1e-3
+
+
+def driven(mode: ActionMode, rate: bool, disturbed: Signal) -> tuple[Input, ...]:
+    """The inputs of a plant that a drive commands.
+
+    Parameters
+    ----------
+    mode : ActionMode
+        What the command is.
+    rate : bool
+        Whether the drive takes the rate of its command too.
+    disturbed : Signal
+        Name, unit and meaning of the disturbance.
+
+    Returns
+    -------
+    tuple of Input
+        The command, its rate where it is asked for, and the disturbance.
+    """
+    found = [Input("command", mode.unit, f"what the drive is told: {mode.name}", "command")]
+    if rate:
+        found.append(
+            Input("command_rate", f"{mode.unit}/s", "rate of the command, which the drive adds", "command_rate")
+        )
+    return (*found, Input(disturbed.name, disturbed.unit, disturbed.meaning, "disturbance"))
+
+
+# The functions below are for laws. A smooth version has its own in their place.
+
+
+def along(v, way):
+    """Speed of sliding, which has the direction ``way`` where it is zero."""
+    return v + TINY * way
+
+
+def rubbed(net, up, down, way):
+    """The net force less a dry friction that is at most ``up`` moving up and ``down`` moving down; 0 where it holds."""
+    return select(way > 0.0, net - up, select(way < 0.0, net + down, 0.0))
+
+
+def limited(v, acceleration, limit):
+    """The acceleration of a drive that gets no faster than its speed limit."""
+    return select(v >= limit, minimum(acceleration, 0.0), select(v <= -limit, maximum(acceleration, 0.0), acceleration))
+
+
+def engaged(pull, taut, limp):
+    """One value where a cable pulls, another where it is slack."""
+    return select(pull > 0.0, taut, limp)
+
+
+def slipping(v, stretch, up, down):
+    """Rate of slip of a spring that holds between ``-down`` and ``up`` of stretch while its end moves at v."""
+    return select(v > 0.0, select(stretch >= up, v, 0.0), select(stretch <= -down, v, 0.0))

@@ -1,0 +1,59 @@
+"""The tendon in a sheath in continuous time.
+
+    position   x'' = w^2 (command - x) + 2 z w (command_rate - x'),   within acceleration and speed limits
+    tension    m_d x'' = command - T1 - c_d x',                       within the speed limit
+    load       m y'' = T2 - preload - k_l y - c_l y' - F_c sign(y') + disturbance
+
+T1 and T2 are those of the mean tension Tm = k (x - y) + c (x' - y') and the mobilised friction: that of the sliding
+direction, and at rest the one with which T2 balances the load.
+"""
+
+from cable_envs.core.kernels import clip, select
+from cable_envs.effects.seams import dry_friction
+from cable_envs.plants.base import ActionMode, Plant, Signal
+from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, rubbed
+from cable_envs.plants.sheath.capstan import leaving, mobilised
+from cable_envs.plants.sheath.plant import _resist, _rub, _tension
+
+
+def _drawn(p, u, x, v, tension):
+    """Acceleration of the drive."""
+    servo = p.servo_stiffness[0] * (u.command[0] - x) + p.servo_damping[0] * (u.command_rate[0] - v)
+    servo = clip(servo, -p.drive_acceleration_limit[0], p.drive_acceleration_limit[0])
+    pulled = (u.command[0] - p.drive_damping[0] * v - tension) / p.drive_mass[0]
+    return limited(v, select(u.mode[0] > 0.5, pulled, servo), p.drive_speed_limit[0])
+
+
+def _law(state, rows: Rows, way):
+    x, v_d, y, v = state
+    p, u, e, s, g, w, signals = rows
+    mean = w.mean[0] = _tension(p, e, s, w, 0, x - y, v_d - v)
+    resist, speed = _resist(p, u, e, 0, y, v, 0.0), along(v, way)
+    dry_friction(e, g, 0, speed, p.load_friction[0], 0.0)
+    _rub(signals, p, w, e, g, 0, speed, resist)
+    a = w.friction[0]
+    low = leaving(a)
+    held = clip(resist, mean * low, mean * (low + a))
+    stuck = select(mean > 0.0, mobilised(held / select(mean > 0.0, mean, 1.0), a), 0.0)
+    r = select(way > 0.0, a, select(way < 0.0, -a, stuck))
+    behind = mean * leaving(r)
+    ahead = behind + r * mean
+    net = rubbed(behind - resist, g.up[0], g.down[0], way)
+    rates = (v_d, _drawn(p, u, x, v_d, ahead), v, net / p.load_mass[0])
+    return rates, (x, v_d, ahead, y, v, behind)
+
+
+def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
+    """The equations of a tendon in a sheath."""
+    return Equations(
+        states=("drive_position", "drive_velocity", "load_position", "load_velocity"),
+        inputs=driven(mode, mode.name == "position", Signal("disturbance", "N", "force that helps to pull in")),
+        outputs=(
+            "drive_position", "drive_velocity", "drive_tension", "load_position", "load_velocity", "load_tension",
+        ),
+        law=_law,
+        place="load_position",
+        slides="load_velocity",
+        effects=("stribeck_friction", "asymmetric_friction", "stiffness_hardening", "slack"),
+        slack={"_tension": ""},
+    )  # fmt: skip

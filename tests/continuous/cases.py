@@ -1,0 +1,85 @@
+"""Rigs of every plant that has equations in continuous time, with what moves them."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from cable_envs import load_rig, model
+
+
+@dataclass(frozen=True)
+class Case:
+    """``size``: amplitude of the command around rest; ``position``: of the output at rest."""
+
+    rig: Any
+    mode: str | None
+    size: float
+    position: float = 0.0
+    changes: dict = field(default_factory=dict)
+
+    def model(self):
+        return model(load_rig(self.rig).replace(self.changes), self.mode)
+
+
+FAST = {"drive_acceleration_limit": 1e3}  # the equations of the hole leave this limit out
+DRIVE, COUPLED = {"plant": "linear_drive"}, {"plant": "coupled_drives"}
+DRIVEN = {
+    "hole-tension": Case("gu-inferred", "tension", 20.0, 0.0, FAST),
+    "hole-speed": Case("gu-inferred", "speed", 0.02, 0.0, FAST),
+    "hole-stiff-cable": Case(
+        "gu-inferred", "tension", 20.0, 0.0, {**FAST, "bending_rigidity": 1e-5, "load_stiffness": 500.0}
+    ),
+    "circuit-position": Case("zou-table2", "position", 0.3),
+    "circuit-torque": Case("zou-grasp", "torque", 0.25, 0.05, {"brake_torque": 0.01, "payload_mass": 0.1}),
+    "sheath-position": Case("bowden-1m", "position", 0.01, 0.005),
+    "sheath-tension": Case(
+        "bowden-1m", "tension", 25.0, 0.0,
+        {"load_friction": 1.0, "stribeck_friction.contact": 0.05, "stribeck_friction.velocity": 0.02,
+         "stiffness_hardening.coefficient": 0.01, "slack.length": 1e-3},
+    ),
+    "drive-force": Case(DRIVE, "force", 20.0),
+    "drive-belt": Case(DRIVE, "position", 0.05, 0.0, {"belt_stiffness": 1e5, "gravity_share": 0.2}),
+    "drive-effects": Case(
+        DRIVE, "force", 25.0, 0.0,
+        {"asymmetric_friction.difference": 2.0, "position_dependent_load.stiffness": 50.0,
+         "position_ripple.force": 3.0, "position_ripple.period": 0.05},
+    ),
+    "coupled": Case(COUPLED, "voltage", 2.0, 0.0, {"coulomb": 5.0, "stiffness_hardening.coefficient": 0.05}),
+}  # fmt: skip
+"""Plants with a drive that is commanded."""
+
+TRANSMISSION = Case(
+    {"plant": "transmission"}, None, 0.0, 0.0,
+    {"coulomb_friction.level": 0.1, "load_dependent_friction.exponent": 0.2, "partial_slip.share": 0.3,
+     "partial_slip.compliance": 0.2, "cable_elongation.drive_side": 0.1, "cable_elongation.output_side": 0.05,
+     "stiffness_hardening.drive_side": 5.0, "viscous_friction.coefficient": 0.02, "position_ripple.sine": 0.01},
+)  # fmt: skip
+BRAKE = Case(
+    {"plant": "band_brake"}, None, 0.0, 0.0,
+    {"cable_elongation.compliance": 1e-6, "stiffness_hardening.coefficient": 1e-4,
+     "asymmetric_friction.difference": 500.0,
+     "load_dependent_friction.coefficient": 1.5, "viscous_friction.coefficient": 1e3,
+     "position_dependent_load.stiffness": 1e4},
+)  # fmt: skip
+EVERY = {**DRIVEN, "transmission": TRANSMISSION, "band-brake": BRAKE}
+
+
+def point(m, case, way, rng, share=0.05):
+    """A state and an input near the verge of sliding, with speeds in which the plant slides ``way``."""
+    x, u = m.rest(case.position, way)
+    for k, s in enumerate(m.states):
+        if s.unit in ("m/s", "rad/s"):
+            x[k] += share * m.equations.speed * rng.normal()
+    if m.held >= 0:
+        x[m.held] = way * m.equations.speed * rng.uniform(5.0, 10.0)
+    elif m.equations.slides:
+        u[0] = way * rng.uniform(0.1, 0.5)
+        u[1] = rng.normal()
+    return x, u
+
+
+def sampled(size, steps, period, frequency=1.5):
+    """A sine in steps that begins gently [steps]."""
+    k = np.arange(1, steps + 1)
+    return size * np.sin(2.0 * np.pi * frequency * k * period) * np.minimum(1.0, k / 20.0)

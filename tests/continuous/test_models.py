@@ -1,0 +1,220 @@
+"""The plants in continuous time: rest, sticking, the motion of the kernel with fine steps, slopes, refusals."""
+
+import doctest
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cable_envs import ConfigurationError, load_rig, model
+from cable_envs.plants import families
+from cable_envs.sim.replay import replay
+from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, point, sampled
+from tests.support.tree import ROOT
+
+CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
+COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
+PERIOD = 0.01
+
+
+@CASES
+def test_at_rest_nothing_moves(case):
+    m = case.model()
+    x, u = m.rest(case.position)
+    at = m.f(x, u)
+    largest = np.abs(m.f(x + 1e-4, u, 1)).max()
+    assert np.abs(at).max() <= 1e-9 * max(largest, 1.0)
+
+
+@COMMANDED
+def test_friction_holds_within_its_limits_and_not_beyond(case):
+    m = case.model()
+    x, u = m.rest(case.position)
+    top, bottom = (m.rest(case.position, way) for way in (1, -1))
+    assert m.sliding(x, u) == 0
+    for (xv, uv), way in ((top, 1), (bottom, -1)):
+        inside, outside = ((x + s * (xv - x), u + s * (uv - u)) for s in (0.99, 1.01))
+        assert (m.sliding(*inside), m.sliding(*outside)) == (0, way)
+        assert m.f(*inside)[m.held] == 0.0 and way * m.f(*outside)[m.held] > 0.0
+
+
+@COMMANDED
+def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
+    """Substeps of 10 us. The largest difference seen is 9.2e-5 of the range, and falls in proportion to the step."""
+    m = case.model()
+    x0, u0 = m.rest(case.position)
+    command = u0[0] + sampled(case.size, 100, PERIOD)
+    rate = np.concatenate([[0.0], np.diff(command) / PERIOD])
+    push = sampled(0.05 * case.size, 100, PERIOD, 3.0) if m.inputs[-1].unit == m.inputs[0].unit else 0.0 * command
+    u = np.column_stack([command, rate, push] if len(m.inputs) == 3 else [command, push])
+    names = [s.name for s in (*m.states, *m.outputs)]
+    seen = replay(
+        m.plant, m.rig.column(m.plant), command, PERIOD, drive=m.action_mode, hold="step", rate=rate,
+        disturbance=push, signals=names, start=case.position, substeps=1000,
+    )[:, :, 0]  # fmt: skip
+    motion = m.simulate(np.arange(101) * PERIOD, u, x0)
+    assert {0, 1, -1} <= set(motion.sliding)
+    shown = [m.h(motion.x[k + 1], u[k], motion.sliding[k + 1]) for k in range(100)]
+    size = np.ptp(seen, axis=0)
+    apart = np.abs(np.hstack([motion.x[1:], shown]) - seen) / size
+    n = len(m.states)
+    assert apart[:, :n].max() < 3e-4
+    # an output that a jump of the command moves is compared where nothing has just stopped or broken away
+    assert np.quantile(apart[:, n:], 0.95, axis=0).max() < 1e-3
+
+
+@pytest.mark.parametrize(("rig", "mode", "size", "reaches"), [
+    ("bowden-1m", "position", 0.03, {"drive_velocity": 0.2}),
+    ("bowden-1m", "tension", 70.0, {"drive_velocity": 0.2}),
+    ("zou-table2", "position", 2.0, {"drive_velocity": 15.0}),
+    ("zou-table2", "torque", 0.55, {"drive_velocity": 15.0}),
+    ({"plant": "linear_drive"}, "position", 0.5, {}),
+], ids=str)  # fmt: skip
+def test_limits_and_slack_are_those_of_the_kernel(rig, mode, size, reaches):
+    """A jump that takes the drive to its limits, and one back that slackens the sheath's tendon; substeps of 5 us.
+
+    The largest difference seen is 5.4e-5 of the range.
+    """
+    m = model(rig, mode)
+    x0, u0 = m.rest()
+    command = u0[0] + size * np.where(np.arange(60) < 30, 1.0, -0.5)
+    names = [s.name for s in m.states]
+    seen = replay(
+        m.plant, m.rig.column(m.plant), command, PERIOD, drive=mode, hold="step", rate=0.0 * command, substeps=2000,
+        signals=[*names, "slack_fraction"],
+    )[:, :, 0]  # fmt: skip
+    u = np.zeros((60, len(m.inputs)))
+    u[:, 0] = command
+    motion = m.simulate(np.arange(61) * PERIOD, u, x0)
+    assert (np.abs(motion.x[1:] - seen[:, :-1]) / np.ptp(seen[:, :-1], axis=0)).max() < 2e-4
+    assert all(np.abs(seen[:, names.index(name)]).max() == pytest.approx(most) for name, most in reaches.items())
+    assert (seen[:, -1].max() > 0.5) == (rig == "bowden-1m")
+
+
+def test_a_drive_that_cannot_follow_its_command_is_left_out_of_the_hole():
+    """The acceleration limit of the hole's drive, which the equations leave out: what it does to the preset."""
+    m = model("gu-inferred")
+    x0, u0 = m.rest()
+    command = u0[0] + sampled(20.0, 100, PERIOD)
+    rate = np.concatenate([[0.0], np.diff(command) / PERIOD])
+    names = [s.name for s in m.states]
+    seen = replay(
+        m.plant, m.rig.column(m.plant), command, PERIOD, drive="tension", hold="step", rate=rate, signals=names,
+        substeps=1000,
+    )[:, :, 0]  # fmt: skip
+    motion = m.simulate(np.arange(101) * PERIOD, np.column_stack([command, rate, 0.0 * rate]), x0)
+    apart = (np.abs(motion.x[1:] - seen) / np.ptp(seen, axis=0)).max(axis=0)
+    assert 3e-4 < apart[1] < 3e-3
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_transmission_is_that_of_its_kernel(way):
+    m = TRANSMISSION.model()
+    k = np.arange(1, 21)
+    torque = 0.3 * np.sin(0.7 * k)
+    path = way * 0.01 * k
+    names = ["drive_angle", *(s.name for s in m.outputs)]
+    seen = replay(
+        m.plant, m.rig.column(m.plant), path, PERIOD, drive="follow", rate=np.full(20, way * 1.0), disturbance=torque,
+        signals=names,
+    )[:, :, 0]  # fmt: skip
+    ours = np.array([m.h([seen[j, 0]], [way * 1.0, torque[j]]) for j in range(20)])
+    assert np.abs(ours - seen[:, 1:]).max() < 1e-12  # the same pieces, but for the rounding of exp
+
+
+def test_the_band_slips_as_in_its_kernel():
+    m = BRAKE.model()
+    t = np.arange(401) * PERIOD
+    path, speed = 0.02 * np.sin(3.0 * t), 0.06 * np.cos(3.0 * t)
+    seen = replay(
+        m.plant, m.rig.column(m.plant), path[1:], PERIOD, drive="follow", rate=speed[1:], substeps=50,
+        signals=["position", "slip", "force", "band_tension_difference"],
+    )[:, :, 0]  # fmt: skip
+    motion = m.simulate(t, lambda s: [0.06 * np.cos(3.0 * s)], max_step=1e-3)
+    apart = np.abs(np.hstack([motion.x, motion.y])[1:] - seen).max(axis=0) / np.ptp(seen, axis=0)
+    assert apart.max() < 2e-3  # the kernel's path goes from rest to its speed within the first step
+
+
+@CASES
+@pytest.mark.parametrize("way", [1, -1])
+def test_the_linear_system_is_the_slope_of_the_equations(case, way):
+    m, rng = case.model(), np.random.default_rng(3)
+    for _ in range(3):
+        x, u = point(m, case, way, rng)
+        linear = m.linearise(way, at=(x, u))
+        for place, found, along in ((0, linear.A, x), (1, linear.B, u)):
+            below = linear.C if place == 0 else linear.D
+            exact = np.vstack([found, below])
+            for k in range(len(along)):
+                step = 1e-6 * max(1e-3, abs(along[k]))
+                pairs = []
+                for s in (1.0, -1.0):
+                    z = [x.copy(), u.copy()]
+                    z[place][k] += s * step
+                    pairs.append(np.concatenate([m.f(*z, way), m.h(*z, way)]))
+                slope = (pairs[0] - pairs[1]) / (2.0 * step)
+                size = np.abs(exact).max(axis=1) + np.abs(pairs[0]) * 1e-6 / step
+                assert np.abs(slope - exact[:, k]).max() <= 1e-4 * size.max() and np.all(
+                    np.abs(slope - exact[:, k]) <= 1e-5 * size + 1e-9
+                )
+
+
+def test_linear_systems_know_what_their_rows_are():
+    linear = model("gu-inferred").linearise(sliding=-1, at=0.01)
+    assert linear.states == ("drive_position", "load_position", "load_velocity")
+    assert linear.inputs == ("command", "command_rate", "disturbance") and linear.outputs[2] == "drive_tension"
+    assert linear.sliding == -1 and np.abs(linear.rates).max() < 1e-9
+    assert linear.A[1].tolist() == [0.0, 0.0, 1.0] and linear.B[2, 2] == pytest.approx(1.0 / 5.0)
+
+
+def test_a_held_load_does_not_move_in_the_linear_system():
+    linear = model("gu-inferred").linearise(sliding=0)
+    assert not linear.A[2].any() and not linear.B[2].any()
+
+
+@pytest.mark.parametrize(("given", "said"), [
+    (lambda: model("gu-inferrd"), "gu-inferred"),
+    (lambda: model("gu-inferred", "torque"), "unknown action mode 'torque'"),
+    (lambda: model("gu-three-holes"), "holes in series"),
+    (lambda: model("zou-table2", variant="chain"), "linear complementarity problem"),
+    (lambda: model(load_rig("zou-table2").replace({"hold_rule": 1.0})), "hold_rule"),
+    (lambda: model(load_rig("gu-inferred").replace({"backlash.gap": 1e-4})), "leave out the effect 'backlash'"),
+    (lambda: model("gu-inferred").f([0.0], [0.0] * 3), "x: expected 3 numbers"),
+    (lambda: model("gu-inferred").f([0.0] * 3, [0.0] * 3, 2), "sliding: expected 1, -1 or 0"),
+    (lambda: model("gu-inferred").simulate([0.0, 0.0], [0.0] * 3), "times that grow"),
+    (lambda: model("gu-inferred").simulate([0.0, 1.0], [0.0] * 2), "u: expected"),
+    (lambda: model("gu-inferred").simulate([0.0, 1.0], [0.0] * 3, rtoll=1.0), "did you mean 'rtol'"),
+])  # fmt: skip
+def test_what_cannot_be_is_refused_with_the_reason(given, said):
+    with pytest.raises(ConfigurationError, match=said):
+        given()
+
+
+def test_a_plant_without_equations_says_so():
+    with pytest.raises(ConfigurationError, match="has no equations in continuous time"):
+        replace(families()["cable_hole"], continuous="").moves()
+
+
+@CASES
+def test_the_equations_name_signals_of_the_plant(case):
+    m = case.model()
+    assert len(m.f(*m.rest(case.position))) == len(m.states)
+    assert len(m.h(*m.rest(case.position))) == len(m.outputs) == len(m.equations.outputs)
+    assert all(s.unit for s in (*m.states, *m.inputs, *m.outputs))
+
+
+def test_the_page_about_it_holds():
+    """Its examples run, and its table names the states of every plant."""
+    page = ROOT / "docs" / "without-gymnasium.md"
+    failed, tried = doctest.testfile(str(page), module_relative=False)
+    assert failed == 0 and tried > 10
+    rows = {row.split("`")[1]: row for row in page.read_text(encoding="utf-8").splitlines() if row.startswith("| `")}
+    models = [case.model() for case in EVERY.values()]
+    assert {m.rig.plant for m in models} == set(families()) == set(rows)
+    assert [s.name for m in models for s in m.states if s.name not in rows[m.rig.plant]] == []
+
+
+def test_the_range_of_the_command_is_that_of_the_action_mode():
+    assert model("gu-inferred", "tension").command_range == (0.0, 120.0)
+    assert model("gu-inferred", "speed").command_range == (-0.1, 0.1)
+    assert TRANSMISSION.model().command_range == (-np.inf, np.inf)
