@@ -50,6 +50,9 @@ PARAMETERS = (
     Parameter("servo_filter", "s", 1e-3, 0.0, 1.0, "time constant of the filter of the encoder's rate", "chosen"),
 )
 
+MOTOR = tuple(p.name for p in PARAMETERS)
+"""Names of the parameters that a drive with a motor has besides."""
+
 SIGNALS = (
     Signal("encoder_angle", "rad", "what the encoder of the drive shows"),
     Signal("encoder_velocity", "rad/s", "its rate, from differences, filtered"),
