@@ -71,6 +71,7 @@ ROWS = (
 """Coefficients. resistance: of winding and supply; cogging_torque: at the drive; cogging_turns: periods in a radian of
 the drive over 2 pi; encoder_steps: in a radian of the drive."""
 
+
 @inline
 def _read(x, p, u, i, dt):
     """The encoder's next reading if it is due, and what the servo then asks for."""
@@ -104,16 +105,22 @@ def motor_step(x, p, u, g, i, torque, stiffness, damping, dt):
     v, ratio, constant = x.drive_velocity[i], p.gear_ratio[i], p.torque_constant[i]
     least, most = current_range(constant * ratio * v, p.resistance[i], p.supply_voltage[i], p.current_limit[i])
     current = clip(x.servo_torque[i] / (constant * ratio), least, most)
-    pushed = behind_gear(constant * current, v, ratio, p.gear_efficiency[i])
-    x.motor_current[i], x.motor_torque[i] = current, pushed
+    # what the gear takes of the power is a friction too: at rest it holds anything between these two
+    forward = behind_gear(constant * current, 1.0, ratio, p.gear_efficiency[i])
+    backward = behind_gear(constant * current, -1.0, ratio, p.gear_efficiency[i])
     cogging = p.cogging_torque[i] * sine_cosine(p.cogging_turns[i] * x.drive_angle[i])[0]
-    net = pushed - cogging - p.drive_damping[i] * v - torque + 0.5 * dt * stiffness * v  # of the middle already
+    against = cogging + torque
+    net = 0.5 * dt * stiffness * v - against - p.drive_damping[i] * v  # the torque is that of the middle already
     # a voltage that is used up brakes like a damper
     braked = select((current <= least) | (current >= most), constant * ratio * constant * ratio / p.resistance[i], 0.0)
     braked = select(abs(current) < p.current_limit[i], braked, 0.0)
     rest = p.drive_damping[i] + damping + braked
     friction = p.drive_friction[i]
-    new = stick_slip_step(v, p.drive_inertia[i], net - friction, net + friction, stiffness, rest, rest, dt)
+    up, down = net + forward - friction, net + backward + friction
+    new = stick_slip_step(v, p.drive_inertia[i], up, down, stiffness, rest, rest, dt)
+    held = clip(against, forward, backward)
+    x.motor_current[i] = current
+    x.motor_torque[i] = select(new > 0.0, forward, select(new < 0.0, backward, held))
     new = clip(new, -p.drive_speed_limit[i], p.drive_speed_limit[i])
     if g is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
