@@ -20,7 +20,7 @@ import numpy as np
 
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.kernels import clip, inline, select, sine_cosine
+from cable_envs.core.kernels import clip, inline, maximum, select, sine_cosine
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.physics.friction import stick_slip_step
@@ -75,15 +75,16 @@ the drive over 2 pi; encoder_steps: in a radian of the drive."""
 @inline
 def _read(x, p, u, i, dt):
     """The encoder's next reading if it is due, and what the servo then asks for."""
-    age = x.servo_age[i] + dt
+    age = x.servo_age[i]
     due = age >= p.encoder_period[i] * (1.0 - 1e-9)
     angle = shown(x.drive_angle[i], p.encoder_steps[i])
     by_torque, limit = u.mode[i] > 0.5, p.drive_torque_limit[i]
-    share = age / (age + p.servo_filter[i])
-    rate = x.encoder_velocity[i] + share * ((angle - x.encoder_angle[i]) / age - x.encoder_velocity[i])
+    since = maximum(age, p.encoder_period[i])
+    share = since / (since + p.servo_filter[i])
+    rate = x.encoder_velocity[i] + share * ((angle - x.encoder_angle[i]) / since - x.encoder_velocity[i])
     error = u.command[i] - angle
     apart = p.servo_kp[i] * error + p.servo_kd[i] * (u.command_rate[i] - rate)
-    grown = x.servo_integral[i] + age * p.servo_ki[i] * error
+    grown = x.servo_integral[i] + since * p.servo_ki[i] * error
     beyond = abs(apart + grown) > limit
     unwinds = (apart + grown) * error < 0.0
     integral = select(beyond & (not unwinds), x.servo_integral[i], grown)
@@ -92,7 +93,7 @@ def _read(x, p, u, i, dt):
     x.servo_integral[i] = select(due & (not by_torque), clip(integral, -limit, limit), x.servo_integral[i])
     x.encoder_angle[i] = select(due, angle, x.encoder_angle[i])
     x.encoder_velocity[i] = select(due, rate, x.encoder_velocity[i])
-    x.servo_age[i] = select(due, 0.0, age)
+    x.servo_age[i] = select(due, 0.0, age) + dt
 
 
 @inline
@@ -154,7 +155,7 @@ def _settle(plain: Callable) -> Callable:
     def settle(x: Any, s: Any, p: Any, e: Any, position: np.ndarray) -> None:
         """At rest: the servo's integral, or the command, holds what the cables pull."""
         plain(x, s, p, e, position)
-        x.encoder_angle[:] = x.drive_angle
+        x.encoder_angle[:], x.servo_age[:] = x.drive_angle, p.encoder_period
         x.servo_integral[:] = x.servo_torque[:] = x.motor_torque[:] = x.drive_torque
         x.motor_current[:] = x.drive_torque / (p.torque_constant * p.gear_ratio)
 
