@@ -8,6 +8,7 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import ParameterTable
 from cable_envs.plants import family_of, plant_for
 from cable_envs.plants.base import Plant
+from cable_envs.plants.servo import MOTOR
 
 Reference = tuple[float, float, float]
 """r, r_dot, r_ddot in SI."""
@@ -295,7 +296,7 @@ def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
         The plant's own name.
     rig : mapping
         Values over the plant's defaults: numbers in SI or ``{value, unit}``. Names such as "wrap_angle_2" make a hole
-        plant of several holes.
+        plant of several holes, and those of a motor ("motor_constant") a drive that has one.
 
     Returns
     -------
@@ -308,11 +309,13 @@ def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
         For an unknown plant or parameter, naming the nearest, and values out of bounds.
     """
     series = [k.removeprefix("wrap_angle_") for k in rig if k.startswith("wrap_angle_")]
-    table = _plant(plant).parameters
+    table, with_motor = _plant(plant).parameters, family_of(plant).with_motor
     if family_of(plant).series and series:
         if not all(s.isdigit() for s in series):
             raise ConfigurationError(f"unknown parameter 'wrap_angle_{series[0]}'; {nearest('wrap_angle', rig)}")
         table = plant_for(plant, holes=max(map(int, series))).parameters
+    if with_motor is not None and any(name in rig for name in MOTOR):
+        table = with_motor(_plant(plant)).parameters
     return table.unpack(table.pack(rig))
 
 

@@ -10,6 +10,10 @@ _ARRIVED_ANGLE, _ARRIVED_SPEED = 5e-3, 0.1
 """the drive counts as arrived within these of its target, rad and rad/s"""
 
 
+_STILL = 1e-3
+"""rad/s; below, friction is taken against the way that the drive is to go"""
+
+
 class CircuitOracle:
     """Cascade output -> drive angle -> drive speed -> drive acceleration -> command.
 
@@ -23,7 +27,12 @@ class CircuitOracle:
         self._model.require_contact(task)
         self._gains, self._dt = gains, dt
         self._torque_mode, self._torque_task = action_mode == "torque", task == "torque"
-        self._inertia, self._damping = rig["drive_inertia"], rig["drive_damping"]
+        ratio = rig.get("gear_ratio", 1.0)
+        self._inertia, self._damping = (
+            rig["drive_inertia"] + rig.get("motor_inertia", 0.0) * ratio**2,
+            rig["drive_damping"],
+        )
+        self._friction, self._efficiency = rig.get("drive_friction", 0.0), rig.get("gear_efficiency", 1.0)
         self._speed = rig["drive_speed_limit"]
         self._servo = rig["servo_frequency"] ** 2, 2.0 * rig["servo_damping_ratio"] * rig["servo_frequency"]
         bound = rig["drive_torque_limit"] if self._torque_mode else rig["drive_angle_limit"]
@@ -53,6 +62,9 @@ class CircuitOracle:
         acceleration = min(max(g["speed_gain"] * (wanted - speed), -self._acceleration), self._acceleration)
         if self._torque_mode:
             free = self._inertia * acceleration + self._damping * speed + y["drive_torque"]
+            way = speed if abs(speed) > _STILL else wanted
+            free += self._friction * ((way > 0.0) - (way < 0.0))
+            free *= 1.0 / self._efficiency if free * way >= 0.0 else self._efficiency
             return min(max(free, self.low), self.high)
         return self._servo_command(angle, speed, acceleration)
 

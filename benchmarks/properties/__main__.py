@@ -18,7 +18,8 @@ from cable_envs import load_rig
 
 CASES = (
     ("gu-inferred", "analytic"), ("bowden-1m", "analytic"), ("zou-table2", "analytic"),
-    ("zou-grasp", "analytic"), ("zou-table2", "chain"), ("zou-grasp", "chain"),
+    ("zou-grasp", "analytic"), ("zou-table2", "chain"), ("zou-grasp", "chain"), ("zou-table2-motor", "analytic"),
+    ("zou-table2-motor", "chain"),
 )  # fmt: skip
 """Shipped rigs, and which simulator of them."""
 

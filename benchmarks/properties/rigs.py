@@ -18,8 +18,15 @@ USUAL = 20
 FACTOR = 3.0
 """Parameters are drawn log-uniformly between a shipped rig's value over this and times this."""
 
-KEPT = ("gravity", "load_gravity", "hold_rule", "gear")
-"""Parameters that are no size of a rig."""
+KEPT = (
+    "gravity", "load_gravity", "hold_rule", "servo_kp", "servo_ki", "servo_kd", "servo_filter", "encoder_counts",
+    "encoder_period",
+)  # fmt: skip
+"""Parameters that are no size of a rig, and those of a servo, which are set for its drive: others make it unstable."""
+
+NOISE = {"m": 0.002, "rad": 0.002}
+"""By the unit of the command: white noise as a share of its size, where it is not 0.02. Positions that jump by more at
+every sample ask a servo for more than its drive has, which no user does."""
 
 
 @dataclass(frozen=True)
@@ -102,5 +109,5 @@ def _told(plant: Plant, mode: ActionMode, values: np.ndarray, steps: int, subste
     slow, fast = rng.uniform(0.2, 1.0, n), rng.uniform(1.0, 3.0, n)
     wave = 0.6 * np.sin(2 * np.pi * slow * t) + 0.2 * np.sin(2 * np.pi * fast * t + rng.uniform(0, 6.28, n))
     jumps = 0.4 * rng.uniform(-1.0, 1.0, (steps // 50 + 1, n)).repeat(50, axis=0)[:steps]
-    command = rest * 1.2 + size * (wave + jumps + 0.02 * rng.standard_normal((steps, n)))
+    command = rest * 1.2 + size * (wave + jumps + NOISE.get(mode.unit, 0.02) * rng.standard_normal((steps, n)))
     return Trial(plant, mode, values, np.zeros(n), np.clip(command, 0.0 if mode.one_sided else -bound, bound), substeps)

@@ -53,11 +53,12 @@ class Lanes:
     """
 
     def __init__(self, name: str, fields: Iterable[Field]):
+        self._declared = (name, tuple(fields))
         self._places: dict[str, tuple[int, int, int]] = {}
         """field -> (first row, number of rows or -1 where it is no sequence, distance between them)"""
         self.count = 0
         declared = 0
-        for field in fields:
+        for field in self._declared[1]:
             turns, many = (field, -1) if isinstance(field, str) else field
             together = (turns,) if isinstance(turns, str) else turns
             for k, one in enumerate(together):
@@ -75,6 +76,17 @@ class Lanes:
 
     def __contains__(self, field: str) -> bool:
         return field in self._places
+
+    def extended(self, fields: Iterable[Field]) -> "Lanes":
+        """The same rows with further ones behind them.
+
+        Examples
+        --------
+        >>> Lanes("Mass", ["position"]).extended(["speed"]).names
+        ('position', 'speed')
+        """
+        name, before = self._declared
+        return Lanes(name, [*before, *fields])
 
     def row(self, field: str, k: int = 0) -> int:
         """Row of a field, or of its k-th one."""

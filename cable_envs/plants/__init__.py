@@ -58,7 +58,14 @@ VERSIONS = ("v0", "v1")
 """Versions of the ids; a plant has the numbers of the last one unless another is asked for."""
 
 
-def plant_for(name: str, variant: str = "analytic", holes: int = 1, version: str = VERSIONS[-1]) -> Plant:
+DRIVES = ("ideal", "motor")
+"""What may move a cable: a drive without a motor, which is what its command says, or one with all that a motor has."""
+
+
+@cache
+def plant_for(
+    name: str, variant: str = "analytic", holes: int = 1, version: str = VERSIONS[-1], drive: str = DRIVES[0]
+) -> Plant:
     """The plant that simulates rigs of a family.
 
     Parameters
@@ -73,6 +80,8 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1, version: str
     version : str
         Version of the ids whose numbers it gives, one of `VERSIONS`: those of an older one are kept, so that its boards
         can be replayed.
+    drive : str
+        What moves the cable, one of `DRIVES`.
 
     Returns
     -------
@@ -101,7 +110,19 @@ def plant_for(name: str, variant: str = "analytic", holes: int = 1, version: str
     if version not in VERSIONS:
         raise ConfigurationError(f"unknown version '{version}'; {nearest(version, VERSIONS)}")
     plant = found.build(variant if variant in found.variants else found.variants[0], holes)
-    return found.as_v0(plant) if version == "v0" else plant
+    if drive not in DRIVES:
+        raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, DRIVES)}")
+    if version == "v0":
+        if drive != "ideal":
+            raise ConfigurationError(
+                f"a drive with a motor belongs to the ids -v1: those of -v0 have ideal ones ({name})"
+            )
+        return found.as_v0(plant)
+    if drive == "motor":
+        if found.with_motor is None:
+            raise ConfigurationError(f"{name} has an ideal drive only; leave out 'drive: motor'")
+        return found.with_motor(plant)
+    return plant
 
 
 @cache

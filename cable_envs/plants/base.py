@@ -1,7 +1,7 @@
 """What every plant offers to the layers above it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -115,6 +115,10 @@ class Plant:
     raised : callable, optional
         (p, dt): raises in place the inertias and dampings of mechanisms that are too quick for steps of dt seconds, for
         replays in coarse steps and for the ids ``-v0``. None: nothing is raised.
+    measured : mapping of str to str
+        Signal -> the signal that its sensor shows, where that is another one.
+    drive : str
+        What moves the cable: "ideal", or "motor" (`cable_envs.plants.servo`).
     version : str
         Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
@@ -148,6 +152,8 @@ class Plant:
     own: tuple[Effect, ...] = ()
     resolves: Callable[[Any, Any], np.ndarray] | None = None
     raised: Callable[[Any, float], None] | None = None
+    measured: Mapping[str, str] = field(default_factory=dict)
+    drive: str = "ideal"
     version: str = "v1"
 
     def __post_init__(self) -> None:
@@ -155,7 +161,7 @@ class Plant:
             raise ValueError(f"{self.name}: {len(self.signals)} signals, but {self.signal_rows.count} rows for them")
 
     def __hash__(self) -> int:
-        return hash((self.name, self.version, len(self.signals), self.own))
+        return hash((self.name, self.version, self.drive, len(self.signals), self.own))
 
     @property
     def coefficients(self) -> tuple[str, ...]:

@@ -107,6 +107,8 @@ class Family:
     as_v0 : callable
         Plant -> the plant with the numbers that the ids ``-v0`` have. Unless the family says otherwise they differ in
         one thing: the step does not fit the rig, the rig's inertias are raised to the step.
+    with_motor : callable, optional
+        Plant -> the plant with a real drive (`cable_envs.plants.servo`); None: its drive is ideal.
     variants : tuple of str
         Simulators of the same rig; the first one is what is taken unless another is asked for.
     series : bool
@@ -148,6 +150,7 @@ class Family:
     title: str
     build: Callable[[str, int], Any]
     as_v0: Callable[[Any], Any] = coarse
+    with_motor: Callable[[Any], Any] | None = None
     variants: tuple[str, ...] = ("analytic",)
     series: bool = False
     tasks: str = ""

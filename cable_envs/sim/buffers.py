@@ -146,7 +146,7 @@ def _common(setup: Setup) -> np.recarray:
         c.source[k] = c.shown + sensors.index(channel.name) if channel.measured else own[channel.name]
         c.scale[k] = channel.scale
     for k, name in enumerate(sensors):
-        c.sensor[k], c.effects[k] = plant.row(name), plant.sense_row(name)
+        c.sensor[k], c.effects[k] = plant.row(plant.measured.get(name, name)), plant.sense_row(name)
         c.deviation[k] = setup.noise[plant.row(name)]
     c.noisy = np.any(c.deviation > 0.0)
     c.limits = len(setup.rig.valid)

@@ -4,7 +4,9 @@
 schema: cable-rig/1
 name: gu-inferred
 plant: cable_hole            # or pulley_circuit (serves the chain too)
+extends: other-rig           # a preset whose parameters hold where this file gives none
 holes: 1                     # cable_hole only
+drive: motor                 # pulley_circuit: a real drive; "ideal" unless it is said
 description: ...
 parameters:
   load_mass: {value: 5.0, unit: kg, source: "..."}
@@ -31,7 +33,7 @@ from cable_envs.plants.base import OUT_OF_RANGE, Plant
 from cable_envs.plants.own_effects import with_own_effects
 
 SCHEMA = "cable-rig/1"
-_KEYS = ("schema", "name", "plant", "holes", "description", "parameters", "valid", "effects")
+_KEYS = ("schema", "name", "plant", "extends", "holes", "drive", "description", "parameters", "valid", "effects")
 
 
 @dataclass(frozen=True)
@@ -57,6 +59,8 @@ class Rig:
         that the plant itself has under another name ("viscous_friction.coefficient") is among ``values``.
     own : tuple of Effect
         A user's own effects, which ``effects`` may name too.
+    drive : str
+        What moves the cable: "ideal" or "motor" (`cable_envs.plants.servo`).
     valid : mapping of str to (float, float)
         Range of a signal of the plant, SI, that the parameters are from, where that is known. Beyond it a simulation
         goes on, and the info of an environment says ``out_of_range``. The sources are among ``sources``.
@@ -77,6 +81,7 @@ class Rig:
     effects: Mapping[str, float] = field(default_factory=dict)
     own: tuple[Effect, ...] = ()
     valid: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    drive: str = "ideal"
 
     def content(self) -> dict[str, Any]:
         """The rig as the content of a rig file.
@@ -103,7 +108,7 @@ class Rig:
             effect, parameter = name.split(".", 1)
             effects.setdefault(effect, {})[parameter] = value
         return {
-            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes,
+            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes, "drive": self.drive,
             "description": self.description, "parameters": parameters, "valid": valid, "effects": effects,
         }  # fmt: skip
 
@@ -151,7 +156,7 @@ class Rig:
         ConfigurationError
             For an unknown variant or version, and for own effects that do not act on the plant.
         """
-        return with_own_effects(plant_for(self.plant, variant, self.holes, version), self.own)
+        return with_own_effects(plant_for(self.plant, variant, self.holes, version, self.drive), self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
         """The same rig with some parameters changed.
@@ -225,10 +230,12 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     require_known(f"key in {origin}", data, _KEYS)
     if data.get("schema", SCHEMA) != SCHEMA:
         raise ConfigurationError(f"{origin}: schema '{data['schema']}' is not '{SCHEMA}'")
+    data = _extended(data, origin)
     holes = data.get("holes", 1)
     if not isinstance(holes, int) or isinstance(holes, bool):
         raise ConfigurationError(f"{origin}: holes must be a whole number, got {holes!r}")
-    plant = plant_for(str(data.get("plant")), "analytic", holes)
+    drive = str(data.get("drive", "ideal"))
+    plant = plant_for(str(data.get("plant")), "analytic", holes, drive=drive)
     given = data.get("parameters") or {}
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"{origin}: 'parameters' must be a mapping of name: {{value, unit, source}}")
@@ -240,7 +247,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     name, description = str(data.get("name", origin)), str(data.get("description", ""))
     valid = _valid(data.get("valid") or {}, plant, origin)
     sources |= {n: str(item["source"]) for n, item in (data.get("valid") or {}).items() if "source" in item}
-    rig = Rig(name, plant.name, holes, values, sources, description, own=own, valid=valid)
+    rig = Rig(name, plant.name, holes, values, sources, description, own=own, valid=valid, drive=drive)
     effects = data.get("effects") or {}
     if not isinstance(effects, Mapping):
         raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")
@@ -248,6 +255,18 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
         return rig.replace(dict(dotted(effects)))
     except ConfigurationError as error:
         raise ConfigurationError(f"{origin}: {error}") from error
+
+
+def _extended(data: Mapping[str, Any], origin: str) -> Mapping[str, Any]:
+    """A rig file's content with what it does not say itself taken from the preset that it extends."""
+    if "extends" not in data:
+        return data
+    path = config_path("rigs", f"{data['extends']}.yaml")
+    base = _extended(read_yaml(path), path.name)
+    if data.get("plant", base["plant"]) != base["plant"]:
+        raise ConfigurationError(f"{origin}: extends {data['extends']}, which is of {base['plant']}")
+    joined = {key: {**(base.get(key) or {}), **(data.get(key) or {})} for key in ("parameters", "valid", "effects")}
+    return {**base, **{key: value for key, value in data.items() if key != "extends"}, **joined}
 
 
 def _valid(given: Any, plant: Plant, origin: str) -> dict[str, tuple[float, float]]:

@@ -173,7 +173,7 @@ def make_setup(
     own: tuple[Effect, ...] = ()
     if effect_file is not None:
         own = (effect_file if isinstance(effect_file, Effect) else load_effect(effect_file),)
-    chosen = _choose_rig(declared, rig, own)
+    chosen = _choose_rig(declared, rig, own, version)
     if effects is not None:
         if not isinstance(effects, Mapping):
             raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
@@ -223,12 +223,15 @@ OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.ite
 """Names of the options of an environment."""
 
 
-def _choose_rig(task: Task, rig: str | Path | Mapping[str, Any] | Rig | None, own: tuple[Effect, ...]) -> Rig:
+def _choose_rig(
+    task: Task, rig: str | Path | Mapping[str, Any] | Rig | None, own: tuple[Effect, ...], version: str
+) -> Rig:
     """The task's own rig, another one, or the task's own with some parameters changed."""
+    usual = task.rigs.get(version, task.rig)
     if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig):
-        chosen = load_rig(task.rig, own).replace(rig)
+        chosen = load_rig(usual, own).replace(rig)
     else:
-        chosen = load_rig(task.rig if rig is None else rig, own)
+        chosen = load_rig(usual if rig is None else rig, own)
     wanted = next(one for one in families().values() if one.tasks == task.name.split("-")[0])
     if chosen.plant != wanted.name:
         raise ConfigurationError(

@@ -8,7 +8,7 @@ It lies in (0, 1] but for the effort term, so an episode that ends early (torn c
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from cable_envs.core.config import config_names, config_path, read_yaml
@@ -62,6 +62,8 @@ class Task:
     ----------
     name, description : str
         Name of the file, and what it is about.
+    rigs : mapping of str to str
+        Rig of the first episodes of each version of the ids, where it is not ``rig``.
     rig : str
         Preset that the task is made for.
     output : str
@@ -112,6 +114,7 @@ class Task:
     observe_levels: Mapping[str, list[str]]
     sensor_noise: Mapping[str, float]
     randomize: Mapping[str, Mapping[str, Any]]
+    rigs: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
@@ -174,7 +177,7 @@ def load_task(name: str) -> Task:
         raise ConfigurationError(f"task {name}: schema must be '{SCHEMA}'")
     keys = [f.name for f in fields(Task)]
     require_known(f"key in task {name}", data, keys)
-    missing = [key for key in keys if key not in data]
+    missing = [key for key in keys if key not in data and key != "rigs"]
     if missing:
         raise ConfigurationError(f"task {name}: missing {', '.join(missing)}")
     return Task(**data)

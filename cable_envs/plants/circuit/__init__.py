@@ -13,10 +13,17 @@ def _build(variant: str, holes: int):
     return closed_form.PLANT
 
 
+def _with_motor(plant):
+    from cable_envs.plants.servo import with_motor
+
+    return with_motor(plant)
+
+
 FAMILY = Family(
     name="pulley_circuit",
     title="Closed pulley circuit",
     build=_build,
+    with_motor=_with_motor,
     variants=("analytic", "chain"),
     tasks="PulleyCircuit",
     outputs={

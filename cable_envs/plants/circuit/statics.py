@@ -27,6 +27,7 @@ from cable_envs.core.kernels import jit, maximum
 from cable_envs.physics.contact import tension_integral, tension_ratio
 from cable_envs.physics.supports import shaft_ratio, slip_angle, support_share
 from cable_envs.plants.circuit.parameters import CIRCUIT, IDLERS, SIDES
+from cable_envs.plants.servo import MOTOR
 
 
 @jit
@@ -133,7 +134,8 @@ class Statics:
     @classmethod
     def from_rig(cls, rig: Mapping[str, Any]) -> "Statics":
         """Coefficients [n = 1] of one rig (parameter names to SI numbers); missing ones take Table 2's value."""
-        return cls.from_values(CIRCUIT.pack(rig)[:, None])
+        cables = {name: value for name, value in rig.items() if name not in MOTOR}
+        return cls.from_values(CIRCUIT.pack(cables)[:, None])
 
     @property
     def kappa3(self):
