@@ -5,7 +5,7 @@ JOBS ?= 2
 PROOF ?= results/proof-quick
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
-.PHONY: demo test test-slow oldest newest interop notebooks coverage coverage-kernels bench kills proof proof-quick recordings \
+.PHONY: demo test test-slow oldest newest interop notebooks coverage coverage-kernels bench properties kills proof proof-quick recordings \
 	docs docs-serve lint wheel clean
 
 demo: .venv/installed
@@ -48,6 +48,10 @@ coverage-kernels: .venv/installed
 
 bench: .venv/installed
 	$(BIN)/python -m benchmarks
+
+# two minutes: what every plant keeps over random rigs, as a page of the documentation
+properties: .venv/installed
+	$(BIN)/python -m benchmarks.properties --rigs 200 --out docs/properties.md
 
 # half an hour: SIGKILL at 200 random moments of every command that writes, and what is left compared (tests/crashes)
 kills: .venv/installed

@@ -75,7 +75,7 @@ Differences to shorter steps are root mean squares of the worst signal: of posit
 tensions and torques relative to those at the drive. Differences below a tenth of what a task's reward calls a small
 error (0.1 mm, 2 mrad, 0.05 N, 1 mN m) are relative to that.
 
-The table is made by `python -m benchmarks.properties --rigs {rigs} --out docs/properties.md`.
+The table is made by `make properties` ({rigs} rigs for each row, fewer at rest).
 
 """
 

@@ -22,6 +22,9 @@ OPTIONS = [
     (CIRCUIT, {"observe": "full", "randomize": True, "disturbance": {"kind": "step", "amplitude": 0.01, "start": 0.1}}),
     (CIRCUIT, {"plant": "chain", "observe": "full", "sensor_noise": True}),
     (CIRCUIT, {"plant": "chain", "action_mode": "torque", "action_delay": 1}),
+    (HOLE.replace("v0", "v1"), {"randomize": True, "sensor_noise": True}),
+    ("cable_envs/PulleyCircuit-Torque-Step-v1", {"randomize": True, "sensor_noise": True}),
+    ("cable_envs/TendonSheath-Tension-Sine-v1", {"randomize": True, "sensor_noise": True}),
 ]
 
 
