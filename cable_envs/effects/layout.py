@@ -8,8 +8,9 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.lanes import Field, Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects.base import Acting, Effect, lane_of
-from cable_envs.effects.lanes import SENSE
+from cable_envs.effects.lanes import SENSE, STATE_FIELDS, STATES
 from cable_envs.effects.library import EFFECTS
+from cable_envs.effects.own import memory
 
 
 class Layout:
@@ -39,6 +40,10 @@ class Layout:
         Names of the coefficients that kernels know as ``e``.
     count : int
         Rows of coefficients that the effects add, sensors included.
+    states : Lanes
+        Names of the effects' states, that kernels know as ``s``.
+    starts : dict of str to float
+        Values with which they begin, where they are not the plant's to say.
     """
 
     def __init__(
@@ -72,6 +77,8 @@ class Layout:
         ]
         """(place among the effects' values, null) of what switches the kernel's effects on"""
         self.count = self.lanes.count + SENSE.count * len(self.measured)
+        self.starts = memory(self.effects.values())
+        self.states = Lanes("States", (*STATE_FIELDS, *self.starts)) if self.starts else STATES
 
     def _row(self, name: str) -> int:
         effect, parameter = name.split(".", 1)
@@ -90,6 +97,20 @@ class Layout:
             raise ConfigurationError(f"effect '{effect}' does not act on {self.plant}; these do: {acting}")
         if parameter not in known:
             raise ConfigurationError(f"effect '{effect}' has no parameter '{parameter}'; {nearest(parameter, known)}")
+
+    def require_possible(self, given: Mapping[str, float]) -> None:
+        """Raise ConfigurationError where a rig cannot have what is given of its effects (dotted names, SI)."""
+        for effect in self.effects.values():
+            named = {p.name: given.get(f"{effect.name}.{p.name}", p.null) for p in effect.parameters}
+            reason = effect.refuse(named) if effect.refuse is not None else ""
+            if reason:
+                raise ConfigurationError(f"effect '{effect.name}': {reason}")
+            if effect.excludes and any(named[p.name] != p.null for p in effect.parameters if not p.shape):
+                for other in map(self.effects.__getitem__, effect.excludes):
+                    if any(
+                        given.get(f"{other.name}.{p.name}", p.null) != p.null for p in other.parameters if not p.shape
+                    ):
+                        raise ConfigurationError(f"a rig cannot have both {effect.name} and {other.name}")
 
     def present(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Names of the effects that a rig with these values has."""

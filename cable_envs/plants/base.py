@@ -11,7 +11,7 @@ from cable_envs.core.inputs import FOLLOW, INPUTS
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
-from cable_envs.effects.lanes import STATES, STEP
+from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import joined
 from cable_envs.plants.kernel import kernels
 
@@ -178,7 +178,7 @@ class Plant:
         """Kernels (x, p, u, lo, hi, substeps, dt) without and with effects, as of `advance`; compiled on first use."""
         made = kernels(
             f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
-            self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
+            self.effects.lanes, self.effects.states, self.step_rows, self.solve, joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], made[1])
 
@@ -227,10 +227,13 @@ class Plant:
         own, n = self.coefficient_rows.count, p.shape[1]
         known = len(p) > own
         e = self.effects.lanes.over(p[own:]) if known else self.effects.lanes.zeros(n)
-        x = np.zeros((len(self.signals) + (STATES.count if known else 0), n))
-        s = STATES.over(x[len(self.signals) :]) if known else STATES.zeros(n)
+        states = self.effects.states
+        x = np.zeros((len(self.signals) + (states.count if known else 0), n))
+        s = states.over(x[len(self.signals) :]) if known else states.zeros(n)
         at = np.array(np.broadcast_to(position, n), dtype=np.float64)
         self.settle(self.signal_rows.over(x), s, self.coefficient_rows.over(p), e, at)
+        for state, value in self.effects.starts.items():
+            getattr(s, state)[:] = value
         return x
 
     def longest_step(self, p: np.ndarray) -> np.ndarray:
