@@ -187,6 +187,8 @@ class Effect:
         State -> plain scalar function that gives its value ``dt`` later.
     excludes : tuple of str
         Names of effects that a rig cannot have along with it.
+    apart : bool
+        Whether its law is in a kernel that only rigs with such an effect take: the others' do not carry it.
     hypothesis : bool
         Whether a diagnosis looks for it without being told to.
     refuse : callable, optional
@@ -215,6 +217,7 @@ class Effect:
     states: tuple[EffectState, ...] = ()
     advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
     excludes: tuple[str, ...] = ()
+    apart: bool = False
     hypothesis: bool = True
     refuse: Callable[[Mapping[str, float]], str] | None = None
 

@@ -25,5 +25,6 @@ EFFECT = Effect(
     experiment="Let a force swing below breakaway for long around a constant one. The position does not creep",
     confusable=("presliding_hysteresis", "lugre_friction", "cable_elongation"),
     excludes=("presliding_hysteresis", "lugre_friction"),
+    apart=True,
     hypothesis=False,
 )  # fmt: skip

@@ -71,11 +71,11 @@ class Layout:
         self._nulls = {self.lanes.row(name): null for name, null in fields.items()}
         self._places = [(self._row(p.name), k) for k, p in enumerate(declared)]
         self._switches = [
-            (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null)
+            (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null, 2.0 if effect.apart else 1.0)
             for effect, p in known
             if effect.seam != "sense" and not p.shape and not p.alias
         ]
-        """(place among the effects' values, null) of what switches the kernel's effects on"""
+        """(place among the effects' values, null, kernel that is needed) of what switches the kernel's effects on"""
         self.count = self.lanes.count + SENSE.count * len(self.measured)
         self.starts = memory(self.effects.values())
         self.states = Lanes("States", (*STATE_FIELDS, *self.starts)) if self.starts else STATES
@@ -125,8 +125,8 @@ class Layout:
         for row, k in self._places:
             out[row] = values[k]
         on = self.lanes.row("on")
-        for k, null in self._switches:
-            out[on] = np.maximum(out[on], values[k] != null)
+        for k, null, kernel in self._switches:
+            out[on] = np.maximum(out[on], kernel * (values[k] != null))
         return out
 
     def sense_row(self, signal: str) -> int:

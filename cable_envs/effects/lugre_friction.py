@@ -24,5 +24,6 @@ EFFECT = Effect(
     "with the rate",
     confusable=("presliding_hysteresis", "elastoplastic_friction", "stribeck_friction"),
     excludes=("presliding_hysteresis", "elastoplastic_friction"),
+    apart=True,
     hypothesis=False,
 )  # fmt: skip

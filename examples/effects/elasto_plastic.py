@@ -1,6 +1,6 @@
 """Elasto-plastic friction of the load: as LuGre, but without drift; below breakaway it is a spring and nothing else.
 
-    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effect_file="examples/effects/elasto_plastic.py",
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v1", effect_file="examples/effects/elasto_plastic.py",
                    effects={"elasto_plastic": {"level": 4.0, "displacement": 2e-5}})
 
 Dupont, Hayward, Armstrong, Altpeter, IEEE Transactions on Automatic Control 47 (2002) 787, with the deflection over its

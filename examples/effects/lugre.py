@@ -1,6 +1,6 @@
 """LuGre friction of the load: bristles bend before they slip, and friction lags behind the speed.
 
-    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effect_file="examples/effects/lugre.py",
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v1", effect_file="examples/effects/lugre.py",
                    effects={"lugre": {"level": 4.0, "displacement": 2e-5}})
 
 Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE Transactions on Automatic Control 40 (1995) 419, with the deflection

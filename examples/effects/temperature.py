@@ -1,6 +1,6 @@
 """Temperature: friction heats the contact, and a warm contact has another friction coefficient.
 
-    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effect_file="examples/effects/temperature.py",
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v1", effect_file="examples/effects/temperature.py",
                    effects={"temperature": {"slope": -0.01, "resistance": 20.0, "constant": 5.0}})
 
 Blok, Proceedings of the General Discussion on Lubrication 2 (1937) 222; here one body with one time constant.

@@ -1,6 +1,6 @@
 """Wear: the friction of the contact grows with the way that the cable has slid in it.
 
-    gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effect_file="examples/effects/wear.py",
+    gymnasium.make("cable_envs/CableHole-Position-Sine-v1", effect_file="examples/effects/wear.py",
                    effects={"wear": {"growth": 0.5}})
 
 Archard, Journal of Applied Physics 24 (1953) 981: what is worn off is in proportion to the way.

@@ -248,7 +248,7 @@ def test_where_a_plant_has_several_contacts_a_memory_of_one_is_refused():
 @pytest.mark.skipif(JIT_DISABLED, reason="takes minutes")
 @pytest.mark.parametrize(("name", "effect"), [("TendonSheath", "temperature"), ("CableHole", "wear")])
 def test_states_are_the_environments(name, effect):
-    env_id = f"cable_envs/{name}-Position-Sine-v0"
+    env_id = f"cable_envs/{name}-Position-Sine-v1"
     sizes = {"temperature": {"slope": -0.1, "constant": 1.0}, "wear": {"growth": 5.0}}
     options = {"duration": 2.0, "effect_file": EXAMPLES / f"{effect}.py", "effects": {effect: sizes[effect]}}
     env = gym.make(env_id, **options)
