@@ -19,7 +19,8 @@ An effect is a piece of physics that a simulator may lack. Each one is off unles
 
     gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effects={"backlash": {"gap": 0.0005}})
 
-The [diagnosis](diagnosis.md) looks for all of them in a recording. Each effect below has
+The [diagnosis](diagnosis.md) looks for them in a recording; for what says "only where it is named" it takes
+`--effects`. Physics that is not here can be [your own effect](your-own-effect.md). Each effect below has
 
 - its **equation**, and a table of its parameters: the *null* is the value at which the effect changes no bit of a
   result (of a period, a speed and the like, which only shape it, the default), and the *typical* value shows it plainly
@@ -103,6 +104,7 @@ def section(effect: Effect, figures: str = "", linked: bool = False) -> str:
             "",
             f"- Plants: {plants}. Seam: {effect.seam}.",
             *(form(plant, one) for plant, one in forms_of(effect.name).items() if effect.name in EFFECTS),
+            *(() if effect.hypothesis else ("- Diagnosis: only where it is named.",)),
             f"- May be confused with: {', '.join(names) or 'none'}.",
             f"- Experiment: {effect.experiment}.",
             f"- Valid for: {effect.validity}.",
