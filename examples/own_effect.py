@@ -20,7 +20,7 @@ ENV_ID = "cable_envs/CableHole-Position-Sine-v0"
 CONTROLLERS = ("pid-tuned", "mrac-g22-tuned")
 
 
-def _detent(position, velocity, tension, force, pitch):
+def _detent(position, force, pitch):
     """Force against positive motion, N, at a position in m; ``pitch``: distance of the places, m."""
     return force * sin(2.0 * pi * position / pitch)
 

@@ -66,7 +66,15 @@ def permit(path: Path, content: bytes) -> None:
         gate(path, content)
 
 
-def run_python(path: str | Path, name: str) -> types.ModuleType:
+def read_python(path: str | Path) -> bytes:
+    """The content of a Python file of somebody's; ConfigurationError where it cannot be read."""
+    try:
+        return Path(path).read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from None
+
+
+def run_python(path: str | Path, name: str, content: bytes | None = None) -> types.ModuleType:
     """Execute a Python file of somebody's, after the gate was asked: the one way in which this project does so here.
 
     Controllers are executed in a process of their own (`cablebench.entrants.apart`), after the same question.
@@ -77,6 +85,8 @@ def run_python(path: str | Path, name: str) -> types.ModuleType:
         The file.
     name : str
         Of the module.
+    content : bytes, optional
+        What `read_python` gave, where the caller has to know just what is run.
 
     Returns
     -------
@@ -89,10 +99,7 @@ def run_python(path: str | Path, name: str) -> types.ModuleType:
         Where the file cannot be read, may not be executed, or fails.
     """
     path = Path(path)
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise ConfigurationError(f"cannot read {path}: {(error.strerror or str(error)).lower()}") from None
+    content = read_python(path) if content is None else content
     permit(path, content)
     module = types.ModuleType(name)
     module.__file__ = str(path)

@@ -5,8 +5,8 @@ mix rigs with different effects. Switch one on with ``gymnasium.make(..., effect
 rig file under ``effects:``, or by its dotted name wherever a rig's parameter may be named ("backlash.gap").
 """
 
-from cable_envs.effects.base import SEAMS, Acting, Effect, EffectParameter, lane_of
+from cable_envs.effects.base import SEAMS, Acting, Effect, EffectParameter, EffectState, lane_of
 from cable_envs.effects.layout import Layout
 from cable_envs.effects.library import EFFECTS, dotted
 
-__all__ = ["EFFECTS", "SEAMS", "Acting", "Effect", "EffectParameter", "Layout", "dotted", "lane_of"]
+__all__ = ["EFFECTS", "SEAMS", "Acting", "Effect", "EffectParameter", "EffectState", "Layout", "dotted", "lane_of"]

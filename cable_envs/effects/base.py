@@ -39,6 +39,8 @@ class EffectParameter:
         Size at which the effect is plainly seen where the plant moves straight.
     typical_turning : float, optional
         The same where the plant turns; None: ``typical``.
+    null_turning : float, optional
+        Null where the plant turns; None: ``null``. A shape that is a length needs one: it is an angle there.
     shape : bool
         Whether it only shapes the effect: ``null`` then is its default, and does not say whether the effect is there.
     alias : str
@@ -77,6 +79,7 @@ class EffectParameter:
     inverse: bool = False
     complete: bool = False
     lane: str = ""
+    null_turning: float | None = None
 
     def on(self, turning: bool, alias: str = "") -> "EffectParameter":
         """The parameter as it is on a plant.
@@ -91,7 +94,7 @@ class EffectParameter:
         Returns
         -------
         EffectParameter
-            With its unit and typical size there.
+            With its unit, null and typical size there.
 
         Examples
         --------
@@ -102,7 +105,8 @@ class EffectParameter:
         if not turning:
             return replace(self, alias=alias)
         typical = self.typical if self.typical_turning is None else self.typical_turning
-        return replace(self, unit=_TURNING.get(self.unit, self.unit), typical=typical, alias=alias)
+        null = self.null if self.null_turning is None else self.null_turning
+        return replace(self, unit=_TURNING.get(self.unit, self.unit), null=null, typical=typical, alias=alias)
 
     def declared(self, effect: str) -> Parameter:
         """The parameter as a row of a plant's parameter table.
@@ -118,6 +122,28 @@ class EffectParameter:
             Under the dotted name, with its null as default.
         """
         return Parameter(f"{effect}.{self.name}", self.unit, self.null, self.low, self.high, self.meaning)
+
+
+@dataclass(frozen=True)
+class EffectState:
+    """Something that an effect with hooks remembers from one integration step to the next.
+
+    Attributes
+    ----------
+    name : str
+        Name of the state within the effect; hooks ask for it by this name.
+    unit : str
+        SI unit.
+    start : float
+        Value when an episode or a replay begins.
+    meaning : str
+        What it is, for people.
+    """
+
+    name: str
+    unit: str
+    start: float = 0.0
+    meaning: str = ""
 
 
 @dataclass(frozen=True)
@@ -155,6 +181,18 @@ class Effect:
         Of an effect with hooks: the plants that it acts on; empty: every one that asks at its seams.
     hooks : mapping of str to callable
         Seam -> plain scalar function that is compiled into the kernels there (`cable_envs.effects.own`).
+    states : tuple of EffectState
+        Of an effect with hooks: what it remembers.
+    advance : mapping of str to callable
+        State -> plain scalar function that gives its value ``dt`` later.
+    excludes : tuple of str
+        Names of effects that a rig cannot have along with it.
+    apart : bool
+        Whether its law is in a kernel that only rigs with such an effect take: the others' do not carry it.
+    hypothesis : bool
+        Whether a diagnosis looks for it without being told to.
+    refuse : callable, optional
+        (its parameters as they are on a plant, by name) -> why a rig cannot have them together; empty: it can.
 
     Raises
     ------
@@ -176,6 +214,12 @@ class Effect:
     wave: tuple[str, str] | None = None
     plants: tuple[str, ...] = ()
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    states: tuple[EffectState, ...] = ()
+    advance: Mapping[str, Callable[..., float]] = field(default_factory=dict)
+    excludes: tuple[str, ...] = ()
+    apart: bool = False
+    hypothesis: bool = True
+    refuse: Callable[[Mapping[str, float]], str] | None = None
 
     def __hash__(self) -> int:
         return hash(self.name)
@@ -248,6 +292,8 @@ class Acting:
         Whether its motion is an angle: units become rad and N m.
     seams : tuple of str
         Where its kernel asks for effects that bring a function of their own (`Effect.hooks`).
+    several : tuple of str
+        Those of them that it has at several places at once: an effect with states cannot act there.
     forms : tuple of Effect
         Effects that have a law, parameters or sizes of their own on this plant, whole, under their canonical names.
     """
@@ -257,6 +303,7 @@ class Acting:
     aliases: Mapping[str, str] = field(default_factory=dict)
     turning: bool = False
     seams: tuple[str, ...] = ("actuate", "cable", "load")
+    several: tuple[str, ...] = ()
     forms: tuple[Effect, ...] = ()
 
     def bound(self, effect: Effect, plant: str) -> Effect:
@@ -281,7 +328,8 @@ class Acting:
             own = tuple(replace(one, name=signal, unit=one.unit or unit) for signal, unit in self.sensors.items())
             return replace(effect, parameters=own)
         names = self.effects.get(effect.name, ())
-        if effect.hooks and set(effect.hooks) <= set(self.seams) and plant in (effect.plants or (plant,)):
+        seams = set(self.seams) - set(self.several if effect.states else ())
+        if effect.hooks and set(effect.hooks) <= seams and plant in (effect.plants or (plant,)):
             names = tuple(p.name for p in effect.parameters)
         found = {p.name: p for p in effect.parameters}
         own = tuple(found[n].on(self.turning, self.aliases.get(f"{effect.name}.{n}", "")) for n in names)

@@ -5,19 +5,20 @@ Their coefficients are named after the effects: parameter "gap" of "backlash" is
 everywhere.
 """
 
-from cable_envs.core.lanes import Lanes
+from cable_envs.core.lanes import Field, Lanes
 
 ELEMENTS = 4
 """Elements of the generalised Maxwell-slip model."""
 
-STATES = Lanes(
-    "States",
-    [
-        "started", "command", "command_rate", "gap_position", "pulley_angle", "creep_top", "creep_bottom", "drift",
-        ("presliding", ELEMENTS), ("partial", ELEMENTS),
-    ],
+STATE_FIELDS: tuple[Field, ...] = (
+    "started", "command", "command_rate", "gap_position", "pulley_angle", "creep_top", "creep_bottom", "drift",
+    ("presliding", ELEMENTS), ("partial", ELEMENTS), "raised",
 )  # fmt: skip
-"""started: 0 until the first control step has given the states that depend on it their values."""
+STATES = Lanes("States", STATE_FIELDS)
+"""States of the effects of the library; those of effects with hooks come behind them (`cable_envs.effects.Layout`).
+
+started: 0 until the first control step has given the states that depend on it their values. raised: dry friction over
+what it were without Stribeck's part, in the step before."""
 
 STEP = (
     "asked", "asked_rate", "ramped",  # the command asked for, its rate, and 1 where it goes there in a straight line
@@ -26,7 +27,10 @@ STEP = (
     "follows", "imposes",  # 1 where the drive follows a path, or its tension is imposed
     "start", "start_rate", "target", "target_rate",  # the drive at the start of the control step, at the step's end
     "up", "down", "steep",  # dry friction moving up and down, and its growth with the speed
+    "excess", "contact_excess",  # of them Stribeck's part: force, and its share of the contact's friction
     "load_before",  # the load's position when the control step began
+    "most", "idlers_most",  # largest growth of the share of friction that is mobilised with the position
+    "part", "idlers_part",  # how much of a friction that builds up a step resolves
 )  # fmt: skip
 """Scratch of a control step, the tile ``g`` of a kernel."""
 

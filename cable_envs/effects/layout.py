@@ -8,8 +8,9 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.lanes import Field, Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects.base import Acting, Effect, lane_of
-from cable_envs.effects.lanes import SENSE
+from cable_envs.effects.lanes import SENSE, STATE_FIELDS, STATES
 from cable_envs.effects.library import EFFECTS
+from cable_envs.effects.own import memory
 
 
 class Layout:
@@ -39,6 +40,10 @@ class Layout:
         Names of the coefficients that kernels know as ``e``.
     count : int
         Rows of coefficients that the effects add, sensors included.
+    states : Lanes
+        Names of the effects' states, that kernels know as ``s``.
+    starts : dict of str to float
+        Values with which they begin, where they are not the plant's to say.
     """
 
     def __init__(
@@ -66,12 +71,14 @@ class Layout:
         self._nulls = {self.lanes.row(name): null for name, null in fields.items()}
         self._places = [(self._row(p.name), k) for k, p in enumerate(declared)]
         self._switches = [
-            (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null)
+            (self.table.index(f"{effect.name}.{p.name}") - self.base, p.null, 2.0 if effect.apart else 1.0)
             for effect, p in known
             if effect.seam != "sense" and not p.shape and not p.alias
         ]
-        """(place among the effects' values, null) of what switches the kernel's effects on"""
+        """(place among the effects' values, null, kernel that is needed) of what switches the kernel's effects on"""
         self.count = self.lanes.count + SENSE.count * len(self.measured)
+        self.starts = memory(self.effects.values())
+        self.states = Lanes("States", (*STATE_FIELDS, *self.starts)) if self.starts else STATES
 
     def _row(self, name: str) -> int:
         effect, parameter = name.split(".", 1)
@@ -91,6 +98,20 @@ class Layout:
         if parameter not in known:
             raise ConfigurationError(f"effect '{effect}' has no parameter '{parameter}'; {nearest(parameter, known)}")
 
+    def require_possible(self, given: Mapping[str, float]) -> None:
+        """Raise ConfigurationError where a rig cannot have what is given of its effects (dotted names, SI)."""
+        for effect in self.effects.values():
+            named = {p.name: given.get(f"{effect.name}.{p.name}", p.null) for p in effect.parameters}
+            reason = effect.refuse(named) if effect.refuse is not None else ""
+            if reason:
+                raise ConfigurationError(f"effect '{effect.name}': {reason}")
+            if effect.excludes and any(named[p.name] != p.null for p in effect.parameters if not p.shape):
+                for other in map(self.effects.__getitem__, effect.excludes):
+                    if any(
+                        given.get(f"{other.name}.{p.name}", p.null) != p.null for p in other.parameters if not p.shape
+                    ):
+                        raise ConfigurationError(f"a rig cannot have both {effect.name} and {other.name}")
+
     def present(self, values: Mapping[str, float]) -> tuple[str, ...]:
         """Names of the effects that a rig with these values has."""
         return tuple(name for name, effect in self.effects.items() if effect.present(values))
@@ -104,8 +125,8 @@ class Layout:
         for row, k in self._places:
             out[row] = values[k]
         on = self.lanes.row("on")
-        for k, null in self._switches:
-            out[on] = np.maximum(out[on], values[k] != null)
+        for k, null, kernel in self._switches:
+            out[on] = np.maximum(out[on], kernel * (values[k] != null))
         return out
 
     def sense_row(self, signal: str) -> int:

@@ -12,7 +12,8 @@ from cable_envs.effects.base import Effect
 
 SHOWN = (
     "coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "presliding_hysteresis",
-    "load_dependent_friction", "lateral_extrusion", "bending_stiffness", "cable_elongation", "stiffness_hardening",
+    "lugre_friction", "elastoplastic_friction", "load_dependent_friction", "lateral_extrusion",
+    "bending_stiffness", "cable_elongation", "stiffness_hardening",
     "viscoelastic_creep", "friction_drift", "backlash", "slack", "partial_slip", "position_ripple",
     "position_dependent_load", "actuator_lag", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification",
 )  # fmt: skip

@@ -1,9 +1,23 @@
 """An error repeats with the position: of the motion (eccentric pulleys and screws) or of the force (cogging)."""
 
+from collections.abc import Mapping
+
 from cable_envs.core.kernels import inline, sine_cosine
 from cable_envs.effects.base import Effect, EffectParameter
 
 _TAU = 6.283185307179586
+
+
+def _backwards(values: Mapping[str, float]) -> str:
+    """Why a rig cannot have such a ripple, if it cannot."""
+    amplitude, period = abs(values.get("amplitude", 0.0)), values.get("period", 1.0)
+    if amplitude <= period / _TAU:
+        return ""
+    return (
+        f"amplitude {amplitude:g} is above period / 2 pi = {period / _TAU:g}: the cable would move backwards while the "
+        "drive moves forwards; choose a smaller amplitude or a longer period"
+    )
+
 
 EFFECT = Effect(
     name="position_ripple",
@@ -18,14 +32,17 @@ EFFECT = Effect(
             "force", "N", 0.0, -1e4, 1e4, "amplitude of the force", 1.0, signed=True,
             lane="amplitude",
         ),
-        EffectParameter("period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True),
+        EffectParameter(
+            "period", "m", 5e-3, 1e-5, 1e3, "travel of one period", 5e-3, 1.0, shape=True, null_turning=1.0
+        ),
         EffectParameter("phase", "rad", 0.0, -7.0, 7.0, "phase at position 0", 0.0, 0.0, shape=True),
     ),
-    validity="amplitudes below period / 2 pi; with a larger one the drive would move the cable backwards",
+    validity="amplitudes up to period / 2 pi; a larger one is refused, as it would move the cable backwards",
     experiment="Move slowly over several periods, in both directions and at two speeds. The error is the same over "
     "position and not over time",
     confusable=("position_dependent_load",),
     wave=("period", "phase"),
+    refuse=_backwards,
 )  # fmt: skip
 
 

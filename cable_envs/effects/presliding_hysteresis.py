@@ -38,6 +38,10 @@ sqrt(K m) of simulations is a force of its own while a load breaks away: against
 um at a hole it left all but 10 of a mismatch of 1153, a tenth of it 698."""
 
 
+STEEPEST = 25.0 / 12.0
+"""Growth of the share where no element slips, over 1 / displacement."""
+
+
 @inline
 def damping(stiffness, mass):
     """Damping that goes with a friction's stiffness, negative for none."""
@@ -73,6 +77,14 @@ def begin(elements, i, started, value):
     """All elements at the share that balances the start, if nothing has started yet."""
     for k in range(ELEMENTS):
         elements[k, i] = select(started > 0.5, elements[k, i], value)
+
+
+@inline
+def draw_to(elements, i, part, value):
+    """All elements nearer to a share, by a part of the way."""
+    for k in range(ELEMENTS):
+        s = elements[k, i]
+        elements[k, i] = select(part > 0.0, s + part * (value - s), s)
 
 
 @inline

@@ -5,15 +5,15 @@ e: tile of the effects' coefficients (`cable_envs.effects.Layout`); s: of their 
 """
 
 from cable_envs.core.inputs import FOLLOW, IMPOSED, RAMPED
-from cable_envs.core.kernels import clip, inline, maximum, select
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sqrt
 from cable_envs.effects.actuator_lag import keep, lagged
 from cable_envs.effects.asymmetric_friction import levels
 from cable_envs.effects.backlash import dead_zone
+from cable_envs.effects.bristles import bent, breakaway, bristle_length, damping_ratio, keeping, set_all
 from cable_envs.effects.friction_drift import drifted
-from cable_envs.effects.own import own_cable
+from cable_envs.effects.own import begin_memory, own_cable
+from cable_envs.effects.presliding_hysteresis import STEEPEST, damping, draw_to, follow, share, slope
 from cable_envs.effects.presliding_hysteresis import begin as begin_elements
-from cable_envs.effects.presliding_hysteresis import damping as elastic_damping
-from cable_envs.effects.presliding_hysteresis import follow, share, slope
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import kept
@@ -46,6 +46,12 @@ def begin(e, s, g, u, i, position, velocity, load, speed, period, dt):
     g.factor[i] = 1.0 + e.friction_drift_change[i] * worn
     g.start[i], g.start_rate[i], g.load_before[i] = position, velocity, load
     g.up[i], g.down[i], g.steep[i] = 0.0, 0.0, 0.0
+    g.excess[i], g.contact_excess[i], g.part[i], g.idlers_part[i] = 0.0, 0.0, 1.0, 0.0
+    width, long, angle = e.presliding_hysteresis_displacement[i], bristle_length(e, i), e.partial_slip_angle[i]
+    most = STEEPEST / select(width > 0.0, width, 1.0)
+    g.most[i] = select(long > 0.0, 0.5 / select(long > 0.0, long, 1.0), most)
+    g.idlers_most[i] = STEEPEST / select(angle > 0.0, angle, 1.0)
+    begin_memory(s, i, dt)
 
 
 @inline
@@ -92,6 +98,7 @@ def dry_friction(e, g, i, v, level, tension):
     up, down = levels(e.asymmetric_friction_difference[i])
     plain = g.factor[i] * (level + extra) + e.load_dependent_friction_coefficient[i] * tension
     g.up[i], g.down[i], g.steep[i] = plain + up, plain + down, g.factor[i] * steep
+    g.excess[i] = g.factor[i] * extra
 
 
 @inline
@@ -104,46 +111,125 @@ def held_back(g, i, net, v):
 
 
 @inline
-def elastic(elements, i, v, up, down, width, beside=0.0, steeper=0.0):
-    """(force, stiffness) of a friction between ``up`` and ``down`` that builds up over ``width``.
+def elastic(part, steep, up, down, beside=0.0, steeper=0.0):
+    """(force, stiffness) of a friction between ``up`` and ``down`` that builds up: its share, the growth of this.
 
     Where the force is not in proportion to the share: what it has more, and its growth with the share.
     """
     spread = down - up
-    return down - share(elements, i) * spread + beside, (spread - steeper) * slope(elements, i, v, width)
+    return down - part * spread + beside, (spread - steeper) * steep
 
 
 @inline
-def elastic_step(v, mass, force, stiffness, damping, friction_stiffness, dt, theta=0.5):
+def elastic_step(v, mass, force, stiffness, damping, own, dt, theta=0.5):
     """Velocity after dt where friction is elastic: as `friction.stick_slip_step`, without its sticking.
 
-    ``friction_stiffness`` is the part of ``stiffness`` that the friction has; it comes with a damping of its own.
+    ``stiffness`` has that of the friction in it; ``own`` is the damping that comes with it, which ``force`` lacks.
     """
-    own = elastic_damping(friction_stiffness, mass)
     part = theta * dt
     gain = dt / (mass + part * (damping + own + part * stiffness))
     return v + gain * (force - own * v - part * stiffness * v)
 
 
 @inline
-def presliding_step(
-    e, s, i, v, mass, up, down, stiffness, turning, damping_up, damping_down, dt, theta=0.5, beside=0.0, steeper=0.0,
-    first=-1.0,
-):  # fmt: skip
-    """Velocity after a step with dry friction that builds up over a distance; its elements are moved on.
+def builds_up(e, i):
+    """Whether dry friction builds up over a distance, in whatever formulation."""
+    return (e.presliding_hysteresis_displacement[i] > 0.0) | (bristle_length(e, i) > 0.0)
 
-    up, down: net force with all friction against upward and against downward motion; ``stiffness`` of the rest where
-    friction is all downward, and what it has more (``turning``) where it is all upward. beside, steeper: as `elastic`;
-    first: share at the start, if not the one at which a force in proportion to it is in balance.
+
+@inline
+def mobilising(e, s, i, v, most):
+    """(share of the friction that opposes upward motion, its growth with the position; share of the motion that bends).
+
+    ``most``: its largest growth; the last is that of bristles.
     """
-    width = e.presliding_hysteresis_displacement[i]
-    even = select(first >= 0.0, first, down / maximum(down - up, 1e-12))
-    begin_elements(s.presliding, i, s.started[i], clip(even, 0.0, 1.0))
-    force, own = elastic(s.presliding, i, v, up, down, width, beside, steeper)
     part = share(s.presliding, i)
-    damping = damping_down + part * (damping_up - damping_down)
-    v_new = elastic_step(v, mass, force, stiffness + part * turning + own, damping, own, dt, theta)
-    follow(s.presliding, i, dt * (v + theta * (v_new - v)), width)
+    bristles, width = bristle_length(e, i) > 0.0, e.presliding_hysteresis_displacement[i]
+    bends = keeping(part, v, breakaway(e, i))
+    return part, select(bristles, most * maximum(bends, 0.0), slope(s.presliding, i, v, width)), bends
+
+
+@inline
+def moved_on(e, s, i, moved, over):
+    """What `mobilising` looks at, after a motion."""
+    long = over * bristle_length(e, i)
+    follow(s.presliding, i, moved, e.presliding_hysteresis_displacement[i])
+    new = bent(share(s.presliding, i), moved / select(long > 0.0, long, 1.0), breakaway(e, i))
+    set_all(s.presliding, i, long > 0.0, new)
+
+
+@inline
+def raised(e, s, i, band, excess):
+    """A band of friction over what it were without Stribeck's part, for bristles, which keep their force as it changes.
+
+    Their deflection at full friction grows with it.
+    """
+    bristles = bristle_length(e, i) > 0.0
+    over = select(bristles, band / maximum(band - excess, 1e-3 * band), 1.0)
+    before = select(s.started[i] > 0.5, s.raised[i], over)
+    kept = 0.5 + (share(s.presliding, i) - 0.5) * before / over
+    set_all(s.presliding, i, bristles & (before != over), kept)
+    s.raised[i] = over
+    return over
+
+
+@inline
+def elastic_damping(e, i, mass, stiffness, whole, bends, dt):
+    """Damping that goes with a friction's stiffness while it is elastic; ``whole``: where nothing slips."""
+    of_bristles = maximum(damping_ratio(e, i) * bends * sqrt(whole * mass), -0.5 * mass / dt)
+    return select(bristle_length(e, i) > 0.0, of_bristles, damping(stiffness, mass))
+
+
+@inline
+def resolved(most, band, mass, dt):
+    """How much of a friction that builds up is taken as that, and how much as set-valued, in [0, 1].
+
+    All of it where a step resolves its vibration; below, in proportion to the distance. The limit is friction that does
+    not build up. most: largest growth of the share that is mobilised; band: friction up and down together.
+    """
+    return minimum(mass / maximum(most * band * dt * dt, 1e-300), 1.0)
+
+
+@inline
+def between(plain, other, part):
+    """``other`` where ``part`` is 1, to the bit, and ``plain`` where it is 0."""
+    return select(part < 1.0, plain + part * (other - plain), other)
+
+
+@inline
+def reported(e, g, i, plain, other):
+    """What is shown of a friction: ``other`` where it builds up and a step resolves that, ``plain`` without it."""
+    return select(builds_up(e, i), between(plain, other, g.part[i]), plain)
+
+
+@inline
+def presliding_step(
+    e, s, g, i, v, mass, up, down, sliding, stiffness, turning, damping_up, damping_down, dt, theta=0.5, beside=0.0,
+    steeper=0.0, first=-1.0, excess=0.0,
+):  # fmt: skip
+    """Velocity after a step with dry friction, which may build up over a distance; its elements are moved on.
+
+    up, down: net force with all friction against upward and against downward motion; ``sliding``: velocity where the
+    friction is set-valued; ``stiffness`` of the rest where friction is all downward, and what it has more (``turning``)
+    where it is all upward. beside, steeper: as `elastic`; first: share at the start, if not the one at which a force in
+    proportion to it is in balance; excess: Stribeck's part of down - up.
+    """
+    band = maximum(down - up, 1e-12)
+    even = select(first >= 0.0, first, down / band)
+    begin_elements(s.presliding, i, s.started[i], clip(even, 0.0, 1.0))
+    over = raised(e, s, i, band, excess)
+    most = g.most[i] / over
+    part, steep, bends = mobilising(e, s, i, v, most)
+    force, own = elastic(part, steep, up, down, beside, steeper)
+    c = damping_down + part * (damping_up - damping_down)
+    slowed = elastic_damping(e, i, mass, own, most * band, bends, dt)
+    smooth = elastic_step(v, mass, force, stiffness + part * turning + own, c, slowed, dt, theta)
+    # what no step resolves stays set-valued, and holds a mass at rest as far as it goes
+    g.part[i] = some = resolved(most, band, mass, dt)
+    holds = (sliding == 0.0) & (between(up, force, some) <= 0.0) & (between(down, force, some) >= 0.0) & (some < 1.0)
+    v_new = select(builds_up(e, i) & (not holds), between(sliding, smooth, some), sliding)
+    moved_on(e, s, i, dt * (v + theta * (v_new - v)), over)
+    draw_to(s.presliding, i, select(builds_up(e, i) & holds, 1.0 - some, 0.0), clip(even, 0.0, 1.0))
     return v_new
 
 
@@ -157,8 +243,8 @@ def slide(e, s, g, i, v, mass, level, drive, resist, stiffness, damping, dt):
     up, down = drive - resist - g.up[i], drive - resist + g.down[i]
     falling = maximum(damping + g.steep[i], -mass / dt)
     sliding = crossing_step(v, mass, up, down, stiffness, falling, dt)
-    bent = presliding_step(e, s, i, v, mass, up, down, stiffness, 0.0, falling, falling, dt)
-    return select(e.presliding_hysteresis_displacement[i] > 0.0, bent, sliding)
+    more = 2.0 * g.excess[i]
+    return presliding_step(e, s, g, i, v, mass, up, down, sliding, stiffness, 0.0, falling, falling, dt, excess=more)
 
 
 @inline
@@ -166,7 +252,7 @@ def sprung(e, s, i, stiffness, damping, stretch, rate):
     """(force, stiffness, damping, elastic stretch) of a belt that pushes as well as it pulls, with what acts on it."""
     taken = dead_zone(stretch, e.backlash_gap[i]) - s.creep_top[i]
     pull, rise = hardened(stiffness * abs(taken), e.stiffness_hardening_coefficient[i])
-    pull = own_cable(pull, e, i)
+    pull = own_cable(pull, e, s, i)
     touching = (e.backlash_gap[i] <= 0.0) | (abs(stretch) > 0.5 * e.backlash_gap[i])
     c = select(touching, damping, 0.0)
     return select(taken < 0.0, -pull, pull) + c * rate, select(touching, stiffness * rise, 0.0), c, taken

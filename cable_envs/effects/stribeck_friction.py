@@ -15,7 +15,7 @@ EFFECT = Effect(
         ),
         EffectParameter(
             "velocity", "m/s", 2e-3, 1e-6, 100.0, "speed at which the excess has fallen to 1/e", 2e-3, 0.1, shape=True,
-            probes=(0.3, 1.0, 4.0, 16.0),
+            probes=(0.3, 1.0, 4.0, 16.0), null_turning=0.1,
         ),
     ),
     validity="steady sliding; within a few pre-sliding lengths the friction has not yet fallen",

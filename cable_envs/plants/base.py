@@ -11,7 +11,7 @@ from cable_envs.core.inputs import FOLLOW, INPUTS
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
-from cable_envs.effects.lanes import STATES, STEP
+from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import joined
 from cable_envs.plants.kernel import kernels
 
@@ -174,13 +174,16 @@ class Plant:
         return self.effects.table
 
     @cached_property
-    def kernels(self) -> tuple[Callable[..., None], Callable[..., None]]:
-        """Kernels (x, p, u, lo, hi, substeps, dt) without and with effects, as of `advance`; compiled on first use."""
+    def kernels(self) -> tuple[Callable[..., None], ...]:
+        """Kernels (x, p, u, lo, hi, substeps, dt), as of `advance`, compiled on first use.
+
+        `kernel_needed` has their numbers. Each gives those of the one behind it, to the bit, for what it can simulate.
+        """
         made = kernels(
             f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
-            self.effects.lanes, self.step_rows, self.solve, joined(self.effects.effects.values()),
+            self.effects.lanes, self.effects.states, self.step_rows, self.solve, joined(self.effects.effects.values()),
         )  # fmt: skip
-        return made if self.plain else (made[1], made[1])
+        return made if self.plain else (made[1], *made[1:])
 
     def prepare(self, values: np.ndarray) -> np.ndarray:
         """Coefficients of the kernel from parameters.
@@ -227,10 +230,13 @@ class Plant:
         own, n = self.coefficient_rows.count, p.shape[1]
         known = len(p) > own
         e = self.effects.lanes.over(p[own:]) if known else self.effects.lanes.zeros(n)
-        x = np.zeros((len(self.signals) + (STATES.count if known else 0), n))
-        s = STATES.over(x[len(self.signals) :]) if known else STATES.zeros(n)
+        states = self.effects.states
+        x = np.zeros((len(self.signals) + (states.count if known else 0), n))
+        s = states.over(x[len(self.signals) :]) if known else states.zeros(n)
         at = np.array(np.broadcast_to(position, n), dtype=np.float64)
         self.settle(self.signal_rows.over(x), s, self.coefficient_rows.over(p), e, at)
+        for state, value in self.effects.starts.items():
+            getattr(s, state)[:] = value
         return x
 
     def longest_step(self, p: np.ndarray) -> np.ndarray:
@@ -286,10 +292,10 @@ class Plant:
         dt : float
             Length of one, s.
         """
-        self.kernels[self.needs_effects(p[:, lo:hi], u[:, lo:hi])](x, p, u, lo, hi, substeps, dt)
+        self.kernels[self.kernel_needed(p[:, lo:hi], u[:, lo:hi])](x, p, u, lo, hi, substeps, dt)
 
-    def needs_effects(self, p: np.ndarray, u: np.ndarray | None = None) -> bool:
-        """Whether columns need the kernel with effects.
+    def kernel_needed(self, p: np.ndarray, u: np.ndarray | None = None) -> int:
+        """The quickest kernel that can simulate columns.
 
         Parameters
         ----------
@@ -300,12 +306,14 @@ class Plant:
 
         Returns
         -------
-        bool
-            True where an effect is on, or where a mode is asked for that only the kernel with effects knows.
+        int
+            0: that without effects. 1: that with effects, where one is on, or where a mode is asked for that only it
+            knows. 2: that which has effects too whose laws are apart (`Effect.apart`).
         """
         own = self.coefficient_rows.count
-        on = len(p) > own and bool(p[own + self.effects.lanes.row("on")].any())
-        return on or (u is not None and bool((INPUTS.over(u).mode > FOLLOW - 0.5).any()))
+        needed = int(p[own + self.effects.lanes.row("on")].max()) if len(p) > own else 0
+        follows = u is not None and bool((INPUTS.over(u).mode > FOLLOW - 0.5).any())
+        return max(needed, int(follows))
 
     def sense_row(self, signal: str) -> int:
         """First row of the effects of a signal's sensor within p; -1 where it cannot have any."""

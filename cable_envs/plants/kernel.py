@@ -10,14 +10,15 @@ from cable_envs.core.compiling.templates import instantiate, specialised
 from cable_envs.core.inputs import INPUTS
 from cable_envs.core.kernels import LANES, load, store
 from cable_envs.core.lanes import Lanes
-from cable_envs.effects.lanes import STATES
+from cable_envs.effects.bristles import deflection
 
-input_tile, state_tile = INPUTS.tile, STATES.tile
+input_tile = INPUTS.tile
 # filled in for each plant
 signal_tile: Any = None
 coefficient_tile: Any = None
 scratch_tile: Any = None
 effect_tile: Any = None
+state_tile: Any = None
 step_tile: Any = None
 solve: Any = None
 SIGNALS = COEFFICIENTS = EFFECTS = 0
@@ -52,16 +53,20 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
 
 
 def kernels(
-    name: str, signals: Lanes, coefficients: Lanes, scratch: Lanes, effects: Lanes, step: Lanes, solve: Callable,
-    hooks: dict[str, Any],
-) -> tuple[Callable[..., None], Callable[..., None]]:  # fmt: skip
-    """The kernels (x, p, u, lo, hi, substeps, dt) of a plant without and with effects, compiled on first use.
+    name: str, signals: Lanes, coefficients: Lanes, scratch: Lanes, effects: Lanes, states: Lanes, step: Lanes,
+    solve: Callable, hooks: dict[str, Any],
+) -> tuple[Callable[..., None], ...]:  # fmt: skip
+    """The kernels (x, p, u, lo, hi, substeps, dt) of a plant, compiled on first use.
 
+    They are: without effects, with them, and with the friction that has bristles besides.
     hooks: what takes the place of pieces at the seams (`cable_envs.effects.own`), by their names.
     """
     own = {
         "signal_tile": signals.tile, "coefficient_tile": coefficients.tile, "scratch_tile": scratch.tile,
-        "effect_tile": effects.tile, "step_tile": step.tile, "solve": specialised(solve, **hooks),
+        "effect_tile": effects.tile, "state_tile": states.tile, "step_tile": step.tile,
+        "solve": specialised(solve, **hooks),
         "SIGNALS": signals.count, "COEFFICIENTS": coefficients.count, "EFFECTS": effects.count,
     }  # fmt: skip
-    return tuple(instantiate(shell, f"{name}_{shell.__name__}", **own) for shell in (advance, advance_with_effects))
+    plain, with_effects = (instantiate(f, f"{name}_{f.__name__}", **own) for f in (advance, advance_with_effects))
+    own["solve"] = specialised(solve, **hooks, bristle_length=deflection)
+    return plain, with_effects, instantiate(advance_with_effects, f"{name}_advance_with_bristles", **own)

@@ -1,20 +1,22 @@
 """A user's own effect, from a file: compiled into a copy of the plant's kernel on first use, and then found on disk.
 
-The file defines ``EFFECT``, an `Effect` like the canonical ones, with plain functions of numbers as hooks; the values
-of its parameters follow in their order:
+The file defines ``EFFECT``, an `Effect` like the canonical ones, with plain functions of numbers as hooks. A hook asks
+by the names of its arguments for what it needs: what there is at its seam, and the effect's parameters and states.
 
-seam    | hook                                  | gives
-------- | ------------------------------------- | -----------------------------------------------------------------
-actuate | f(command, *numbers)                  | the command that acts
-cable   | f(tension, *numbers)                  | the tension (N; closed-form circuit: N m) that the law before gives
-contact | f(speed, tension, *numbers)           | what the hole's friction coefficient has more (cable_hole)
-load    | f(position, velocity, tension, *n)    | force or torque on the load or output against positive motion
+seam    | there is                                                        | the hook gives
+------- | --------------------------------------------------------------- | --------------------------------------------
+actuate | command; position, velocity, speed of the drive                 | the command that acts
+cable   | tension (N; closed-form circuit: N m) that the law before gives | the tension
+contact | position, velocity, speed of the sliding cable; tension,        | what the friction coefficient has more
+        | tension_behind: towards the drive and towards the load          | (cable_hole, tendon_sheath)
+load    | position, velocity, speed; tension at the load                  | force or torque against positive motion
+all     | time since the start, dt: length of an integration step, s      |
 
-A cubic spring to ground, which pushes the slide of a drive back:
+``speed`` is the size of ``velocity``. A cubic spring to ground, which pushes the slide of a drive back:
 
     from cable_envs.effects import Effect, EffectParameter
 
-    def spring(position, velocity, tension, stiffness):
+    def spring(position, stiffness):
         return stiffness * position**3
 
     EFFECT = Effect(
@@ -23,24 +25,47 @@ A cubic spring to ground, which pushes the slide of a drive back:
         plants=("linear_drive",), validity="any travel", experiment="Hold at eight positions", hooks={"load": spring},
     )
 
-They may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math` and those of
-`cable_envs.core.kernels`. A load is integrated linearly implicitly with slopes from differences, so it may be stiff.
+An effect may remember: ``states`` declares what, and ``advance`` has a function for each state, which gives its value
+``dt`` later from the same names, at the effect's seam. A cable whose friction grows with the way that it has slid:
+
+    def longer(worn, speed, dt):
+        return worn + speed * dt
+
+    def rougher(worn, growth):
+        return growth * worn
+
+    EFFECT = Effect(
+        name="wear", seam="contact", states=(EffectState("worn", "m", 0.0, "way that the cable has slid"),),
+        advance={"worn": longer}, hooks={"contact": rougher},
+        parameters=(EffectParameter("growth", "1/m", 0.0, 0.0, 10.0, "friction coefficient for 1 m", typical=0.1),), ...
+    )
+
+States are part of the environment's: they are copied, pickled, restored and reset with it. Hooks get time and states in
+the middle of the step, the states moved there by ``advance`` with the velocity at which the hook is called. A load is
+integrated linearly implicitly with slopes from differences of the hook, and these so include how the states follow the
+motion: a friction with bristles may be stiff, as long as ``advance`` by itself is stable for any ``dt``.
+
+A file from before may ask for nothing by name: ``f(command, *numbers)``, ``f(tension, *numbers)``, ``f(speed, tension,
+*numbers)`` and ``f(position, velocity, tension, *numbers)``, the values of the parameters in their order, work as they
+did.
+
+Functions may use arithmetic, comparisons, ``abs``, ``min``, ``max``, the functions of `math`, those of
+`cable_envs.core.kernels`, and other functions of the file that are written so.
 """
 
-import inspect
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.core.files import run_python
+from cable_envs.core.files import read_python, run_python
 from cable_envs.effects import EFFECTS, Effect, Layout
-from cable_envs.effects.own import ARGUMENTS
+from cable_envs.effects.own import ARGUMENTS, asked
 from cable_envs.plants.base import Plant
 
 
 def load_effect(path: str | Path) -> Effect:
-    """A user's own effect from a file.
+    """A user's own effect from a file; the same object again for the same file with the same content.
 
     Parameters
     ----------
@@ -63,8 +88,12 @@ def load_effect(path: str | Path) -> Effect:
     path = Path(path)
     if not path.is_file():
         raise ConfigurationError(f"effect file {path}: there is no such file")
-    module = run_python(path, f"own_effect_{path.stem}")
-    effect = getattr(module, "EFFECT", None)
+    return _effect_of(path, read_python(path))
+
+
+@cache  # so that its plants and their kernels are made once in a process
+def _effect_of(path: Path, content: bytes) -> Effect:
+    effect = getattr(run_python(path, f"own_effect_{path.stem}", content), "EFFECT", None)
     if not isinstance(effect, Effect):
         raise ConfigurationError(f"effect file {path}: it must define EFFECT, a cable_envs.effects.Effect")
     check_effect(effect, str(path))
@@ -84,8 +113,8 @@ def check_effect(effect: Effect, where: str) -> None:
     Raises
     ------
     ConfigurationError
-        For the name of a canonical effect or one that is no identifier, no hooks, unknown seams, and hooks with another
-        number of arguments than the seam and the parameters give them.
+        For the name of a canonical effect or one that is no identifier, no hooks, unknown seams, states that nothing
+        advances, and functions that ask for what there is not.
     """
     if effect.name in EFFECTS:
         raise ConfigurationError(f"{where}: the name '{effect.name}' is that of a canonical effect")
@@ -94,13 +123,24 @@ def check_effect(effect: Effect, where: str) -> None:
     if not effect.hooks:
         raise ConfigurationError(f"{where}: no hooks; give hooks={{seam: function}}, seams {', '.join(ARGUMENTS)}")
     require_known(f"seam of a hook in {where}", effect.hooks, ARGUMENTS)
-    for seam, function in effect.hooks.items():
-        wanted = [*ARGUMENTS[seam], *(p.name for p in effect.parameters)]
-        given = list(inspect.signature(function).parameters)
-        if len(given) != len(wanted):
+    names = [state.name for state in effect.states]
+    for name in names:
+        if not name.isidentifier():
+            raise ConfigurationError(f"{where}: the state '{name}' is no identifier")
+        if name not in effect.advance:
             raise ConfigurationError(
-                f"{where}: the hook '{seam}' takes ({', '.join(given)}); it is given ({', '.join(wanted)})"
+                f"{where}: nothing advances the state '{name}'; give advance={{'{name}': function}}"
             )
+    require_known(f"state that something advances in {where}", effect.advance, names)
+    if names and effect.seam not in effect.hooks:
+        raise ConfigurationError(f"{where}: an effect with states needs a hook at its seam '{effect.seam}'")
+    try:
+        for seam in effect.hooks:
+            asked(effect, seam)
+        for name in names:
+            asked(effect, effect.seam, name)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{where}: {error}") from None
 
 
 @cache
@@ -132,5 +172,10 @@ def with_own_effects(plant: Plant, own: tuple[Effect, ...]) -> Plant:
         missing = [seam for seam in effect.hooks if seam not in plant.effects.acting.seams]
         if missing:
             raise ConfigurationError(f"{plant.name} has no seam '{missing[0]}' for own effects")
+        several = [seam for seam in effect.hooks if seam in plant.effects.acting.several]
+        if effect.states and several:
+            raise ConfigurationError(
+                f"effect '{effect.name}' has states, and {plant.name} has its seam '{several[0]}' at several places"
+            )
     effects = Layout(plant.name, plant.parameters, plant.effects.acting, own, plant.effects.worn)
     return replace(plant, effects=effects, own=own)

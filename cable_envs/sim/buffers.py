@@ -8,7 +8,6 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
 from cable_envs.core.lanes import Lanes
-from cable_envs.effects.lanes import STATES
 from cable_envs.plants.base import OUT_OF_RANGE
 from cable_envs.sim.references import FIELDS
 from cable_envs.sim.setup import Setup
@@ -128,7 +127,7 @@ def _common(setup: Setup) -> np.recarray:
         raise ConfigurationError(f"an observation has at most {LISTED} channels, not {len(channels)}")
     common = np.zeros(1, dtype=COMMON).view(np.recarray)
     c = common[0]
-    c.signals, c.states = len(plant.signals), STATES.count
+    c.signals, c.states = len(plant.signals), plant.effects.states.count
     c.coefficients = len(plant.coefficients) + plant.effects.count
     c.channels, c.sensors, c.proxy = len(channels), len(sensors), sensors.index(setup.proxy)
     c.slots, c.late = 1 + setup.sensor_delay + setup.sensor_steps, setup.sensor_delay

@@ -57,8 +57,8 @@ def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
 
 
 @cache
-def _kernel(plant: Plant) -> Callable[..., None]:
-    return instantiate(_replay, f"replay_{plant.name}_{len(plant.signals)}", advance=plant.kernels[1])
+def _kernel(plant: Plant, needed: int) -> Callable[..., None]:
+    return instantiate(_replay, f"replay_{plant.name}_{len(plant.signals)}", advance=plant.kernels[needed])
 
 
 def replay(
@@ -152,7 +152,7 @@ def replay(
     rows = np.array([plant.row(name) for name in signals])
     out = np.empty((len(inputs), len(rows), n))
     first = state[rows].copy()
-    kernel = _kernel(plant)
+    kernel = _kernel(plant, max(plant.kernel_needed(p), 1))
     arguments = (state, p, inputs, rows, substeps, period / substeps, out)
     if threads > 1 and n > BLOCK:
         team = Team(kernel, arguments, n, threads, BLOCK)

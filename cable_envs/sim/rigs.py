@@ -175,11 +175,12 @@ class Rig:
         Raises
         ------
         ConfigurationError
-            For unknown names, units that do not fit and values out of bounds.
+            For unknown names, units that do not fit, values out of bounds, and what an effect cannot have together.
         """
         plant = self.simulated_by()
         own, effects = _sorted(changes, plant)
         values = plant.parameters.unpack(plant.parameters.pack({**self.values, **own}))
+        plant.effects.require_possible({**self.effects, **effects})
         return replace(self, values=values, effects={**self.effects, **effects})
 
 

@@ -4,6 +4,7 @@ import inspect
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -286,6 +287,10 @@ def _ranges(task: Task, rig: Rig, plant: Plant, randomize: bool | Mapping[str, A
         if not a <= b:
             raise ConfigurationError(f"randomize.{name}: low {a:g} is above high {b:g}")
         ranges.append((name, declared.check(a), declared.check(b)))
+    known = plant.effects.effects
+    drawn = {n: (a, b) for n, a, b in ranges if "." in n and known[n.partition(".")[0]].refuse is not None}
+    for ends in product(*drawn.values()):
+        plant.effects.require_possible({**rig.effects, **dict(zip(drawn, ends, strict=True))})
     return tuple(ranges)
 
 

@@ -84,8 +84,9 @@ class Simulation:
         Actions to take, in [-1, 1]; written by the caller.
     spread : float
         Share of the randomisation ranges, about the nominal rig, that the next episodes are drawn from.
-    with_effects : bool
-        Whether the kernel with effects is in use. Without effects both kernels give the same numbers.
+    with_effects : int
+        Number of the kernel that is in use, as of `Plant.kernel_needed`. All that can simulate an environment give the
+        same numbers.
     kernel : callable
         The kernel of a control step.
     """
@@ -103,7 +104,7 @@ class Simulation:
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
-        self._choose(setup.sensor_steps > 0 or self._has_effects(self._nominal))
+        self._choose(max(int(setup.sensor_steps > 0), self._needed(self._nominal)))
         self.asked = self._named.asked
         self.spread = 1.0
 
@@ -147,8 +148,8 @@ class Simulation:
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
         if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
-            if not self.with_effects and self._has_effects(p):
-                self._choose(True)
+            if self._needed(p) > self.with_effects:
+                self._choose(self._needed(p))
             self._check_delays(values)
         b, s = self.buffers, self._named
         self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
@@ -159,7 +160,7 @@ class Simulation:
         s.proxy_gain[lanes] = self._gain
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
-        steppers.begin[self.with_effects](b.block, b.obs, b.common, lanes)
+        steppers.begin[min(self.with_effects, 1)](b.block, b.obs, b.common, lanes)
 
     def _prepared(self, values: np.ndarray) -> np.ndarray:
         """Coefficients; where the step need not fit the rig, the rig is made to fit the step."""
@@ -169,11 +170,11 @@ class Simulation:
             plant.raise_to(p, self.setup.control_period / self.setup.substeps)
         return p
 
-    def _has_effects(self, p: np.ndarray) -> bool:
-        return self.setup.plant.needs_effects(p) or self.setup.plant.effects.distorted(p)
+    def _needed(self, p: np.ndarray) -> int:
+        return max(self.setup.plant.kernel_needed(p), int(self.setup.plant.effects.distorted(p)))
 
-    def _choose(self, with_effects: bool) -> None:
-        """Step with the kernel that has effects, or with the quicker one that has not: the same numbers without."""
+    def _choose(self, with_effects: int) -> None:
+        """Step with the kernel of this number: it gives the numbers of a quicker one where that would do."""
         self.with_effects = with_effects
         self.kernel = steppers.kernels_of(self.setup.plant)[with_effects]
 
@@ -316,7 +317,7 @@ class Simulation:
         s.block[:, chosen], s.obs[chosen], self.values[:, chosen] = state["block"], state["obs"], state["values"]
         if lanes is None:
             self.spread = state["spread"]
-        self._choose(state["with_effects"] or (lanes is not None and self.with_effects))
+        self._choose(max(int(state["with_effects"]), self.with_effects if lanes is not None else 0))
 
     def team(self, size: int) -> Team:
         """The call of `advance`, shared by ``size`` threads; the caller's own is one of them."""

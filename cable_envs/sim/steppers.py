@@ -212,25 +212,25 @@ begin = instantiate(_begin, "begin", distorted=None), instantiate(_begin, "begin
 
 
 @cache
-def kernels_of(plant: Plant) -> tuple[Callable[..., None], Callable[..., None]]:
-    """The kernels (block, obs, common, lo, hi) of a plant, without and with effects; compiled on first use."""
+def kernels_of(plant: Plant) -> tuple[Callable[..., None], ...]:
+    """The kernels (block, obs, common, lo, hi) of a plant, as `Plant.kernels` has them; compiled on first use."""
     name = f"step_{plant.name}_{plant.version}_{len(plant.signals)}"
     return (
         instantiate(_step, name, advance=plant.kernels[0], distorted=None),
         instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
+        instantiate(_step, f"{name}_with_bristles", advance=plant.kernels[2], distorted=1),
     )
 
 
 @cache
-def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], Callable[..., tuple]]:
+def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], ...]:
     """The same for a single environment: (block, obs, common, action) -> reward, terminated, truncated, infos.
 
     The arrays are `kernels.handed`.
     """
     name, column = f"step_one_{plant.name}_{plant.version}_{len(plant.signals)}", plant.signal_rows.column
-    return (
-        instantiate(_step_one, name, advance=inlined(plant.kernels[0]), distorted=None, signal_column=column),
-        instantiate(
-            _step_one, f"{name}_with_effects", advance=inlined(plant.kernels[1]), distorted=1, signal_column=column
-        ),
+    names = name, f"{name}_with_effects", f"{name}_with_bristles"
+    return tuple(
+        instantiate(_step_one, name, advance=inlined(kernel), distorted=distorted, signal_column=column)
+        for name, kernel, distorted in zip(names, plant.kernels, (None, 1, 1), strict=True)
     )

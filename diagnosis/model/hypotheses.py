@@ -133,7 +133,7 @@ def hypotheses_for(
             raise ConfigurationError(f"effect '{name}' does not act on {plant.name}")
     found: list[Hypothesis] = []
     for effect in known.values():
-        if effect.name in without or (only is not None and effect.name not in only):
+        if effect.name in without or (effect.name not in only if only is not None else not effect.hypothesis):
             continue
         parameters = effect.parameters
         groups: list[tuple[str, Sequence[EffectParameter]]]

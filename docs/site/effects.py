@@ -19,10 +19,12 @@ An effect is a piece of physics that a simulator may lack. Each one is off unles
 
     gymnasium.make("cable_envs/CableHole-Position-Sine-v0", effects={"backlash": {"gap": 0.0005}})
 
-The [diagnosis](diagnosis.md) looks for all of them in a recording. Each effect below has
+The [diagnosis](diagnosis.md) looks for them in a recording; for what says "only where it is named" it takes
+`--effects`. Physics that is not here can be [your own effect](your-own-effect.md). Each effect below has
 
 - its **equation**, and a table of its parameters: the *null* is the value at which the effect changes no bit of a
-  result, and the *typical* value shows it plainly (in brackets: the value for a plant that turns, in rad and N m);
+  result (of a period, a speed and the like, which only shape it, the default), and the *typical* value shows it plainly
+  (in brackets: the value for a plant that turns, in rad and N m);
 - the **plants** that have it, and the **seam**: the place in the equations of motion where it acts, from the command
   (actuate) over the cable, the contact and the load to the sensors (sense);
 - the effects it may be **confused with**, because they look alike in some motions, and the **experiment** that
@@ -64,11 +66,13 @@ def _figures(found: list[tuple[str, str, str]]) -> str:
 
 def line(parameter: EffectParameter) -> tuple[str, ...]:
     """A row of an effect's table."""
-    typical = f"{parameter.typical:g}"
-    if parameter.typical_turning not in (None, parameter.typical):
-        typical += f" (turning: {parameter.typical_turning:g})"
-    plain = parameter.meaning.replace("|", "/")
-    return f"`{parameter.name}`", parameter.unit or "-", f"{parameter.null:g}", typical, plain
+    null = _with_turning(parameter.null, parameter.null_turning)
+    typical = _with_turning(parameter.typical, parameter.typical_turning)
+    return f"`{parameter.name}`", parameter.unit or "-", null, typical, parameter.meaning.replace("|", "/")
+
+
+def _with_turning(value: float, turning: float | None) -> str:
+    return f"{value:g}" if turning in (None, value) else f"{value:g} (turning: {turning:g})"
 
 
 def form(plant: str, effect: Effect) -> str:
@@ -100,6 +104,7 @@ def section(effect: Effect, figures: str = "", linked: bool = False) -> str:
             "",
             f"- Plants: {plants}. Seam: {effect.seam}.",
             *(form(plant, one) for plant, one in forms_of(effect.name).items() if effect.name in EFFECTS),
+            *(() if effect.hypothesis else ("- Diagnosis: only where it is named.",)),
             f"- May be confused with: {', '.join(names) or 'none'}.",
             f"- Experiment: {effect.experiment}.",
             f"- Valid for: {effect.validity}.",

@@ -81,6 +81,8 @@ MISTAKES = [
     ({"backlash": 0.1}, "expected a mapping of parameters"),
     ({"lateral_extrusion": {"gain": 1.0}}, "does not act on pulley_circuit; these do: coulomb_friction"),
     ("backlash", "expected a mapping of effect"),
+    ({"position_ripple": {"amplitude": 0.2}}, "'position_ripple': amplitude 0.2 is above period / 2 pi = 0.159155"),
+    ({"position_ripple": {"amplitude": -0.02, "period": 0.1}}, "move backwards"),
 ]
 
 
@@ -88,6 +90,27 @@ MISTAKES = [
 def test_mistakes_are_named(effects, message):
     with pytest.raises(ConfigurationError, match=message):
         gym.make(CIRCUIT, effects=effects)
+
+
+def test_shapes_that_are_lengths_are_angles_where_the_plant_turns():
+    """The default of a period or of a speed is of the size that is seen on the plant, in its unit."""
+    for name, length, angle in (("position_ripple.period", 5e-3, 1.0), ("stribeck_friction.velocity", 2e-3, 0.1)):
+        for plant in PLANTS.values():
+            effect, parameter = name.split(".")
+            if name in plant.table.names and plant.effects.effects[effect] not in plant.effects.acting.forms:
+                turns = "rad" in plant.table[name].unit
+                assert plant.table[name].default == (angle if turns else length), (plant.name, parameter)
+    gym.make(CIRCUIT, effects={"position_ripple": {"amplitude": 0.01}})
+
+
+def test_a_ripple_that_may_be_drawn_too_large_is_refused():
+    at_once = {
+        "position_ripple.amplitude": {"low": 0.0, "high": 0.05},
+        "position_ripple.period": {"low": 0.2, "high": 1.0},
+    }
+    with pytest.raises(ConfigurationError, match=r"amplitude 0\.05 is above period / 2 pi = 0\.0318"):
+        gym.make(CIRCUIT, randomize=at_once)
+    gym.make(CIRCUIT, randomize={**at_once, "position_ripple.period": {"low": 0.4, "high": 1.0}})
 
 
 def test_an_effect_of_the_closed_form_is_refused_by_the_chain():

@@ -16,6 +16,7 @@ from cable_envs.sim.rigs import load_rig
 
 SPRING = """
 from cable_envs.effects import Effect, EffectParameter
+from cable_envs.effects import EffectState as S
 
 def spring(position, velocity, tension, cubic, centre):
     return cubic * (position - centre) ** 3
@@ -92,7 +93,18 @@ MISTAKES = [
     ("x = 1", "it must define EFFECT"), ("1 / 0", "ZeroDivisionError"),
     (SPRING.replace('"cubic_spring"', '"backlash"'), "that of a canonical effect"),
     (SPRING.replace('"load": spring', '"lode": spring'), "did you mean 'load'"),
-    (SPRING.replace("tension, cubic, centre)", "cubic)"), "takes .position, velocity, cubic.; it is given"),
+    (SPRING.replace("tension, cubic, centre)", "cubic)"), "the hook 'load' uses 'centre', which it neither asks for"),
+    (SPRING.replace("velocity, tension, cubic, centre)", "centr)"), "asks for 'centr', .*did you mean 'centre'"),
+    (SPRING.replace("cubic, centre)", "cubic, centre=0.0)"), "plain arguments without defaults"),
+    (SPRING.replace('seam="load",', 'seam="load", states=(S("a", "m"),),'), "nothing advances the state 'a'"),
+    (SPRING.replace('seam="load",', 'seam="load", states=(S("a", "m"),), advance={"b": spring},'), "nothing advances"),
+    (SPRING.replace('seam="load",', 'seam="load", states=(S("a", "m"),), advance={"a": spring, "b": spring},'),
+     "unknown state that something advances .*'b'; did you mean|unknown state that something advances"),
+    (SPRING.replace('seam="load",', 'seam="load", states=(S("cubic", "m"),), advance={"cubic": spring},'),
+     "'cubic' is the name of two things"),
+    (SPRING.replace('seam="load",', 'seam="cable", states=(S("a", "m"),), advance={"a": abs},'), "a hook at its seam"),
+    (SPRING.replace('seam="load",', 'seam="load", states=(S("a", "m"),), advance={"a": lambda a, acceleration: a},'),
+     "what advances 'a' asks for 'acceleration', which there is not; .*Valid: a, centre, cubic, dt, position"),
     (SPRING.replace('hooks={"load": spring}', "hooks={}"), "no hooks"),
     (SPRING.replace('seam="load"', 'seam="lode"'), "seam 'lode' is none of"),
 ]  # fmt: skip
@@ -104,6 +116,18 @@ def test_mistakes_are_named(tmp_path, text, message):
     path.write_text(text)
     with pytest.raises(ConfigurationError, match=message):
         load_effect(path)
+
+
+def test_the_same_content_is_the_same_effect_and_an_edited_file_is_another(file):
+    """What is made of an effect (plants, kernels) is found again by what the file says, and not made at every call."""
+    first, plant = load_effect(file), plant_for("linear_drive")
+    assert load_effect(str(file)) is first
+    assert with_own_effects(plant, (load_effect(file),)) is with_own_effects(plant, (first,))
+    file.write_text(SPRING.replace("** 3", "** 5"))
+    edited = load_effect(file)
+    assert edited is not first and with_own_effects(plant, (edited,)) is not with_own_effects(plant, (first,))
+    file.write_text(SPRING)
+    assert load_effect(file) is first
 
 
 def test_a_missing_file_is_named(tmp_path):

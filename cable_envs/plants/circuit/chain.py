@@ -25,7 +25,7 @@ from cable_envs.core.kernels import inline, maximum, minimum, select
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, begin, dry_friction, end
 from cable_envs.effects.viscoelastic_creep import crept, kept
 from cable_envs.physics.chain import (
@@ -256,9 +256,9 @@ def _kick(x, p, u, w, e, s, g, i, dt):
         tension = w.tension_top[4, i] + w.tension_bottom[4, i]
         dry_friction(e, g, i, v, p.brake_torque[i], r5 * tension)
         wanted, load_k = spring(e, i, half, wanted, load_k)
-        at = own_load(half, v, tension, e, i)
-        k = (own_load(half + STEP_ANGLE, v, tension, e, i) - at) / STEP_ANGLE
-        c = (own_load(half, v + STEP_RATE, tension, e, i) - at) / STEP_RATE
+        at = own_load(half, v, tension, e, s, i)
+        k = (own_load(half + STEP_ANGLE, v, tension, e, s, i) - at) / STEP_ANGLE
+        c = (own_load(half, v + STEP_RATE, tension, e, s, i) - at) / STEP_RATE
         wanted, load_k, load_c = wanted + at, load_k + maximum(k, 0.0), load_c + maximum(c, 0.0)
     net = r5 * (w.tension_top[4, i] - w.tension_bottom[4, i]) - wanted
     tangent = ea_out * (w.tangent_4_top[i] + w.tangent_4_bottom[i])
@@ -277,6 +277,10 @@ def _kick(x, p, u, w, e, s, g, i, dt):
     w.turned_in[i], w.turned_out[i] = 0.5 * dt * v_in_new, 0.5 * dt * v_new
     if e is not None:
         x.drive_angle[i] = select(g.follows[i] > 0.5, g.target[i], x.drive_angle[i])
+        advance_memory(
+            u.command[i], x.drive_angle[i], x.drive_velocity[i], x.output_angle[i], x.output_velocity[i],
+            tension, tension, e, s, i,
+        )  # fmt: skip
 
 
 @inline
@@ -347,7 +351,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             for i in range(lanes):
                 if e is not None:
                     actuate(e, s, g, u, i, n, substeps, dt)
-                    u.command[i] = own_actuate(u.command[i], e, i)
+                    u.command[i] = own_actuate(u.command[i], x.drive_angle[i], x.drive_velocity[i], e, s, i)
                 _kick(x, p, u, w, e, s, g, i, dt)
     for i in range(lanes):
         x.slack_fraction[i] /= substeps + 1.0

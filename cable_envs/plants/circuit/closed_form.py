@@ -27,12 +27,12 @@ import numpy as np
 from cable_envs.core.inputs import INPUTS
 from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 from cable_envs.effects import Layout
-from cable_envs.effects.own import own_actuate, own_cable, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_load
 from cable_envs.effects.seams import actuate, begin, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import Plant, rows_of
-from cable_envs.plants.circuit.effects import ACTING, pulley, rise, spring
+from cable_envs.plants.circuit.effects import ACTING, pulley, resolve_idlers, rise, spring
 from cable_envs.plants.circuit.ends import (
     ACTION_MODES,
     SIGNALS,
@@ -79,7 +79,7 @@ def _stretched(p, e, s, i, d, rate):
     if e is not None:
         top, _ = hardened(top - s.creep_top[i], e.stiffness_hardening_coefficient[i] / p.length_top[i])
         bottom, _ = hardened(bottom - s.creep_bottom[i], e.stiffness_hardening_coefficient[i] / p.length_bottom[i])
-        top, bottom = own_cable(top, e, i), own_cable(bottom, e, i)
+        top, bottom = own_cable(top, e, s, i), own_cable(bottom, e, s, i)
     damped = p.stretch_damping[i] * rate
     return (
         select(top <= 0.0, 0.0, maximum(top + damped, 0.0)),  # so written, a NaN passes on
@@ -88,15 +88,15 @@ def _stretched(p, e, s, i, d, rate):
 
 
 @inline
-def _load_with(x, p, e, g, i, angle, v, wanted, load_k, load_c):
+def _load_with(x, p, e, s, g, i, angle, v, wanted, load_k, load_c):
     """The load's torque, stiffness and damping with effects; its dry friction goes into g."""
     if e is not None:
         tension = x.tension_output_top[i] + x.tension_output_bottom[i]
         dry_friction(e, g, i, v, p.brake_torque[i], p.output_radius[i] * tension)
         wanted, load_k = spring(e, i, angle, wanted, load_k)
-        at = own_load(angle, v, tension, e, i)
-        k = (own_load(angle + STEP_ANGLE, v, tension, e, i) - at) / STEP_ANGLE
-        c = (own_load(angle, v + STEP_RATE, tension, e, i) - at) / STEP_RATE
+        at = own_load(angle, v, tension, e, s, i)
+        k = (own_load(angle + STEP_ANGLE, v, tension, e, s, i) - at) / STEP_ANGLE
+        c = (own_load(angle, v + STEP_RATE, tension, e, s, i) - at) / STEP_RATE
         wanted, load_k, load_c = wanted + at, load_k + maximum(k, 0.0), load_c + maximum(c, 0.0)
     return wanted, load_k, load_c
 
@@ -108,7 +108,7 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
     a, v_in, b, v = x.drive_angle[i], x.drive_velocity[i], x.output_angle[i], x.output_velocity[i]
     half = b + 0.5 * dt * v
     wanted, load_k, load_c = load_torque(p, u, i, half, v, w.level[i])
-    wanted, load_k, load_c = _load_with(x, p, e, g, i, half, v, wanted, load_k, load_c)
+    wanted, load_k, load_c = _load_with(x, p, e, s, g, i, half, v, wanted, load_k, load_c)
     along = a + 0.5 * dt * v_in
     if e is not None:
         w.pulley_offset[i], w.pulley_turns[i], _ = pulley(e, s, i, along, x.drive_torque[i], steepest(x, p, e, i))
@@ -117,7 +117,9 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
     d, rate = p.gear[i] * along - half, gear * v_in - v
     top, bottom = _stretched(p, e, s, i, d, rate)
     ccw, cw = output_torques(p, i, top, bottom)
-    share = share_with(e, s, i, cw_share(v, ccw, cw, wanted))
+    if e is not None:
+        resolve_idlers(e, g, i, ccw, cw, p.output_inertia[i], dt)
+    share = share_with(e, s, g, i, cw_share(v, ccw, cw, wanted))
     late = 0.5 * p.stretch_damping[i] * guess(p, w, g, i, v, ccw - wanted, cw - wanted)
     m_in = drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
     stiff = p.drive_stiffness[i]
@@ -162,9 +164,9 @@ def _report(x, p, u, e, s, g, i, level):
         gear *= turns
     top, bottom = _stretched(p, e, s, i, p.gear[i] * angle - b, gear * v_in - v)
     wanted, load_k, load_c = load_torque(p, u, i, b, v, level)
-    wanted, load_k, load_c = _load_with(x, p, e, g, i, b, v, wanted, load_k, load_c)
+    wanted, load_k, load_c = _load_with(x, p, e, s, g, i, b, v, wanted, load_k, load_c)
     ccw, cw = output_torques(p, i, top, bottom)
-    share = share_with(e, s, i, cw_share(v, ccw, cw, wanted))
+    share = share_with(e, s, g, i, cw_share(v, ccw, cw, wanted))
     t01_t, t01_b = (
         top * mix(share, p.drive_top_ccw[i], p.drive_top_cw[i]),
         bottom * mix(share, p.drive_bottom_ccw[i], p.drive_bottom_cw[i]),
@@ -212,7 +214,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         if e is not None:
             for i in range(lanes):
                 actuate(e, s, g, u, i, n, substeps, dt)
-                u.command[i] = own_actuate(u.command[i], e, i)
+                u.command[i] = own_actuate(u.command[i], x.drive_angle[i], x.drive_velocity[i], e, s, i)
         if payload:
             for i in range(lanes):
                 w.level[i] = cosine(x.output_angle[i] + 0.5 * dt * x.output_velocity[i])
@@ -226,6 +228,11 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         for i in range(lanes):
             _report(x, p, u, e, s, g, i, w.level[i])
             if e is not None:
+                tension = x.tension_output_top[i] + x.tension_output_bottom[i]
+                advance_memory(
+                    u.command[i], x.drive_angle[i], x.drive_velocity[i], x.output_angle[i], x.output_velocity[i],
+                    tension, tension, e, s, i,
+                )  # fmt: skip
                 s.started[i] = 1.0
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
@@ -259,7 +266,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     x.rows[:] = np.where(plain, seen, x.rows)
 
 
-_ACTING = replace(ACTING, effects={**ACTING.effects, "partial_slip": ("angle",)})
+_ACTING = replace(ACTING, effects={**ACTING.effects, "partial_slip": ("angle",)}, several=("cable",))
 
 PLANT = Plant(
     name="pulley_circuit",

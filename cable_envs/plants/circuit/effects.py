@@ -4,16 +4,28 @@ import numpy as np
 
 from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.effects.base import Acting
+from cable_envs.effects.bristles import bristle_length
 from cable_envs.effects.position_ripple import wave
-from cable_envs.effects.presliding_hysteresis import begin, damping, follow
-from cable_envs.effects.seams import elastic
+from cable_envs.effects.presliding_hysteresis import begin, damping, follow, share, slope
+from cable_envs.effects.seams import (
+    between,
+    builds_up,
+    elastic,
+    elastic_damping,
+    mobilising,
+    moved_on,
+    raised,
+    resolved,
+)  # fmt: skip
 from cable_envs.physics.friction import stick_slip_step
 
 ACTING = Acting(
     effects={
         "coulomb_friction": ("level", "contact"), "viscous_friction": ("coefficient", "drive"),
         "stribeck_friction": ("excess", "velocity"), "asymmetric_friction": ("difference",),
-        "presliding_hysteresis": ("displacement",), "load_dependent_friction": ("coefficient", "shaft"),
+        "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
+        "elastoplastic_friction": ("displacement", "damping", "breakaway"),
+        "load_dependent_friction": ("coefficient", "shaft"),
         "cable_elongation": ("tensile_stiffness",), "stiffness_hardening": ("coefficient",),
         "viscoelastic_creep": ("share", "time"), "friction_drift": ("change", "time", "travel"),
         "backlash": ("gap",), "slack": ("length",), "position_ripple": ("amplitude", "period", "phase"),
@@ -80,15 +92,25 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     friction in g are set-valued, or build up over a distance each. ``ahead`` is what the step will subtract too much.
     """
     up, down, rising, falling = ccw, cw, -g.up[i], g.down[i]
-    partial, bent = e.partial_slip_angle[i] > 0.0, e.presliding_hysteresis_displacement[i] > 0.0
+    angle, band = e.partial_slip_angle[i], maximum(g.up[i] + g.down[i], 1e-12)
+    partial, bent = angle > 0.0, builds_up(e, i)
     begin(s.partial, i, s.started[i], clip((cw - wanted) / maximum(cw - ccw, 1e-12), 0.0, 1.0))
     begin(s.presliding, i, s.started[i], 0.5)
-    idlers, k_idlers = elastic(s.partial, i, v, ccw, cw, e.partial_slip_angle[i])
-    own, k_own = elastic(s.presliding, i, v, rising, falling, e.presliding_hysteresis_displacement[i])
-    up, down = select(partial, idlers, up), select(partial, idlers, down)
-    rising, falling = select(bent, own, rising), select(bent, own, falling)
-    k = select(partial, k_idlers, 0.0) + select(bent, k_own, 0.0)
-    c = damping(k, inertia)
+    over = raised(e, s, i, band, 2.0 * g.excess[i])
+    most = g.most[i] / over
+    part, steep, bends = mobilising(e, s, i, v, most)
+    idlers, k_idlers = elastic(share(s.partial, i), slope(s.partial, i, v, angle), ccw, cw)
+    own, k_own = elastic(part, steep, rising, falling)
+    # what no step resolves stays set-valued
+    some = g.idlers_part[i]
+    up, down = between(ccw, idlers, some), between(cw, idlers, some)
+    most_own = select(bent, squared(resolved(most, band, inertia, dt)), 0.0)
+    rising, falling = between(rising, own, most_own), between(falling, own, most_own)
+    k = some * k_idlers + most_own * k_own
+    c_idlers = some * damping(k_idlers, inertia)
+    c_own = most_own * elastic_damping(e, i, inertia, k_own, most * band, bends, dt)
+    both = sqrt(c_idlers * c_idlers + c_own * c_own)
+    c = select(bristle_length(e, i) > 0.0, c_idlers + c_own, both)
     least = -inertia / dt  # falling friction drives; what is left must still resist
     damping_up = maximum(damping_up + g.steep[i], least) + c
     damping_down = maximum(damping_down + g.steep[i], least) + c
@@ -100,9 +122,22 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     smooth = v + gain * (force_up - 0.5 * dt * stiffness * v)
     v_new = select((force_up == force_down) & (partial | bent), smooth, sliding)
     moved = 0.5 * dt * (v + v_new)
-    follow(s.partial, i, moved, e.partial_slip_angle[i])
-    follow(s.presliding, i, moved, e.presliding_hysteresis_displacement[i])
+    follow(s.partial, i, moved, angle)
+    moved_on(e, s, i, moved, over)
     return v_new
+
+
+@inline
+def resolve_idlers(e, g, i, ccw, cw, inertia, dt):
+    """How much of the idlers' friction turns round over an angle, and not at once, into g."""
+    part = resolved(g.idlers_most[i], maximum(cw - ccw, 1e-12), inertia, dt)
+    g.idlers_part[i] = select(e.partial_slip_angle[i] > 0.0, squared(part), 0.0)
+
+
+@inline
+def squared(part):
+    """Of what is resolved: the stiffness of a force with this part in it goes to zero with the distance."""
+    return part * part
 
 
 def drive_at(angle: np.ndarray, torque: np.ndarray, e) -> tuple[np.ndarray, np.ndarray]:

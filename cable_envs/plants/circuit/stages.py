@@ -12,6 +12,7 @@ import numpy as np
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share as share_of
+from cable_envs.effects.seams import between
 from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.circuit.effects import output_step, rise
 from cable_envs.plants.circuit.ends import COEFFICIENTS, raised, resolved, shared_coefficients
@@ -59,11 +60,11 @@ def cw_share(v, ccw, cw, wanted):
 
 
 @inline
-def share_with(e, s, i, share):
+def share_with(e, s, g, i, share):
     """The share where the idlers' friction turns round over an angle."""
     if e is not None:
         turned = select(s.started[i] > 0.5, 1.0 - share_of(s.partial, i), share)
-        share = select(e.partial_slip_angle[i] > 0.0, turned, share)
+        share = between(share, turned, g.idlers_part[i])
     return share
 
 

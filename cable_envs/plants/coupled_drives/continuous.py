@@ -14,7 +14,7 @@ def _law(state, rows: Rows, way):
     y, v, yp, vp = state
     p, u, e, s, g, _, _ = rows
     pull, _, _, _ = sprung(e, s, 0, p.belt_stiffness[0], p.belt_damping[0], yp - y, vp - v)
-    resist, _, _ = _resist(e, 0, y, v, p.viscous[0])
+    resist, _, _ = _resist(e, s, 0, y, v, p.viscous[0])
     dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
     net = rubbed(p.force_per_volt[0] * u.command[0] + pull - resist, g.up[0], g.down[0], way)
     rates = (v, net / p.mass[0], vp, (u.disturbance[0] - pull) / p.pulley_mass[0])

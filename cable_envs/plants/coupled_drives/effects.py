@@ -29,7 +29,8 @@ ACTING = Acting(
     effects={
         "coulomb_friction": ("level",), "viscous_friction": ("coefficient",),
         "stribeck_friction": ("excess", "velocity"), "asymmetric_friction": ("difference",),
-        "presliding_hysteresis": ("displacement",), "cable_elongation": ("belt_stiffness",),
+        "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
+        "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("belt_stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),

@@ -23,7 +23,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, end, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
@@ -65,12 +65,12 @@ LEAST_READING = 1e-12
 
 
 @inline
-def _resist(e, i, y, v, viscous):
+def _resist(e, s, i, y, v, viscous):
     """(force that resists the motors besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at = own_load(y, v, 0.0, e, i)
-    k = (own_load(y + STEP_Y, v, 0.0, e, i) - at) / STEP_Y
-    c = (own_load(y, v + STEP_V, 0.0, e, i) - at) / STEP_V
+    at = own_load(y, v, 0.0, e, s, i)
+    k = (own_load(y + STEP_Y, v, 0.0, e, s, i) - at) / STEP_Y
+    c = (own_load(y, v + STEP_V, 0.0, e, s, i) - at) / STEP_V
     spring = e.position_dependent_load_stiffness[i]
     resist = viscous * v + spring * (y - e.position_dependent_load_neutral[i]) - ripple + at
     return resist, spring + maximum(-steep, 0.0) + maximum(k, 0.0), viscous + maximum(c, 0.0)
@@ -97,7 +97,7 @@ def _step(x, p, u, e, s, g, i, dt):
     grip = 0.5 * (belt_c + half * belt_k)
     alone = dt * (u.disturbance[i] - pull) / (p.pulley_mass[i] + dt * grip)
     along = dt * grip / (p.pulley_mass[i] + dt * grip)
-    resist, load_k, load_c = _resist(e, i, y + half * v, v, p.viscous[i])
+    resist, load_k, load_c = _resist(e, s, i, y + half * v, v, p.viscous[i])
     drive = pull + grip * alone + half * load_k * v  # the forces are those of the middle already
     damp = load_c + 2.0 * grip * (1.0 - along)
     force = p.force_per_volt[i] * u.command[i]
@@ -108,6 +108,8 @@ def _step(x, p, u, e, s, g, i, dt):
     x.pulley_position[i] = yp + half * (vp + vp_new)
     x.motor_velocity[i], x.pulley_velocity[i] = v_new, vp_new
     s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], g.elastic[i], g.creep_left[i])
+    y, v = x.motor_position[i], x.motor_velocity[i]
+    advance_memory(u.command[i], y, v, y, v, abs(pull), 0.0, e, s, i)
 
 
 @inline
@@ -127,7 +129,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
-            u.command[i] = own_actuate(u.command[i], e, i)
+            u.command[i] = own_actuate(u.command[i], x.motor_position[i], x.motor_velocity[i], e, s, i)
         for i in range(lanes):
             _step(x, p, u, e, s, g, i, dt)
             s.started[i] = 1.0

@@ -16,9 +16,9 @@ EFFECTS = (
 
 def _rigid(state, rows: Rows, way):
     y, v = state
-    p, u, e, _, g, _, _ = rows
+    p, u, e, s, g, _, _ = rows
     force, _, _ = _motor_force(p, u, 0, y, v)
-    resist, _, _ = _load(p, u, e, 0, y, v)
+    resist, _, _ = _load(p, u, e, s, 0, y, v)
     dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
     faster = rubbed(force - resist, g.up[0], g.down[0], way) / (p.mass[0] + p.motor_mass[0])
     return (v, faster), (y, v, force, force - p.motor_mass[0] * faster)
@@ -29,7 +29,7 @@ def _belted(state, rows: Rows, way):
     p, u, e, s, g, _, _ = rows
     force, _, _ = _motor_force(p, u, 0, xm, vm)
     pull, _, _, _ = sprung(e, s, 0, p.belt_stiffness[0], p.belt_damping[0], xm - y, vm - v)
-    resist, _, _ = _load(p, u, e, 0, y, v)
+    resist, _, _ = _load(p, u, e, s, 0, y, v)
     dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
     net = rubbed(pull - resist, g.up[0], g.down[0], way)
     return (vm, (force - pull) / p.motor_mass[0], v, net / p.mass[0]), (y, v, force, pull, xm, vm)

@@ -26,10 +26,10 @@ from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, end, slide, sprung
+from cable_envs.effects.seams import actuate, begin, end, reported, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import ActionMode, Plant, Signal, rows_of
 
@@ -70,7 +70,8 @@ ACTING = Acting(
     effects={
         "coulomb_friction": ("level",), "viscous_friction": ("coefficient",),
         "stribeck_friction": ("excess", "velocity"), "asymmetric_friction": ("difference",),
-        "presliding_hysteresis": ("displacement",), "cable_elongation": ("belt_stiffness",),
+        "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
+        "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("belt_stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
@@ -129,12 +130,12 @@ def _belt(p, e, s, g, i, stretch, rate):
 
 
 @inline
-def _load(p, u, e, i, y, v):
+def _load(p, u, e, s, i, y, v):
     """(force that resists besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at = own_load(y, v, 0.0, e, i)
-    k = (own_load(y + STEP_Y, v, 0.0, e, i) - at) / STEP_Y
-    c = (own_load(y, v + STEP_V, 0.0, e, i) - at) / STEP_V
+    at = own_load(y, v, 0.0, e, s, i)
+    k = (own_load(y + STEP_Y, v, 0.0, e, s, i) - at) / STEP_Y
+    c = (own_load(y, v + STEP_V, 0.0, e, s, i) - at) / STEP_V
     push = select(u.mode[i] > OBSERVED - 0.5, 0.0, u.disturbance[i])
     resist = (
         p.weight[i]
@@ -169,7 +170,7 @@ def _step(x, p, u, e, s, g, i, dt):
     # one body, or the carriage
     direct, k, c = _motor_force(p, u, i, y + half * v, v)
     direct, k, c = select(observed, pushed, direct), select(observed, 0.0, k), select(observed, 0.0, c)
-    resist, load_k, load_c = _load(p, u, e, i, y + half * v, v)
+    resist, load_k, load_c = _load(p, u, e, s, i, y + half * v, v)
     elastic = g.elastic[i]
     drive = select(rigid, direct, pull + grip * alone)
     stiff = load_k + select(rigid, k, 0.0)
@@ -200,12 +201,11 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
         select(observed, x.velocity[i], x.motor_velocity[i]),
     )
     pull, _, _ = _belt(p, e, s, g, i, x.motor_position[i] - x.position[i], x.motor_velocity[i] - x.velocity[i])
-    resist, _, _ = _load(p, u, e, i, x.position[i], x.velocity[i])
+    resist, _, _ = _load(p, u, e, s, i, x.position[i], x.velocity[i])
     friction = select(v_new > 0.0, g.up[i], select(v_new < 0.0, -g.down[i], 0.0))
     turned = share(s.presliding, i)
-    friction = select(
-        e.presliding_hysteresis_displacement[i] > 0.0, turned * (g.up[i] + g.down[i]) - g.down[i], friction
-    )
+    band = g.up[i] + g.down[i]
+    friction = reported(e, g, i, friction, turned * band - g.down[i])
     faster = (v_new - v) / dt
     needed = resist + friction + p.mass[i] * faster
     pull = select(rigid, select(g.follows[i] > 0.5, needed, force - p.motor_mass[i] * faster), pull)
@@ -232,10 +232,14 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
-            u.command[i] = own_actuate(u.command[i], e, i)
+            u.command[i] = own_actuate(u.command[i], x.motor_position[i], x.motor_velocity[i], e, s, i)
         for i in range(lanes):
             g.motor_speed_before[i] = x.motor_velocity[i]  # the motor's speed before the step
             _step(x, p, u, e, s, g, i, dt)
+            advance_memory(
+                u.command[i], x.motor_position[i], x.motor_velocity[i], x.position[i], x.velocity[i],
+                abs(x.belt_force[i]), 0.0, e, s, i,
+            )  # fmt: skip
             s.started[i] = 1.0
     for i in range(lanes):
         end(e, s, g, i, x.position[i], substeps * dt)

@@ -149,7 +149,9 @@ ACTING = Acting(
     effects={
         "coulomb_friction": ("level", "contact"), "viscous_friction": ("coefficient",),
         "stribeck_friction": ("excess", "contact", "velocity"), "asymmetric_friction": ("difference", "contact"),
-        "presliding_hysteresis": ("displacement",), "load_dependent_friction": ("coefficient", "exponent"),
+        "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
+        "elastoplastic_friction": ("displacement", "damping", "breakaway"),
+        "load_dependent_friction": ("coefficient", "exponent"),
         "lateral_extrusion": ("gain", "delta", "exponent"), "bending_stiffness": ("rigidity",),
         "cable_elongation": ("stiffness",), "stiffness_hardening": ("coefficient",),
         "viscoelastic_creep": ("share", "time"), "friction_drift": ("change", "time", "travel"),

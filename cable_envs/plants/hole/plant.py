@@ -16,6 +16,7 @@ speeds that are reported with them. Several holes in series are in `cable_envs.p
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -23,9 +24,9 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import inline, maximum, power, select, sign
 from cable_envs.effects import Layout
-from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, dry_friction, end
+from cable_envs.effects.seams import actuate, begin, dry_friction, end, reported
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.base import ActionMode, Plant
@@ -79,7 +80,7 @@ def pulled(p, w, e, s, i, stretch, rate):
     if e is not None:
         elongation = stretch - (e.slack_length[i] + s.creep_top[i])
         pull, rise = hardened(p.cable_stiffness[i] * elongation, e.stiffness_hardening_coefficient[i])
-        pull = own_cable(pull, e, i)
+        pull = own_cable(pull, e, s, i)
         w.stiffness[i], w.damping[i] = p.cable_stiffness[i] * rise, p.cable_damping[i]
         w.elongation[i] = maximum(elongation, 0.0)
         return select(elongation > 0.0, maximum(pull + p.cable_damping[i] * rate, 0.0), 0.0)
@@ -88,24 +89,24 @@ def pulled(p, w, e, s, i, stretch, rate):
 
 
 @inline
-def load_resistance(p, u, e, i, y, v, tension):
+def load_resistance(p, u, e, s, i, y, v, tension):
     """Force on the load against upward motion, N."""
     resist = p.load_weight[i] + p.load_stiffness[i] * y + p.load_damping[i] * v - u.disturbance[i]
     if e is not None:
-        return resist + own_load(y, v, tension, e, i)
+        return resist + own_load(y, v, tension, e, s, i)
     return resist
 
 
 @inline
-def load_behind(x, p, u, w, e, i):
+def load_behind(x, p, u, w, e, s, i):
     """What resists behind the hole at the start of the step, and its slopes."""
     y, v, tension = x.load_position[i], x.load_velocity[i], x.load_tension[i]
-    w.resistance[i] = load_resistance(p, u, e, i, y, v, tension)
+    w.resistance[i] = load_resistance(p, u, e, s, i, y, v, tension)
     w.resistance_stiffness[i], w.resistance_damping[i] = p.load_stiffness[i], p.load_damping[i]
     if e is not None:
-        at = own_load(y, v, tension, e, i)
-        k = (own_load(y + STEP_Y, v, tension, e, i) - at) / STEP_Y
-        c = (own_load(y, v + STEP_V, tension, e, i) - at) / STEP_V
+        at = own_load(y, v, tension, e, s, i)
+        k = (own_load(y + STEP_Y, v, tension, e, s, i) - at) / STEP_Y
+        c = (own_load(y, v + STEP_V, tension, e, s, i) - at) / STEP_V
         w.resistance_stiffness[i], w.resistance_damping[i] = (
             w.resistance_stiffness[i] + maximum(k, 0.0),
             w.resistance_damping[i] + maximum(c, 0.0),
@@ -124,7 +125,7 @@ def pulled_midway(x, p, u, w, e, s, g, i, ahead):
 
 
 @inline
-def rubbed(p, w, e, g, i, v, tension):
+def rubbed(x, p, w, e, s, g, i, v, tension):
     """M = mu + K |v|^omega and dM/d|v| at a speed and a tension above the hole.  G17"""
     speed = abs(v)
     steep = p.extrusion_gain[i] * power(maximum(speed, 1e-12), p.extrusion_exponent[i] - 1.0)
@@ -138,9 +139,11 @@ def rubbed(p, w, e, g, i, v, tension):
         factor = g.factor[i] * select(exponent != 0.0, power(over, exponent), 1.0)
         towards = select(v == 0.0, tension - w.resistance[i], v)  # at rest: where it would break away to
         factor *= 1.0 + e.asymmetric_friction_contact[i] * sign(towards)
-        coulomb = (mu + extra) * factor + own_contact(speed, tension, e, i)
+        own = own_contact(x.load_position[i], v, tension, x.load_tension[i], e, s, i)
+        coulomb = (mu + extra) * factor + own
         w.friction[i] = coulomb + steep * speed
         w.friction_growth[i] = p.extrusion_exponent[i] * steep + factor * growth
+        g.contact_excess[i] = factor * extra / maximum(w.friction[i], 1e-12)
     else:
         w.friction[i] = mu + steep * speed
         w.friction_growth[i] = p.extrusion_exponent[i] * steep
@@ -179,15 +182,15 @@ def slipped(x, p, u, w, e, s, g, i, ahead, dt):
 
 
 @inline
-def behind(x, p, u, w, e, s, i):
+def behind(x, p, u, w, e, s, g, i):
     """The tension behind the hole, from the one above and the ratio."""
     v, above, n = x.load_velocity[i], x.drive_tension[i], w.ratio[i]
     inv_n = 1.0 / n
-    resist = load_resistance(p, u, e, i, x.load_position[i], v, x.load_tension[i])
+    resist = load_resistance(p, u, e, s, i, x.load_position[i], v, x.load_tension[i])
     tension = transmitted(v, above, n, inv_n, resist)
     if e is not None:
         bent = above * mobilised(n, inv_n, share(s.presliding, i))[0]
-        tension = select(e.presliding_hysteresis_displacement[i] > 0.0, bent, tension)
+        tension = reported(e, g, i, tension, bent)
     x.load_tension[i] = tension
 
 
@@ -195,13 +198,13 @@ def behind(x, p, u, w, e, s, i):
 def _reported(x, p, u, w, e, s, g, lanes, bends):
     """The tension behind the hole as the contact's law gives it at the speed and the tension that are reported."""
     for i in range(lanes):
-        rubbed(p, w, e, g, i, x.load_velocity[i], x.drive_tension[i])
+        rubbed(x, p, w, e, s, g, i, x.load_velocity[i], x.drive_tension[i])
     for _ in range(REPORTED if bends else 1):
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
             ratio(p, w, i)
         for i in range(lanes):
-            behind(x, p, u, w, e, s, i)
+            behind(x, p, u, w, e, s, g, i)
 
 
 @inline
@@ -231,12 +234,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         if e is not None:
             for i in range(lanes):
                 actuate(e, s, g, u, i, n, substeps, dt)
-                u.command[i] = own_actuate(u.command[i], e, i)
+                u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
                 closed_loop(p, w, i, stiffness_now(x, p, e, i), dt)
         for i in range(lanes):
-            load_behind(x, p, u, w, e, i)
+            load_behind(x, p, u, w, e, s, i)
         for i in range(lanes):
-            rubbed(p, w, e, g, i, x.load_velocity[i], x.drive_tension[i])
+            rubbed(x, p, w, e, s, g, i, x.load_velocity[i], x.drive_tension[i])
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
             ratio(p, w, i)
@@ -248,7 +251,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
         if e is not None or bends:  # else the next step does not ask for it
             for i in range(lanes):
-                behind(x, p, u, w, e, s, i)
+                behind(x, p, u, w, e, s, g, i)
+                if e is not None:
+                    advance_memory(
+                        u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                        x.drive_tension[i], x.load_tension[i], e, s, i,
+                    )  # fmt: skip
     _reported(x, p, u, w, e, s, g, lanes, bends)
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
@@ -288,7 +296,7 @@ def cable_hole(holes: int = 1) -> Plant:
         derive=derive,
         settle=_settle,
         solve=_solve,
-        effects=Layout("cable_hole", parameters, ACTING),
+        effects=Layout("cable_hole", parameters, ACTING if holes == 1 else replace(ACTING, several=("contact",))),
         resolves=resolves,
     )
 

@@ -233,11 +233,11 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
     if e is not None:
         _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
         at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)
-        bent = presliding_step(
-            e, s, i, v, mass, up, down, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up, damping_down,
-            dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),
+        v_new = presliding_step(
+            e, s, g, i, v, mass, up, down, v_new, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up,
+            damping_down, dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),
+            2.0 * g.excess[i] + middle * (n - inv_n) * g.contact_excess[i],
         )  # fmt: skip
-        v_new = select(e.presliding_hysteresis_displacement[i] > 0.0, bent, v_new)
     return v_new
 
 

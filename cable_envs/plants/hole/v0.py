@@ -16,7 +16,7 @@ from dataclasses import replace
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import inline, maximum, select
-from cable_envs.effects.own import own_actuate
+from cable_envs.effects.own import advance_memory, own_actuate
 from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back
 from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.parameters import SIGNALS
@@ -35,10 +35,10 @@ from cable_envs.plants.hole.stages import (
 
 
 @inline
-def _ahead(x, p, u, e, g, i, dt):
+def _ahead(x, p, u, e, s, g, i, dt):
     """Speed of the load at the end of the step, from the balance of forces at its start (zero where it sticks)."""
     y, v, tension = x.load_position[i], x.load_velocity[i], x.load_tension[i]
-    net = tension - load_resistance(p, u, e, i, y, v, tension)
+    net = tension - load_resistance(p, u, e, s, i, y, v, tension)
     if e is not None:
         net = held_back(g, i, net, v)
     return v + dt * (1.0 / p.load_mass[i]) * net
@@ -49,7 +49,7 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
     """The drive, whose inner loop takes the load's speed as `_ahead` predicts it."""
     old, wanted = x.drive_velocity[i], open_loop(x, p, u, i)
     late, gain = w.loop_late[i], w.loop_gain[i]
-    loop = (wanted + late * (x.load_velocity[i] - old) + gain * _ahead(x, p, u, e, g, i, dt)) * w.loop_closed[i]
+    loop = (wanted + late * (x.load_velocity[i] - old) + gain * _ahead(x, p, u, e, s, g, i, dt)) * w.loop_closed[i]
     loop = select(x.drive_tension[i] > 0.0, loop, wanted)
     if e is not None:
         loop = select(engaged(e, s, i, x.drive_position[i], wanted), loop, wanted)
@@ -85,21 +85,26 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         if e is not None:
             for i in range(lanes):
                 actuate(e, s, g, u, i, n, substeps, dt)
-                u.command[i] = own_actuate(u.command[i], e, i)
+                u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
                 closed_loop(p, w, i, stiffness_now(x, p, e, i), dt)
         for i in range(lanes):
             _hauled(x, p, u, w, e, s, g, i, dt)
         for i in range(lanes):
-            load_behind(x, p, u, w, e, i)
+            load_behind(x, p, u, w, e, s, i)
         for i in range(lanes):
             pulled_midway(x, p, u, w, e, s, g, i, 0.0)
-            rubbed(p, w, e, g, i, x.load_velocity[i], w.tension_middle[i])
+            rubbed(x, p, w, e, s, g, i, x.load_velocity[i], w.tension_middle[i])
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
             ratio(p, w, i)
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.0, dt)
-            behind(x, p, u, w, e, s, i)
+            behind(x, p, u, w, e, s, g, i)
+            if e is not None:
+                advance_memory(
+                    u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                    x.drive_tension[i], x.load_tension[i], e, s, i,
+                )  # fmt: skip
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
         if e is not None:

@@ -28,9 +28,9 @@ def _law(state, rows: Rows, way):
     x, v_d, y, v = state
     p, u, e, s, g, w, signals = rows
     mean = w.mean[0] = _tension(p, e, s, w, 0, x - y, v_d - v)
-    resist, speed = _resist(p, u, e, 0, y, v, 0.0), along(v, way)
+    resist, speed = _resist(p, u, e, s, 0, y, v, 0.0), along(v, way)
     dry_friction(e, g, 0, speed, p.load_friction[0], 0.0)
-    _rub(signals, p, w, e, g, 0, speed, resist)
+    _rub(signals, p, w, e, s, g, 0, speed, resist)
     a = w.friction[0]
     low = leaving(a)
     held = clip(resist, mean * low, mean * (low + a))

@@ -54,7 +54,8 @@ ACTING = Acting(
     effects={
         "coulomb_friction": ("level", "contact"), "viscous_friction": ("coefficient",),
         "stribeck_friction": ("excess", "contact", "velocity"), "asymmetric_friction": ("difference", "contact"),
-        "presliding_hysteresis": ("displacement",), "cable_elongation": ("stiffness",),
+        "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
+        "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",), "slack": ("length",),
         "position_dependent_load": ("stiffness",), "actuator_lag": ("time",),

@@ -46,9 +46,9 @@ from cable_envs.core.kernels import clip, inline, maximum, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
 from cable_envs.effects.backlash import play
-from cable_envs.effects.own import own_actuate, own_cable, own_contact, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back, presliding_step
+from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back, presliding_step, reported
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
@@ -83,13 +83,13 @@ def _tension(p, e, s, w, i, stretch, rate):
     elastic = stretch - e.slack_length[i] - s.creep_top[i]
     pull, rise = hardened(p.stiffness[i] * elastic, e.stiffness_hardening_coefficient[i])
     w.rise[i], w.elongation[i] = rise, maximum(elastic, 0.0)
-    return select(elastic > 0.0, maximum(own_cable(pull, e, i) + p.tendon_damping[i] * rate, 0.0), 0.0)
+    return select(elastic > 0.0, maximum(own_cable(pull, e, s, i) + p.tendon_damping[i] * rate, 0.0), 0.0)
 
 
 @inline
-def _resist(p, u, e, i, y, v, tension):
+def _resist(p, u, e, s, i, y, v, tension):
     """Force on the load against positive motion, besides dry friction."""
-    own = own_load(y, v, tension, e, i)
+    own = own_load(y, v, tension, e, s, i)
     return p.load_preload[i] + p.load_stiffness[i] * y + p.load_damping[i] * v - u.disturbance[i] + own
 
 
@@ -113,7 +113,7 @@ def _pulled_speed(x, p, u, e, s, i, ahead, dt):
 def _drive(x, p, u, w, e, s, g, i, dt):
     """Moves the drive, and with it the end of the tendon."""
     position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    net = x.load_tension[i] - _resist(p, u, e, i, x.load_position[i], x.load_velocity[i], x.load_tension[i])
+    net = x.load_tension[i] - _resist(p, u, e, s, i, x.load_position[i], x.load_velocity[i], x.load_tension[i])
     ahead = x.load_velocity[i] + half * held_back(g, i, net, x.load_velocity[i]) / p.load_mass[i]
     servo = p.servo_stiffness[i] * (u.command[i] - position - half * speed)
     servo += p.servo_damping[i] * (u.command_rate[i] - speed)
@@ -135,13 +135,15 @@ def _drive(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
-def _rub(x, p, w, e, g, i, v, resist):
+def _rub(x, p, w, e, s, g, i, v, resist):
     """Friction of tendon and sheath at the load's speed: mu Theta, and its growth with the size of the speed."""
     extra, steep = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], v)
     towards = select(v == 0.0, w.mean[i] - resist, v)  # at rest: where it would break away to
     factor = g.factor[i] * (1.0 + e.asymmetric_friction_contact[i] * sign(towards))
-    mu = (p.friction_coefficient[i] + extra) * factor + own_contact(abs(v), w.mean[i], e, i)
+    own = own_contact(x.load_position[i], v, x.drive_tension[i], x.load_tension[i], e, s, i)
+    mu = (p.friction_coefficient[i] + extra) * factor + own
     w.friction[i], w.friction_growth[i] = mu * p.bend_angle[i], steep * factor * p.bend_angle[i]
+    g.contact_excess[i] = extra * factor / maximum(mu, 1e-12)
 
 
 @inline
@@ -156,11 +158,11 @@ def _middle(x, p, u, w, e, s, g, i, dt):
     y, v = x.load_position[i], x.load_velocity[i]
     ahead = y + load_ahead(x, i, dt)
     w.mean[i] = _tension(p, e, s, w, i, 0.5 * (w.end_before[i] + w.end_after[i]) - ahead, w.end_speed[i] - v)
-    at = _resist(p, u, e, i, y, v, x.load_tension[i])
-    k = (_resist(p, u, e, i, y + STEP_Y, v, x.load_tension[i]) - at) / STEP_Y
-    c = (_resist(p, u, e, i, y, v + STEP_V, x.load_tension[i]) - at) / STEP_V
+    at = _resist(p, u, e, s, i, y, v, x.load_tension[i])
+    k = (_resist(p, u, e, s, i, y + STEP_Y, v, x.load_tension[i]) - at) / STEP_Y
+    c = (_resist(p, u, e, s, i, y, v + STEP_V, x.load_tension[i]) - at) / STEP_V
     w.resistance[i], w.resistance_stiffness[i], w.resistance_damping[i] = at, maximum(k, 0.0), maximum(c, 0.0)
-    _rub(x, p, w, e, g, i, v, at)
+    _rub(x, p, w, e, s, g, i, v, at)
 
 
 @inline
@@ -183,23 +185,22 @@ def _slide(x, p, w, e, s, g, i, dt):
     part = share(s.presliding, i)
     r = (2.0 * part - 1.0) * a
     beside, steeper = tm * (leaving(r) - high + part * a), tm * (2.0 * a * leaving_slope(r) + a)
-    bent = presliding_step(
-        e, s, i, v, p.load_mass[i], up, down, w.resistance_stiffness[i] + k * high, -k * a, damping_up, damping_down,
-        dt, 0.5, beside, steeper,
+    return presliding_step(
+        e, s, g, i, v, p.load_mass[i], up, down, sliding, w.resistance_stiffness[i] + k * high, -k * a, damping_up,
+        damping_down, dt, 0.5, beside, steeper, -1.0, 2.0 * g.excess[i] + tm * a * g.contact_excess[i],
     )  # fmt: skip
-    return select(e.presliding_hysteresis_displacement[i] > 0.0, bent, sliding)
 
 
 @inline
-def _report(x, p, u, w, e, s, i):
+def _report(x, p, u, w, e, s, g, i):
     """Tensions of the new state, and the friction that is mobilised between them."""
     y, v, a = x.load_position[i], x.load_velocity[i], w.friction[i]
     tm = _tension(p, e, s, w, i, w.end_after[i] - y, w.end_speed_after[i] - v)
     low = leaving(a)
-    held = clip(_resist(p, u, e, i, y, v, x.load_tension[i]), tm * low, tm * (low + a))
+    held = clip(_resist(p, u, e, s, i, y, v, x.load_tension[i]), tm * low, tm * (low + a))
     r = select(tm > 0.0, mobilised(held / select(tm > 0.0, tm, 1.0), a), 0.0)
     r = select(v > 0.0, a, select(v < 0.0, -a, r))
-    r = select(e.presliding_hysteresis_displacement[i] > 0.0, (2.0 * share(s.presliding, i) - 1.0) * a, r)
+    r = reported(e, g, i, r, (2.0 * share(s.presliding, i) - 1.0) * a)
     out = tm * leaving(r)
     x.load_tension[i] = out
     x.drive_tension[i] = out + r * tm
@@ -217,7 +218,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     x.load_position[i], x.load_velocity[i] = x.load_position[i] + 0.5 * dt * (v + new), new
     w.friction[i] = maximum(w.friction[i] + w.friction_growth[i] * (abs(new) - abs(v)), 0.0)
     s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elastic, g.creep_left[i])
-    _report(x, p, u, w, e, s, i)
+    _report(x, p, u, w, e, s, g, i)
 
 
 @inline
@@ -232,9 +233,13 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
-            u.command[i] = own_actuate(u.command[i], e, i)
+            u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
         for i in range(lanes):
             _step(x, p, u, w, e, s, g, i, dt)
+            advance_memory(
+                u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                x.drive_tension[i], x.load_tension[i], e, s, i,
+            )  # fmt: skip
             s.started[i] = 1.0
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
