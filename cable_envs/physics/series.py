@@ -31,7 +31,7 @@ A column that has settled is not touched again, whatever the others of its tile 
 
 from typing import Any
 
-from cable_envs.core.kernels import inline, jit, maximum, minimum, select
+from cable_envs.core.kernels import inline, maximum, select
 from cable_envs.core.lanes import Lanes
 
 PASSES = 12
@@ -139,12 +139,13 @@ def _forward(q, lanes):
             low = select(h == 1, f * before * q.draws[i], a)
             rub = select(h == last, _rub(q, m, i), 0.0)
             rest = f * before * q.base[h - 1, i] - g * after * (q.base[h, i] + rub) + grown * q.rate[h, i]
-            idle = (m == 0.0) | (before + after == 0.0)
+            loose = (m != 0.0) & (before + after == 0.0)
+            idle = (m == 0.0) | loose
             drag = select(h == last, 0.0, LOOSE * (q.steep[h - 1, i] + q.steep[h, i]))
             pivot = a + b + grown + drag - low * q.upper[h - 1, i]
             over = select(idle, 0.0, 1.0 / select(idle, 1.0, pivot))
             q.upper[h, i] = b * over
-            q.known[h, i] = (rest + low * q.known[h - 1, i]) * over
+            q.known[h, i] = select(loose, q.rate[h, i], (rest + low * q.known[h - 1, i]) * over)
 
 
 @inline
@@ -305,7 +306,7 @@ def _alone(q, p, e, s, h, i):
     return way * z
 
 
-@jit
+@inline
 def sweep(q, p, e, s, i, turns):
     """One contact after the other in one column, there and back, so often; what that gives is where passes go on."""
     last = q.base.shape[0] - 1
