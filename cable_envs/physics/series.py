@@ -37,7 +37,7 @@ from cable_envs.core.lanes import Lanes
 PASSES = 12
 """Passes after which columns that have not settled are swept; and how often this is done."""
 ROUNDS = 6
-EVEN = 1e-9
+EVEN = 1e-8
 """A contact is at its limit when the tensions agree with it to this share."""
 GRIP = 1.0 + 1e-9
 """A contact at rest starts to slide when its ratio exceeds the limit by more than this factor."""
@@ -131,10 +131,7 @@ def _forward(q, lanes):
             m, n = q.state[h, i], q.ratio[h - 1, i]
             f, g = select(m > 0.0, 1.0, n), select(m > 0.0, n, 1.0)
             before, after = q.taut[h - 1, i], q.taut[h, i]
-            size = abs(q.rate[h, i])
-            chord = (n - select(m > 0.0, q.rest_up[h - 1, i], q.rest_down[h - 1, i])) / select(size > 0.0, size, 1.0)
-            steep = select(q.rough[i] > 0.5, chord, q.growth[h - 1, i])
-            grown = steep * select(m > 0.0, q.pull[h, i], q.pull[h - 1, i])
+            grown = q.growth[h - 1, i] * select(m > 0.0, q.pull[h, i], q.pull[h - 1, i])
             a, b = f * before * q.steep[h - 1, i], g * after * q.steep[h, i]
             low = select(h == 1, f * before * q.draws[i], a)
             rub = select(h == last, _rub(q, m, i), 0.0)
@@ -175,6 +172,7 @@ def _backward(q, lanes):
         for h in range(last + 1):
             for i in range(lanes):
                 q.rate[h, i] = select(q.rough[i] > 0.5, q.before[h, i], q.rate[h, i])
+    return turned
 
 
 @inline
@@ -206,12 +204,14 @@ def _laws(q, p, e, s, lanes):
 
 
 @inline
-def _rests(q, p, e, s, lanes):
-    """Limits of the ratios at rest."""
+def _chords(q, lanes):
+    """In columns whose pass is repeated, the growth of the ratios from rest to the present speeds."""
     for h in range(q.ratio.shape[0]):
         for i in range(lanes):
-            q.rest_up[h, i], _ = law(p, q, e, s, h, i, 0.0, 1.0)
-            q.rest_down[h, i], _ = law(p, q, e, s, h, i, 0.0, -1.0)
+            size, m = abs(q.rate[h + 1, i]), q.state[h + 1, i]
+            rest = select(m > 0.0, q.rest_up[h, i], q.rest_down[h, i])
+            chord = (q.ratio[h, i] - rest) / select(size > 0.0, size, 1.0)
+            q.growth[h, i] = select((q.rough[i] > 0.5) & (size > 0.0), chord, q.growth[h, i])
 
 
 @inline
@@ -254,6 +254,15 @@ def _check(q, p, e, s, lanes, dt):
         q.pending[i] = q.pending[i] * q.again[i]
         left += q.pending[i] > 0.5
     return left
+
+
+@inline
+def _rests(q, p, e, s, lanes):
+    """Limits of the ratios at rest."""
+    for h in range(q.ratio.shape[0]):
+        for i in range(lanes):
+            q.rest_up[h, i], _ = law(p, q, e, s, h, i, 0.0, 1.0)
+            q.rest_down[h, i], _ = law(p, q, e, s, h, i, 0.0, -1.0)
 
 
 @inline
@@ -354,8 +363,9 @@ def solve(q, p, e, s, lanes, dt, anew):
                     sweep(q, p, e, s, i, passes)
         passes += 1
         _forward(q, lanes)
-        _backward(q, lanes)
+        turned = _backward(q, lanes)
         _stretch(q, lanes)
         _laws(q, p, e, s, lanes)
+        if turned:
+            _chords(q, lanes)
         left = _check(q, p, e, s, lanes, dt)
-    return left

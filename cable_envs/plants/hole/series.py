@@ -26,7 +26,7 @@ from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.physics import series
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import ACTING, coefficient_rows, derive, series_parameters, series_signals, signal_rows
-from cable_envs.plants.hole.series_stages import behind, drive_row, end_row, first_span, friction, inner_span, load_row, moved, rub, scratch, wrapped
+from cable_envs.plants.hole.series_stages import behind, drive_row, end_row, first_span, friction, inner_span, load_row, moved, rub, scratch, slipped, wrapped
 from cable_envs.plants.hole.spool import spool_at
 from cable_envs.plants.hole.stages import any_stiff
 
@@ -66,6 +66,9 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             solve_together(w, p, e, s, lanes, dt, True)
         else:
             solve_together(w, p, e, s, lanes, dt, (n == 0) | bends)
+        for h in range(holes - 1):
+            for i in range(lanes):
+                slipped(x, w, h, i, dt)
         for i in range(lanes):
             moved(x, p, u, w, e, s, g, i, dt)
             behind(x, p, u, w, e, s, i)

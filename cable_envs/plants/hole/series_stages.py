@@ -27,7 +27,8 @@ def scratch(holes: int) -> Lanes:
     """Scratch of the plant with so many holes."""
     return Lanes("SeriesOfHoles", [
         *series_fields(holes),
-        ("wrap", holes), ("mu", holes), ("mine", holes),  # wrap in contact (rad); mu, and what a user's contact adds
+        ("wrap", holes), ("rho", holes), ("mu", holes),  # of the holes: wrap in contact (rad), radius ratio, mu
+        ("mine", holes),  # what a user's contact adds to mu
         "skew", "step",  # relative change of mu moving up (asymmetric friction); dt, s
         # first span: growth of its tension with its stretch, and its tension if nothing moves (N/m, N); its end before
         # the step, m; where the drive gets to without its new speed, and how far that takes it, m and s
@@ -58,12 +59,12 @@ def friction(p, w, e, s, h, i, speed, way):
     steep = p.extrusion_gain[i] * power(maximum(size, 1e-12), p.extrusion_exponent[i] - 1.0)
     if e is not None:
         mu = w.mu[h, i] * (1.0 + way * w.skew[i]) + w.mine[h, i]
-        n, by_mu = tension_ratio_and_slope(p.radius_ratio[h, i], mu + steep * size, w.wrap[h, i])
+        n, by_mu = tension_ratio_and_slope(w.rho[h, i], mu + steep * size, w.wrap[h, i])
         growth = by_mu * p.extrusion_exponent[i] * steep
         bent, rise = _bent(w, e, s, i, n, growth, speed)
         elastic = (w.elastic[i] > 0.5) & (h == w.ratio.shape[0] - 1)
         return select(elastic, bent, n), select(elastic, rise, growth)
-    n, by_mu = tension_ratio_and_slope(p.radius_ratio[h, i], p.friction_coefficient[h, i] + steep * size, w.wrap[h, i])
+    n, by_mu = tension_ratio_and_slope(w.rho[h, i], w.mu[h, i] + steep * size, w.wrap[h, i])
     return n, by_mu * p.extrusion_exponent[i] * steep
 
 
@@ -93,7 +94,8 @@ def wrapped(x, p, w, lanes, bends):
     holes = p.wrap_angle.shape[0]
     for h in range(holes):
         for i in range(lanes):
-            w.wrap[h, i] = p.wrap_angle[h, i]
+            w.wrap[h, i], w.rho[h, i] = p.wrap_angle[h, i], p.radius_ratio[h, i]
+            w.mu[h, i] = p.friction_coefficient[h, i]
             if bends:
                 above = x.drive_tension[i] if h == 0 else x.span_tension[h - 1, i]
                 behind = x.load_tension[i] if h == holes - 1 else x.span_tension[h, i]
@@ -200,7 +202,7 @@ def _build_up(p, w, e, s, g, i, v, above, resist):
     last, width = w.ratio.shape[0] - 1, e.presliding_hysteresis_displacement[i]
     elastic = width > 0.0
     mu = w.mu[last, i] * (1.0 + w.skew[i]) + w.mine[last, i]
-    power = maximum(log(tension_ratio_and_slope(p.radius_ratio[last, i], mu, w.wrap[last, i])[0]), 1e-12)
+    power = maximum(log(tension_ratio_and_slope(w.rho[last, i], mu, w.wrap[last, i])[0]), 1e-12)
     first = 0.5 + 0.5 * log(maximum(above, 1e-9) / maximum(resist, 1e-9)) / power
     begin_elements(s.presliding, i, s.started[i], clip(first, 0.0, 1.0))
     part, spread = share(s.presliding, i), g.up[i] + g.down[i]
@@ -226,6 +228,13 @@ def rub(x, p, w, e, g, h, i):
 
 
 @inline
+def slipped(x, w, h, i, dt):
+    """State of inner hole h + 1 after the step, and the tension behind it."""
+    x.slip_position[h, i] += dt * w.rate[h + 1, i]
+    x.slip_velocity[h, i], x.span_tension[h, i] = w.rate[h + 1, i], w.pull[h + 1, i]
+
+
+@inline
 def moved(x, p, u, w, e, s, g, i, dt):
     """State and tensions after the step."""
     holes, half = w.ratio.shape[0], 0.5 * dt
@@ -237,9 +246,6 @@ def moved(x, p, u, w, e, s, g, i, dt):
     x.drive_tension[i] = w.pull[0, i]
     x.slack_fraction[i] += select(w.pull[0, i] <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], w.pull[0, i])
-    for h in range(holes - 1):
-        x.slip_position[h, i] += dt * w.rate[h + 1, i]
-        x.slip_velocity[h, i], x.span_tension[h, i] = w.rate[h + 1, i], w.pull[h + 1, i]
     mean, v = w.rate[holes, i], w.speed[i]
     x.load_position[i] += dt * mean
     x.load_velocity[i] = select(w.theta[i] < 1.0, v + (mean - v) / w.theta[i], mean)
