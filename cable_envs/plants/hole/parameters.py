@@ -43,6 +43,10 @@ PARAMETERS = ParameterTable(
     Parameter("breaking_tension", "N", 1000.0, 1e-3, 1e7, "the cable tears above this tension"),
 )
 
+_GONE = {
+    "guide_mass": "the cable between holes has no mass since all holes of a step are solved together; leave it out"
+}
+
 EXTRA_HOLE = ("wrap_angle", "radius_ratio", "friction_coefficient")
 
 
@@ -55,7 +59,7 @@ def series_parameters(holes: int) -> ParameterTable:
     ]
     if holes > 1:
         extra.append(Parameter("span_stiffness", "N/m", 120e3, 1.0, 1e9, "EA / L of a span between two holes"))
-    return ParameterTable(*PARAMETERS, *extra)
+    return ParameterTable(*PARAMETERS, *extra, gone=_GONE if holes > 1 else None)
 
 
 SIGNALS = (

@@ -25,8 +25,28 @@ from cable_envs.effects.own import own_actuate
 from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.physics import series
 from cable_envs.plants.base import ActionMode, Plant
-from cable_envs.plants.hole.parameters import ACTING, coefficient_rows, derive, series_parameters, series_signals, signal_rows
-from cable_envs.plants.hole.series_stages import behind, drive_row, end_row, first_span, friction, inner_span, load_row, moved, rub, scratch, slipped, wrapped
+from cable_envs.plants.hole.parameters import (
+    ACTING,
+    coefficient_rows,
+    derive,
+    series_parameters,
+    series_signals,
+    signal_rows,
+)
+from cable_envs.plants.hole.series_stages import (
+    behind,
+    drive_row,
+    end_row,
+    first_span,
+    friction,
+    inner_span,
+    load_row,
+    moved,
+    rub,
+    scratch,
+    slipped,
+    wrapped,
+)
 from cable_envs.plants.hole.spool import spool_at
 from cable_envs.plants.hole.stages import any_stiff
 

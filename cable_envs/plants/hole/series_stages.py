@@ -78,7 +78,9 @@ def end_row(p, w, e, s, i):
         speed = w.rate[0, i]
         drive, gap = w.reach[i] + w.lever[i] * speed, e.backlash_gap[i]
         nut = select(gap > 0.0, play(s.gap_position[i], drive, gap), drive)
-        ripple, steep = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
+        ripple, steep = wave(
+            nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i]
+        )
         turns = select((gap > 0.0) & (nut == s.gap_position[i]), 0.0, 1.0 + steep)
         before = w.base[0, i] + w.draws[i] * speed
         w.draws[i] = w.grip[i] * turns * w.lever[i]
@@ -278,7 +280,11 @@ def behind(x, p, u, w, e, s, i):
     v = x.load_velocity[i]
     n, growth = friction(p, w, e, s, last, i, v, select(v < 0.0, -1.0, 1.0))
     above = w.pull[last, i]
-    held = clip(resistance(p, u, e, i, x.load_position[i], v, x.load_tension[i]), above / w.rest_up[last, i], above * w.rest_down[last, i])
+    held = clip(
+        resistance(p, u, e, i, x.load_position[i], v, x.load_tension[i]),
+        above / w.rest_up[last, i],
+        above * w.rest_down[last, i],
+    )
     x.load_tension[i] = select(v > 0.0, above / n, select(v < 0.0, above * n, held))
     if e is not None:
         part = share(s.presliding, i)
