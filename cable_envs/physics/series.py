@@ -290,28 +290,25 @@ def _excess(q, p, e, s, h, i, way, z):
 
 @inline
 def _alone(q, p, e, s, h, i):
-    """Speed of contact h that goes with its neighbours'."""
-    way = 1.0
-    high = _excess(q, p, e, s, h, i, way, 0.0)
-    if high <= 0.0:
-        way = -1.0
-        high = _excess(q, p, e, s, h, i, way, 0.0)
-    if high <= 0.0:
-        return 0.0
-    low, slow, fast = 0.0, 0.0, 1e-6
-    low = _excess(q, p, e, s, h, i, way, fast)
-    while low > 0.0 and fast < 1e6:
-        slow, high, fast = fast, low, 8.0 * fast
-        low = _excess(q, p, e, s, h, i, way, fast)
-    for _ in range(60):  # the false position, halving what stays
-        z = slow + (fast - slow) * high / (high - low)
+    """Speed of contact h that goes with its neighbours': the false position, halving the value that stays."""
+    way, z, slow, high, fast, low = 1.0, 0.0, 0.0, 0.0, -1.0, 0.0
+    for _ in range(200):
         now = _excess(q, p, e, s, h, i, way, z)
+        if z == 0.0:  # at rest: does it go this way, the other way, or not?
+            if now > 0.0:
+                high, z = now, 1e-6
+            elif way > 0.0:
+                way = -1.0
+            else:
+                return 0.0
+            continue
         if now > 0.0:
             slow, high, low = z, now, 0.5 * low
         else:
-            fast, low, high = z, now, 0.5 * high
-        if fast - slow <= 1e-15 * fast or now == 0.0:
+            fast, low, high = z, now, 0.5 * high if fast > 0.0 else high
+        if now == 0.0 or (fast > 0.0 and fast - slow <= 1e-15 * fast):
             break
+        z = 8.0 * z if fast < 0.0 else slow + (fast - slow) * high / (high - low)
     return way * z
 
 
@@ -339,7 +336,6 @@ def sweep(q, p, e, s, i, turns):
         q.pull[h - 1, i], q.pull[h, i] = _before_and_behind(q, h, i, w)
         q.taut[h - 1, i] = 1.0 if q.pull[h - 1, i] > 0.0 or w > 0.0 or (h > 1 and q.rate[h - 1, i] < 0.0) else 0.0
         q.state[h, i] = 1.0 if w > 0.0 or (h == last and q.elastic[i] > 0.5) else -1.0 if w < 0.0 else 0.0
-        q.ratio[h - 1, i], q.growth[h - 1, i] = law(p, q, e, s, h - 1, i, w, -1.0 if q.state[h, i] < 0.0 else 1.0)
     q.rough[i] = 0.0
 
 
@@ -354,18 +350,21 @@ def solve(q, p, e, s, lanes, dt, anew):
     _set_off(q, lanes, dt)
     if anew:
         _rests(q, p, e, s, lanes)
-        _laws(q, p, e, s, lanes)
-    left, passes = 1, 0
+    left, passes, turned, solves = 1, 0, 0, not anew
     while left and passes < ROUNDS * PASSES:
-        if passes > 0 and passes % PASSES == 0:
-            for i in range(lanes):
-                if q.pending[i] > 0.5:
-                    sweep(q, p, e, s, i, passes)
-        passes += 1
-        _forward(q, lanes)
-        turned = _backward(q, lanes)
-        _stretch(q, lanes)
+        if solves:
+            passes += 1
+            _forward(q, lanes)
+            turned = _backward(q, lanes)
+            _stretch(q, lanes)
         _laws(q, p, e, s, lanes)
         if turned:
             _chords(q, lanes)
-        left = _check(q, p, e, s, lanes, dt)
+        if solves:
+            left = _check(q, p, e, s, lanes, dt)
+        solves = True
+        if left and passes > 0 and passes % PASSES == 0:
+            solves, turned = False, 0
+            for i in range(lanes):
+                if q.pending[i] > 0.5:
+                    sweep(q, p, e, s, i, passes)

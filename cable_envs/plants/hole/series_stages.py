@@ -182,7 +182,7 @@ def load_row(x, p, u, w, e, s, g, i):
     """What the load takes behind the last hole."""
     holes, v, above = w.ratio.shape[0], x.load_velocity[i], x.span_tension[w.ratio.shape[0] - 2, i]
     w.rate[holes, i], w.speed[i], w.inertia[i] = v, v, p.load_mass[i]
-    w.resist[i] = resistance(p, u, e, i, x.load_position[i], 0.0, 0.0)
+    w.resist[i] = p.load_weight[i] + p.load_stiffness[i] * x.load_position[i] - u.disturbance[i]
     w.damper[i], w.spring[i] = p.load_damping[i], p.load_stiffness[i]
     w.rub_up[i], w.rub_down[i], w.elastic[i] = 0.0, 0.0, 0.0
     if e is not None:
@@ -192,10 +192,9 @@ def load_row(x, p, u, w, e, s, g, i):
         c = maximum((own_load(y, v + STEP_V, behind, e, i) - at) / STEP_V, 0.0)
         dry_friction(e, g, i, v, e.coulomb_friction_level[i], above)
         falling = maximum(g.steep[i] + c + w.damper[i], -w.inertia[i] / w.step[i]) - w.damper[i]
-        plain = p.load_weight[i] + p.load_stiffness[i] * y - u.disturbance[i]
-        w.resist[i], w.spring[i] = plain + at - falling * v, w.spring[i] + k
-        w.damper[i] += falling
-        _build_up(p, w, e, s, g, i, v, above, plain + at)
+        _build_up(p, w, e, s, g, i, v, above, w.resist[i] + at)
+        w.resist[i] += at - falling * v
+        w.damper[i], w.spring[i] = w.damper[i] + falling, w.spring[i] + k
 
 
 @inline
@@ -286,8 +285,6 @@ def behind(x, p, u, w, e, s, i):
         above * w.rest_down[last, i],
     )
     x.load_tension[i] = select(v > 0.0, above / n, select(v < 0.0, above * n, held))
-    if e is not None:
-        part = share(s.presliding, i)
-        bent = above * exp((1.0 - 2.0 * part) * log(n))
-        x.load_tension[i] = select(w.elastic[i] > 0.5, bent, x.load_tension[i])
+    if e is not None:  # what builds up over a distance: as in the middle of the step
+        x.load_tension[i] = select(w.elastic[i] > 0.5, above / w.ratio[last, i], x.load_tension[i])
     w.ratio[last, i], w.growth[last, i] = n, growth
