@@ -12,7 +12,7 @@ theta    | weight of the end of the step in the load's mean speed, in [1/2, 1]  
 
     spans    T_j = max(0, base_j + steep_j (w_j - w_{j+1})),  steep_0 w_0 replaced by draws w_0
     contact  T_{h-1} = n_h T_h  where w_h > 0,   T_h = n_h T_{h-1}  where w_h < 0,   in between where w_h = 0
-    load     T_N = resist + damper w_N + theta dt spring w_N + inertia (w_N - v) / (theta dt);  v' = v + (w_N - v) / theta
+    load     T_N = resist + (damper + theta dt spring) w_N + inertia (w_N - v) / (theta dt),  v' = v + (w_N - v) / theta
     drive    w_0 + by_tension T_0 + by_end w_0 - by_first w_1 = wanted,  within [low, high]
 
 Every residual rises with its own speed and falls with those of its neighbours, so the solution is unique but for
@@ -47,8 +47,8 @@ LOOSE = 1e-13
 """A drag at every contact over the steepness of its spans: a taut span between slack ones has a place of its own."""
 
 law: Any = None
-"""(p, q, e, s, h, i, speed, way) -> (n, its growth with the size of the speed) of contact h + 1; way: 1 to the drive, -1
-to the load. p, e and s are handed on from the caller of `solve`."""
+"""(p, q, e, s, h, i, speed, way) -> (n, its growth with the size of the speed) of contact h + 1; way: 1 to the drive,
+-1 to the load. p, e and s are handed on from the caller of `solve`."""
 lead: Any = None
 """(p, q, e, s, i) -> by how much T_0 at the present w_0 differs from base_0 + draws w_0, which it then corrects."""
 
@@ -66,7 +66,8 @@ def series_fields(contacts: int) -> list:
         ("rest_up", contacts), ("rest_down", contacts), ("before", contacts + 1),
         ("upper", contacts + 1), ("known", contacts + 1),
         "draws", "wanted", "by_tension", "by_end", "by_first", "low", "high",
-        "speed", "inertia", "resist", "damper", "spring", "rub_up", "rub_down", "elastic", "theta", "pending", "again", "rough",
+        "speed", "inertia", "resist", "damper", "spring", "rub_up", "rub_down", "elastic",
+        "theta", "pending", "again", "rough",
     ]  # fmt: skip
 
 

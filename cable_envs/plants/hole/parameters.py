@@ -102,7 +102,7 @@ def coefficient_rows(holes: int) -> Lanes:
     return Lanes("Coefficients", [
         "speed_limit", "acceleration_limit", "inner_kp", "inner_kd", "cable_stiffness", "cable_damping",
         "load_mass", "load_weight", "load_stiffness", "load_damping", "extrusion_gain", "extrusion_exponent",
-        "bending_rigidity", "span_stiffness", *(["guide_mass"] if holes == 1 else []),
+        "bending_rigidity", "span_stiffness",
         (("wrap_angle", "radius_ratio", "friction_coefficient", "edge_radius"), holes),
     ])  # fmt: skip
 
@@ -129,7 +129,7 @@ def derive(value: Mapping[str, np.ndarray], e: Any) -> dict[str, Any]:
         **{name: value[name] for name in same},
         "speed_limit": value["drive_speed_limit"], "acceleration_limit": value["drive_acceleration_limit"],
         "load_weight": weight, "span_stiffness": value.get("span_stiffness", 0.0),
-        **({"guide_mass": 0.0} if holes == 1 else {}), "wrap_angle": wrap, "friction_coefficient": mu,
+        "wrap_angle": wrap, "friction_coefficient": mu,
         "radius_ratio": rho * (1.0 + value["extrusion_delta"]), "edge_radius": rho * value["cable_radius"],
     }  # fmt: skip
 

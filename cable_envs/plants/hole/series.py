@@ -18,12 +18,13 @@ Signs: x > 0 hauls in, s > 0 and y > 0 lift. SI units throughout.
 
 import numpy as np
 
-from cable_envs.core.kernels import inline
 from cable_envs.core.compiling.templates import specialised
+from cable_envs.core.kernels import inline
 from cable_envs.effects import Layout
 from cable_envs.effects.own import own_actuate
 from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.physics import series
+from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import (
     ACTING,
@@ -58,7 +59,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, stage by stage."""
     bends, holes = any_stiff(p, lanes), p.wrap_angle.shape[0]
     for i in range(lanes):
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
         if e is not None:
             begin(
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
@@ -114,6 +115,14 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
 
 
+def _resolves(p, e) -> np.ndarray:
+    """Longest steps, s: of the load on all spans one after the other. What is faster than that the step damps out."""
+    softer = 1.0 / (1.0 + p.cable_stiffness * (p.wrap_angle.shape[0] - 1) / p.span_stiffness)
+    harder = np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_weight)
+    stiffness = softer * harder * p.cable_stiffness + p.load_stiffness
+    return longest_step(p.load_mass, softer**2 * p.cable_damping + p.load_damping, stiffness)
+
+
 def holes_in_series(holes: int) -> Plant:
     """The plant with ``holes`` >= 2 holes."""
     parameters = series_parameters(holes)
@@ -132,4 +141,5 @@ def holes_in_series(holes: int) -> Plant:
         settle=_settle,
         solve=_solve,
         effects=Layout("cable_hole", parameters, ACTING),
+        resolves=_resolves,
     )
