@@ -29,6 +29,7 @@ stops at exactly zero or turns.
 A column that has settled is not touched again, whatever the others of its tile do.
 """
 
+from functools import cache
 from typing import Any
 
 from cable_envs.core.kernels import inline, maximum, select
@@ -53,6 +54,7 @@ lead: Any = None
 """(p, q, e, s, i) -> by how much T_0 at the present w_0 differs from base_0 + draws w_0, which it then corrects."""
 
 
+@cache
 def series_rows(contacts: int) -> Lanes:
     """Scratch of `solve` for so many contacts."""
     return Lanes("Series", series_fields(contacts))

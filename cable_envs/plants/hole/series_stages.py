@@ -18,6 +18,7 @@ from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
+from cable_envs.plants.hole.spool import moves_otherwise
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
@@ -33,6 +34,7 @@ def scratch(holes: int) -> Lanes:
         # first span: growth of its tension with its stretch, and its tension if nothing moves (N/m, N); its end before
         # the step, m; where the drive gets to without its new speed, and how far that takes it, m and s
         "grip", "held", "end_before", "reach", "lever",
+        "straight",  # base of the first span where the cable's end is where the drive is, N
     ])  # fmt: skip
 
 
@@ -84,7 +86,8 @@ def end_row(p, w, e, s, i):
         turns = select((gap > 0.0) & (nut == s.gap_position[i]), 0.0, 1.0 + steep)
         before = w.base[0, i] + w.draws[i] * speed
         w.draws[i] = w.grip[i] * turns * w.lever[i]
-        w.base[0, i] = w.held[i] + w.grip[i] * (nut + ripple - w.end_before[i]) - w.draws[i] * speed
+        end = w.held[i] + w.grip[i] * (nut + ripple - w.end_before[i]) - w.draws[i] * speed
+        w.base[0, i] = select(moves_otherwise(e, i), end, w.straight[i])
         w.by_end[i] = w.by_first[i] * turns
         return w.base[0, i] + w.draws[i] * speed - before
     return 0.0
@@ -163,6 +166,8 @@ def first_span(x, p, u, w, e, s, g, i, dt):
         imposed, follows = g.imposes[i] > 0.5, g.follows[i] > 0.5
         w.held[i], w.grip[i] = select(imposed, maximum(u.command[i], 0.0), held), select(imposed, 0.0, grip)
         w.pull[0, i], w.steep[0, i] = select(imposed, w.held[i], w.pull[0, i]), dt * w.grip[i]
+        straight = select(follows, held + grip * (g.target[i] - x.drive_position[i]), w.base[0, i])
+        w.straight[i] = select(imposed, w.held[i], straight)
         w.reach[i] = select(follows, g.target[i], x.drive_position[i] + 0.5 * dt * old)
         w.lever[i], w.step[i] = select(follows, 0.0, 0.5 * dt), dt
         end_row(p, w, e, s, i)
