@@ -183,6 +183,8 @@ class ParameterTable:
         In their order.
     aliases : mapping of str to str, optional
         Further names of some of them.
+    gone : mapping of str to str, optional
+        Names that were parameters once, and why they no longer are.
 
     Attributes
     ----------
@@ -204,9 +206,11 @@ class ParameterTable:
     {'mass': 1.0, 'force': 2.0}
     """
 
-    def __init__(self, *parameters: Parameter, aliases: Mapping[str, str] | None = None):
+    def __init__(
+        self, *parameters: Parameter, aliases: Mapping[str, str] | None = None, gone: Mapping[str, str] | None = None
+    ):
         self._items = {p.name: p for p in parameters}
-        self._aliases = dict(aliases or {})
+        self._aliases, self.gone = dict(aliases or {}), dict(gone or {})
         if len(self._items) != len(parameters):
             raise ValueError("parameter declared twice")
         self.names = tuple(self._items)
@@ -246,8 +250,12 @@ class ParameterTable:
         Raises
         ------
         ConfigurationError
-            For unknown names (with the nearest), wrong units and values out of bounds.
+            For unknown names (with the nearest), names that have gone (with the reason), wrong units and values out of
+            bounds.
         """
+        for name in values:
+            if name in self.gone:
+                raise ConfigurationError(f"parameter '{name}' has gone: {self.gone[name]}")
         values = {self._aliases.get(name, name): value for name, value in values.items()}
         require_known("parameter", values, self.names)
         return np.array([p.check(values.get(p.name, p.default)) for p in self])

@@ -59,7 +59,7 @@ class Layout:
         known = [(effect, p) for effect in self.effects.values() for p in effect.parameters]
         self.aliases = {f"{effect.name}.{p.name}": p.alias for effect, p in known if p.alias}
         declared = [p.declared(effect.name) for effect, p in known if not p.alias]
-        self.table = ParameterTable(*parameters, *declared, aliases=self.aliases)
+        self.table = ParameterTable(*parameters, *declared, aliases=self.aliases, gone=parameters.gone)
         self.null = np.array([p.default for p in declared])
         fields = {
             lane_of(effect, p): p.null

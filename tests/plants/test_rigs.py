@@ -70,7 +70,7 @@ GOOD = {"schema": "cable-rig/1", "name": "mine", "plant": "cable_hole", "paramet
         ({"schema": "cable-rig/2"}, "schema 'cable-rig/2' is not 'cable-rig/1'"),
         ({"plant": "cable_whole"}, "did you mean 'cable_hole'"),
         ({"plants": "cable_hole"}, "did you mean 'plant'"),
-        ({"holes": 9}, r"holes = 9 is outside \[1, 4\]"),
+        ({"holes": 51}, r"holes = 51 is outside \[1, 50\]"),
         ({"holes": 1.5}, "holes must be a whole number"),
         ({"plant": "pulley_circuit", "holes": 2}, "'holes' belongs to cable_hole"),
         ({"parameters": [1, 2]}, "'parameters' must be a mapping"),

@@ -40,6 +40,7 @@ from cable_envs.plants.hole.parameters import (
     series_signals,
     signal_rows,
 )  # fmt: skip
+from cable_envs.plants.hole.series import holes_in_series
 from cable_envs.plants.hole.spool import idle_share, spool_at
 from cable_envs.plants.hole.stages import (
     HOLE,
@@ -278,9 +279,11 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
 
 @cache
 def cable_hole(holes: int = 1) -> Plant:
-    """The plant with ``holes`` holes in series (1 to 4)."""
+    """The plant with ``holes`` holes in series (1 to 50); several are those of `cable_envs.plants.hole.series`."""
     if not 1 <= holes <= MAX_HOLES:
         raise ConfigurationError(f"holes = {holes} is outside [1, {MAX_HOLES}]")
+    if holes > 1:
+        return holes_in_series(holes)
     parameters = series_parameters(holes)
     return Plant(
         name="cable_hole",
