@@ -47,11 +47,16 @@ def begin(e, s, g, u, i, position, velocity, load, speed, period, dt):
     g.start[i], g.start_rate[i], g.load_before[i] = position, velocity, load
     g.up[i], g.down[i], g.steep[i] = 0.0, 0.0, 0.0
     g.excess[i], g.contact_excess[i], g.part[i], g.idlers_part[i] = 0.0, 0.0, 1.0, 0.0
+    begin_memory(s, i, dt)
+
+
+@inline
+def begin_friction(e, g, i):
+    """The same for friction that builds up over a distance, on plants that have such."""
     width, long, angle = e.presliding_hysteresis_displacement[i], bristle_length(e, i), e.partial_slip_angle[i]
     most = STEEPEST / select(width > 0.0, width, 1.0)
     g.most[i] = select(long > 0.0, 0.5 / select(long > 0.0, long, 1.0), most)
     g.idlers_most[i] = STEEPEST / select(angle > 0.0, angle, 1.0)
-    begin_memory(s, i, dt)
 
 
 @inline

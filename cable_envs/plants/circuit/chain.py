@@ -26,7 +26,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
-from cable_envs.effects.seams import actuate, begin, dry_friction, end
+from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
 from cable_envs.effects.viscoelastic_creep import crept, kept
 from cable_envs.physics.chain import (
     CONTACTS,
@@ -339,6 +339,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 e, s, g, u, i, x.drive_angle[i], x.drive_velocity[i], x.output_angle[i], x.output_velocity[i],
                 substeps * dt, dt,
             )  # fmt: skip
+            begin_friction(e, g, i)
     for n in range(substeps + 1):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt
         more = 0.5 * dt if n < substeps else 0.0

@@ -28,7 +28,7 @@ from cable_envs.core.inputs import INPUTS
 from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_load
-from cable_envs.effects.seams import actuate, begin, dry_friction, end
+from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import Plant, rows_of
@@ -210,6 +210,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 substeps * dt,
                 dt,
             )
+            begin_friction(e, g, i)
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):

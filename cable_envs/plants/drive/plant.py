@@ -29,7 +29,7 @@ from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, end, reported, slide, sprung
+from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.plants.base import ActionMode, Plant, Signal, rows_of
 
@@ -223,6 +223,7 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
         begin(e, s, g, u, i, x.motor_position[i], x.motor_velocity[i], x.position[i], x.velocity[i], substeps * dt, dt)
+        begin_friction(e, g, i)
         u.mode[i] = select(g.imposes[i] > 0.5, 0.0, u.mode[i])
         observed = u.mode[i] > OBSERVED - 0.5  # the amplifier is behind its servo, not before it
         g.force_left[i] = g.lag_left[i]

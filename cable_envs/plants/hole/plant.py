@@ -16,7 +16,6 @@ speeds that are reported with them. Several holes in series are in `cable_envs.p
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
 """
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -26,7 +25,7 @@ from cable_envs.core.kernels import inline, maximum, power, select, sign
 from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, dry_friction, end, reported
+from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, reported
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.base import ActionMode, Plant
@@ -226,6 +225,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
                 substeps * dt, dt,
             )  # fmt: skip
+            begin_friction(e, g, i)
             dry_friction(e, g, i, x.load_velocity[i], e.coulomb_friction_level[i], x.drive_tension[i])
             w.stiffness[i] = stiffness_now(x, p, e, i)
         else:
@@ -299,7 +299,7 @@ def cable_hole(holes: int = 1) -> Plant:
         derive=derive,
         settle=_settle,
         solve=_solve,
-        effects=Layout("cable_hole", parameters, ACTING if holes == 1 else replace(ACTING, several=("contact",))),
+        effects=Layout("cable_hole", parameters, ACTING),
         resolves=resolves,
     )
 

@@ -16,13 +16,15 @@ loop, which is far quicker than a step, are solved together (`cable_envs.physics
 Signs: x > 0 hauls in, s > 0 and y > 0 lift. SI units throughout.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.kernels import inline
 from cable_envs.effects import Layout
-from cable_envs.effects.own import own_actuate
-from cable_envs.effects.seams import actuate, begin, end
+from cable_envs.effects.own import advance_memory, own_actuate
+from cable_envs.effects.seams import actuate, begin, begin_friction, end
 from cable_envs.physics import series
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Plant
@@ -65,16 +67,17 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
                 substeps * dt, dt,
             )  # fmt: skip
+            begin_friction(e, g, i)
     for n in range(substeps):
         if (n == 0) | bends:
             wrapped(x, p, w, lanes, bends)
         if e is not None:
             for i in range(lanes):
                 actuate(e, s, g, u, i, n, substeps, dt)
-                u.command[i] = own_actuate(u.command[i], e, i)
+                u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
             for h in range(holes):
                 for i in range(lanes):
-                    rub(x, p, w, e, g, h, i)
+                    rub(x, p, w, e, s, g, h, i)
         for i in range(lanes):
             drive_row(x, p, u, w, e, s, g, i, dt)
             first_span(x, p, u, w, e, s, g, i, dt)
@@ -93,6 +96,11 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         for i in range(lanes):
             moved(x, p, u, w, e, s, g, i, dt)
             behind(x, p, u, w, e, s, i)
+            if e is not None:
+                advance_memory(
+                    u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                    x.drive_tension[i], x.load_tension[i], e, s, i,
+                )  # fmt: skip
     for i in range(lanes):
         x.slack_fraction[i] /= substeps
         if e is not None:
@@ -123,6 +131,13 @@ def _resolves(p, e) -> np.ndarray:
     return longest_step(p.load_mass, softer**2 * p.cable_damping + p.load_damping, stiffness)
 
 
+_BRISTLES = ("lugre_friction", "elastoplastic_friction")
+_ACTING = replace(
+    ACTING, effects={name: p for name, p in ACTING.effects.items() if name not in _BRISTLES}, several=("contact",)
+)
+"""Of the library all that acts on one hole but the friction of bristles, whose state a hole has each for itself."""
+
+
 def holes_in_series(holes: int) -> Plant:
     """The plant with ``holes`` >= 2 holes."""
     parameters = series_parameters(holes)
@@ -140,6 +155,6 @@ def holes_in_series(holes: int) -> Plant:
         derive=derive,
         settle=_settle,
         solve=_solve,
-        effects=Layout("cable_hole", parameters, ACTING),
+        effects=Layout("cable_hole", parameters, _ACTING),
         resolves=_resolves,
     )

@@ -110,11 +110,11 @@ def wrapped(x, p, w, lanes, bends):
 
 
 @inline
-def resistance(p, u, e, i, y, v, tension):
+def resistance(p, u, e, s, i, y, v, tension):
     """Force on the load against upward motion, besides its dry friction."""
     resist = p.load_weight[i] + p.load_stiffness[i] * y + p.load_damping[i] * v - u.disturbance[i]
     if e is not None:
-        return resist + own_load(y, v, tension, e, i)
+        return resist + own_load(y, v, tension, e, s, i)
     return resist
 
 
@@ -151,7 +151,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
         w.end_before[i] = nut + ripple
         stretch = w.end_before[i] - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
-        pull, k = own_cable(pull, e, i), k * rise
+        pull, k = own_cable(pull, e, s, i), k * rise
     weight = clip(1.0 - c / (k * dt), 0.5, 1.0)
     taut = stretch > 0.0
     grip = select(taut, weight * k, k) + c / dt
@@ -192,9 +192,9 @@ def load_row(x, p, u, w, e, s, g, i):
     w.rub_up[i], w.rub_down[i], w.elastic[i] = 0.0, 0.0, 0.0
     if e is not None:
         y, behind = x.load_position[i], x.load_tension[i]
-        at = own_load(y, v, behind, e, i)
-        k = maximum((own_load(y + STEP_Y, v, behind, e, i) - at) / STEP_Y, 0.0)
-        c = maximum((own_load(y, v + STEP_V, behind, e, i) - at) / STEP_V, 0.0)
+        at = own_load(y, v, behind, e, s, i)
+        k = maximum((own_load(y + STEP_Y, v, behind, e, s, i) - at) / STEP_Y, 0.0)
+        c = maximum((own_load(y, v + STEP_V, behind, e, s, i) - at) / STEP_V, 0.0)
         dry_friction(e, g, i, v, e.coulomb_friction_level[i], above)
         falling = maximum(g.steep[i] + c + w.damper[i], -w.inertia[i] / w.step[i]) - w.damper[i]
         _build_up(p, w, e, s, g, i, v, above, w.resist[i] + at)
@@ -222,14 +222,18 @@ def _build_up(p, w, e, s, g, i, v, above, resist):
 
 
 @inline
-def rub(x, p, w, e, g, h, i):
+def rub(x, p, w, e, s, g, h, i):
     """Friction coefficients of a hole that hold over a step: what depends on its start only."""
     speed = x.load_velocity[i] if h == w.ratio.shape[0] - 1 else x.slip_velocity[h, i]
     above = x.drive_tension[i] if h == 0 else x.span_tension[h - 1, i]
     excess, _ = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], speed)
     exponent, over = e.load_dependent_friction_exponent[i], maximum(above, 0.1) / maximum(p.load_weight[i], 0.1)
     factor = g.factor[i] * select(exponent != 0.0, power(over, exponent), 1.0)
-    w.mu[h, i], w.mine[h, i] = (p.friction_coefficient[h, i] + excess) * factor, own_contact(abs(speed), above, e, i)
+    last = h == w.ratio.shape[0] - 1
+    at = x.load_position[i] if last else x.slip_position[h, i]
+    beyond = x.load_tension[i] if last else x.span_tension[h, i]
+    w.mu[h, i] = (p.friction_coefficient[h, i] + excess) * factor
+    w.mine[h, i] = own_contact(at, speed, above, beyond, e, s, i)
     w.skew[i] = e.asymmetric_friction_contact[i]
 
 
@@ -285,7 +289,7 @@ def behind(x, p, u, w, e, s, i):
     n, growth = friction(p, w, e, s, last, i, v, select(v < 0.0, -1.0, 1.0))
     above = w.pull[last, i]
     held = clip(
-        resistance(p, u, e, i, x.load_position[i], v, x.load_tension[i]),
+        resistance(p, u, e, s, i, x.load_position[i], v, x.load_tension[i]),
         above / w.rest_up[last, i],
         above * w.rest_down[last, i],
     )

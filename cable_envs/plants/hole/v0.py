@@ -17,7 +17,7 @@ from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import inline, maximum, select
 from cable_envs.effects.own import advance_memory, own_actuate
-from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back
+from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, held_back
 from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.parameters import SIGNALS
 from cable_envs.plants.hole.plant import behind, load_behind, load_resistance, pulled_midway, rubbed, slipped
@@ -80,6 +80,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
                 substeps * dt, dt,
             )  # fmt: skip
+            begin_friction(e, g, i)
             dry_friction(e, g, i, x.load_velocity[i], e.coulomb_friction_level[i], x.drive_tension[i])
     for n in range(substeps):
         if e is not None:

@@ -48,7 +48,16 @@ from cable_envs.effects import Layout
 from cable_envs.effects.backlash import play
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, dry_friction, end, held_back, presliding_step, reported
+from cable_envs.effects.seams import (
+    actuate,
+    begin,
+    begin_friction,
+    dry_friction,
+    end,
+    held_back,
+    presliding_step,
+    reported,
+)
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
@@ -228,6 +237,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
             substeps * dt, dt,
         )  # fmt: skip
+        begin_friction(e, g, i)
         dry_friction(e, g, i, x.load_velocity[i], p.load_friction[i], x.drive_tension[i])
         x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
     for n in range(substeps):
