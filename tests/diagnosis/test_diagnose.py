@@ -153,6 +153,7 @@ def test_nothing_missing_is_answered_so_with_the_sizes_that_would_show(tmp_path)
     assert size.endswith(" N/m") and 0.01 < float(size.split()[0]) < STIFFNESS
 
 
+@pytest.mark.slow
 def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     recording, out = drive.write(tmp_path / "recording", spring), tmp_path / "out"
 

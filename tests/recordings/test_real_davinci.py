@@ -241,6 +241,7 @@ def test_friction_alone_explains_most_of_the_jaws_torque(jaw):
     assert one[0].values["load_dependent_friction.exponent"] == pytest.approx(0.40, abs=0.06)
 
 
+@pytest.mark.slow
 @needs_jaw
 def test_a_rig_that_noise_does_not_limit_is_said_to_be_one(jaw):
     """A likelihood under noise improves the torque and ruins the angle; the note says so, unseen records do not."""

@@ -86,6 +86,7 @@ def compiled(tmp_path_factory) -> str:
     return digest
 
 
+@pytest.mark.slow
 def test_bit_equal_without_compiling_and_kept(brought, compiled, tmp_path):
     assert _called(tmp_path, brought) == (compiled, False)
     assert _called(tmp_path, tmp_path / "nothing") == (compiled, False)  # as the first one left it

@@ -194,6 +194,7 @@ def test_a_kernel_on_named_rows_is_loaded_once(tmp_path):
     assert run(NAMED, tmp_path / "cache").split() == ["6.0", "1", "0"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_old_versions_are_deleted(tmp_path):
     day = 86_400.0
