@@ -23,9 +23,12 @@ TABLE_A1 = {  # delta, mu, K, omega of Table A1, Gu 2024
 @pytest.mark.parametrize("name", PRESETS)
 def test_preset_loads_and_every_number_has_a_source(name):
     rig = load_rig(name)
-    given = yaml.safe_load((config_root() / "rigs" / f"{name}.yaml").read_text())["parameters"]
+    given, more = set(), name
+    while more:  # and of the preset that it extends
+        content = yaml.safe_load((config_root() / "rigs" / f"{more}.yaml").read_text())
+        given, more = given | set(content["parameters"]), content.get("extends")
     assert rig.name == name and rig.description
-    assert set(rig.sources) == set(given) | set(rig.valid) and all(rig.sources.values())
+    assert set(rig.sources) == given | set(rig.valid) and all(rig.sources.values())
     plant = rig.simulated_by()
     p = plant.prepare(np.array([[rig.values[n]] for n in plant.parameters.names]))
     effects, states = (0, 0) if plant.plain else (plant.effects.count, STATES.count)  # a plant may have them always
