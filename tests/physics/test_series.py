@@ -115,7 +115,7 @@ def test_the_step_is_the_one_that_trying_every_set_finds(contacts):
     assert compared > 1.8 * columns
 
 
-@pytest.mark.parametrize("contacts", [3, 20])
+@pytest.mark.parametrize("contacts", [3, pytest.param(20, marks=pytest.mark.slow)])  # minutes to compile
 def test_every_contact_is_at_its_limit_or_at_rest_within_it(contacts):
     q, n = _random(contacts, 7)
     SOLVE(q, n, 40.0, None, LANES, DT, True)
@@ -131,6 +131,7 @@ def test_every_contact_is_at_its_limit_or_at_rest_within_it(contacts):
     assert (behind[:-1] <= n[:-1] * above[:-1] * (1.0 + 1e-8) + 1e-8)[inner].all()
 
 
+@pytest.mark.slow
 def test_a_column_is_the_same_to_the_bit_alone_and_in_a_tile():
     together, n = _random(3, 3)
     given = together.rows.copy()
@@ -143,6 +144,7 @@ def test_a_column_is_the_same_to_the_bit_alone_and_in_a_tile():
             assert np.array_equal(np.atleast_2d(getattr(alone, row))[:, 0], np.atleast_2d(getattr(together, row))[:, i])
 
 
+@pytest.mark.slow
 def test_sweeps_alone_lead_to_the_same_step():
     q, n = _random(3, 11)
     given = q.rows.copy()
