@@ -40,7 +40,7 @@ from cable_envs.plants.hole.parameters import (
     signal_rows,
 )  # fmt: skip
 from cable_envs.plants.hole.series import holes_in_series
-from cable_envs.plants.hole.spool import idle_share, spool_at
+from cable_envs.plants.hole.spool import idle_share, settle_drive
 from cable_envs.plants.hole.stages import (
     HOLE,
     any_stiff,
@@ -270,11 +270,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     tension = np.maximum(p.load_weight + p.load_stiffness * position, 0.0)
     x.load_position[:] = position
     x.drive_tension[:] = x.load_tension[:] = x.peak_tension[:] = tension
-    hard = e.stiffness_hardening_coefficient
-    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.cable_stiffness
-    end = position + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
-    x.drive_position[:] = spool_at(end, e)
-    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
+    settle_drive(x, s, p, e, position, tension)
 
 
 @cache

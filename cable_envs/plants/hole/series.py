@@ -50,7 +50,7 @@ from cable_envs.plants.hole.series_stages import (
     slipped,
     wrapped,
 )
-from cable_envs.plants.hole.spool import spool_at
+from cable_envs.plants.hole.spool import settle_drive
 from cable_envs.plants.hole.stages import any_stiff
 
 solve_together = specialised(series.solve, law=friction, lead=end_row)
@@ -116,11 +116,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     for h in reversed(range(len(x.slip_position))):
         slip = slip + tension / p.span_stiffness
         x.slip_position[h], x.span_tension[h] = slip, tension
-    hard = e.stiffness_hardening_coefficient
-    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.cable_stiffness
-    end_at = slip + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
-    x.drive_position[:] = spool_at(end_at, e)
-    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
+    settle_drive(x, s, p, e, slip, tension)
 
 
 def _resolves(p, e) -> np.ndarray:

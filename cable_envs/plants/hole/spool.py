@@ -56,3 +56,11 @@ def spool_at(end: np.ndarray, e: Any) -> np.ndarray:
                 _TAU * x / e.position_ripple_period + e.position_ripple_phase
             )
     return x
+
+
+def settle_drive(x, s, p, e, slip: np.ndarray, tension: np.ndarray) -> None:
+    """The drive at rest above a hole through which ``slip`` of the cable has gone (m, [n]), at a tension (N, [n])."""
+    hard = e.stiffness_hardening_coefficient
+    stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.cable_stiffness
+    x.drive_position[:] = spool_at(slip + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length, e)
+    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
