@@ -145,6 +145,7 @@ class Simulation:
         reference[key], disturbance[key] = keys, keys + 1.0
         if rows:
             p = self._prepared(values)
+            check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "a rig of this reset")
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
 
         if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before

@@ -13,7 +13,8 @@ MOST = 10_000
 """Most integration steps in a control period."""
 
 CORNERS = 8
-"""Most ranges of which all corners are looked at; of more, each range's ends with the others at the same end."""
+"""Most ranges of which all corners are looked at; of more, 2**CORNERS random ones. A rig that a reset draws is looked
+at again there."""
 
 
 def substeps_for(
@@ -101,8 +102,7 @@ def _corners(plant: Plant, column: np.ndarray, ranges: Sequence[tuple[str, float
     rows = [plant.table.index(name) for name, _, _ in ranges]
     ends = [(low, high) for _, low, high in ranges]
     if len(ends) > CORNERS:
-        at = np.where(np.eye(len(ends), dtype=bool)[:, None] ^ np.array([False, True])[None, :, None], 1, 0)
-        picks = [tuple(pick) for pick in at.reshape(-1, len(ends)).tolist()]
+        picks = [tuple(pick) for pick in np.random.default_rng(0).integers(0, 2, (2**CORNERS, len(ends))).tolist()]
     else:
         picks = list(product((0, 1), repeat=len(ends)))
     values = np.repeat(column, len(picks) + 1, axis=1)

@@ -73,6 +73,15 @@ def test_a_rig_of_one_episode_and_the_ends_of_ranges_count_too():
     drawn = setup_of(HOLE, {"randomize": ranges})
     alone = setup_of(HOLE, {"rig": {"load_mass": 0.01, "cable_stiffness": 180e3}})
     assert drawn.substeps >= alone.substeps > 20
+    more = {
+        name: {"scale": [0.9, 1.1]}
+        for name in ("gravity", "cable_damping", "wrap_angle", "radius_ratio", "cable_radius", "friction_coefficient",
+                     "extrusion_gain", "inner_kp", "inner_kd")
+    }  # fmt: skip
+    crowded = gym.make(HOLE, randomize={**ranges, **more})
+    assert crowded.unwrapped.setup.substeps >= drawn.substeps
+    for seed in range(20):
+        crowded.reset(seed=seed)
     many = gym.make_vec(HOLE, num_envs=3, randomize=ranges)
     many.reset(seed=0)
 
