@@ -176,6 +176,7 @@ def test_a_gap_with_a_limit_cycle_is_named(oscillating):
     assert held["augmented"] < 1.15 * held["refit"]  # not the phase's error twice
 
 
+@pytest.mark.slow
 def test_the_rig_with_the_gap_leaves_nothing_to_find(oscillating):
     folder, _, examined = oscillating
     examined.diagnosis.write(folder / "out")

@@ -39,7 +39,9 @@ KINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", ["marked", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("white", "flicker", "hum"))]
+)
 def test_noise_known_from_rest_is_white_at_every_frequency_and_from_the_first_sample(kind):
     """40 records of 27 s, each with a record at rest of its own; slow waves of 40 records are known to 15 %."""
     rng = np.random.default_rng(4)
