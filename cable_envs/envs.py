@@ -253,7 +253,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first release.
     * v1: the hole's load and drive are stepped together, so that light loads are right; every reported tension obeys
       the contact's law; holes in series are solved together; the step fits the rig, or the rig is refused. The
-      circuit's drive is a motor with a servo (rigs zou-table2-motor and zou-grasp-motor).
+      circuit's drive is a motor with a servo (rigs zou-table2-motor and zou-grasp-motor). The sheath has 20 contacts,
+      and a posture bends it (rig bowden-1m-20).
     """
 
     metadata = {"render_modes": ["rgb_array", "human", "web"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)

@@ -148,6 +148,9 @@ class Simulation:
             p = self._prepared(values)
             check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "a rig of this reset")
         x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
+        if self.setup.plant.posture:
+            bent = x[self.setup.plant.row(self.setup.plant.posture)]
+            bent[:] = np.maximum(bent + [evaluate(posture, k, 0.0)[0] for k in range(len(lanes))], 0.0)
 
         if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
             if self._needed(p) > self.with_effects:
