@@ -19,7 +19,8 @@ from cable_envs import load_rig
 CASES = (
     ("gu-inferred", "analytic"), ("bowden-1m", "analytic"), ("zou-table2", "analytic"),
     ("zou-grasp", "analytic"), ("zou-table2", "chain"), ("zou-grasp", "chain"), ("zou-table2-motor", "analytic"),
-    ("zou-table2-motor", "chain"),
+    ("zou-table2-motor", "chain"), ("gu-three-holes", "analytic"), ("bowden-1m-20", "analytic"),
+    ("endoscope-2m", "analytic"),
 )  # fmt: skip
 """Shipped rigs, and which simulator of them."""
 

@@ -46,7 +46,7 @@ def _hole(value: dict[str, np.ndarray], x: dict[str, np.ndarray]) -> np.ndarray:
     y, v = x["load_position"], x["load_velocity"]
     weight = value["load_mass"] * value["gravity"] * value["load_gravity"]
     stored = 0.5 * value["load_mass"] * v**2 + weight * y + 0.5 * value["load_stiffness"] * y**2
-    slips = [x[name] for name in sorted(x) if name.startswith("slip_position")] + [y]
+    slips = [x[name] for name in x if name.startswith("slip_position")] + [y]
     stored = stored + 0.5 * value["cable_stiffness"] * np.maximum(x["drive_position"] - slips[0], 0.0) ** 2
     for before, after in pairwise(slips):
         stored = stored + 0.5 * value["span_stiffness"] * np.maximum(before - after, 0.0) ** 2
@@ -57,7 +57,14 @@ def _sheath(value: dict[str, np.ndarray], x: dict[str, np.ndarray]) -> np.ndarra
     y, v = x["load_position"], x["load_velocity"]
     k = 1.0 / (1.0 / value["tendon_stiffness"] + 1.0 / value["sheath_stiffness"])
     stored = 0.5 * value["load_mass"] * v**2 + value["load_preload"] * y + 0.5 * value["load_stiffness"] * y**2
-    return stored + 0.5 * k * np.maximum(x["drive_position"] - y, 0.0) ** 2
+    contacts = sum(name.startswith("slip_position") for name in x)
+    if not contacts:
+        return stored + 0.5 * k * np.maximum(x["drive_position"] - y, 0.0) ** 2
+    places = [x["drive_position"], *(x[f"slip_position_{h}"] for h in range(1, contacts + 1)), y]
+    for j, (before, after) in enumerate(pairwise(places)):
+        halves = 2.0 if j in (0, contacts) else 1.0
+        stored = stored + 0.5 * halves * contacts * k * np.maximum(before - after, 0.0) ** 2
+    return stored
 
 
 MECHANISMS: dict[str, tuple[Callable, str, str]] = {

@@ -1,8 +1,11 @@
 """What is measured of a trial, each as one number per rig: 0 is perfect."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from benchmarks.properties.rigs import PERIOD, Trial
+from cable_envs.physics.contact import tension_ratio
 from cable_envs.plants.hole.statics import EXACT, hole_ratio
 
 FINER = 20
@@ -43,7 +46,39 @@ def pushed(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
 
 def outside_contact(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """How far the tensions of two sides of a contact are outside 1/n to n, as a share of it, shape (n,)."""
+    if "span_tension_1" in [s.name for s in trial.plant.signals]:
+        return _of_series(trial, coarse)
     return _LAWS[trial.plant.name.split("_")[-1]](trial, coarse)
+
+
+def _of_series(trial: Trial, out: np.ndarray) -> np.ndarray:
+    """At every contact of a series: each ratio to the limit of its contact at its speed."""
+    plant, names = trial.plant, trial.plant.parameters.names
+    rows = {s.name: out[:, row] for row, s in enumerate(plant.signals)}
+    value = dict(zip(names, trial.values, strict=True))
+    inner = [rows[name] for name in rows if name.startswith("span_tension")]
+    tensions = [rows["drive_tension"], *inner, rows["load_tension"]]
+    worst = np.zeros(out.shape[2])
+    for h, (a, b) in enumerate(pairwise(tensions), start=1):
+        if "bend" in rows:
+            limit = np.exp(value["friction_coefficient"] * rows["bend"] / (len(tensions) - 1))
+        else:
+            limit = _hole_limit(value, h, rows[f"slip_velocity_{h}" if h < len(tensions) - 1 else "load_velocity"])
+        taut = np.maximum(a, b) > 1e-9
+        ratio = np.where(taut, np.maximum(a, b) / np.maximum(np.minimum(a, b), 1e-12), 1.0)
+        worst = np.maximum(worst, (ratio / limit - 1.0).max(axis=0))
+    return np.maximum(worst, 0.0)
+
+
+def _hole_limit(value: dict[str, np.ndarray], hole: int, speed: np.ndarray) -> np.ndarray:
+    """Limit of hole 1, 2, ... at a speed [T, n]; without bending stiffness, which a series' rigs do not have."""
+    own = "" if hole == 1 else f"_{hole}"
+    wrap, rho, mu = (
+        value[f"{name}{own}" if f"{name}{own}" in value else name]
+        for name in ("wrap_angle", "radius_ratio", "friction_coefficient")
+    )
+    rubs = mu + value["extrusion_gain"] * np.abs(speed) ** value["extrusion_exponent"]
+    return np.vectorize(tension_ratio)(rho * (1.0 + value["extrusion_delta"]), rubs, wrap)
 
 
 def _of_hole(trial: Trial, out: np.ndarray) -> np.ndarray:

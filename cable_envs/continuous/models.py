@@ -44,8 +44,8 @@ def model(
     Raises
     ------
     ConfigurationError
-        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, the
-        chain.
+        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, a
+        sheath with contacts, the chain.
 
     Examples
     --------

@@ -7,6 +7,9 @@ calls, so this module offers
 * ``select(condition, a, b)``: both values are computed, one is taken (a branch-free ``if``);
 * ``tile(rows)``: a scratch array [rows, LANES] on the stack. Kernels copy a block of columns into tiles and loop over
   those: the compiler then knows that rows do not overlap, which it cannot prove for arrays handed in;
+* ``apart(h)``: the whole number h, of which the compiler does not know where it comes from. In a loop over rows h with
+  one over columns inside, it then makes sure for each row by itself that the rows read and written do not overlap; for
+  all rows at once they do, where a row takes something from the one before, and no vector code would run;
 * ``exp``, ``expm1``, ``log``, ``power``, ``sqrt``, ``sine_cosine``: inlined polynomials with explicit fused
   multiply-adds. The scalar and the vector code round identically, so a batch is bit-equal to single runs. Accuracy
   against libm is tested: 2 ulp for ``exp`` and ``expm1`` on [-700, 700], 2 ulp or 1e-16 absolute for ``log`` on normal
@@ -77,6 +80,9 @@ if JIT_DISABLED:
 
     def received(given, kind, shape):
         return given
+
+    def apart(n):
+        return n
 
     def _fma(a, b, c):
         return a * b + c
@@ -158,6 +164,14 @@ else:
     def received(given, kind, shape):
         """In a kernel: the array that was `handed`, of a kind and shape that the kernel knows."""
         return numba.carray(_entries(given, kind), shape)  # type: ignore[call-arg]  # numba gives the context
+
+    @intrinsic
+    def apart(typingctx, n):
+        def codegen(context, builder, signature, args):
+            kind = ir.FunctionType(args[0].type, [args[0].type])
+            return builder.asm(kind, "", "=r,0", args, False)
+
+        return n(n), codegen
 
     @intrinsic
     def _fma(typingctx, a, b, c):

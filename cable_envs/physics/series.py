@@ -32,7 +32,7 @@ A column that has settled is not touched again, whatever the others of its tile 
 from functools import cache
 from typing import Any
 
-from cable_envs.core.kernels import inline, maximum, select
+from cable_envs.core.kernels import apart, inline, maximum, select
 from cable_envs.core.lanes import Lanes
 
 PASSES = 12
@@ -100,7 +100,8 @@ def _set_off(q, lanes, dt):
         y = q.base[0, i] + q.draws[i] * q.rate[0, i] - q.steep[0, i] * q.rate[1, i]
         q.taut[0, i] = select((q.pull[0, i] > 0.0) | (q.rate[1, i] > 0.0), 1.0, 0.0)
         q.pull[0, i] = maximum(y, 0.0)
-    for h in range(1, last + 1):
+    for j in range(1, last + 1):
+        h = apart(j)
         for i in range(lanes):
             w = q.rate[h, i]
             q.state[h, i] = select(w > 0.0, 1.0, select(w < 0.0, -1.0, 0.0))
@@ -129,7 +130,8 @@ def _forward(q, lanes):
         over = 1.0 / select(fixed, 1.0, diagonal)
         q.upper[0, i] = select(fixed, 0.0, up * over)
         q.known[0, i] = select(fixed, select(m > 0.0, q.high[i], q.low[i]), rest * over)
-    for h in range(1, last + 1):
+    for j in range(1, last + 1):
+        h = apart(j)
         for i in range(lanes):
             m, n = q.state[h, i], q.ratio[h - 1, i]
             f, g = select(m > 0.0, 1.0, n), select(m > 0.0, n, 1.0)
@@ -159,7 +161,7 @@ def _backward(q, lanes):
     for i in range(lanes):
         q.again[i] = 0.0
     for k in range(last + 1):
-        h = last - k
+        h = apart(last - k)
         for i in range(lanes):
             w = q.known[h, i] + (0.0 if h == last else q.upper[h, i] * q.rate[h + 1, i])
             old, m = q.rate[h, i], q.state[h, i]
@@ -172,7 +174,8 @@ def _backward(q, lanes):
         q.rough[i] = select(repeat, 1.0, 0.0)
         turned += repeat
     if turned:
-        for h in range(last + 1):
+        for j in range(last + 1):
+            h = apart(j)
             for i in range(lanes):
                 q.rate[h, i] = select(q.rough[i] > 0.5, q.before[h, i], q.rate[h, i])
     return turned
@@ -185,7 +188,8 @@ def _stretch(q, lanes):
     for i in range(lanes):
         q.again[i] = q.rough[i]
         q.pull[last, i] = q.base[last, i] + q.steep[last, i] * q.rate[last, i]
-    for h in range(last):
+    for j in range(last):
+        h = apart(j)
         for i in range(lanes):
             w = q.rate[h, i]
             own = select(h == 0, q.draws[i] * w, q.steep[h, i] * w)
@@ -200,7 +204,8 @@ def _stretch(q, lanes):
 @inline
 def _laws(q, p, e, s, lanes):
     """Limits of the ratios at the present speeds."""
-    for h in range(q.ratio.shape[0]):
+    for j in range(q.ratio.shape[0]):
+        h = apart(j)
         for i in range(lanes):
             way = select(q.state[h + 1, i] < 0.0, -1.0, 1.0)
             q.ratio[h, i], q.growth[h, i] = law(p, q, e, s, h, i, q.rate[h + 1, i], way)
@@ -209,7 +214,8 @@ def _laws(q, p, e, s, lanes):
 @inline
 def _chords(q, lanes):
     """In columns whose pass is repeated, the growth of the ratios from rest to the present speeds."""
-    for h in range(q.ratio.shape[0]):
+    for j in range(q.ratio.shape[0]):
+        h = apart(j)
         for i in range(lanes):
             size, m = abs(q.rate[h + 1, i]), q.state[h + 1, i]
             rest = select(m > 0.0, q.rest_up[h, i], q.rest_down[h, i])
@@ -231,7 +237,8 @@ def _check(q, p, e, s, lanes, dt):
         q.state[0, i] = now
         off = abs(lead(p, q, e, s, i)) > EVEN * q.pull[0, i] + LEAST
         q.again[i] = select((now != m) | off, 1.0, q.again[i])
-    for h in range(1, last + 1):
+    for j in range(1, last + 1):
+        h = apart(j)
         for i in range(lanes):
             w, m, n = q.rate[h, i], q.state[h, i], q.ratio[h - 1, i]
             a, b = q.pull[h - 1, i], q.pull[h, i]
@@ -262,7 +269,8 @@ def _check(q, p, e, s, lanes, dt):
 @inline
 def _rests(q, p, e, s, lanes):
     """Limits of the ratios at rest."""
-    for h in range(q.ratio.shape[0]):
+    for j in range(q.ratio.shape[0]):
+        h = apart(j)
         for i in range(lanes):
             q.rest_up[h, i], _ = law(p, q, e, s, h, i, 0.0, 1.0)
             q.rest_down[h, i], _ = law(p, q, e, s, h, i, 0.0, -1.0)

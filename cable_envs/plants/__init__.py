@@ -64,8 +64,9 @@ DRIVES = ("ideal", "motor")
 
 @cache
 def plant_for(
-    name: str, variant: str = "analytic", holes: int = 1, version: str = VERSIONS[-1], drive: str = DRIVES[0]
-) -> Plant:
+    name: str, variant: str = "analytic", holes: int = 1, version: str = VERSIONS[-1], drive: str = DRIVES[0],
+    contacts: int = 0,
+) -> Plant:  # fmt: skip
     """The plant that simulates rigs of a family.
 
     Parameters
@@ -82,6 +83,8 @@ def plant_for(
         can be replayed.
     drive : str
         What moves the cable, one of `DRIVES`.
+    contacts : int
+        At how many places a sheath rubs, where the family has such; 0: its friction is taken all together.
 
     Returns
     -------
@@ -91,8 +94,8 @@ def plant_for(
     Raises
     ------
     ConfigurationError
-        Where there is no such plant, variant or version, naming the nearest, and for several holes where there is no
-        such series.
+        Where there is no such plant, variant or version, naming the nearest, and for several holes, or contacts, where
+        there are none such.
 
     Examples
     --------
@@ -109,10 +112,12 @@ def plant_for(
         raise ConfigurationError(f"'holes' belongs to {series} rigs only")
     if version not in VERSIONS:
         raise ConfigurationError(f"unknown version '{version}'; {nearest(version, VERSIONS)}")
-    plant = found.build(variant if variant in found.variants else found.variants[0], holes)
+    plant = _built_of(found, variant, holes, contacts)
     if drive not in DRIVES:
         raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, DRIVES)}")
     if version == "v0":
+        if contacts:
+            raise ConfigurationError(f"contacts belong to the ids -v1: those of -v0 have one contact ({name})")
         if drive != "ideal":
             raise ConfigurationError(
                 f"a drive with a motor belongs to the ids -v1: those of -v0 have ideal ones ({name})"
@@ -123,6 +128,15 @@ def plant_for(
             raise ConfigurationError(f"{name} has an ideal drive only; leave out 'drive: motor'")
         return found.with_motor(plant)
     return plant
+
+
+def _built_of(found: Family, variant: str, holes: int, contacts: int) -> Plant:
+    if not contacts:
+        return found.build(variant if variant in found.variants else found.variants[0], holes)
+    if found.with_contacts is None:
+        known = " or ".join(one.name for one in families().values() if one.with_contacts)
+        raise ConfigurationError(f"'contacts' belongs to {known} rigs only")
+    return found.with_contacts(contacts)
 
 
 @cache

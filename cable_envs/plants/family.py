@@ -113,6 +113,9 @@ class Family:
         Simulators of the same rig; the first one is what is taken unless another is asked for.
     series : bool
         Whether a rig may say ``holes``: several of the same in series.
+    with_contacts : callable, optional
+        Number of contacts -> the plant with its friction at so many places, for rigs that say ``contacts``; None: it
+        has no such.
     tasks : str
         First part of the names of its tasks (configs/tasks), as "CableHole"; empty where it has none.
     outputs : mapping of str to Output
@@ -153,6 +156,7 @@ class Family:
     with_motor: Callable[[Any], Any] | None = None
     variants: tuple[str, ...] = ("analytic",)
     series: bool = False
+    with_contacts: Callable[[int], Any] | None = None
     tasks: str = ""
     outputs: Mapping[str, Output] = field(default_factory=dict)
     observe: str = "output"

@@ -21,7 +21,8 @@ ENVIRONMENT = Lanes(
         "proxy_gain", "error_seen",  # of what stands for the output; the error that it shows
         "key", "step",  # what is drawn from, and control steps since the reset
         "reference_rate", "reference_acceleration",
-        ("inputs", INPUTS.count), ("followed", FIELDS.count), ("push", FIELDS.count),  # reference and disturbance
+        ("inputs", INPUTS.count), ("followed", FIELDS.count),  # the reference
+        ("push", FIELDS.count), ("bending", FIELDS.count),  # disturbance and posture
         "reward", "terminated", "truncated",
         ("info", INFO.count),
     ],
@@ -42,6 +43,7 @@ COMMON = np.dtype([
         "output", "peak",  # rows among the signals
         "substeps", "last_step", "mode", "noisy",  # noisy: whether any sensor has noise
         "limits", "beyond",  # how many signals have a range; the row that says when one is outside
+        "poses",  # whether the plant has a posture
     )),
     *((name, np.float64) for name in ("dt", "period", "low", "high", "error_scale", "effort_weight")),
     ("source", np.int64, LISTED), ("scale", np.float64, LISTED),  # of each channel: row, and SI value of one
@@ -147,6 +149,7 @@ def _common(setup: Setup) -> np.recarray:
     for k, name in enumerate(sensors):
         c.sensor[k], c.effects[k] = plant.row(plant.measured.get(name, name)), plant.sense_row(name)
         c.deviation[k] = setup.noise[plant.row(name)]
+    c.poses = bool(plant.posture)
     c.noisy = np.any(c.deviation > 0.0)
     c.limits = len(setup.rig.valid)
     c.beyond = plant.row(OUT_OF_RANGE.name) if c.limits else 0

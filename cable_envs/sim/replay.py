@@ -72,6 +72,7 @@ def replay(
     hold: str = "ramp",
     rate: np.ndarray | None = None,
     disturbance: np.ndarray | None = None,
+    posture: np.ndarray | None = None,
     start: np.ndarray | float = 0.0,
     state: np.ndarray | None = None,
     substeps: int = 10,
@@ -108,6 +109,8 @@ def replay(
         differences of the command: central ones for "follow", else those over a step with 0 over the first.
     disturbance : array_like, shape (T,) or (T, n), optional
         Force (N) or torque (N m) on the load.
+    posture : array_like, shape (T,) or (T, n), optional
+        By how much the mechanism is bent more than its rig says, rad, on plants that have a posture.
     start : float or ndarray, shape (n,)
         Position of the output at rest before the first step, SI.
     state : ndarray, shape (rows, n), optional
@@ -142,7 +145,7 @@ def replay(
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
     p = plant.prepare(np.asarray(values, dtype=np.float64))
     plant.raise_to(p, period / substeps)
-    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance)
+    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, posture)
     if state is None:
         state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
     names = [s.name for s in plant.signals]
@@ -163,7 +166,7 @@ def replay(
     return distort(plant, p, signals, out, period, first) if sensors else out
 
 
-def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbance) -> np.ndarray:
+def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbance, posture) -> np.ndarray:
     """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
@@ -173,7 +176,9 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
         raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
-    given = {"command": command, "rate": rate, "disturbance": disturbance}
+    if posture is not None and not plant.posture:
+        raise ConfigurationError(f"{plant.name} has no posture")
+    given = {"command": command, "rate": rate, "disturbance": disturbance, "posture": posture}
     columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
     steps, width = len(columns["command"]), max(c.shape[1] for c in columns.values())
     for name, column in columns.items():
@@ -193,6 +198,7 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
             u.command_rate[:] = columns["rate"]
         u.mode[:] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
     u.disturbance[:] = columns.get("disturbance", 0.0)
+    u.posture[:] = columns.get("posture", 0.0)
     return inputs
 
 

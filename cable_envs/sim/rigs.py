@@ -6,6 +6,7 @@ name: gu-inferred
 plant: cable_hole            # or pulley_circuit (serves the chain too)
 extends: other-rig           # a preset whose parameters hold where this file gives none
 holes: 1                     # cable_hole only
+contacts: 20                 # tendon_sheath only: at how many places the tendon rubs; without it all together
 drive: motor                 # pulley_circuit: a real drive; "ideal" unless it is said
 description: ...
 parameters:
@@ -33,7 +34,19 @@ from cable_envs.plants.base import OUT_OF_RANGE, Plant
 from cable_envs.plants.own_effects import with_own_effects
 
 SCHEMA = "cable-rig/1"
-_KEYS = ("schema", "name", "plant", "extends", "holes", "drive", "description", "parameters", "valid", "effects")
+_KEYS = (
+    "schema",
+    "name",
+    "plant",
+    "extends",
+    "holes",
+    "contacts",
+    "drive",
+    "description",
+    "parameters",
+    "valid",
+    "effects",
+)
 
 
 @dataclass(frozen=True)
@@ -61,6 +74,8 @@ class Rig:
         A user's own effects, which ``effects`` may name too.
     drive : str
         What moves the cable: "ideal" or "motor" (`cable_envs.plants.servo`).
+    contacts : int
+        At how many places a sheath rubs; 0: its friction is taken all together.
     valid : mapping of str to (float, float)
         Range of a signal of the plant, SI, that the parameters are from, where that is known. Beyond it a simulation
         goes on, and the info of an environment says ``out_of_range``. The sources are among ``sources``.
@@ -82,6 +97,7 @@ class Rig:
     own: tuple[Effect, ...] = ()
     valid: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     drive: str = "ideal"
+    contacts: int = 0
 
     def content(self) -> dict[str, Any]:
         """The rig as the content of a rig file.
@@ -107,9 +123,11 @@ class Rig:
         for name, value in self.effects.items():
             effect, parameter = name.split(".", 1)
             effects.setdefault(effect, {})[parameter] = value
+        spread = {"contacts": self.contacts} if self.contacts else {}
         return {
-            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes, "drive": self.drive,
-            "description": self.description, "parameters": parameters, "valid": valid, "effects": effects,
+            "schema": SCHEMA, "name": self.name, "plant": self.plant, "holes": self.holes, **spread,
+            "drive": self.drive, "description": self.description, "parameters": parameters, "valid": valid,
+            "effects": effects,
         }  # fmt: skip
 
     def column(self, plant: Plant) -> np.ndarray:
@@ -156,7 +174,8 @@ class Rig:
         ConfigurationError
             For an unknown variant or version, and for own effects that do not act on the plant.
         """
-        return with_own_effects(plant_for(self.plant, variant, self.holes, version, self.drive), self.own)
+        plant = plant_for(self.plant, variant, self.holes, version, self.drive, self.contacts)
+        return with_own_effects(plant, self.own)
 
     def replace(self, changes: Mapping[str, Any]) -> "Rig":
         """The same rig with some parameters changed.
@@ -232,11 +251,9 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     if data.get("schema", SCHEMA) != SCHEMA:
         raise ConfigurationError(f"{origin}: schema '{data['schema']}' is not '{SCHEMA}'")
     data = _extended(data, origin)
-    holes = data.get("holes", 1)
-    if not isinstance(holes, int) or isinstance(holes, bool):
-        raise ConfigurationError(f"{origin}: holes must be a whole number, got {holes!r}")
+    holes, contacts = _number("holes", data, 1, origin), _number("contacts", data, 0, origin)
     drive = str(data.get("drive", "ideal"))
-    plant = plant_for(str(data.get("plant")), "analytic", holes, drive=drive)
+    plant = plant_for(str(data.get("plant")), "analytic", holes, drive=drive, contacts=contacts)
     given = data.get("parameters") or {}
     if not isinstance(given, Mapping):
         raise ConfigurationError(f"{origin}: 'parameters' must be a mapping of name: {{value, unit, source}}")
@@ -248,7 +265,7 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
     name, description = str(data.get("name", origin)), str(data.get("description", ""))
     valid = _valid(data.get("valid") or {}, plant, origin)
     sources |= {n: str(item["source"]) for n, item in (data.get("valid") or {}).items() if "source" in item}
-    rig = Rig(name, plant.name, holes, values, sources, description, own=own, valid=valid, drive=drive)
+    rig = Rig(name, plant.name, holes, values, sources, description, {}, own, valid, drive, contacts)
     effects = data.get("effects") or {}
     if not isinstance(effects, Mapping):
         raise ConfigurationError(f"{origin}: 'effects' must be a mapping of effect: {{parameter: value}}")
@@ -256,6 +273,14 @@ def rig_from_mapping(data: Mapping[str, Any], origin: str = "rig", own: tuple[Ef
         return rig.replace(dict(dotted(effects)))
     except ConfigurationError as error:
         raise ConfigurationError(f"{origin}: {error}") from error
+
+
+def _number(key: str, data: Mapping[str, Any], usual: int, origin: str) -> int:
+    """What the rig says under a key for how many there are of something."""
+    value = data.get(key, usual)
+    if not isinstance(value, int) or isinstance(value, bool):
+        raise ConfigurationError(f"{origin}: {key} must be a whole number, got {value!r}")
+    return value
 
 
 def _extended(data: Mapping[str, Any], origin: str) -> Mapping[str, Any]:

@@ -164,8 +164,8 @@ def rig_entry(rig: Rig) -> tuple[str, str | None]:
         preset = load_rig(rig.name)
     except ConfigurationError:
         preset = None
-    if preset is not None and (preset.values, preset.plant, preset.holes, preset.effects) == (
-        rig.values, rig.plant, rig.holes, rig.effects,
+    if preset is not None and (preset.values, preset.plant, preset.holes, preset.contacts, preset.effects) == (
+        rig.values, rig.plant, rig.holes, rig.contacts, rig.effects,
     ):  # fmt: skip
         return rig.name, None
     parameters = {}
@@ -176,6 +176,8 @@ def rig_entry(rig: Rig) -> tuple[str, str | None]:
     content: dict[str, Any] = {"schema": RIG_SCHEMA, "name": rig.name, "plant": rig.plant, "parameters": parameters}
     if family(rig.plant).series:
         content["holes"] = rig.holes
+    if rig.contacts:
+        content["contacts"] = rig.contacts
     if rig.effects:
         content["effects"] = {name: float(value) for name, value in rig.effects.items()}
     return RIG_FILE, yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=120)

@@ -9,6 +9,12 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
+def _with_contacts(contacts: int):
+    from cable_envs.plants.sheath.contacts import sheath_with_contacts
+
+    return sheath_with_contacts(contacts)
+
+
 def _as_v0(plant):
     from cable_envs.plants.sheath.v0 import as_v0
 
@@ -20,6 +26,7 @@ FAMILY = Family(
     title="Tendon in a sheath",
     build=_build,
     as_v0=_as_v0,
+    with_contacts=_with_contacts,
     tasks="TendonSheath",
     outputs={
         "position": Output("position_reference"),

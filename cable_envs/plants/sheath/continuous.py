@@ -8,6 +8,7 @@ T1 and T2 are those of the mean tension Tm = k (x - y) + c (x' - y') and the mob
 direction, and at rest the one with which T2 balances the load.
 """
 
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, select
 from cable_envs.effects.seams import dry_friction
 from cable_envs.plants.base import ActionMode, Plant, Signal
@@ -44,7 +45,12 @@ def _law(state, rows: Rows, way):
 
 
 def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
-    """The equations of a tendon in a sheath."""
+    """The equations of a tendon in a sheath; ConfigurationError for one with contacts."""
+    if plant.posture:
+        raise ConfigurationError(
+            "a sheath with contacts has no equations in continuous time: what slips is not a matter of the state "
+            "alone; leave 'contacts' out"
+        )
     return Equations(
         states=("drive_position", "drive_velocity", "load_position", "load_velocity"),
         inputs=driven(mode, mode.name == "position", Signal("disturbance", "N", "force that helps to pull in")),

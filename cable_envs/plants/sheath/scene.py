@@ -29,7 +29,7 @@ class SheathScene(RulerScene):
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.by_tension = reference_unit == "N"
         self.bend = rig.get("bend_angle", math.pi)
-        self.friction = self.bend * rig.get("friction_coefficient", 0.1)
+        self.coefficient = rig.get("friction_coefficient", 0.1)
         self.limit = rig.get("tension_limit", math.inf)
         self.first_tension = 2.0 * rig.get("load_preload", 10.0) + 10.0
         self.curves = (w.Curve("$T_1$ drive side", d.FIRST), w.Curve("$T_2$ load side", d.SECOND))
@@ -69,7 +69,7 @@ class SheathScene(RulerScene):
             sheet.add(d.block((end, _LEVEL), np.array([1.0, 0.0]), 12.0, 26.0, **cap))
             foot = {"fc": d.METAL, "ec": d.METAL_EDGE, "lw": 0.9, "hatch": "////", "zorder": 1}
             sheet.add(d.block((end, _LEVEL - 24.0), np.array([1.0, 0.0]), 18.0, 22.0, **foot))
-        text = f"Θ = {math.degrees(self.bend):.0f}°, μΘ = {self.friction:.2f}"
+        text = f"Θ = {math.degrees(self.bend):.0f}°, μΘ = {self.bend * self.coefficient:.2f}"
         w.Label(sheet, 0.5 * (_MOUTH + _EXIT), self.path[:, 1].max() + 24.0, text, ha="center")
 
     def _draw_ends(self, sheet: d.Sheet) -> None:
@@ -109,7 +109,7 @@ class SheathScene(RulerScene):
         x, y = 1e3 * signals["drive_position"], 1e3 * signals["load_position"]
         carriage, hook = _DRIVE + self.pixels(x), _LOAD + self.pixels(y)
         t1, t2 = signals["drive_tension"], signals["load_tension"]
-        self._set_tendon(carriage, hook, t1, t2)
+        self._set_tendon(carriage, hook, _profile(signals))
         flat = np.array([1.0, 0.0])
         self.carriage.set_xy(d.block_points((carriage - 12.0, _LEVEL), flat, 24.0, 30.0))
         self.load.set_xy(d.block_points((hook + 14.0, _LEVEL), flat, 28.0, 30.0))
@@ -122,7 +122,8 @@ class SheathScene(RulerScene):
             self.wanted.set_data([at, at], [_LEVEL - 62.0, _LEVEL + 40.0])
         self.bar.set((t1, t2), reference if self.by_tension else None)
         middle, half, height = self.gauge
-        share = math.log(t1 / t2) / self.friction if min(t1, t2, self.friction) > 1e-9 else 0.0
+        friction = self.coefficient * signals.get("bend", self.bend)
+        share = math.log(t1 / t2) / friction if min(t1, t2, friction) > 1e-9 else 0.0
         self.needle.set_data([middle + half * min(max(share, -1.0), 1.0)], [height])
         word, colour = (("stuck", d.IDLE), ("pulling in", d.GOOD), ("paying out", d.AMBER))[
             int(np.sign(signals["sliding"]))
@@ -132,16 +133,26 @@ class SheathScene(RulerScene):
         self.pills[1].set("slack" if slack else "", d.AMBER)
         self.pills[2].set("overload" if signals.get("peak_tension", t1) > self.limit else "", d.WARN)
 
-    def _set_tendon(self, carriage: float, hook: float, t1: float, t2: float) -> None:
-        """Along the sheath the tension changes exponentially with the angle that has been turned."""
+    def _set_tendon(self, carriage: float, hook: float, tensions: np.ndarray) -> None:
+        """Along the sheath the tension changes with the angle turned, exponentially between two of ``tensions``."""
         path = np.vstack([[carriage, _LEVEL], self.path, [hook, _LEVEL]])
         steps = np.diff(self.path, axis=0)
         turned = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
         along = np.concatenate([[0.0], np.cumsum(turned), [turned.sum()]]) / max(turned.sum(), 1e-9)
-        within = t1 * (t2 / t1) ** along if min(t1, t2) > 0.0 else t1 + (t2 - t1) * along
+        t1, t2, places = tensions[0], tensions[-1], np.linspace(0.0, 1.0, len(tensions))
+        taut = tensions.min() > 0.0
+        within = np.exp(np.interp(along, places, np.log(tensions))) if taut else np.interp(along, places, tensions)
         length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))]) / 1e3
         moved = -(carriage - _DRIVE) + length / length[-1] * ((carriage - _DRIVE) - (hook - _LOAD))
         self.cable.set(path, np.concatenate([[t1], within, [t2]]), self.full, moved - moved[0])
+
+
+def _profile(signals: Mapping[str, float]) -> np.ndarray:
+    """Tensions from the drive to the load, at equal angles: of all spans where there are some, else of both ends."""
+    inner, name = [], "span_tension_{}"
+    while name.format(len(inner) + 1) in signals:
+        inner.append(signals[name.format(len(inner) + 1)])
+    return np.array([signals["drive_tension"], *inner, signals["load_tension"]])
 
 
 def _humps(bend: float) -> np.ndarray:

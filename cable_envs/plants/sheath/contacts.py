@@ -1,0 +1,161 @@
+"""A tendon that rubs in its sheath at N contacts, with the tendon's and the sheath's compliance spread between them.
+
+The sheath of `cable_envs.plants.sheath.plant` cut into N equal pieces: the friction of a piece acts in its middle, and
+the compliance 1/k of tendon and sheath lies in N + 1 spans between drive, contacts and load, those at the ends half as
+long. The bend changes with the posture.
+
+    spans    T_j = max(0, k_j (s_j - s_{j+1} - its share of slack and creep) + c_j (s_j' - s_{j+1}'))
+             k_j = N k, twice that at the ends; c_j / k_j = c / k;   s_0 = x, s_{N+1} = y
+    contact  T_{h-1} = up T_h slipping to the drive,  T_h = down T_{h-1} slipping to the load,  in between at rest
+             up = down = exp(mu Theta / N),   Theta = bend_angle + posture, at least 0
+    load     m y'' = T_N - preload - k_l y - c_l y' - F_c sign(y') + disturbance
+    position x'' = w^2 (command - x) + 2 z w (command_rate - x'),     within acceleration and speed limits
+    tension  m_d x'' = command - T_0 - c_d x',                        within the speed limit
+
+A reversal of the drive does not reach the load at once: the contacts turn one after the other, from the drive on, and
+the drive runs through the stretch that goes with it. So backlash and hysteresis come out, with the path of T_0 between
+its ends, and nothing of them is put in (Kaneko et al., IEEE Transactions on Robotics and Automation 8 (1992) 1;
+Agrawal, Peine and Yao, IEEE Transactions on Robotics 26 (2010) 920, whose chain of elements this is, here without
+mass). With N towards infinity this is the distributed capstan; sliding throughout, T_0 / T_N is e^(mu Theta) for any N.
+
+A step solves all contacts and both ends together, exactly (`cable_envs.physics.sweeps`): T_j are those at its end. The
+forces on load and drive are the means of those at its start and end (trapezoidal, order 2), and more of the end where
+a step cannot resolve how an end shakes on its own span.
+
+Signs: x > 0 pulls in, s > 0 slips to the drive, y > 0 goes towards the sheath. SI units throughout.
+
+Valid for slow motion (no waves, no mass of the tendon), a tendon without bending stiffness in the middle of the sheath:
+its path keeps its length as the bend changes, and only its friction does. Curvature and pressure do not change mu.
+"""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from cable_envs.core.compiling.templates import specialised
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.kernels import inline, sign
+from cable_envs.core.lanes import Lanes
+from cable_envs.effects import Layout
+from cable_envs.effects.own import advance_memory, own_actuate
+from cable_envs.effects.seams import actuate, begin, end
+from cable_envs.physics import sweeps
+from cable_envs.plants.base import Plant, Signal
+from cable_envs.plants.sheath.contact_stages import (
+    drive_end,
+    drive_row,
+    first_span,
+    inner_span,
+    last_span,
+    limits,
+    load_end,
+    load_row,
+    load_stays,
+    moved,
+    report,
+    scratch,
+    spans_of,
+)
+from cable_envs.plants.sheath.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves
+from cable_envs.plants.sheath.plant import PLANT
+
+MOST = 50
+"""Most contacts."""
+
+solve_together = specialised(
+    sweeps.solve, first_span=first_span, inner_span=inner_span, last_span=last_span, drive_end=drive_end,
+    load_end=load_end, load_stays=load_stays,
+)  # fmt: skip
+
+
+@inline
+def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
+    """A block of columns, stage by stage."""
+    contacts = x.slip_position.shape[0]
+    for i in range(lanes):
+        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
+        if e is not None:
+            begin(
+                e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                substeps * dt, dt,
+            )  # fmt: skip
+        limits(x, p, u, w, e, s, g, i)
+        spans_of(x, p, w, e, s, i, dt)
+    for h in range(contacts):
+        for i in range(lanes):
+            w.way[h, i] = sign(x.slip_velocity[h, i])
+    for n in range(substeps):
+        for i in range(lanes):
+            if e is not None:
+                actuate(e, s, g, u, i, n, substeps, dt)
+                u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
+                limits(x, p, u, w, e, s, g, i)
+            drive_row(x, p, u, w, e, s, g, i, dt)
+            load_row(x, p, u, w, e, s, g, i, dt)
+            if e is not None:
+                spans_of(x, p, w, e, s, i, dt)
+        solve_together(w, x, e, s, lanes)
+        for h in range(contacts):
+            for i in range(lanes):
+                x.slip_position[h, i] += w.slip[h + 1, i]
+        for i in range(lanes):
+            moved(x, p, u, w, e, s, g, i, dt)
+            if e is not None:
+                advance_memory(
+                    u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
+                    x.drive_tension[i], x.load_tension[i], e, s, i,
+                )  # fmt: skip
+                s.started[i] = 1.0
+    for h in range(contacts):
+        for i in range(lanes):
+            x.slip_velocity[h, i] = w.slip[h + 1, i] / dt
+    for h in range(contacts - 1):
+        for i in range(lanes):
+            x.span_tension[h, i] = w.tension[h + 1, i]
+    for i in range(lanes):
+        report(x, w, i, substeps)
+        if e is not None:
+            end(e, s, g, i, x.load_position[i], substeps * dt)
+
+
+def _settle(x, s, p, e, position: np.ndarray) -> None:
+    """At rest with the load at ``position`` (m, [n]): one tension all along, the drive amid its gap."""
+    PLANT.settle(x, s, p, e, position)
+    contacts = len(x.slip_position)
+    for h in range(contacts):
+        x.slip_position[h] = position + (x.drive_position - position) * (1.0 - (h + 0.5) / contacts)
+    x.span_tension[:], x.bend[:] = x.drive_tension, p.bend_angle
+
+
+_BUILDING_UP = ("presliding_hysteresis", "lugre_friction", "elastoplastic_friction")
+_ACTING = replace(ACTING, effects={name: p for name, p in ACTING.effects.items() if name not in _BUILDING_UP})
+"""Of the library all that acts on the sheath as one contact, but friction that is made to build up: here it does."""
+
+
+@cache
+def sheath_with_contacts(contacts: int) -> Plant:
+    """The plant with so many contacts, 1 to `MOST`; ConfigurationError beyond."""
+    if not 1 <= contacts <= MOST:
+        raise ConfigurationError(f"contacts: expected 1 to {MOST}, got {contacts}")
+    rows = (
+        *((f"slip_position_{h}", "m", f"place of the tendon at contact {h}") for h in range(1, contacts + 1)),
+        *((f"slip_velocity_{h}", "m/s", f"speed of the tendon at contact {h}") for h in range(1, contacts + 1)),
+        *((f"span_tension_{j}", "N", f"tension behind contact {j}") for j in range(1, contacts)),
+    )
+    signals = (*SIGNALS, Signal("bend", "rad", "present bend of the sheath"), *(Signal(*row) for row in rows))
+    fields = [("slip_position", contacts), ("slip_velocity", contacts), ("span_tension", contacts - 1)]
+    return replace(
+        PLANT,
+        signals=signals,
+        signal_rows=Lanes("Signals", [*(s.name for s in SIGNALS), "bend", *fields]),
+        coefficient_rows=COEFFICIENTS,
+        scratch=scratch(contacts),
+        derive=derive,
+        settle=_settle,
+        solve=_solve,
+        effects=Layout("tendon_sheath", PARAMETERS, _ACTING),
+        resolves=resolves,
+        plain=True,
+        posture="bend",
+    )
