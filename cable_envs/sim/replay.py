@@ -72,6 +72,7 @@ def replay(
     hold: str = "ramp",
     rate: np.ndarray | None = None,
     disturbance: np.ndarray | None = None,
+    second: np.ndarray | None = None,
     start: np.ndarray | float = 0.0,
     state: np.ndarray | None = None,
     substeps: int = 10,
@@ -108,6 +109,9 @@ def replay(
         differences of the command: central ones for "follow", else those over a step with 0 over the first.
     disturbance : array_like, shape (T,) or (T, n), optional
         Force (N) or torque (N m) on the load.
+    second : array_like, shape (T,) or (T, n), optional
+        The second command of a plant that has one (`ActionMode.second`); by default the one that holds the state from
+        which the replay begins at rest.
     start : float or ndarray, shape (n,)
         Position of the output at rest before the first step, SI.
     state : ndarray, shape (rows, n), optional
@@ -142,9 +146,12 @@ def replay(
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
     p = plant.prepare(np.asarray(values, dtype=np.float64))
     plant.raise_to(p, period / substeps)
-    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance)
     if state is None:
         state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
+    held = _held(plant, drive, state)
+    if second is not None and held is None:
+        raise ConfigurationError(f"{plant.name} has no second command with its drive '{drive}'; leave out 'second'")
+    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, second, held)
     names = [s.name for s in plant.signals]
     for name in signals:
         if name not in names:
@@ -163,7 +170,18 @@ def replay(
     return distort(plant, p, signals, out, period, first) if sensors else out
 
 
-def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbance) -> np.ndarray:
+def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
+    """The second command that holds a state at rest [n]; None where there is none."""
+    of = {mode.name: mode.second for mode in plant.action_modes}
+    told = of.get(drive)
+    if told is None:
+        return None
+    return state[plant.row(told.rest_signal)].copy() if told.rest_signal else np.zeros(state.shape[1])
+
+
+def _inputs(
+    plant: Plant, n: int, command, period, drive, hold, rate, disturbance, second=None, held=None
+) -> np.ndarray:  # fmt: skip
     """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
@@ -173,8 +191,11 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
         raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
-    given = {"command": command, "rate": rate, "disturbance": disturbance}
+    given = {"command": command, "rate": rate, "disturbance": disturbance, "second": second}
     columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
+    if held is not None and "second" not in columns:
+        one = held[:1] if np.all(held == held[0]) else held
+        columns["second"] = np.repeat(one[None], len(columns["command"]), axis=0)
     steps, width = len(columns["command"]), max(c.shape[1] for c in columns.values())
     for name, column in columns.items():
         if len(column) != steps:
@@ -191,18 +212,22 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
         u.command_rate[1:] = np.diff(path, axis=0) / period
         if "rate" in columns:
             u.command_rate[:] = columns["rate"]
-        u.mode[:] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
+        u.mode[:] = _mode(plant, drive) + (RAMPED if hold == "ramp" else 0)
     u.disturbance[:] = columns.get("disturbance", 0.0)
+    if "second" in columns:
+        u.second[:] = columns["second"]
+        u.second_rate[1:] = np.diff(columns["second"], axis=0) / period
     return inputs
 
 
-def _mode(drive: str, modes: list[str]) -> int:
+def _mode(plant: Plant, drive: str) -> int:
     if drive == "observed":
         return OBSERVED
+    modes = {mode.name: mode for mode in plant.action_modes}
     if drive != "imposed":
-        return modes.index(drive)
+        return plant.number_of(modes[drive])
     direct = [name for name in ("force", "torque") if name in modes]
-    return modes.index(direct[0]) if direct else IMPOSED
+    return plant.number_of(modes[direct[0]]) if direct else IMPOSED
 
 
 def _column(name: str, value, n: int) -> np.ndarray:
