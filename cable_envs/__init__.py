@@ -51,6 +51,9 @@ V1_IDS = tuple(f"{name}-v1" for name in _NAMES)
 """The same tasks on plants that have been mended since, and newer tasks (see the version history of
 `cable_envs.envs.CableEnv`)."""
 
+FIRST_IDS = tuple(f"{name}-{'v1' if new else 'v0'}" for name, new in _NAMES.items())
+"""Each task in the first version that it has: what agents are trained for."""
+
 _THRESHOLDS = {_task: read_yaml(config_path("thresholds", f"{_task}.yaml")) for _task in config_names("thresholds")}
 """Task -> reference -> return of an episode from which it counts as solved."""
 

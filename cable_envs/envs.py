@@ -36,7 +36,7 @@ def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
     observation : gymnasium.spaces.Box
         Shape (channels,), float32, within +/- `cable_envs.sim.tasks.OBSERVATION_LIMIT`.
     action : gymnasium.spaces.Box
-        Shape (1,), float32, within [-1, 1].
+        Shape (1,), or (2,) in an action mode with a second command, float32, within [-1, 1].
 
     Examples
     --------
@@ -46,7 +46,21 @@ def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
     """
     shape = (len(setup.channels),)
     observation = spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, shape, np.float32)
-    return observation, spaces.Box(-1.0, 1.0, (1,), np.float32)
+    return observation, spaces.Box(-1.0, 1.0, (len(setup.ranges),), np.float32)
+
+
+def wanted_shape(setup: Setup, num_envs: int = 0) -> str:
+    """The shape of an action, or of those of a batch, with what the numbers are where there are two.
+
+    Examples
+    --------
+    >>> from cable_envs.sim.setup import make_setup
+    >>> wanted_shape(make_setup("AntagonistJoint-Position", "sine", action_mode="position_and_co_contraction"), 3)
+    '(3, 2) (position, co_contraction)'
+    """
+    mode, shape = setup.action_mode, (len(setup.ranges),)
+    names = f" ({mode.of}, {mode.second.name})" if mode.of and mode.second is not None else ""
+    return f"{(num_envs, *shape) if num_envs else shape}{names}"
 
 
 Transition = tuple[np.ndarray, float, bool, bool, dict[str, float]]
@@ -99,7 +113,7 @@ def _not_reset(action: float) -> Transition:
 
 
 _MADE_AGAIN = frozenset((
-    "setup", "simulation", "_lane", "_obs", "_table", "_transition", "_going", "_kernel", "_renderer",
+    "setup", "simulation", "_lane", "_obs", "_table", "_second", "_transition", "_going", "_kernel", "_renderer",
 ))  # fmt: skip
 """Attributes that a copy makes for itself."""
 
@@ -303,6 +317,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         self.simulation = Simulation(self.setup, 1)
         self._lane = np.zeros(1, dtype=np.int64)
         self._obs, self._table = self.simulation.buffers.obs[0], self.simulation.buffers.table[:, 0]
+        self._second = self.simulation.buffers.named.asked_second
+        self._plain_below = 1e30 if len(self.setup.ranges) == 1 else -np.inf  # a single number is an action there
         self._transition: Callable[[float], Transition] = _not_reset
         self._going: Callable[[float], Transition] = _not_reset
         self._kernel: Callable[..., None] | None = None
@@ -447,7 +463,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Parameters
         ----------
         action : ndarray, shape (1,)
-            Command over its range, in [-1, 1]; what is beyond is clipped.
+            Command over its range, in [-1, 1]; what is beyond is clipped. Of shape (2,) in an action mode with a second
+            command.
 
         Returns
         -------
@@ -471,7 +488,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         """
         try:
             (value,) = action.tolist()
-            fine = -1e30 < value < 1e30
+            fine = -1e30 < value < self._plain_below
         except (AttributeError, TypeError, ValueError):
             fine = False
         if not fine:
@@ -483,16 +500,23 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         return result
 
     def _checked(self, action: Any) -> float:
-        """An action that is no array of one number in range: as a number, or the error that it makes."""
+        """An action that is no array of one number in range: its first number, or the error that it makes.
+
+        A second number goes to its place in the buffers.
+        """
         if self._kernel is None:
             _not_reset(0.0)
-        action = np.asarray(action)
-        if action.shape != (1,):
-            raise ValueError(f"action must have shape (1,), got {action.shape}")
-        value = action.item()
-        if not -1e30 < value < 1e30:
-            raise ValueError(f"action must be a finite number in [-1, 1], got {value}")
-        return value
+        given = np.asarray(action)
+        if given.shape != self.action_space.shape:
+            raise ValueError(f"action must have shape {wanted_shape(self.setup)}, got {given.shape}")
+        values = given.tolist()
+        for value in values:
+            if not -1e30 < value < 1e30:
+                what = "a finite number" if len(values) == 1 else "two finite numbers"
+                raise ValueError(f"action must be {what} in [-1, 1], got {value}")
+        if len(values) > 1:
+            self._second[0] = values[1]
+        return values[0]
 
     def _draw(self, info: Mapping[str, float]) -> None:
         if self._renderer is None:

@@ -161,8 +161,14 @@ def _actions(setup: Setup) -> str:
         default = " (default)" if mode == setup.action_mode else ""
         meaning = setup.plant.parameters[mode.bound].meaning
         rows.append((f"`{mode.name}`{default}", mode.unit, f"{low:g}", f"{bound:g}", f"`{mode.bound}`: {meaning}"))
+        for second in mode.commands[1:]:
+            bound = setup.rig.values[second.bound]
+            low, meaning = 0.0 if second.one_sided else -bound, setup.plant.parameters[second.bound].meaning
+            rows.append(("and the second", second.unit, f"{low:g}", f"{bound:g}", f"`{second.bound}`: {meaning}"))
+    two = any(len(mode.commands) > 1 for mode in setup.plant.action_modes)
     return page(
-        "One number from -1 to 1, linear over the range of the action mode; a value beyond is clipped.",
+        "One number from -1 to 1, linear over the range of the action mode; a value beyond is clipped."
+        + (" Modes with `_and_` in their name take two numbers." if two else ""),
         table(("action mode", "unit", "at -1", "at 1", "set by the rig's"), rows, numbers=(2, 3)),
     )
 

@@ -142,7 +142,7 @@ def needed_torque(p, position):
     return p.spring_stiffness * position + p.weight_torque * np.sin(position)
 
 
-def angle_of_torque(value, wanted: np.ndarray) -> np.ndarray:
+def angle_of_torque(value, wanted):
     """Angle at which spring and weight need a torque of the tendons, rad: Newton's method from the spring alone."""
     spring, weight = value["spring_stiffness"], value["weight_torque"]
     angle = wanted / spring

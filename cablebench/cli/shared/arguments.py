@@ -20,19 +20,19 @@ ENVIRONMENT_OPTIONS = (
 def resolve_env(name: str, every_version: bool = False) -> str:
     """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name.
 
-    A name without a version is one of the ids of boards and tuned entrants. With ``every_version`` a name may also say
-    another version.
+    A name without a version is one of the ids of boards and tuned entrants, or that of a task which is newer than these.
+    With ``every_version`` a name may also say another version.
     """
-    from cable_envs import ENV_IDS, V1_IDS
+    from cable_envs import FIRST_IDS, V1_IDS
 
-    for env_id in ENV_IDS + V1_IDS if every_version else ENV_IDS:
+    for env_id in FIRST_IDS + V1_IDS if every_version else FIRST_IDS:
         if name in (env_id, env_id.split("/")[1], short_name(env_id)):
             return env_id
     if any(name in (env_id, env_id.split("/")[1]) for env_id in V1_IDS):
         raise ConfigurationError(
             f"'{name}': boards, tuned gains and trained agents are for -v0; write {short_name(name)}"
         )
-    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, ENV_IDS))}")
+    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, FIRST_IDS))}")
 
 
 def short_name(env_id: str) -> str:
