@@ -73,6 +73,7 @@ def replay(
     rate: np.ndarray | None = None,
     disturbance: np.ndarray | None = None,
     second: np.ndarray | None = None,
+    second_rate: np.ndarray | None = None,
     start: np.ndarray | float = 0.0,
     state: np.ndarray | None = None,
     substeps: int = 10,
@@ -112,6 +113,8 @@ def replay(
     second : array_like, shape (T,) or (T, n), optional
         The second command of a plant that has one (`ActionMode.second`); by default the one that holds the state from
         which the replay begins at rest.
+    second_rate : array_like, shape (T,) or (T, n), optional
+        Its speed over the step, as ``rate`` of the command.
     start : float or ndarray, shape (n,)
         Position of the output at rest before the first step, SI.
     state : ndarray, shape (rows, n), optional
@@ -151,7 +154,7 @@ def replay(
     held = _held(plant, drive, state)
     if second is not None and held is None:
         raise ConfigurationError(f"{plant.name} has no second command with its drive '{drive}'; leave out 'second'")
-    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, second, held)
+    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, second, second_rate, held)
     names = [s.name for s in plant.signals]
     for name in signals:
         if name not in names:
@@ -180,7 +183,7 @@ def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
 
 
 def _inputs(
-    plant: Plant, n: int, command, period, drive, hold, rate, disturbance, second=None, held=None
+    plant: Plant, n: int, command, period, drive, hold, rate, disturbance, second, second_rate, held
 ) -> np.ndarray:  # fmt: skip
     """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
     modes = [m.name for m in plant.action_modes]
@@ -191,7 +194,7 @@ def _inputs(
         raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
-    given = {"command": command, "rate": rate, "disturbance": disturbance, "second": second}
+    given = {"command": command, "rate": rate, "disturbance": disturbance, "second": second, "second_rate": second_rate}
     columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
     if held is not None and "second" not in columns:
         one = held[:1] if np.all(held == held[0]) else held
@@ -217,6 +220,7 @@ def _inputs(
     if "second" in columns:
         u.second[:] = columns["second"]
         u.second_rate[1:] = np.diff(columns["second"], axis=0) / period
+        u.second_rate[:] = columns.get("second_rate", u.second_rate)
     return inputs
 
 

@@ -121,7 +121,7 @@ def test_too_little_co_contraction_leaves_backlash():
     slow = np.concatenate([np.linspace(0.0, 0.3, 300), np.linspace(0.3, -0.3, 600), np.linspace(-0.3, 0.3, 600)])
 
     def lost(tension):
-        values = values_of(co_contraction=tension, friction_coefficient=0.0, weight_torque=-0.1, joint_damping=0.02)
+        values = values_of(co_contraction=tension, friction_coefficient=0.0, weight_torque=-0.1, joint_damping=0.005)
         x = at_rest(values, 0.0)
         seen = run(values, "position", slow + x["drive_angle"], start=0.0, hold="ramp")
         there, back = slice(350, 850), slice(950, 1450)  # going down, going up
@@ -131,7 +131,7 @@ def test_too_little_co_contraction_leaves_backlash():
 
     taut, none = lost(15.0)
     loose, some = lost(0.05)
-    assert none == 0.0 and abs(taut) < 2e-3
+    assert none == 0.0 and abs(taut) < 1e-3  # 0.1 rad/s of damping over the stiffness
     assert some == 1.0 and loose > 0.02
 
 
@@ -151,7 +151,7 @@ def test_at_rest_the_tensions_hold_the_joint_with_what_the_drives_take_up():
     {}, {"friction_coefficient": 0.0}, {"friction_coefficient": 0.5}, {"co_contraction": 1.0}, {"joint_friction": 0.03},
 ], ids=str)  # fmt: skip
 def test_no_energy_comes_from_nowhere(changes):
-    """What both drives have put in is at no time less than what joint, weight and tendons hold, of any random motion."""
+    """What both drives have put in is at no time less than what joint, weight and tendons hold, in random motion."""
     rng, rig = np.random.default_rng(3), RIG.replace({**changes, "joint_damping": 0.0})
     values, v, k = rig.column(PLANT), rig.values, 40
     command = np.repeat(rng.uniform(-0.5, 0.5, 30), 8 * k)

@@ -20,8 +20,8 @@ ENVIRONMENT_OPTIONS = (
 def resolve_env(name: str, every_version: bool = False) -> str:
     """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name.
 
-    A name without a version is one of the ids of boards and tuned entrants, or that of a task which is newer than these.
-    With ``every_version`` a name may also say another version.
+    A name without a version is one of the ids of boards and tuned entrants, or that of a task that is newer. With
+    ``every_version`` a name may also say another version.
     """
     from cable_envs import FIRST_IDS, V1_IDS
 
