@@ -228,6 +228,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | action_delay   | int                  | 0           | control steps until an action acts, at most 100        |
     | disturbance    | mapping              | none        | a signal as for the reference: force on the load [N]   |
     |                |                      |             | or torque on the output [N m]                          |
+    | posture        | mapping              | none        | a signal as for the reference: how much more a sheath  |
+    |                |                      |             | is bent than its rig says [rad]; for rigs whose plant  |
+    |                |                      |             | has a posture (a tendon sheath with contacts)          |
     | control_period | float                | 0.01        | seconds                                                |
     | substeps       | int                  | 20          | integration steps in a control period, at most 10000   |
     | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |
@@ -235,7 +238,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | render_mode    | str                  | none        | "rgb_array", "human" (window), "web" (live page)       |
     | render_theme   | str                  | "light"     | or "dark"; a live page follows the browser as well     |
 
-    `reset(options=...)` takes "rig" (parameters to change), "reference", "disturbance" (mappings) and
+    `reset(options=...)` takes "rig" (parameters to change), "reference", "disturbance", "posture" (mappings) and
     "initial_position" (of the output, SI) for one episode. An option that does not exist or does not fit raises
     `cable_envs.core.errors.ConfigurationError`, which says what would be right.
 
@@ -287,6 +290,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         sensor_delay: int = 0,
         action_delay: int = 0,
         disturbance: Mapping[str, Any] | None = None,
+        posture: Mapping[str, Any] | None = None,
         control_period: float | None = None,
         substeps: int | None = None,
         duration: float | None = None,
@@ -297,14 +301,15 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         self.setup = make_setup(
             task, reference, rig=rig, effects=effects, effect_file=effect_file, version=version, plant=plant,
             action_mode=action_mode, observe=observe, randomize=randomize, sensor_noise=sensor_noise,
-            sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance,
+            sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance, posture=posture,
             control_period=control_period, substeps=substeps, duration=duration, **unknown,
         )  # fmt: skip
         self._arguments: dict[str, Any] = {
             "task": task, "reference": reference, "rig": rig, "effects": effects, "effect_file": effect_file,
             "version": version, "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
             "sensor_noise": sensor_noise, "sensor_delay": sensor_delay, "action_delay": action_delay,
-            "disturbance": disturbance, "control_period": control_period, "substeps": substeps, "duration": duration,
+            "disturbance": disturbance, "posture": posture, "control_period": control_period, "substeps": substeps,
+            "duration": duration,
         }  # fmt: skip
         self.render_mode, self.render_theme = render_mode, render_theme
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.setup.control_period)}
@@ -429,7 +434,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
             Seed of the environment's own generator. Without one the generator goes on drawing.
         options : dict, optional
             What this episode has otherwise than the environment: "rig" (parameters to change), "reference",
-            "disturbance" (mappings), "initial_position" (of the output, SI).
+            "disturbance", "posture" (mappings), "initial_position" (of the output, SI).
 
         Returns
         -------

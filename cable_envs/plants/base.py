@@ -168,6 +168,8 @@ class Plant:
         replays in coarse steps and for the ids ``-v0``. None: nothing is raised.
     measured : mapping of str to str
         Signal -> the signal that its sensor shows, where that is another one.
+    posture : str
+        Signal that the input posture changes, as the bend of a sheath (rad); empty: the plant has no posture.
     drive : str
         What moves the cable: "ideal", or "motor" (`cable_envs.plants.servo`).
     version : str
@@ -180,7 +182,7 @@ class Plant:
     - values, shape (len(parameters), n), in SI; `prepare` turns them into p;
     - p, shape (len(coefficients), n);
     - x, shape (len(signals), n), in SI;
-    - u, shape (len(INPUTS), n): command, its rate, action mode, disturbance, second command and its rate.
+    - u, shape (len(INPUTS), n): command, its rate, action mode, disturbance, posture, second command and its rate.
 
     Values of the whole `table` give p and x further rows behind the plant's own: those of the effects.
     """
@@ -204,6 +206,7 @@ class Plant:
     resolves: Callable[[Any, Any], np.ndarray] | None = None
     raised: Callable[[Any, float], None] | None = None
     measured: Mapping[str, str] = field(default_factory=dict)
+    posture: str = ""
     drive: str = "ideal"
     version: str = "v1"
 

@@ -22,7 +22,8 @@ ENVIRONMENT = Lanes(
         "proxy_gain", "error_seen",  # of what stands for the output; the error that it shows
         "key", "step",  # what is drawn from, and control steps since the reset
         "reference_rate", "reference_acceleration",
-        ("inputs", INPUTS.count), ("followed", FIELDS.count), ("push", FIELDS.count),  # reference and disturbance
+        ("inputs", INPUTS.count), ("followed", FIELDS.count),  # the reference
+        ("push", FIELDS.count), ("bending", FIELDS.count),  # disturbance and posture
         "reward", "terminated", "truncated",
         ("info", INFO.count),
     ],
@@ -45,6 +46,7 @@ COMMON = np.dtype([
         "output", "peak",  # rows among the signals
         "substeps", "last_step", "mode", "noisy",  # noisy: whether any sensor has noise
         "limits", "beyond",  # how many signals have a range; the row that says when one is outside
+        "poses",  # whether the plant has a posture
     )),
     *((name, np.float64) for name in (
         "dt", "period", "low", "high", "second_low", "second_high", "error_scale", "effort_weight",
@@ -154,6 +156,7 @@ def _common(setup: Setup) -> np.recarray:
     for k, name in enumerate(sensors):
         c.sensor[k], c.effects[k] = plant.row(plant.measured.get(name, name)), plant.sense_row(name)
         c.deviation[k] = setup.noise[plant.row(name)]
+    c.poses = bool(plant.posture)
     c.noisy = np.any(c.deviation > 0.0)
     c.limits = len(setup.rig.valid)
     c.beyond = plant.row(OUT_OF_RANGE.name) if c.limits else 0

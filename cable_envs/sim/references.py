@@ -1,4 +1,4 @@
-"""Reference signals (and disturbances): what the output should follow, with its first two derivatives.
+"""Reference signals (and disturbances and postures): what the output should follow, with its first two derivatives.
 
 A signal is a column of `FIELDS`; `signal(q, i, t)` evaluates it in a kernel (q: rows by name), `pack_signal` makes
 the column from a mapping such as ``{"kind": "sine", "amplitude": 0.01, "frequency": 0.17}``.
@@ -132,7 +132,7 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
     Parameters
     ----------
     what : str
-        What errors call it: "reference" or "disturbance".
+        What errors call it: "reference", "disturbance" or "posture".
     spec : mapping
         "kind", one of `KINDS`, and numbers in SI: "offset", "amplitude", "frequency" (Hz), "start" (s), "phase" (rad),
         "hold" (s). What is left out is 0, where the kind does not need it.

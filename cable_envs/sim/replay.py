@@ -74,6 +74,7 @@ def replay(
     disturbance: np.ndarray | None = None,
     second: np.ndarray | None = None,
     second_rate: np.ndarray | None = None,
+    posture: np.ndarray | None = None,
     start: np.ndarray | float = 0.0,
     state: np.ndarray | None = None,
     substeps: int = 10,
@@ -115,6 +116,8 @@ def replay(
         which the replay begins at rest.
     second_rate : array_like, shape (T,) or (T, n), optional
         Its speed over the step, as ``rate`` of the command.
+    posture : array_like, shape (T,) or (T, n), optional
+        By how much the mechanism is bent more than its rig says, rad, on plants that have a posture.
     start : float or ndarray, shape (n,)
         Position of the output at rest before the first step, SI.
     state : ndarray, shape (rows, n), optional
@@ -154,7 +157,11 @@ def replay(
     held = _held(plant, drive, state)
     if second is not None and held is None:
         raise ConfigurationError(f"{plant.name} has no second command with its drive '{drive}'; leave out 'second'")
-    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, second, second_rate, held)
+    given = {
+        "command": command, "rate": rate, "disturbance": disturbance, "posture": posture, "second": second,
+        "second_rate": second_rate,
+    }  # fmt: skip
+    inputs = _inputs(plant, n, {k: v for k, v in given.items() if v is not None}, period, drive, hold, held)
     names = [s.name for s in plant.signals]
     for name in signals:
         if name not in names:
@@ -182,9 +189,7 @@ def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
     return state[plant.row(told.rest_signal)].copy() if told.rest_signal else np.zeros(state.shape[1])
 
 
-def _inputs(
-    plant: Plant, n: int, command, period, drive, hold, rate, disturbance, second, second_rate, held
-) -> np.ndarray:  # fmt: skip
+def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
     """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
@@ -194,8 +199,9 @@ def _inputs(
         raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
-    given = {"command": command, "rate": rate, "disturbance": disturbance, "second": second, "second_rate": second_rate}
-    columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
+    if "posture" in given and not plant.posture:
+        raise ConfigurationError(f"{plant.name} has no posture")
+    columns = {k: _column(k, v, n) for k, v in given.items()}
     if held is not None and "second" not in columns:
         one = held[:1] if np.all(held == held[0]) else held
         columns["second"] = np.repeat(one[None], len(columns["command"]), axis=0)
@@ -221,6 +227,7 @@ def _inputs(
         u.second[:] = columns["second"]
         u.second_rate[1:] = np.diff(columns["second"], axis=0) / period
         u.second_rate[:] = columns.get("second_rate", u.second_rate)
+    u.posture[:] = columns.get("posture", 0.0)
     return inputs
 
 

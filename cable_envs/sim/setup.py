@@ -52,7 +52,7 @@ class Setup:
         For each action: commands of -1 and 1, in its unit (`ActionMode.commands`).
     channels : tuple of Channel
         Entries of an observation, in order.
-    reference, disturbance : mapping
+    reference, disturbance, posture : mapping
         Signals as `cable_envs.sim.references.pack_signal` takes them.
     randomize : tuple of (str, float, float)
         Parameters that each episode draws anew, with the ends of their ranges in SI.
@@ -80,6 +80,7 @@ class Setup:
     channels: tuple[Channel, ...]
     reference: Mapping[str, Any]
     disturbance: Mapping[str, Any]
+    posture: Mapping[str, Any]
     randomize: tuple[tuple[str, float, float], ...]
     noise: np.ndarray
     sensor_delay: int
@@ -136,6 +137,7 @@ def make_setup(
     sensor_delay: int = 0,
     action_delay: int = 0,
     disturbance: Mapping[str, Any] | None = None,
+    posture: Mapping[str, Any] | None = None,
     control_period: float | None = None,
     substeps: int | None = None,
     duration: float | None = None,
@@ -153,8 +155,8 @@ def make_setup(
         As of `cable_envs.envs.CableEnv`.
     version : str
         Version of the ids whose numbers the plant gives (`cable_envs.plants.plant_for`).
-    disturbance, control_period, substeps, duration
-        As of `cable_envs.envs.CableEnv`. None takes what the task says; a disturbance is then absent.
+    disturbance, posture, control_period, substeps, duration
+        As of `cable_envs.envs.CableEnv`. None takes what the task says; disturbance and posture are then absent.
     **unknown
         Whatever else is given is refused, with the nearest option.
 
@@ -196,6 +198,10 @@ def make_setup(
     pack_signal("reference", spec)
     push = {"kind": "constant"} if disturbance is None else disturbance
     pack_signal("disturbance", push)
+    if posture is not None:
+        require_posture(simulator)
+    bending = {"kind": "constant"} if posture is None else posture
+    pack_signal("posture", bending)
     period = _seconds("control_period", control_period, declared.control_period, PERIODS)
     length = _seconds("duration", duration, declared.duration, (period, LONGEST))
     if abs(length / period - round(length / period)) > 1e-6:
@@ -212,6 +218,7 @@ def make_setup(
         channels=_channels(declared, simulator, mode, level),
         reference=dict(spec),
         disturbance=dict(push),
+        posture=dict(bending),
         randomize=ranges,
         noise=_noise(declared, simulator, sensor_noise),
         sensor_delay=_count("sensor_delay", sensor_delay, 0, MAX_DELAY),
@@ -225,6 +232,26 @@ def make_setup(
 
 OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.items() if p.kind is p.KEYWORD_ONLY)
 """Names of the options of an environment."""
+
+
+def require_posture(plant: Plant) -> None:
+    """Refuse a posture on a plant that has none.
+
+    Parameters
+    ----------
+    plant : Plant
+        What simulates the rig.
+
+    Raises
+    ------
+    ConfigurationError
+        Where its shape is fixed.
+    """
+    if not plant.posture:
+        raise ConfigurationError(
+            f"option 'posture': {plant.name} with this rig has no posture, its shape is fixed; a tendon sheath whose "
+            "rig says 'contacts' has one"
+        )
 
 
 def _choose_rig(

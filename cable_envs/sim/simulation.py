@@ -14,14 +14,14 @@ from cable_envs.plants import family
 from cable_envs.sim import steppers
 from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.references import FIELDS, evaluate, pack_signal
-from cable_envs.sim.setup import Setup
+from cable_envs.sim.setup import Setup, require_posture
 from cable_envs.sim.stepsize import check_step
 from cable_envs.sim.tasks import INFO
 
 FARTHEST = 1000.0
 """Largest initial position, m or rad: beyond, no cable is long enough."""
 
-RESET_OPTIONS = ("rig", "reference", "disturbance", "initial_position")
+RESET_OPTIONS = ("rig", "reference", "disturbance", "posture", "initial_position")
 
 
 def proxy_gain(setup: Setup) -> float:
@@ -109,6 +109,7 @@ class Simulation:
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
         self._reference = pack_signal("reference", setup.reference)
         self._disturbance = pack_signal("disturbance", setup.disturbance)
+        self._posture = pack_signal("posture", setup.posture)
         self._choose(max(int(setup.sensor_steps > 0), self._needed(self._nominal)))
         self.asked = self._named.asked
         self.spread = 1.0
@@ -125,8 +126,8 @@ class Simulation:
         generators : sequence of numpy.random.Generator
             ``generators[k]`` draws for environment ``lanes[k]``.
         options : mapping, optional
-            "rig" (parameters to change), "reference", "disturbance" (mappings), "initial_position" (of the output, SI),
-            for these episodes.
+            "rig" (parameters to change), "reference", "disturbance", "posture" (mappings), "initial_position" (of the
+            output, SI), for these episodes.
 
         Raises
         ------
@@ -145,9 +146,9 @@ class Simulation:
                 if self.spread != 1.0:
                     low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
                 values[row, k] = low + draw * (high - low)
-        reference, disturbance = signals
+        reference, disturbance, posture = signals
         key = FIELDS.row("key")
-        reference[key], disturbance[key] = keys, keys + 1.0
+        reference[key], disturbance[key], posture[key] = keys, keys + 1.0, keys + 2.0
         if rows:
             p = self._prepared(values)
             check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "a rig of this reset")
@@ -159,7 +160,7 @@ class Simulation:
             self._check_delays(values)
         b, s = self.buffers, self._named
         self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
-        s.followed[:, lanes], s.push[:, lanes] = reference, disturbance
+        s.followed[:, lanes], s.push[:, lanes], s.bending[:, lanes] = reference, disturbance, posture
         s.key[lanes] = keys
         s.tension_limit[lanes] = values[parameters.index("tension_limit")]
         s.breaking_tension[lanes] = values[parameters.index("breaking_tension")]
@@ -223,10 +224,13 @@ class Simulation:
             )
 
     def _signals(self, n: int, options: Mapping[str, Any]) -> list[np.ndarray]:
-        """Columns of reference and disturbance, [len(FIELDS), n] each."""
+        """Columns of reference, disturbance and posture, [len(FIELDS), n] each."""
         columns = []
-        for what, default in (("reference", self._reference), ("disturbance", self._disturbance)):
+        usual = {"reference": self._reference, "disturbance": self._disturbance, "posture": self._posture}
+        for what, default in usual.items():
             given = options.get(what)
+            if what == "posture" and given is not None:
+                require_posture(self.setup.plant)
             columns.append(np.repeat((default if given is None else pack_signal(what, given))[:, None], n, axis=1))
         return columns
 

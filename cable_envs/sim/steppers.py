@@ -52,6 +52,10 @@ def _act(block, s, c, lo, hi):
         u.mode[i] = mode
         u.disturbance[i] = signal(push, i, s.step[i] * period)[0]
         s.step[i] += 1.0
+    if c.poses:
+        bending = _signal(s.bending)
+        for i in range(lo, hi):
+            u.posture[i] = signal(bending, i, (s.step[i] - 1.0) * period)[0]
 
 
 @inline

@@ -28,7 +28,8 @@ PROTOCOL = {
 PROTOCOLS_OWN = {
     "duration": 0.02, "rig": "gu-steel-1mm", "randomize": False, "sensor_noise": False, "sensor_delay": 0,
     "action_delay": 0, "control_period": 0.02, "substeps": 1, "effects": {}, "effect_file": "trap.py",
-    "reference": {"kind": "constant"}, "disturbance": {"kind": "constant"}, "plant": "analytic",
+    "reference": {"kind": "constant"}, "disturbance": {"kind": "constant"}, "posture": {"kind": "constant"},
+    "plant": "analytic",
 }  # fmt: skip
 
 

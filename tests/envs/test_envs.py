@@ -304,6 +304,7 @@ BAD = [
     ({"reference": {"kind": "ramp", "amplitude": 1.0, "hold": 0.0}}, "reference.hold must be above 0"),
     ({"reference": 3}, "reference"),
     ({"disturbance": {"kind": "pulse", "amplitude": 1.0}}, "disturbance of kind 'pulse' needs hold"),
+    ({"posture": {"kind": "constant", "offset": 0.5}}, "option 'posture': cable_hole with this rig has no posture"),
     ({"randomize": {"load_mas": {"scale": [0.5, 2.0]}}}, "did you mean 'load_mass'"),
     ({"randomize": {"load_mass": {"scale": [2.0, 0.5]}}}, "low 10 is above high 2.5"),
     ({"randomize": {"load_mass": {"scale": [-1.0, 0.5]}}}, "outside its physical range"),

@@ -12,7 +12,7 @@ from cable_envs.core.files import permit
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
-    "sensor_delay", "action_delay", "disturbance", "control_period", "substeps", "duration",
+    "sensor_delay", "action_delay", "disturbance", "posture", "control_period", "substeps", "duration",
 )  # fmt: skip
 """Options of an environment that ``--option KEY=VALUE`` may set (see `cable_envs.envs.CableEnv`)."""
 
