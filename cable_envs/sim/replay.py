@@ -189,8 +189,7 @@ def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
     return state[plant.row(told.rest_signal)].copy() if told.rest_signal else np.zeros(state.shape[1])
 
 
-def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
-    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
+def _check_drive(plant: Plant, drive: str, hold: str, given: dict) -> None:
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
         raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, (*modes, *DRIVES))}")
@@ -201,6 +200,11 @@ def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: 
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
     if "posture" in given and not plant.posture:
         raise ConfigurationError(f"{plant.name} has no posture")
+
+
+def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
+    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
+    _check_drive(plant, drive, hold, given)
     columns = {k: _column(k, v, n) for k, v in given.items()}
     if held is not None and "second" not in columns:
         one = held[:1] if np.all(held == held[0]) else held

@@ -121,7 +121,7 @@ def test_too_little_co_contraction_leaves_backlash():
     slow = np.concatenate([np.linspace(0.0, 0.3, 300), np.linspace(0.3, -0.3, 600), np.linspace(-0.3, 0.3, 600)])
 
     def lost(tension):
-        values = values_of(co_contraction=tension, friction_coefficient=0.0, weight_torque=-0.1, joint_damping=0.005)
+        values = values_of(co_contraction=tension, friction_coefficient=0.0, weight_torque=-0.1, joint_damping=0.01)
         x = at_rest(values, 0.0)
         seen = run(values, "position", slow + x["drive_angle"], start=0.0, hold="ramp")
         there, back = slice(350, 850), slice(950, 1450)  # going down, going up
@@ -131,7 +131,7 @@ def test_too_little_co_contraction_leaves_backlash():
 
     taut, none = lost(15.0)
     loose, some = lost(0.05)
-    assert none == 0.0 and abs(taut) < 1e-3  # 0.1 rad/s of damping over the stiffness
+    assert none == 0.0 and abs(taut) < 1.5e-3  # twice 0.1 rad/s of damping over the stiffness
     assert some == 1.0 and loose > 0.02
 
 
