@@ -26,7 +26,6 @@ FAMILY = Family(
     },
     observe="output",
     view="cable_envs.plants.antagonist.view:JointView",
-    continuous="cable_envs.plants.antagonist.continuous:equations",
     scene="cable_envs.plants.antagonist.scene:JointScene",
     shown=(
         "joint_angle", "drive_angle", "tension_drive_a", "tension_joint_a", "tension_drive_b", "tension_joint_b",
