@@ -156,7 +156,7 @@ def replay(
         state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
     held = _held(plant, drive, state)
     if second is not None and held is None:
-        raise ConfigurationError(f"{plant.name} has no second command with its drive '{drive}'; leave out 'second'")
+        raise ConfigurationError(f"{plant.name} has no second command; leave out 'second'")
     given = {
         "command": command, "rate": rate, "disturbance": disturbance, "posture": posture, "second": second,
         "second_rate": second_rate,
@@ -181,9 +181,9 @@ def replay(
 
 
 def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
-    """The second command that holds a state at rest [n]; None where there is none."""
+    """The second command that holds a state at rest [n]; None where the plant has none."""
     of = {mode.name: mode.second for mode in plant.action_modes}
-    told = of.get(drive)
+    told = of.get(drive, next(iter(of.values()), None))
     if told is None:
         return None
     return state[plant.row(told.rest_signal)].copy() if told.rest_signal else np.zeros(state.shape[1])

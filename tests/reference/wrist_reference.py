@@ -25,12 +25,12 @@ class Wrist:
         self.ratios = {}
 
     def ratio(self, wrap):
-        """Ratio of a contact at a wrap, from its equation; of wraps rounded to a milliradian, in straight lines."""
-        low = math.floor(max(wrap, 0.0) * 500.0)
+        """Ratio of a contact at a wrap, from its equation; between wraps 20 mrad apart in straight lines (1e-6)."""
+        low = math.floor(max(wrap, 0.0) * 50.0)
         for k in (low, low + 1):
             if k not in self.ratios:
-                self.ratios[k] = ratio_of({**self.rig, "wrap_angle": k / 500.0}) if k else 1.0
-        share = max(wrap, 0.0) * 500.0 - low
+                self.ratios[k] = ratio_of({**self.rig, "wrap_angle": k / 50.0}) if k else 1.0
+        share = max(wrap, 0.0) * 50.0 - low
         return self.ratios[low] + share * (self.ratios[low + 1] - self.ratios[low])
 
     def advance(self, command, pitch, rate, pitch_rate, period, push=0.0):
