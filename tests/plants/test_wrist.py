@@ -47,14 +47,18 @@ SLOW = np.concatenate([np.linspace(0.0, 0.6, 150), np.full(50, 0.6), np.linspace
 
 
 def test_pitch_drives_yaw_by_the_coupling_ratio_and_a_yaw_drive_that_follows_decouples_it():
-    """Stiff cables and no friction: the yaw drive at rest, and one that follows by the ratio."""
+    """Without friction: the yaw drive at rest, and one that follows by the ratio.
+
+    While it moves, the pitch joint lags by its damping over its cables' stiffness, and swings where the ramp bends.
+    """
     rig = RIG.replace({"friction_coefficient": 0.0, "yaw_stiffness": 0.0, "bearing_arm": 0.0})
     values, ratio = rig.column(PLANT), rig.values["coupling_radius"] / rig.values["yaw_radius"]
     held = run(values, np.full(len(SLOW), START), SLOW, hold="ramp")
     assert held["yaw_angle"] - START == pytest.approx(-ratio * held["pitch_angle"], abs=5e-3)
     assert np.ptp(held["yaw_angle"]) > 0.9
     followed = run(values, START + ratio * SLOW, SLOW, hold="ramp")
-    assert followed["yaw_angle"] == pytest.approx(np.full(len(SLOW), START), abs=1e-4)
+    assert followed["yaw_angle"] == pytest.approx(np.full(len(SLOW), START), abs=4e-3)
+    assert followed["yaw_angle"][[199, -1]] == pytest.approx(START, abs=1e-5)  # where the pitch stands again
     assert np.ptp(followed["pitch_angle"]) > 1.1
 
 
@@ -205,7 +209,7 @@ def test_both_commands_are_the_agents():
     for _ in range(50):
         *_, info = env.step(np.array([0.0, 0.5], np.float32))
     assert info["pitch_command"] == pytest.approx(0.5 * np.radians(80.0))
-    assert info["pitch_angle"] == pytest.approx(info["pitch_command"], abs=0.02)
+    assert info["pitch_angle"] == pytest.approx(info["pitch_command"], abs=0.12)  # friction over the cables' stiffness
 
 
 def test_the_rig_holds_the_pitch_where_it_says():

@@ -16,7 +16,7 @@ _PITCH, _YAW, _PITCH_ALONE = (300.0, 430.0), (470.0, 430.0), (300.0, 210.0)
 
 
 class WristScene(Scene):
-    """Scene of the plant ``wrist``. Angles are true; the upper row has the yaw cables, the lower one the pitch cables."""
+    """Scene of the plant ``wrist``. Angles are true; the yaw cables are above, the pitch cables below."""
 
     title = "Coupled wrist"
 

@@ -8,7 +8,7 @@ from cable_envs.plants.view import Gains, Reference, View
 
 
 class WristView(View):
-    """The command is the angle of the yaw drive, the output that of the yaw joint; the pitch is where the rig holds it."""
+    """The command is the angle of the yaw drive, the output that of the joint; the pitch is where the rig holds it."""
 
     pid: ClassVar[Mapping[tuple[str, str], Gains]] = {
         ("position", "position"): {
