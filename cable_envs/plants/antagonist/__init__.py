@@ -28,8 +28,8 @@ FAMILY = Family(
     view="cable_envs.plants.antagonist.view:JointView",
     scene="cable_envs.plants.antagonist.scene:JointScene",
     shown=(
-        "joint_angle", "drive_angle", "tension_drive_a", "tension_joint_a", "tension_drive_b", "tension_joint_b",
-        "joint_stiffness",
+        "joint_angle", "drive_angle", "drive_a_position", "drive_b_position", "tension_drive_a", "tension_joint_a",
+        "tension_drive_b", "tension_joint_b", "joint_stiffness",
     ),
     ways=("pulling with tendon a", "pulling with tendon b"),
 )  # fmt: skip
