@@ -134,13 +134,17 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit-Torque-{..}-v0      | grasp torque [N m]               | zou-grasp   | torque      | 0.01 N m    |
     | TendonSheath-Position-{..}-v0     | load position [m]                | bowden-1m   | position    | 0.0005 m    |
     | TendonSheath-Tension-{..}-v0      | load-side tension [N]            | bowden-1m   | tension     | 0.5 N       |
+    | AntagonistJoint-Position-{..}-v1  | joint angle [rad]                | finger-joint| position    | 0.02 rad    |
+    | AntagonistJoint-Torque-{..}-v1    | torque of the tendons [N m]      | finger-grasp| torque      | 0.005 N m   |
+    | Wrist-Position-{..}-v1            | angle of the yaw joint [rad]     | wrist-8mm   | position    | 0.02 rad    |
 
     Rig and action mode are the defaults of the task.
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`, linear over the range of the action mode. A value beyond the range is clipped. The
-    parameters of the rig set the ranges; with the rig of the task they are:
+    `Box(-1, 1, (1,), float32)`, linear over the range of the action mode. A value beyond the range is clipped. A mode
+    with a second command (its name has "_and_") takes `Box(-1, 1, (2,), float32)`. The parameters of the rig set the
+    ranges; with the rig of the task they are:
 
     | mechanism     | action mode | command         | range             |
     |---------------|-------------|-----------------|-------------------|
@@ -150,6 +154,11 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit | torque      | motor torque    | -0.6 to 0.6 N m   |
     | TendonSheath  | position    | drive position  | -0.05 to 0.05 m   |
     | TendonSheath  | tension     | drive force     | 0 to 80 N         |
+    | AntagonistJoint | position  | drives' angle   | -1.5 to 1.5 rad   |
+    | AntagonistJoint | torque    | drives' torque  | -0.5 to 0.5 N m   |
+    | .._and_co_contraction | second | mean tension | 0 to 40 N         |
+    | Wrist         | position    | drive angle     | -2.54 to 2.54 rad |
+    | position_and_pitch | second | pitch           | -1.4 to 1.4 rad   |
 
     ## Observation Space
 
@@ -163,7 +172,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | 2     | reference_acceleration | its second derivative, with the scale of the reference             |
     | 3     | error                  | reference minus measured output                                    |
     | 4     | command                | what acted in the last control step, in the unit of the action mode|
-    | 5..   | signals                | the measured signals of the plant at the level `observe`           |
+    | 5..   | signals                | the measured signals of the plant at the level `observe`; before   |
+    |       |                        | them a second command, where there is one                          |
 
     Where the output is not observed, a measured signal of the drive stands for it in the error, through the rigid
     transmission ratio. A level has the signals of the level before it, and more:
@@ -176,6 +186,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit-Torque   | drive_angle, drive_velocity, drive_torque     | output_torque                 |
     | TendonSheath-Position  | drive_position, drive_velocity, drive_tension | load_position, load_velocity  |
     | TendonSheath-Tension   | drive_position, drive_velocity, drive_tension | load_tension                  |
+    | AntagonistJoint-Position | drive_angle, drive_torque, co_contraction   | joint_angle, joint_velocity   |
+    | AntagonistJoint-Torque | drive_angle, drive_torque, co_contraction     | joint_torque                  |
+    | Wrist-Position         | drive_angle, drive_velocity, pitch_drive_angle | yaw_angle, yaw_velocity      |
 
     The level "full" adds the state of the load that "output" leaves out. For the hole it also adds `sliding`, for the
     sheath `mobilised` and `sliding`, for the circuit `phase` and the four tensions of the cable.
@@ -183,7 +196,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     ## Rewards
 
     `1 / (1 + |error| / error_scale) - effort_weight (a - a_previous)^2` at every step. The error is that of the true
-    output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task.
+    output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task. Of two actions both
+    changes count.
 
     ## Starting State
 
@@ -230,7 +244,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     |                |                      |             | or torque on the output [N m]                          |
     | posture        | mapping              | none        | a signal as for the reference: how much more a sheath  |
     |                |                      |             | is bent than its rig says [rad]; for rigs whose plant  |
-    |                |                      |             | has a posture (a tendon sheath with contacts)          |
+    |                |                      |             | has a posture (a tendon sheath with contacts; a wrist, |
+    |                |                      |             | where it is the pitch)                                 |
     | control_period | float                | 0.01        | seconds                                                |
     | substeps       | int                  | 20          | integration steps in a control period, at most 10000   |
     | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |

@@ -250,7 +250,7 @@ def require_posture(plant: Plant) -> None:
     if not plant.posture:
         raise ConfigurationError(
             f"option 'posture': {plant.name} with this rig has no posture, its shape is fixed; a tendon sheath whose "
-            "rig says 'contacts' has one"
+            "rig says 'contacts' has one, and the wrist"
         )
 
 

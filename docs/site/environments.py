@@ -6,7 +6,7 @@ from itertools import groupby
 
 import gymnasium as gym
 
-from cable_envs import ENV_IDS
+from cable_envs import FIRST_IDS
 from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
@@ -44,7 +44,7 @@ def tasks() -> dict[str, list[str]]:
     >>> len(tasks()["CableHole-Tension"])
     2
     """
-    return {task: list(ids) for task, ids in groupby(ENV_IDS, key=lambda env_id: gym.spec(env_id).kwargs["task"])}
+    return {task: list(ids) for task, ids in groupby(FIRST_IDS, key=lambda env_id: gym.spec(env_id).kwargs["task"])}
 
 
 def slug(task: str) -> str:
@@ -80,8 +80,8 @@ def _list() -> str:
         rows.append((image, link, setup.task.description, f"{setup.task.output} [{setup.output_unit}]"))
     return page(
         "# Environments",
-        f"{len(tasks())} tasks on {len({_setup(i).rig.plant for i in ENV_IDS})} mechanisms, each with a step and with "
-        "a sine as its reference. All are Gymnasium environments with one continuous action; the class "
+        f"{len(tasks())} tasks on {len({_setup(i).rig.plant for i in FIRST_IDS})} mechanisms, each with a step and "
+        "with a sine as its reference. All are Gymnasium environments with one continuous action, or two; the class "
         "`cable_envs.envs.CableEnv` is the same for all of them.",
         table(("", "task", "what it asks for", "output"), rows),
         "`import cable_envs` registers the ids, and `cablebench envs` lists them in a terminal.",

@@ -12,7 +12,7 @@ from tests.reference.joint_reference import ratio_of
 from tests.reference.wrist_reference import Wrist
 
 PLANT = plant_for("wrist")
-RIG = load_rig("wrist-needle-driver")
+RIG = load_rig("wrist-8mm")
 PERIOD, START, MODE = 0.01, 0.1, "position_and_pitch"
 NAMES = tuple(s.name for s in PLANT.signals)
 ENV = "cable_envs/Wrist-Position-Sine-v1"
