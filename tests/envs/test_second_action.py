@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
+import cable_envs
 from cable_envs.baselines import make_controller
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import families, plant_for
@@ -219,3 +220,18 @@ def test_an_agent_trains_acts_and_is_kept(tmp_path):
     action = actor.act(observation, 0.0)
     assert action.shape == (2,) and policy.metadata.options["action_mode"] == MODE
     env.step(action)
+
+
+def test_a_command_line_that_asks_a_controller_for_two_commands_is_told_the_mode():
+    from cablebench.cli.shared.arguments import options_for
+    from cablebench.entrants.named import named_entrant
+
+    with pytest.raises(ConfigurationError, match=r"'pid' gives one command.*-o action_mode=position, where"):
+        options_for(named_entrant("pid"), ENV, {"action_mode": MODE})
+    assert options_for(named_entrant("pid"), ENV, {})["observe"] == "output"
+
+
+@pytest.mark.parametrize("env_id", [i for i in cable_envs.FIRST_IDS if i.endswith("-Sine-v1")])
+def test_environments_that_are_new_pass_the_checker_with_every_action_mode(env_id):
+    for mode in gym.make(env_id).unwrapped.setup.plant.action_modes:
+        check_env(gym.make(env_id, action_mode=mode.name, duration=0.5).unwrapped, skip_render_check=True)

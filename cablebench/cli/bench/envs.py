@@ -13,9 +13,9 @@ def envs(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output.")] = False,
 ) -> None:
     """List environments: output, reference, action modes, observation channels with units; and the rigs."""
-    from cable_envs import ENV_IDS
+    from cable_envs import FIRST_IDS
 
-    chosen = [resolve_env(env, every_version=True)] if env else list(ENV_IDS)
+    chosen = [resolve_env(env, every_version=True)] if env else list(FIRST_IDS)
     listing = [describe(env_id) for env_id in chosen]
     rigs = describe_rigs({e["plant"] for e in listing})
     if as_json:
@@ -98,7 +98,7 @@ def _reference(spec: dict[str, Any]) -> str:
 def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
     from rich.table import Table
 
-    table = Table(title="Environments (cable_envs/...-v0)", title_justify="left", box=None, pad_edge=False)
+    table = Table(title="Environments (cable_envs/...)", title_justify="left", box=None, pad_edge=False)
     for name in ("id", "output", "unit", "action (default first)", "observes"):
         table.add_column(name, no_wrap=True)
     for e in listing:

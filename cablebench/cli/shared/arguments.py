@@ -90,8 +90,15 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
     from cable_envs.sim.registered import setup_of
 
-    needs = entrant.needs(env_id, setup_of(env_id, options))
+    setup = setup_of(env_id, options)
+    needs = entrant.needs(env_id, setup)
     if needs is None:
+        mode = setup.action_mode
+        if mode.of and entrant.needs(env_id, setup_of(env_id, {**options, "action_mode": mode.of})) is not None:
+            raise ConfigurationError(
+                f"'{entrant.title}' gives one command, and the action mode {mode.name} takes two; give it "
+                f"-o action_mode={mode.of}, where the second stays at rest"
+            )
         entered = [short_name(env) for env in entrant.entered()]
         where = (
             "with these options" if short_name(env_id) in entered else f"it enters {', '.join(entered) or 'no task'}"
