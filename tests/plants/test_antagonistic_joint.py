@@ -114,25 +114,28 @@ def test_co_contraction_stiffens_a_joint_whose_tendons_harden_and_no_other():
 
 
 def test_too_little_co_contraction_leaves_backlash():
-    """A weight that goes over the top: the drives' angle at which the joint is at q, going one way and the other.
+    """Tendons that are 1 mm too long, and a weight that goes over the top: the drives' angle there, to and fro.
 
-    With both tendons taut nothing is lost but friction; with a slack one the joint falls through what is too long.
+    A take-up of more than 1 mm leaves nothing; with less, the joint falls through 2 (1 mm - take-up) over the arm.
     """
     slow = np.concatenate([np.linspace(0.0, 0.3, 300), np.linspace(0.3, -0.3, 600), np.linspace(-0.3, 0.3, 600)])
+    long = {"slack.length": 0.1, "weight_torque": -0.03, "friction_coefficient": 0.0, "joint_damping": 0.01}
 
     def lost(tension):
-        values = values_of(co_contraction=tension, friction_coefficient=0.0, weight_torque=-0.1, joint_damping=0.01)
-        x = at_rest(values, 0.0)
-        seen = run(values, "position", slow + x["drive_angle"], start=0.0, hold="ramp")
+        values = RIG.replace({**long, "co_contraction": tension}).column(PLANT)
+        seen = run(values, "position", slow, start=0.0, hold="ramp")
         there, back = slice(350, 850), slice(950, 1450)  # going down, going up
         drive_there = np.interp(0.0, -seen["joint_angle"][there], seen["drive_angle"][there])
         drive_back = np.interp(0.0, seen["joint_angle"][back], seen["drive_angle"][back])
         return drive_back - drive_there, seen["slack_fraction"].max()
 
-    taut, none = lost(15.0)
-    loose, some = lost(0.05)
-    assert none == 0.0 and abs(taut) < 1.5e-3  # twice 0.1 rad/s of damping over the stiffness
-    assert some == 1.0 and loose > 0.02
+    taut, none = lost(25.0)
+    assert none == 0.0 and abs(taut) < 2.5e-3  # twice 0.1 rad/s of damping over the stiffness that is left
+    for tension in (0.5, 2.0):
+        loose, some = lost(tension)
+        line = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * 0.05 * tension))  # of the linear law
+        gap = 2.0 * (1e-3 - line / 6e3) / 0.01
+        assert some == 1.0 and loose == pytest.approx(gap, rel=0.05) and gap > 0.12
 
 
 def test_at_rest_the_tensions_hold_the_joint_with_what_the_drives_take_up():

@@ -24,8 +24,9 @@ The joint's stiffness with the drives held, without friction, is
 
 so that co-contraction makes the joint stiffer where the tendon hardens (``tendon_hardening``: springs of
 variable stiffness need a law that bends, Hogan, IEEE Trans. Automatic Control 29 (1984) 681) or the arms shrink.
-Friction of the tendons grows with co-contraction too: T_i n either way. With too little of it one tendon goes slack
-within the motion, and what the drives pay out is lost: backlash, which nothing here declares.
+Friction of the tendons grows with co-contraction too: T_i n either way. Where the take-up is less than what the
+tendons are too long (effect ``slack``), one of them is slack, and a load that changes sides falls through a gap of
+twice the difference over r: backlash, which nothing here declares.
 
 Valid for slow tendons (no waves, no mass), one bend each, and drives that no tendon turns back in position mode. The
 sheath's own law (`plants.sheath`) has the friction spread along the bend; here it is in one place.
