@@ -54,7 +54,7 @@ class ForeignPolicy:
 
         Returns
         -------
-        action : ndarray, shape (1,) or (n, 1)
+        action : ndarray, shape (actions,) or (n, actions)
             Within [-1, 1].
         state : Any
             Memory to give to the next call.

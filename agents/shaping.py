@@ -76,12 +76,14 @@ class Shaping:
         self._first = np.zeros((n, len(self._measured)), dtype=np.float32)
         first = tuple(f"first_{setup.channels[k].name}" for k in self._measured)
         self.extra_channels = first if residual is None else (*first, BASE_CHANNEL)
-        self._channel = [c.name for c in setup.channels].index(COMMAND)
-        span = setup.high - setup.low
-        self._gain, self._offset = 2.0 * setup.channels[self._channel].scale / span, -2.0 * setup.low / span - 1.0
+        place = [c.name for c in setup.channels].index(COMMAND)
+        self._commands = slice(place, place + len(setup.ranges))  # that of a second action is behind the first
+        ends = zip(setup.ranges, setup.channels[self._commands], strict=True)
+        told = [(2.0 * c.scale / (high - low), -2.0 * low / (high - low) - 1.0) for (low, high), c in ends]
+        self._gain, self._offset = np.array(told).T
         self._base = None if residual is None else _Base(setup, n, residual)
         self._share = 0.0 if residual is None else residual.share
-        self._last = np.zeros((n, 1), dtype=np.float32)
+        self._last = np.zeros((n, len(setup.ranges)), dtype=np.float32)
         self._everyone = np.arange(n)
 
     def begin(self, observation: np.ndarray, lanes: np.ndarray | None = None) -> None:
@@ -98,7 +100,7 @@ class Shaping:
         if self._measured:
             self._first[chosen] = observation[:, self._measured]
         if self._base is None:
-            at_rest = self._gain * observation[:, self._channel : self._channel + 1] + self._offset
+            at_rest = self._gain * observation[:, self._commands] + self._offset
             self._last[chosen] = np.clip(at_rest, -1.0, 1.0)
         else:
             self._last[chosen] = 0.0
@@ -142,12 +144,12 @@ class Shaping:
 
         Parameters
         ----------
-        asked : ndarray, shape (n, 1)
+        asked : ndarray, shape (n, actions)
             The answer of the network; what is beyond [-1, 1] is clipped.
 
         Returns
         -------
-        ndarray of float32, shape (n, 1)
+        ndarray of float32, shape (n, actions)
             Within [-1, 1], smoothed and added to the base controller's action (equations at the head of this module).
         """
         clipped = np.minimum(np.maximum(asked, -1.0), 1.0)  # np.clip takes twice as long

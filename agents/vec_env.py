@@ -167,7 +167,7 @@ class CableVecEnv(VecEnv):
         return self._shaping.view(observation[here], here)[0], self.reset_infos[lane]
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Keep the actions, shape (num_envs, 1), for `step_wait`."""
+        """Keep the actions, shape (num_envs, actions), for `step_wait`."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:

@@ -144,6 +144,12 @@ class Controller:
         require_known(f"task of '{plant}'", [task], tasks(plant))
         if plant not in cls.plants and not (cls.general and cls.sees(plant, action_mode)):
             raise ConfigurationError(f"controller '{cls.name}' is made for {', '.join(cls.plants)}, not for '{plant}'")
+        mode = next(m for m in _plant(plant).action_modes if m.name == action_mode)
+        if len(mode.commands) > 1:
+            raise ConfigurationError(
+                f"controller '{cls.name}' gives one command, and action mode '{action_mode}' takes two; give it "
+                f"action_mode='{mode.of}', where the second stays at rest"
+            )
         if task not in cls.tasks:
             raise ConfigurationError(f"controller '{cls.name}' does {', '.join(cls.tasks)} tasks, not '{task}'")
 

@@ -1,7 +1,8 @@
 """Gymnasium environments for benchmarking learning-based tension control of cable mechanisms.
 
 Importing this package registers ``cable_envs/{CableHole-Position, CableHole-Tension, PulleyCircuit-Position,
-PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-{v0, v1}`` for ``gymnasium.make``
+PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-{v0, v1}`` and
+``cable_envs/{AntagonistJoint-Position, AntagonistJoint-Torque, Wrist-Position}-{Step, Sine}-v1`` for ``gymnasium.make``
 and ``gymnasium.make_vec``. Nothing is compiled before the first environment is made.
 
 What the package offers beside the ids is imported when it is first asked for:
@@ -34,14 +35,24 @@ from cable_envs.core.config import config_names, config_path, read_yaml
 
 __version__ = "0.1.0"
 
-_NAMES = tuple(f"cable_envs/{task}-{reference}" for task in config_names("tasks") for reference in ("Step", "Sine"))
+_NAMES = {
+    f"cable_envs/{task}-{reference}": "\nsince: v1\n"
+    in config_path("tasks", f"{task}.yaml").read_text(encoding="utf-8")
+    for task in config_names("tasks")
+    for reference in ("Step", "Sine")
+}
+"""Id without its version -> whether there is none before v1."""
 
-ENV_IDS = tuple(f"{name}-v0" for name in _NAMES)
+ENV_IDS = tuple(f"{name}-v0" for name, new in _NAMES.items() if not new)
 """The registered environment ids that protocols, boards and tuned entrants are for: each task of configs/tasks with a
 step and with a sinusoid. Their numbers do not change."""
 
 V1_IDS = tuple(f"{name}-v1" for name in _NAMES)
-"""The same tasks on plants that have been mended since (see the version history of `cable_envs.envs.CableEnv`)."""
+"""The same tasks on plants that have been mended since, and newer tasks (see the version history of
+`cable_envs.envs.CableEnv`)."""
+
+FIRST_IDS = tuple(f"{name}-{'v1' if new else 'v0'}" for name, new in _NAMES.items())
+"""Each task in the first version that it has: what agents are trained for."""
 
 _THRESHOLDS = {_task: read_yaml(config_path("thresholds", f"{_task}.yaml")) for _task in config_names("thresholds")}
 """Task -> reference -> return of an episode from which it counts as solved."""

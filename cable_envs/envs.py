@@ -36,7 +36,7 @@ def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
     observation : gymnasium.spaces.Box
         Shape (channels,), float32, within +/- `cable_envs.sim.tasks.OBSERVATION_LIMIT`.
     action : gymnasium.spaces.Box
-        Shape (1,), float32, within [-1, 1].
+        Shape (1,), or (2,) in an action mode with a second command, float32, within [-1, 1].
 
     Examples
     --------
@@ -46,7 +46,21 @@ def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
     """
     shape = (len(setup.channels),)
     observation = spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, shape, np.float32)
-    return observation, spaces.Box(-1.0, 1.0, (1,), np.float32)
+    return observation, spaces.Box(-1.0, 1.0, (len(setup.ranges),), np.float32)
+
+
+def wanted_shape(setup: Setup, num_envs: int = 0) -> str:
+    """The shape of an action, or of those of a batch, with what the numbers are where there are two.
+
+    Examples
+    --------
+    >>> from cable_envs.sim.setup import make_setup
+    >>> wanted_shape(make_setup("AntagonistJoint-Position", "sine", action_mode="position_and_co_contraction"), 3)
+    '(3, 2) (position, co_contraction)'
+    """
+    mode, shape = setup.action_mode, (len(setup.ranges),)
+    names = f" ({mode.of}, {mode.second.name})" if mode.of and mode.second is not None else ""
+    return f"{(num_envs, *shape) if num_envs else shape}{names}"
 
 
 Transition = tuple[np.ndarray, float, bool, bool, dict[str, float]]
@@ -99,7 +113,7 @@ def _not_reset(action: float) -> Transition:
 
 
 _MADE_AGAIN = frozenset((
-    "setup", "simulation", "_lane", "_obs", "_table", "_transition", "_going", "_kernel", "_renderer",
+    "setup", "simulation", "_lane", "_obs", "_table", "_second", "_transition", "_going", "_kernel", "_renderer",
 ))  # fmt: skip
 """Attributes that a copy makes for itself."""
 
@@ -120,13 +134,17 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit-Torque-{..}-v0      | grasp torque [N m]               | zou-grasp   | torque      | 0.01 N m    |
     | TendonSheath-Position-{..}-v0     | load position [m]                | bowden-1m   | position    | 0.0005 m    |
     | TendonSheath-Tension-{..}-v0      | load-side tension [N]            | bowden-1m   | tension     | 0.5 N       |
+    | AntagonistJoint-Position-{..}-v1  | joint angle [rad]                | finger-joint| position    | 0.02 rad    |
+    | AntagonistJoint-Torque-{..}-v1    | torque of the tendons [N m]      | finger-grasp| torque      | 0.005 N m   |
+    | Wrist-Position-{..}-v1            | angle of the yaw joint [rad]     | wrist-8mm   | position    | 0.02 rad    |
 
     Rig and action mode are the defaults of the task.
 
     ## Action Space
 
-    `Box(-1, 1, (1,), float32)`, linear over the range of the action mode. A value beyond the range is clipped. The
-    parameters of the rig set the ranges; with the rig of the task they are:
+    `Box(-1, 1, (1,), float32)`, linear over the range of the action mode. A value beyond the range is clipped. A mode
+    with a second command (its name has "_and_") takes `Box(-1, 1, (2,), float32)`. The parameters of the rig set the
+    ranges; with the rig of the task they are:
 
     | mechanism     | action mode | command         | range             |
     |---------------|-------------|-----------------|-------------------|
@@ -136,6 +154,11 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit | torque      | motor torque    | -0.6 to 0.6 N m   |
     | TendonSheath  | position    | drive position  | -0.05 to 0.05 m   |
     | TendonSheath  | tension     | drive force     | 0 to 80 N         |
+    | AntagonistJoint | position  | drives' angle   | -1.5 to 1.5 rad   |
+    | AntagonistJoint | torque    | drives' torque  | -0.5 to 0.5 N m   |
+    | .._and_co_contraction | second | mean tension | 0 to 40 N         |
+    | Wrist         | position    | drive angle     | -2.54 to 2.54 rad |
+    | position_and_pitch | second | pitch           | -1.4 to 1.4 rad   |
 
     ## Observation Space
 
@@ -149,7 +172,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | 2     | reference_acceleration | its second derivative, with the scale of the reference             |
     | 3     | error                  | reference minus measured output                                    |
     | 4     | command                | what acted in the last control step, in the unit of the action mode|
-    | 5..   | signals                | the measured signals of the plant at the level `observe`           |
+    | 5..   | signals                | the measured signals of the plant at the level `observe`; before   |
+    |       |                        | them a second command, where there is one                          |
 
     Where the output is not observed, a measured signal of the drive stands for it in the error, through the rigid
     transmission ratio. A level has the signals of the level before it, and more:
@@ -162,6 +186,9 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | PulleyCircuit-Torque   | drive_angle, drive_velocity, drive_torque     | output_torque                 |
     | TendonSheath-Position  | drive_position, drive_velocity, drive_tension | load_position, load_velocity  |
     | TendonSheath-Tension   | drive_position, drive_velocity, drive_tension | load_tension                  |
+    | AntagonistJoint-Position | drive_angle, drive_torque, co_contraction   | joint_angle, joint_velocity   |
+    | AntagonistJoint-Torque | drive_angle, drive_torque, co_contraction     | joint_torque                  |
+    | Wrist-Position         | drive_angle, drive_velocity, pitch_drive_angle | yaw_angle, yaw_velocity      |
 
     The level "full" adds the state of the load that "output" leaves out. For the hole it also adds `sliding`, for the
     sheath `mobilised` and `sliding`, for the circuit `phase` and the four tensions of the cable.
@@ -169,7 +196,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     ## Rewards
 
     `1 / (1 + |error| / error_scale) - effort_weight (a - a_previous)^2` at every step. The error is that of the true
-    output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task.
+    output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task. Of two actions both
+    changes count.
 
     ## Starting State
 
@@ -216,7 +244,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     |                |                      |             | or torque on the output [N m]                          |
     | posture        | mapping              | none        | a signal as for the reference: how much more a sheath  |
     |                |                      |             | is bent than its rig says [rad]; for rigs whose plant  |
-    |                |                      |             | has a posture (a tendon sheath with contacts)          |
+    |                |                      |             | has a posture (a tendon sheath with contacts; a wrist, |
+    |                |                      |             | where it is the pitch)                                 |
     | control_period | float                | 0.01        | seconds                                                |
     | substeps       | int                  | 20          | integration steps in a control period, at most 10000   |
     | duration       | float                | of the task | seconds, a multiple of the control period; 25 for the  |
@@ -309,6 +338,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         self.simulation = Simulation(self.setup, 1)
         self._lane = np.zeros(1, dtype=np.int64)
         self._obs, self._table = self.simulation.buffers.obs[0], self.simulation.buffers.table[:, 0]
+        self._second = self.simulation.buffers.named.asked_second
+        self._plain_below = 1e30 if len(self.setup.ranges) == 1 else -np.inf  # a single number is an action there
         self._transition: Callable[[float], Transition] = _not_reset
         self._going: Callable[[float], Transition] = _not_reset
         self._kernel: Callable[..., None] | None = None
@@ -453,7 +484,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         Parameters
         ----------
         action : ndarray, shape (1,)
-            Command over its range, in [-1, 1]; what is beyond is clipped.
+            Command over its range, in [-1, 1]; what is beyond is clipped. Of shape (2,) in an action mode with a second
+            command.
 
         Returns
         -------
@@ -477,7 +509,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         """
         try:
             (value,) = action.tolist()
-            fine = -1e30 < value < 1e30
+            fine = -1e30 < value < self._plain_below
         except (AttributeError, TypeError, ValueError):
             fine = False
         if not fine:
@@ -489,16 +521,23 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         return result
 
     def _checked(self, action: Any) -> float:
-        """An action that is no array of one number in range: as a number, or the error that it makes."""
+        """An action that is no array of one number in range: its first number, or the error that it makes.
+
+        A second number goes to its place in the buffers.
+        """
         if self._kernel is None:
             _not_reset(0.0)
-        action = np.asarray(action)
-        if action.shape != (1,):
-            raise ValueError(f"action must have shape (1,), got {action.shape}")
-        value = action.item()
-        if not -1e30 < value < 1e30:
-            raise ValueError(f"action must be a finite number in [-1, 1], got {value}")
-        return value
+        given = np.asarray(action)
+        if given.shape != self.action_space.shape:
+            raise ValueError(f"action must have shape {wanted_shape(self.setup)}, got {given.shape}")
+        values = given.tolist()
+        for value in values:
+            if not -1e30 < value < 1e30:
+                what = "a finite number" if len(values) == 1 else "two finite numbers"
+                raise ValueError(f"action must be {what} in [-1, 1], got {value}")
+        if len(values) > 1:
+            self._second[0] = values[1]
+        return values[0]
 
     def _draw(self, info: Mapping[str, float]) -> None:
         if self._renderer is None:

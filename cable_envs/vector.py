@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from cable_envs.core.team import WORTHWHILE, Team, available_cores
-from cable_envs.envs import CableEnv, make_spaces
+from cable_envs.envs import CableEnv, make_spaces, wanted_shape
 from cable_envs.sim.registered import described
 from cable_envs.sim.setup import make_setup
 from cable_envs.sim.simulation import Simulation, generator_of
@@ -288,7 +288,8 @@ class CableVectorEnv(VectorEnv):
         Parameters
         ----------
         actions : ndarray, shape (num_envs, 1)
-            Commands over their range, in [-1, 1]; what is beyond is clipped.
+            Commands over their range, in [-1, 1]; what is beyond is clipped. Of shape (num_envs, 2) in an action mode
+            with a second command.
 
         Returns
         -------
@@ -344,12 +345,12 @@ class CableVectorEnv(VectorEnv):
 
     def _ask(self, actions: Any) -> None:
         actions = np.asarray(actions)
-        if actions.shape != (self.num_envs, 1):
-            raise ValueError(f"actions must have shape ({self.num_envs}, 1), got {actions.shape}")
+        if actions.shape != self.action_space.shape:
+            raise ValueError(f"actions must have shape {wanted_shape(self.setup, self.num_envs)}, got {actions.shape}")
         if actions.dtype != np.float32 or not actions.flags.c_contiguous:  # two versions are compiled
             actions = np.ascontiguousarray(actions, dtype=np.float64)
         if ask(self.simulation.buffers.block, actions) >= 0:
-            bad = self._all[~np.isfinite(actions[:, 0])]
+            bad = self._all[~np.isfinite(actions).all(axis=1)]
             raise ValueError(f"actions must be finite numbers in [-1, 1]; environments {bad[:5].tolist()} are not")
 
     def state(self, lanes: Sequence[int] | np.ndarray | None = None) -> dict[str, Any]:

@@ -2,10 +2,10 @@
 
 from cable_envs.core.lanes import Lanes
 
-INPUTS = Lanes("Inputs", ["command", "command_rate", "mode", "disturbance", "posture"])
-"""The drive command in the unit of the action mode, its rate, the number of the action mode (its place in
-`Plant.action_modes`), a disturbance on the load (N or N m), and by how much a posture bends the mechanism more than its
-rig says (rad), on plants that have one (`Plant.posture`)."""
+INPUTS = Lanes("Inputs", ["command", "command_rate", "mode", "disturbance", "posture", "second", "second_rate"])
+"""The drive command in the unit of the action mode, its rate, the number of the action mode (`Plant.number_of`), a
+disturbance on the load (N or N m), by how much a posture bends the mechanism more than its rig says (rad), on plants
+that have one (`Plant.posture`), and the second command with its rate, on plants that have such."""
 
 FOLLOW, IMPOSED, OBSERVED, RAMPED = 2, 3, 4, 10
 """Numbers for the row mode beside those of the action modes, for replays of recordings. FOLLOW: the drive's position

@@ -12,7 +12,7 @@ ELEMENTS = 4
 
 STATE_FIELDS: tuple[Field, ...] = (
     "started", "command", "command_rate", "gap_position", "pulley_angle", "creep_top", "creep_bottom", "drift",
-    ("presliding", ELEMENTS), ("partial", ELEMENTS), "raised",
+    ("presliding", ELEMENTS), ("partial", ELEMENTS), "raised", "second", "second_rate", "gap_opposed",
 )  # fmt: skip
 STATES = Lanes("States", STATE_FIELDS)
 """States of the effects of the library; those of effects with hooks come behind them (`cable_envs.effects.Layout`).

@@ -97,6 +97,21 @@ def actuate(e, s, g, u, i, n, substeps, dt):
 
 
 @inline
+def actuate_second(e, s, g, u, i, n, substeps, dt):
+    """(second command, its rate) that act in the n-th step, behind ramp and lag as the first."""
+    late = u.second_rate[i] * (substeps * dt - (n + 0.5) * dt)
+    asked = u.second[i] - select(g.ramped[i] > 0.5, late, 0.0)
+    fresh, left, mean = s.started[i] < 0.5, g.lag_left[i], g.lag_late[i]
+    before = select(fresh, u.second[i] - u.second_rate[i] * (substeps * dt), s.second[i])
+    before_rate = select(fresh, 0.0, s.second_rate[i])
+    s.second[i], s.second_rate[i] = lagged(before, asked, left), lagged(before_rate, u.second_rate[i], left)
+    return (
+        select(left > 0.0, asked + (before - asked) * mean, asked),
+        select(left > 0.0, u.second_rate[i] + (before_rate - u.second_rate[i]) * mean, u.second_rate[i]),
+    )
+
+
+@inline
 def dry_friction(e, g, i, v, level, tension):
     """Dry friction of the load into g: moving up, moving down, and its growth with |v| (negative where it falls)."""
     extra, steep = excess_at(e.stribeck_friction_excess[i], e.stribeck_friction_velocity[i], v)

@@ -1,7 +1,7 @@
 """What every plant offers to the layers above it."""
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -44,6 +44,32 @@ OUT_OF_RANGE = Signal(
 
 
 @dataclass(frozen=True)
+class SecondCommand:
+    """What some plants are told besides the command.
+
+    Attributes
+    ----------
+    name : str
+        What it is, as "co_contraction".
+    unit : str
+        SI unit.
+    bound : str
+        Name of the parameter that bounds it. The range is [-bound, bound], or [0, bound] where `one_sided`.
+    one_sided : bool
+        Whether it is never negative.
+    rest_signal : str
+        Signal whose value at rest keeps the plant at rest; where it is empty, that is 0. It holds where the action mode
+        has one action.
+    """
+
+    name: str
+    unit: str
+    bound: str
+    one_sided: bool = False
+    rest_signal: str = ""
+
+
+@dataclass(frozen=True)
 class ActionMode:
     """How a command is understood by the drive.
 
@@ -59,6 +85,11 @@ class ActionMode:
         Whether the command is never negative.
     rest_signal : str
         Signal whose value at rest is the command that keeps the plant at rest; where it is empty, that command is 0.
+    second : SecondCommand, optional
+        What the plant is told besides; None: nothing.
+    of : str
+        Of a mode with two actions: the mode with one whose command it has too. Empty: there is one action, and a second
+        command stays where it was at rest.
     """
 
     name: str
@@ -66,6 +97,26 @@ class ActionMode:
     bound: str
     one_sided: bool = False
     rest_signal: str = ""
+    second: SecondCommand | None = None
+    of: str = ""
+
+    @property
+    def commands(self) -> "tuple[ActionMode | SecondCommand, ...]":
+        """What the actions are, in their order."""
+        return (self, self.second) if self.of and self.second is not None else (self,)
+
+    def with_second(self) -> "ActionMode":
+        """The same mode with two actions, as "position_and_co_contraction".
+
+        Examples
+        --------
+        >>> lift = SecondCommand("grip", "N", "grip_limit")
+        >>> ActionMode("position", "m", "reach", second=lift).with_second().name
+        'position_and_grip'
+        """
+        if self.second is None:
+            raise ValueError(f"action mode {self.name} has no second command")
+        return replace(self, name=f"{self.name}_and_{self.second.name}", of=self.name)
 
 
 @dataclass(frozen=True)
@@ -131,7 +182,7 @@ class Plant:
     - values, shape (len(parameters), n), in SI; `prepare` turns them into p;
     - p, shape (len(coefficients), n);
     - x, shape (len(signals), n), in SI;
-    - u, shape (len(INPUTS), n): command, its rate, action mode, disturbance and posture.
+    - u, shape (len(INPUTS), n): command, its rate, action mode, disturbance, posture, second command and its rate.
 
     Values of the whole `table` give p and x further rows behind the plant's own: those of the effects.
     """
@@ -317,6 +368,10 @@ class Plant:
         needed = int(p[own + self.effects.lanes.row("on")].max()) if len(p) > own else 0
         follows = u is not None and bool((INPUTS.over(u).mode > FOLLOW - 0.5).any())
         return max(needed, int(follows))
+
+    def number_of(self, mode: ActionMode) -> int:
+        """Number of an action mode in the row mode of the inputs: the place of the one whose command it has."""
+        return [m.name for m in self.action_modes].index(mode.of or mode.name)
 
     def sense_row(self, signal: str) -> int:
         """First row of the effects of a signal's sensor within p; -1 where it cannot have any."""

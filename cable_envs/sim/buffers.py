@@ -17,6 +17,7 @@ ENVIRONMENT = Lanes(
     "Environment",
     [
         "asked", "action", "last_action",  # the action to take, the one that acts now (late by its delay), the last
+        "asked_second", "second_action", "last_second",  # the same of a second action
         "tension_limit", "breaking_tension",  # of the rig of this episode
         "proxy_gain", "error_seen",  # of what stands for the output; the error that it shows
         "key", "step",  # what is drawn from, and control steps since the reset
@@ -28,7 +29,8 @@ ENVIRONMENT = Lanes(
     ],
 )  # fmt: skip
 """First rows of `Buffers.block`. Behind them: the plant's signals and the states of its effects; coefficients; what
-each sensor shows; a ring of what each showed before, where one is late; a ring of actions, where these are."""
+each sensor shows; a ring of what each showed before, where one is late; a ring of actions, where these are, and behind
+it one of second actions."""
 
 LISTED = 64
 """Room for channels of an observation, and for sensors."""
@@ -40,12 +42,15 @@ COMMON = np.dtype([
         "shown", "ring", "waiting",  # rows where these begin
         "channels", "sensors", "proxy",  # how many; which sensor stands for the output
         "slots", "late", "action_delay",  # measurements that are kept; control steps that all come late
+        "actions",  # 1 or 2
         "output", "peak",  # rows among the signals
         "substeps", "last_step", "mode", "noisy",  # noisy: whether any sensor has noise
         "limits", "beyond",  # how many signals have a range; the row that says when one is outside
         "poses",  # whether the plant has a posture
     )),
-    *((name, np.float64) for name in ("dt", "period", "low", "high", "error_scale", "effort_weight")),
+    *((name, np.float64) for name in (
+        "dt", "period", "low", "high", "second_low", "second_high", "error_scale", "effort_weight",
+    )),
     ("source", np.int64, LISTED), ("scale", np.float64, LISTED),  # of each channel: row, and SI value of one
     ("sensor", np.int64, LISTED), ("deviation", np.float64, LISTED),  # of each sensor: row among the signals, noise
     ("limited", np.int64, LISTED), ("least", np.float64, LISTED), ("most", np.float64, LISTED),  # their rows and ranges
@@ -137,12 +142,14 @@ def _common(setup: Setup) -> np.recarray:
     c.shown = ENVIRONMENT.count + c.signals + c.states + c.coefficients
     c.ring = c.shown + c.sensors
     c.waiting = c.ring + (c.slots * c.sensors if c.slots > 1 else 0)
-    c.rows = c.waiting + c.action_delay
+    c.actions = len(setup.ranges)
+    c.rows = c.waiting + c.action_delay * c.actions
     c.output, c.peak = plant.row(task.output), plant.row("peak_tension")
-    c.substeps, c.last_step, c.mode = setup.substeps, setup.steps, setup.mode_index
+    c.substeps, c.last_step, c.mode = setup.substeps, setup.steps, plant.number_of(setup.action_mode)
     c.dt, c.period = setup.control_period / setup.substeps, setup.control_period
     c.low, c.high, c.error_scale, c.effort_weight = setup.low, setup.high, task.error_scale, task.effort_weight
-    own = _own_rows()
+    c.second_low, c.second_high = setup.ranges[-1]
+    own = _own_rows() | {s.name: ENVIRONMENT.count + k for k, s in enumerate(plant.signals)}
     for k, channel in enumerate(channels):
         c.source[k] = c.shown + sensors.index(channel.name) if channel.measured else own[channel.name]
         c.scale[k] = channel.scale

@@ -72,6 +72,8 @@ def replay(
     hold: str = "ramp",
     rate: np.ndarray | None = None,
     disturbance: np.ndarray | None = None,
+    second: np.ndarray | None = None,
+    second_rate: np.ndarray | None = None,
     posture: np.ndarray | None = None,
     start: np.ndarray | float = 0.0,
     state: np.ndarray | None = None,
@@ -109,6 +111,11 @@ def replay(
         differences of the command: central ones for "follow", else those over a step with 0 over the first.
     disturbance : array_like, shape (T,) or (T, n), optional
         Force (N) or torque (N m) on the load.
+    second : array_like, shape (T,) or (T, n), optional
+        The second command of a plant that has one (`ActionMode.second`); by default the one that holds the state from
+        which the replay begins at rest.
+    second_rate : array_like, shape (T,) or (T, n), optional
+        Its speed over the step, as ``rate`` of the command.
     posture : array_like, shape (T,) or (T, n), optional
         By how much the mechanism is bent more than its rig says, rad, on plants that have a posture.
     start : float or ndarray, shape (n,)
@@ -145,9 +152,16 @@ def replay(
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
     p = plant.prepare(np.asarray(values, dtype=np.float64))
     plant.raise_to(p, period / substeps)
-    inputs = _inputs(plant, n, command, period, drive, hold, rate, disturbance, posture)
     if state is None:
         state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
+    held = _held(plant, drive, state)
+    if second is not None and held is None:
+        raise ConfigurationError(f"{plant.name} has no second command; leave out 'second'")
+    given = {
+        "command": command, "rate": rate, "disturbance": disturbance, "posture": posture, "second": second,
+        "second_rate": second_rate,
+    }  # fmt: skip
+    inputs = _inputs(plant, n, {k: v for k, v in given.items() if v is not None}, period, drive, hold, held)
     names = [s.name for s in plant.signals]
     for name in signals:
         if name not in names:
@@ -166,8 +180,16 @@ def replay(
     return distort(plant, p, signals, out, period, first) if sensors else out
 
 
-def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbance, posture) -> np.ndarray:
-    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
+def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
+    """The second command that holds a state at rest [n]; None where the plant has none."""
+    of = {mode.name: mode.second for mode in plant.action_modes}
+    told = of.get(drive, next(iter(of.values()), None))
+    if told is None:
+        return None
+    return state[plant.row(told.rest_signal)].copy() if told.rest_signal else np.zeros(state.shape[1])
+
+
+def _check_drive(plant: Plant, drive: str, hold: str, given: dict) -> None:
     modes = [m.name for m in plant.action_modes]
     if drive not in (*modes, *DRIVES):
         raise ConfigurationError(f"unknown drive '{drive}'; {nearest(drive, (*modes, *DRIVES))}")
@@ -176,10 +198,17 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
         raise ConfigurationError(f"{plant.name} cannot be replayed with its drive '{drive}'; it can with: {known}")
     if hold not in HOLDS:
         raise ConfigurationError(f"unknown hold '{hold}'; {nearest(hold, HOLDS)}")
-    if posture is not None and not plant.posture:
+    if "posture" in given and not plant.posture:
         raise ConfigurationError(f"{plant.name} has no posture")
-    given = {"command": command, "rate": rate, "disturbance": disturbance, "posture": posture}
-    columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
+
+
+def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
+    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
+    _check_drive(plant, drive, hold, given)
+    columns = {k: _column(k, v, n) for k, v in given.items()}
+    if held is not None and "second" not in columns:
+        one = held[:1] if np.all(held == held[0]) else held
+        columns["second"] = np.repeat(one[None], len(columns["command"]), axis=0)
     steps, width = len(columns["command"]), max(c.shape[1] for c in columns.values())
     for name, column in columns.items():
         if len(column) != steps:
@@ -196,19 +225,24 @@ def _inputs(plant: Plant, n: int, command, period, drive, hold, rate, disturbanc
         u.command_rate[1:] = np.diff(path, axis=0) / period
         if "rate" in columns:
             u.command_rate[:] = columns["rate"]
-        u.mode[:] = _mode(drive, modes) + (RAMPED if hold == "ramp" else 0)
+        u.mode[:] = _mode(plant, drive) + (RAMPED if hold == "ramp" else 0)
     u.disturbance[:] = columns.get("disturbance", 0.0)
+    if "second" in columns:
+        u.second[:] = columns["second"]
+        u.second_rate[1:] = np.diff(columns["second"], axis=0) / period
+        u.second_rate[:] = columns.get("second_rate", u.second_rate)
     u.posture[:] = columns.get("posture", 0.0)
     return inputs
 
 
-def _mode(drive: str, modes: list[str]) -> int:
+def _mode(plant: Plant, drive: str) -> int:
     if drive == "observed":
         return OBSERVED
+    modes = {mode.name: mode for mode in plant.action_modes}
     if drive != "imposed":
-        return modes.index(drive)
+        return plant.number_of(modes[drive])
     direct = [name for name in ("force", "torque") if name in modes]
-    return modes.index(direct[0]) if direct else IMPOSED
+    return plant.number_of(modes[direct[0]]) if direct else IMPOSED
 
 
 def _column(name: str, value, n: int) -> np.ndarray:

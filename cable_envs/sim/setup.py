@@ -14,7 +14,7 @@ from cable_envs.core.errors import ConfigurationError, UnknownOption, nearest, r
 from cable_envs.core.params import is_number
 from cable_envs.effects import Effect, dotted
 from cable_envs.plants import VERSIONS, families
-from cable_envs.plants.base import ActionMode, Plant
+from cable_envs.plants.base import ActionMode, Plant, SecondCommand
 from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.references import pack_signal
 from cable_envs.sim.rigs import Rig, load_rig
@@ -48,10 +48,8 @@ class Setup:
         What simulates the rig.
     action_mode : ActionMode
         What a command is.
-    mode_index : int
-        Place of the action mode in ``plant.action_modes``.
-    low, high : float
-        Commands of the actions -1 and 1, in the unit of the action mode.
+    ranges : tuple of (float, float)
+        For each action: commands of -1 and 1, in its unit (`ActionMode.commands`).
     channels : tuple of Channel
         Entries of an observation, in order.
     reference, disturbance, posture : mapping
@@ -78,9 +76,7 @@ class Setup:
     rig: Rig
     plant: Plant
     action_mode: ActionMode
-    mode_index: int
-    low: float
-    high: float
+    ranges: tuple[tuple[float, float], ...]
     channels: tuple[Channel, ...]
     reference: Mapping[str, Any]
     disturbance: Mapping[str, Any]
@@ -93,6 +89,16 @@ class Setup:
     control_period: float
     substeps: int
     steps: int
+
+    @property
+    def low(self) -> float:
+        """Command of the action -1, in the unit of the action mode."""
+        return self.ranges[0][0]
+
+    @property
+    def high(self) -> float:
+        """Command of the action 1, in the unit of the action mode."""
+        return self.ranges[0][1]
 
     @property
     def output_unit(self) -> str:
@@ -200,7 +206,6 @@ def make_setup(
     length = _seconds("duration", duration, declared.duration, (period, LONGEST))
     if abs(length / period - round(length / period)) > 1e-6:
         raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
-    bound = chosen.values[mode.bound]
     ranges = _ranges(declared, chosen, simulator, randomize)
     column = chosen.column(simulator)
     given = None if substeps is None else _count("substeps", substeps, 1, MOST)
@@ -209,9 +214,7 @@ def make_setup(
         rig=chosen,
         plant=simulator,
         action_mode=mode,
-        mode_index=simulator.action_modes.index(mode),
-        low=0.0 if mode.one_sided else -bound,
-        high=bound,
+        ranges=tuple(_range_of(one, chosen) for one in mode.commands),
         channels=_channels(declared, simulator, mode, level),
         reference=dict(spec),
         disturbance=dict(push),
@@ -247,7 +250,7 @@ def require_posture(plant: Plant) -> None:
     if not plant.posture:
         raise ConfigurationError(
             f"option 'posture': {plant.name} with this rig has no posture, its shape is fixed; a tendon sheath whose "
-            "rig says 'contacts' has one"
+            "rig says 'contacts' has one, and the wrist"
         )
 
 
@@ -278,6 +281,11 @@ def _choose_mode(plant: Plant, name: str) -> ActionMode:
     raise ConfigurationError(f"unknown action mode '{name}'; {nearest(name, [m.name for m in plant.action_modes])}")
 
 
+def _range_of(command: ActionMode | SecondCommand, rig: Rig) -> tuple[float, float]:
+    bound = rig.values[command.bound]
+    return 0.0 if command.one_sided else -bound, bound
+
+
 def _channels(task: Task, plant: Plant, mode: ActionMode, level: str) -> tuple[Channel, ...]:
     units = {s.name: s.unit for s in plant.signals}
     out, scale = units[task.output], task.scales[task.output]
@@ -288,6 +296,9 @@ def _channels(task: Task, plant: Plant, mode: ActionMode, level: str) -> tuple[C
         Channel(ERROR, out, task.scales["error"], False),
         Channel(COMMAND, mode.unit, task.scales["command"], False),
     ]
+    for second in mode.commands[1:]:
+        name = f"{second.name}_command"
+        channels.append(Channel(name, second.unit, task.scales[name], False))
     channels.extend(Channel(name, units[name], task.scales[name], True) for name in task.observed(level))
     return tuple(channels)
 

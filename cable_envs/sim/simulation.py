@@ -60,6 +60,11 @@ def generator_of(state: Mapping[str, Any] | None) -> np.random.Generator | None:
     return generator
 
 
+def _action(command: np.ndarray, ends: tuple[float, float]) -> np.ndarray:
+    """The actions that ask for commands, within [-1, 1]."""
+    return np.clip(2.0 * (command - ends[0]) / (ends[1] - ends[0]) - 1.0, -1.0, 1.0)
+
+
 class Simulation:
     """The state of n environments side by side.
 
@@ -264,9 +269,14 @@ class Simulation:
         s, u, mode = self._named, self.buffers.u, self.setup.action_mode
         held = x[self.setup.plant.row(mode.rest_signal)] if mode.rest_signal else np.zeros(len(lanes))
         u.rows[:, lanes] = 0.0
-        u.command[lanes], u.mode[lanes] = held, self.setup.mode_index
-        action = 2.0 * (held - self.setup.low) / (self.setup.high - self.setup.low) - 1.0
-        s.action[lanes] = s.last_action[lanes] = np.clip(action, -1.0, 1.0)
+        u.command[lanes], u.mode[lanes] = held, self.setup.plant.number_of(mode)
+        s.action[lanes] = s.last_action[lanes] = _action(held, self.setup.ranges[0])
+        second = mode.second
+        if second is not None:
+            row = self.setup.plant.row
+            held = x[row(second.rest_signal)] if second.rest_signal else np.zeros(len(lanes))
+            u.second[lanes] = self.buffers.x[row(f"{second.name}_command"), lanes] = held
+            s.second_action[lanes] = s.last_second[lanes] = _action(held, self.setup.ranges[-1])
 
     def state(self, lanes: np.ndarray | None = None) -> dict[str, Any]:
         """Everything that changes from step to step, as copies.

@@ -59,6 +59,23 @@ def _act(block, s, c, lo, hi):
 
 
 @inline
+def _act_second(block, s, c, lo, hi):
+    """The same for a second action, before `_act` counts the step."""
+    u, waiting = _inputs(s.inputs), block[c.waiting + c.action_delay :]
+    delay, low, high, period = c.action_delay, c.second_low, c.second_high, c.period
+    for i in range(lo, hi):
+        action = clip(s.asked_second[i], -1.0, 1.0)
+        if delay > 0:
+            slot = int(s.step[i]) % delay
+            action, waiting[slot, i] = waiting[slot, i], action
+        s.last_second[i] = s.second_action[i]
+        s.second_action[i] = action
+        second = command_of(action, low, high)
+        u.second_rate[i] = (second - u.second[i]) / period
+        u.second[i] = second
+
+
+@inline
 def _sensed(x, p, s, shown, c, distorted, lo, hi):  # noqa: C901 - as a piece of its own the noise is drawn in vain
     """What every sensor shows of now: its signal with noise, then scale, bias and rectification."""
     for k in range(c.sensors):
@@ -146,11 +163,15 @@ def _judge(s, x, c, lo, hi):
         sound = (peak[i] <= s.breaking_tension[i]) & (error < 1e12)
         s.terminated[i] = select(sound, 0.0, 1.0)
         s.truncated[i] = select(sound & (s.step[i] >= last_step), 1.0, 0.0)
+    if c.actions > 1:
+        for i in range(lo, hi):
+            change = s.second_action[i] - s.last_second[i]
+            s.reward[i] -= weight * change * change
 
 
 @jit
 def ask(block, actions):
-    """Put ``actions`` [n, 1] into the row asked; returns the first environment whose action is not finite, or -1."""
+    """Put ``actions`` [n, 1 or 2] into their rows; returns the first environment whose action is not finite, or -1."""
     s = _environment(block)
     bad = -1
     for i in range(actions.shape[0] - 1, -1, -1):
@@ -158,6 +179,12 @@ def ask(block, actions):
         s.asked[i] = value
         if not abs(value) < 1e300:
             bad = i
+    if actions.shape[1] > 1:
+        for i in range(actions.shape[0]):
+            value = float(actions[i, 1])
+            s.asked_second[i] = value
+            if not abs(value) < 1e300:
+                bad = i
     return bad
 
 
@@ -175,6 +202,8 @@ def _begin(block, obs, common, lanes):
         i = lanes[k]
         for slot in range(c.action_delay):
             block[c.waiting + slot, i] = s.action[i]
+            if c.actions > 1:
+                block[c.waiting + c.action_delay + slot, i] = s.second_action[i]
         _measure(block, s, x, p, obs, c, True, distorted, i, i + 1)
 
 
@@ -185,6 +214,8 @@ def _step(block, obs, common, lo, hi):
     x, p = block[_X : _X + rows], block[_X + rows : _X + rows + c.coefficients]
     for first in range(lo, hi, BLOCK):
         last = min(first + BLOCK, hi)
+        if c.actions > 1:
+            _act_second(block, s, c, first, last)
         _act(block, s, c, first, last)
         advance(x, p, s.inputs, first, last, c.substeps, c.dt)
         _measure(block, s, x, p, obs, c, False, distorted, first, last)
@@ -202,6 +233,8 @@ def _step_one(block, obs, common, asked):
     rows = c.signals + c.states
     x, p = block[_X : _X + rows], block[_X + rows : _X + rows + c.coefficients]
     s.asked[0] = asked
+    if c.actions > 1:
+        _act_second(block, s, c, 0, 1)
     _act(block, s, c, 0, 1)
     advance(x, p, s.inputs, 0, 1, c.substeps, c.dt)
     _measure(block, s, x, p, obs, c, False, distorted, 0, 1)

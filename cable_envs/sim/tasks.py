@@ -64,6 +64,8 @@ class Task:
         Name of the file, and what it is about.
     rigs : mapping of str to str
         Rig of the first episodes of each version of the ids, where it is not ``rig``.
+    since : str
+        First version of the ids that the task has.
     rig : str
         Preset that the task is made for.
     output : str
@@ -115,6 +117,7 @@ class Task:
     sensor_noise: Mapping[str, float]
     randomize: Mapping[str, Mapping[str, Any]]
     rigs: Mapping[str, str] = field(default_factory=dict)
+    since: str = "v0"
 
     @property
     def kind(self) -> str:
@@ -177,7 +180,7 @@ def load_task(name: str) -> Task:
         raise ConfigurationError(f"task {name}: schema must be '{SCHEMA}'")
     keys = [f.name for f in fields(Task)]
     require_known(f"key in task {name}", data, keys)
-    missing = [key for key in keys if key not in data and key != "rigs"]
+    missing = [key for key in keys if key not in data and key not in ("rigs", "since")]
     if missing:
         raise ConfigurationError(f"task {name}: missing {', '.join(missing)}")
     return Task(**data)

@@ -85,9 +85,9 @@ class Entrant:
 
     def entered(self) -> tuple[str, ...]:
         """The ids of the environments that it enters, of all that there are, with their default options."""
-        from cable_envs import ENV_IDS
+        from cable_envs import FIRST_IDS
 
-        return tuple(env_id for env_id in ENV_IDS if self.needs(env_id, setup_of(env_id, {})) is not None)
+        return tuple(env_id for env_id in FIRST_IDS if self.needs(env_id, setup_of(env_id, {})) is not None)
 
     def enters(self, env_id: str, options: Mapping[str, Any]) -> dict[str, Any] | None:
         """The options of the environment that it enters under a protocol's ``options``; None where it does not enter.

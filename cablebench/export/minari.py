@@ -178,6 +178,12 @@ def _description(env: gym.Env, entrant: Entrant, traces: Sequence[Trace]) -> str
     )
 
 
+def _second(setup: Any) -> dict[str, Any]:
+    """What a second action is."""
+    second = setup.action_mode.commands[1]
+    return {"name": second.name, "unit": second.unit, "low": setup.ranges[1][0], "high": setup.ranges[1][1]}
+
+
 def _about(env: gym.Env, entrant: Entrant) -> dict[str, Any]:
     """Metadata beyond Minari's own, JSON types only."""
     setup = core_of(env).setup
@@ -188,6 +194,7 @@ def _about(env: gym.Env, entrant: Entrant) -> dict[str, Any]:
         "channels": [{"name": c.name, "unit": c.unit, "scale": c.scale} for c in setup.channels],
         "info_units": {**units, **own},
         "command": {"unit": setup.action_mode.unit, "low": setup.low, "high": setup.high},
+        **({} if len(setup.ranges) == 1 else {"second_command": _second(setup)}),
         "entrant": {"name": entrant.name, "information": entrant.information, "training_seed": entrant.training_seed,
                     "charged": dict(entrant.charged)},
         "versions": versions(),

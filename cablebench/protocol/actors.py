@@ -15,7 +15,7 @@ class Actor(Protocol):
         """Begin an episode of the (unwrapped) environment, which has just been reset."""
 
     def act(self, observation: np.ndarray, t: float) -> np.ndarray:
-        """Action [1] in [-1, 1] for an observation at time t [s]."""
+        """Action, [1] or [2] as the environment has it, in [-1, 1] for an observation at time t [s]."""
 
 
 class ControllerActor:
@@ -94,4 +94,4 @@ class PolicyActor:
             observation, state=self._state, episode_start=np.array([self._first]), deterministic=True
         )
         self._first = False
-        return np.asarray(action, dtype=np.float32).reshape(1)
+        return np.asarray(action, dtype=np.float32).reshape(-1)

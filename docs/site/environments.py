@@ -6,7 +6,7 @@ from itertools import groupby
 
 import gymnasium as gym
 
-from cable_envs import ENV_IDS
+from cable_envs import FIRST_IDS
 from cable_envs.envs import CableEnv, make_spaces
 from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
@@ -44,7 +44,7 @@ def tasks() -> dict[str, list[str]]:
     >>> len(tasks()["CableHole-Tension"])
     2
     """
-    return {task: list(ids) for task, ids in groupby(ENV_IDS, key=lambda env_id: gym.spec(env_id).kwargs["task"])}
+    return {task: list(ids) for task, ids in groupby(FIRST_IDS, key=lambda env_id: gym.spec(env_id).kwargs["task"])}
 
 
 def slug(task: str) -> str:
@@ -80,8 +80,8 @@ def _list() -> str:
         rows.append((image, link, setup.task.description, f"{setup.task.output} [{setup.output_unit}]"))
     return page(
         "# Environments",
-        f"{len(tasks())} tasks on {len({_setup(i).rig.plant for i in ENV_IDS})} mechanisms, each with a step and with "
-        "a sine as its reference. All are Gymnasium environments with one continuous action; the class "
+        f"{len(tasks())} tasks on {len({_setup(i).rig.plant for i in FIRST_IDS})} mechanisms, each with a step and "
+        "with a sine as its reference. All are Gymnasium environments with one continuous action, or two; the class "
         "`cable_envs.envs.CableEnv` is the same for all of them.",
         table(("", "task", "what it asks for", "output"), rows),
         "`import cable_envs` registers the ids, and `cablebench envs` lists them in a terminal.",
@@ -161,8 +161,14 @@ def _actions(setup: Setup) -> str:
         default = " (default)" if mode == setup.action_mode else ""
         meaning = setup.plant.parameters[mode.bound].meaning
         rows.append((f"`{mode.name}`{default}", mode.unit, f"{low:g}", f"{bound:g}", f"`{mode.bound}`: {meaning}"))
+        for second in mode.commands[1:]:
+            bound = setup.rig.values[second.bound]
+            low, meaning = 0.0 if second.one_sided else -bound, setup.plant.parameters[second.bound].meaning
+            rows.append(("and the second", second.unit, f"{low:g}", f"{bound:g}", f"`{second.bound}`: {meaning}"))
+    two = any(len(mode.commands) > 1 for mode in setup.plant.action_modes)
     return page(
-        "One number from -1 to 1, linear over the range of the action mode; a value beyond is clipped.",
+        "One number from -1 to 1, linear over the range of the action mode; a value beyond is clipped."
+        + (" Modes with `_and_` in their name take two numbers." if two else ""),
         table(("action mode", "unit", "at -1", "at 1", "set by the rig's"), rows, numbers=(2, 3)),
     )
 

@@ -27,6 +27,7 @@ CASES = [
     for task in TASKS
     if task.split("-")[0] == one.tasks
     for mode in plant_for(one.name).action_modes
+    if not mode.of
 ]
 
 

@@ -27,7 +27,10 @@ def test_task_file_is_consistent(name):
 
 
 def test_ids_are_tasks_times_references():
-    assert set(cable_envs.ENV_IDS) == {f"cable_envs/{t}-{r}-v0" for t in TASKS for r in REFERENCES}
+    old = [t for t in TASKS if load_task(t).since == "v0"]
+    assert set(cable_envs.ENV_IDS) == {f"cable_envs/{t}-{r}-v0" for t in old for r in REFERENCES}
+    assert set(cable_envs.V1_IDS) == {f"cable_envs/{t}-{r}-v1" for t in TASKS for r in REFERENCES}
+    assert set(cable_envs.FIRST_IDS) == {f"cable_envs/{t}-{r}-{load_task(t).since}" for t in TASKS for r in REFERENCES}
 
 
 def test_defaults_of_observation():

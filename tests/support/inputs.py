@@ -2,4 +2,6 @@
 
 from cable_envs.core.inputs import INPUTS
 
-COMMAND, COMMAND_RATE, MODE, DISTURBANCE = (INPUTS.row(name) for name in INPUTS.names)
+COMMAND, COMMAND_RATE, MODE, DISTURBANCE = (
+    INPUTS.row(name) for name in ("command", "command_rate", "mode", "disturbance")
+)

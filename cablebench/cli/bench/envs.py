@@ -13,9 +13,9 @@ def envs(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output.")] = False,
 ) -> None:
     """List environments: output, reference, action modes, observation channels with units; and the rigs."""
-    from cable_envs import ENV_IDS
+    from cable_envs import FIRST_IDS
 
-    chosen = [resolve_env(env, every_version=True)] if env else list(ENV_IDS)
+    chosen = [resolve_env(env, every_version=True)] if env else list(FIRST_IDS)
     listing = [describe(env_id) for env_id in chosen]
     rigs = describe_rigs({e["plant"] for e in listing})
     if as_json:
@@ -38,7 +38,16 @@ def describe(env_id: str) -> dict[str, Any]:
 
     arguments = gym.spec(env_id).kwargs
     setup = make_setup(**arguments)
-    bounds = {m.name: setup.rig.values[m.bound] for m in setup.plant.action_modes}
+    values = setup.rig.values
+
+    def ranged(m: Any) -> dict[str, Any]:
+        return {
+            "name": m.name,
+            "unit": m.unit,
+            "low": 0.0 if m.one_sided else -values[m.bound],
+            "high": values[m.bound],
+        }
+
     return {
         "id": env_id,
         "description": setup.task.description,
@@ -52,7 +61,7 @@ def describe(env_id: str) -> dict[str, Any]:
         "substeps": setup.substeps,
         "action_mode": setup.action_mode.name,
         "action_modes": [
-            {"name": m.name, "unit": m.unit, "low": 0.0 if m.one_sided else -bounds[m.name], "high": bounds[m.name]}
+            ranged(m) | ({"second": ranged(m.commands[1])} if len(m.commands) > 1 else {})
             for m in setup.plant.action_modes
         ],
         "observe": setup.task.observe,
@@ -89,7 +98,7 @@ def _reference(spec: dict[str, Any]) -> str:
 def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
     from rich.table import Table
 
-    table = Table(title="Environments (cable_envs/...-v0)", title_justify="left", box=None, pad_edge=False)
+    table = Table(title="Environments (cable_envs/...)", title_justify="left", box=None, pad_edge=False)
     for name in ("id", "output", "unit", "action (default first)", "observes"):
         table.add_column(name, no_wrap=True)
     for e in listing:
@@ -112,7 +121,9 @@ def _print_one(e: dict[str, Any], out: Any) -> None:
     out.print(f"episode    {episode}")
     for m in e["action_modes"]:
         mark = "default" if m["name"] == e["action_mode"] else ""
-        out.print(f"action     -1..1 is {m['low']:g}..{m['high']:g} {m['unit']} ({m['name']}) {mark}")
+        more = m.get("second")
+        more = f" and {more['low']:g}..{more['high']:g} {more['unit']}" if more else ""
+        out.print(f"action     -1..1 is {m['low']:g}..{m['high']:g} {m['unit']}{more} ({m['name']}) {mark}")
     table = Table(title=f"\nObservation (default: {e['observe']})", title_justify="left", box=None, pad_edge=False)
     for name in ("channel", "unit", "scale", "in levels"):
         table.add_column(name)

@@ -20,19 +20,19 @@ ENVIRONMENT_OPTIONS = (
 def resolve_env(name: str, every_version: bool = False) -> str:
     """The full id for a full or short one (``CableHole-Position-Sine``); ConfigurationError with the nearest name.
 
-    A name without a version is one of the ids of boards and tuned entrants. With ``every_version`` a name may also say
-    another version.
+    A name without a version is one of the ids of boards and tuned entrants, or that of a task that is newer. With
+    ``every_version`` a name may also say another version.
     """
-    from cable_envs import ENV_IDS, V1_IDS
+    from cable_envs import FIRST_IDS, V1_IDS
 
-    for env_id in ENV_IDS + V1_IDS if every_version else ENV_IDS:
+    for env_id in FIRST_IDS + V1_IDS if every_version else FIRST_IDS:
         if name in (env_id, env_id.split("/")[1], short_name(env_id)):
             return env_id
     if any(name in (env_id, env_id.split("/")[1]) for env_id in V1_IDS):
         raise ConfigurationError(
             f"'{name}': boards, tuned gains and trained agents are for -v0; write {short_name(name)}"
         )
-    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, ENV_IDS))}")
+    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, FIRST_IDS))}")
 
 
 def short_name(env_id: str) -> str:
@@ -90,8 +90,15 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
     """``options`` and those that the entrant needs. Raises ConfigurationError where it does not apply or they clash."""
     from cable_envs.sim.registered import setup_of
 
-    needs = entrant.needs(env_id, setup_of(env_id, options))
+    setup = setup_of(env_id, options)
+    needs = entrant.needs(env_id, setup)
     if needs is None:
+        mode = setup.action_mode
+        if mode.of and entrant.needs(env_id, setup_of(env_id, {**options, "action_mode": mode.of})) is not None:
+            raise ConfigurationError(
+                f"'{entrant.title}' gives one command, and the action mode {mode.name} takes two; give it "
+                f"-o action_mode={mode.of}, where the second stays at rest"
+            )
         entered = [short_name(env) for env in entrant.entered()]
         where = (
             "with these options" if short_name(env_id) in entered else f"it enters {', '.join(entered) or 'no task'}"
