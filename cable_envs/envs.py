@@ -250,7 +250,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     * v0: first release.
     * v1: the hole's load and drive are stepped together, so that light loads are right; every reported tension obeys
       the contact's law; holes in series are solved together; the step fits the rig, or the rig is refused. The
-      circuit's drive is a motor with a servo (rigs zou-table2-motor and zou-grasp-motor).
+      drives of circuit and sheath are motors with a servo (rigs zou-table2-motor, zou-grasp-motor, bowden-1m-motor).
     """
 
     metadata = {"render_modes": ["rgb_array", "human", "web"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)

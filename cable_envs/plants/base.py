@@ -119,6 +119,9 @@ class Plant:
         Signal -> the signal that its sensor shows, where that is another one.
     drive : str
         What moves the cable: "ideal", or "motor" (`cable_envs.plants.servo`).
+    ticks : str
+        Coefficient that is the time between two readings of the drive's encoder, s, which integration steps should
+        divide; empty: it has none.
     version : str
         Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
@@ -154,6 +157,7 @@ class Plant:
     raised: Callable[[Any, float], None] | None = None
     measured: Mapping[str, str] = field(default_factory=dict)
     drive: str = "ideal"
+    ticks: str = ""
     version: str = "v1"
 
     def __post_init__(self) -> None:
@@ -179,9 +183,11 @@ class Plant:
 
         `kernel_needed` has their numbers. Each gives those of the one behind it, to the bit, for what it can simulate.
         """
+        drive = "" if self.drive == "ideal" else f"_{self.drive}"
         made = kernels(
-            f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
-            self.effects.lanes, self.effects.states, self.step_rows, self.solve, joined(self.effects.effects.values()),
+            f"{self.name}{drive}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows,
+            self.scratch, self.effects.lanes, self.effects.states, self.step_rows, self.solve,
+            joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], *made[1:])
 

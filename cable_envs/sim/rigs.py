@@ -6,7 +6,7 @@ name: gu-inferred
 plant: cable_hole            # or pulley_circuit (serves the chain too)
 extends: other-rig           # a preset whose parameters hold where this file gives none
 holes: 1                     # cable_hole only
-drive: motor                 # pulley_circuit: a real drive; "ideal" unless it is said
+drive: motor                 # a real drive: motor, gear, encoder, servo; "ideal" unless it is said
 description: ...
 parameters:
   load_mass: {value: 5.0, unit: kg, source: "..."}
