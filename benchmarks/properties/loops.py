@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.properties.measures import INERTIA, MOST, NUDGE, determined
+from benchmarks.properties.measures import MOST, determined, nudged
 from benchmarks.properties.rigs import Box, drawn
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import Rig, load_rig
@@ -75,9 +75,10 @@ def loop_error(task: str, mode: str, controller: str, rig: Rig, period: float, f
     error = differs(setup, coarse, fine)
     if error <= MOST:
         return error, True
-    inertia = next(name for name in INERTIA if name in rig.values)
-    other = rig.replace({inertia: rig.values[inertia] * (1.0 + NUDGE)})
-    return error, determined(differs(setup, episode(setup, entrant, env_id, {"rig": other, **options}, finer), fine))
+    plant = rig.simulated_by()
+    other = nudged(plant, rig.column(plant)[: len(plant.parameters)])[:, 0]
+    others = rig.replace(dict(zip(plant.parameters.names, other.tolist(), strict=True)))
+    return error, determined(differs(setup, episode(setup, entrant, env_id, {"rig": others, **options}, finer), fine))
 
 
 def differs(setup: Setup, coarse: Episode, fine: Episode) -> float:

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from benchmarks.properties.rigs import Trial
+from benchmarks.properties.rigs import KEPT, LIMITS, Trial
+from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.statics import EXACT, hole_ratio
 
 FINER = 20
@@ -14,10 +15,7 @@ MOST = 0.01
 """Largest difference that a result may have."""
 
 NUDGE = 1e-4
-"""Relative change of the load's inertia that asks whether a rig determines its motion: nobody knows it so well."""
-
-INERTIA = ("load_mass", "output_inertia")
-"""Names of the load's inertia."""
+"""Relative change of every parameter that asks whether a rig determines its motion: nobody knows them so well."""
 
 SMALLEST = {"m": 1e-5, "rad": 2e-4, "N": 5e-3, "N m": 1e-4}
 """By unit: a hundredth of what a task's reward calls a small error. What moves less is compared with this."""
@@ -44,12 +42,24 @@ def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray
 
 
 def determined(change: float) -> bool:
-    """Whether motion is determined by a rig: it changes by no more than `MOST` when the load's inertia is `NUDGE` more.
+    """Whether motion is determined by a rig: it changes by no more than `MOST` when parameters change by `NUDGE`.
 
     A limit cycle of a servo, or a load that stands at the edge of breaking away, is not: no step settles what the
     parameters leave open.
     """
     return change <= MOST
+
+
+def nudged(plant: Plant, values: np.ndarray) -> np.ndarray:
+    """Rigs, shape (len(plant.parameters), n), with every parameter `NUDGE` more or less."""
+    other = values.copy()
+    for row, (name, way) in enumerate(
+        zip(plant.parameters.names, np.random.default_rng(0).choice((-1.0, 1.0), len(values)), strict=True)
+    ):
+        if name not in KEPT and name not in LIMITS:
+            declared = plant.parameters[name]
+            other[row] = np.clip(values[row] * (1.0 + NUDGE * way), declared.low, declared.high)
+    return other
 
 
 def converged(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -59,10 +69,8 @@ def converged(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> tuple[np.nd
     late = np.flatnonzero(error > MOST)
     if len(late):
         part = trial.of(late)
-        row = next(part.plant.parameters.names.index(n) for n in INERTIA if n in part.plant.parameters)
-        nudged = part.values.copy()
-        nudged[row] *= 1.0 + NUDGE
-        change = step_error(part, replace(part, values=nudged).run(trial.substeps * FINER), fine[:, :, late])
+        other = replace(part, values=nudged(part.plant, part.values))
+        change = step_error(part, other.run(trial.substeps * FINER), fine[:, :, late])
         sure[late] = [determined(float(c)) for c in change]
     return error, sure
 

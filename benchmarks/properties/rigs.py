@@ -19,6 +19,9 @@ FACTOR = 3.0
 KEPT = ("gravity", "load_gravity", "hold_rule", "servo_filter", "encoder_period")
 """Parameters that are no size of a rig."""
 
+LIMITS = ("tension_limit", "breaking_tension")
+"""What says when a run ends, and moves nothing."""
+
 GAINS = ("servo_kp", "servo_ki", "servo_kd")
 """Gains of a servo, which is set for its drive: they are drawn in proportion to the drive's inertia."""
 
@@ -111,7 +114,7 @@ def drawn(plant: Plant, nominal: np.ndarray, box: Box, count: int, rng: np.rando
             values[row] = np.clip(nominal[row] * FACTOR ** rng.uniform(-1.0, 1.0, count), least, most)
         if name == "encoder_counts":
             values[row] = 0.0
-    torn, safe = names.index("breaking_tension"), names.index("tension_limit")
+    safe, torn = (names.index(name) for name in LIMITS)
     values[torn] = np.maximum(values[torn], values[safe])
     if plant.drive == "motor":
         heavier = _inertia(plant, values) / _inertia(plant, nominal[:, None])
@@ -121,7 +124,10 @@ def drawn(plant: Plant, nominal: np.ndarray, box: Box, count: int, rng: np.rando
 
 
 def _inertia(plant: Plant, values: np.ndarray) -> np.ndarray:
-    return plant.coefficient_rows.over(plant.prepare(values)).moved_inertia
+    """Inertia of drives with a motor; rigs that are refused for their cable have one too."""
+    whole = values.copy()
+    whole[plant.parameters.names.index("breaking_tension")] = plant.parameters["breaking_tension"].high
+    return plant.coefficient_rows.over(plant.prepare(whole)).moved_inertia
 
 
 def trials(

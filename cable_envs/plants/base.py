@@ -69,6 +69,29 @@ class ActionMode:
 
 
 @dataclass(frozen=True)
+class Range:
+    """Where a law of a plant was identified. Beyond it a simulation goes on, and says ``out_of_range``.
+
+    Attributes
+    ----------
+    signal : str
+        Signal of the plant that the law was measured over.
+    low, high : float
+        Least and largest value that it had there, SI.
+    law : str
+        Parameter that says how strong the law is; where it is 0 the law says nothing.
+    source : str
+        Where the range is from.
+    """
+
+    signal: str
+    low: float
+    high: float
+    law: str
+    source: str
+
+
+@dataclass(frozen=True)
 class Plant:
     """A plant: declared parameters, a kernel, and the names of what it computes.
 
@@ -122,6 +145,8 @@ class Plant:
     ticks : str
         Coefficient that is the time between two readings of the drive's encoder, s, which integration steps should
         divide; empty: it has none.
+    ranges : tuple of Range
+        Where its laws were identified; a rig that gives a range of its own for a signal overrules it.
     version : str
         Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
@@ -158,6 +183,7 @@ class Plant:
     measured: Mapping[str, str] = field(default_factory=dict)
     drive: str = "ideal"
     ticks: str = ""
+    ranges: tuple[Range, ...] = ()
     version: str = "v1"
 
     def __post_init__(self) -> None:
