@@ -315,14 +315,14 @@ def complete_rig(plant: str, rig: Mapping[str, Any]) -> dict[str, float]:
         For an unknown plant or parameter, naming the nearest, and values out of bounds.
     """
     series = [k.removeprefix("wrap_angle_") for k in rig if k.startswith("wrap_angle_")]
-    table, with_motor = _plant(plant).parameters, family_of(plant).with_motor
+    simulated, with_motor = _plant(plant), family_of(plant).with_motor
     if family_of(plant).series and series:
         if not all(s.isdigit() for s in series):
             raise ConfigurationError(f"unknown parameter 'wrap_angle_{series[0]}'; {nearest('wrap_angle', rig)}")
-        table = plant_for(plant, holes=max(map(int, series))).parameters
+        simulated = plant_for(plant, holes=max(map(int, series)))
     if with_motor is not None and any(name in rig for name in MOTOR):
-        table = with_motor(_plant(plant)).parameters
-    return table.unpack(table.pack(rig))
+        simulated = with_motor(simulated)
+    return simulated.parameters.unpack(simulated.parameters.pack(rig))
 
 
 def command_range(plant: str, action_mode: str, rig: Mapping[str, float]) -> tuple[float, float]:

@@ -27,7 +27,7 @@ def main(folder: Path) -> None:
     """Write the kernels to a folder, which is made."""
     folder.mkdir(parents=True, exist_ok=True)
     with written(folder) as files:
-        environments(cable_envs.ENV_IDS)
+        environments(cable_envs.ENV_IDS + cable_envs.V1_IDS)
         replays()
         hole_ratio(EXACT, 0.01, *(1.0,) * 10)
     print(f"{len(files)} kernels in {folder}, {sum(file.stat().st_size for file in files) / 1e6:.1f} MB")

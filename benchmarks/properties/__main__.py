@@ -11,23 +11,44 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.properties import loops
 from benchmarks.properties.energy import MECHANISMS, energy_made
-from benchmarks.properties.measures import FINER, outside_contact, pushed, rest_moves, step_error
-from benchmarks.properties.rigs import FACTOR, PERIOD, USUAL, Trial, trials
+from benchmarks.properties.measures import FINER, MOST, converged, outside_contact, pushed, rest_moves
+from benchmarks.properties.rigs import FACTOR, USUAL, Box, Trial, trials
 from cable_envs import load_rig
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.plants.base import ActionMode, Plant
 
 CASES = (
-    ("gu-inferred", "analytic"), ("bowden-1m", "analytic"), ("zou-table2", "analytic"),
-    ("zou-grasp", "analytic"), ("zou-table2", "chain"), ("zou-grasp", "chain"), ("zou-table2-motor", "analytic"),
-    ("zou-table2-motor", "chain"), ("gu-three-holes", "analytic"), ("bowden-1m-20", "analytic"),
-    ("endoscope-2m", "analytic"),
+    ("gu-inferred", "analytic"), ("gu-steel-1mm-motor", "analytic"), ("gu-three-holes", "analytic"),
+    ("bowden-1m", "analytic"), ("bowden-1m-motor", "analytic"), ("bowden-1m-20", "analytic"),
+    ("endoscope-2m", "analytic"), ("zou-table2", "analytic"), ("zou-grasp", "analytic"), ("zou-table2", "chain"),
+    ("zou-grasp", "chain"), ("zou-table2-motor", "analytic"), ("zou-table2-motor", "chain"),
+    ("zou-grasp-motor", "analytic"),
 )  # fmt: skip
 """Shipped rigs, and which simulator of them."""
 
-STEPS = 300
-"""Control steps of a trial: 3 s."""
+USUAL_BOX = Box("usual")
+STIFF = {"cable_stiffness": 1e9, "tendon_stiffness": 1e9, "tensile_stiffness": 1e9}
+"""Stiffnesses of cables, with the highest that a rig may have, N/m (N of the circuit)."""
 
-HEAD = ("rig", "simulator", "command", "property", "rigs", "median", "95 %", "worst")
+SECONDS = 3.0
+"""Length of a trial in the usual box; others are a third of it."""
+
+HEAD = ("rig", "simulator", "command", "driven by", "box", "property", "rigs", "median", "95 %", "worst")
+
+
+def boxes(plant: Plant, nominal: np.ndarray) -> Iterator[Box]:
+    """What else rigs are drawn from: other control periods, cables over their declared range, light loads."""
+    for period in (1e-3, 0.05, 0.2):
+        yield Box(f"{1e3 * period:g} ms", period)
+    names = plant.parameters.names
+    for name, most in STIFF.items():
+        if name in names:
+            yield Box("stiff cable", within={name: (float(nominal[names.index(name)]) / FACTOR, most)})
+    if "load_mass" in names:
+        yield Box("20 g", within={"load_mass": (0.02, 0.02)})
+        yield Box("0.5 kg", within={"load_mass": (0.5, 0.5)})
 
 
 def rows(rigs: int, seed: int) -> Iterator[tuple[str, ...]]:
@@ -37,27 +58,76 @@ def rows(rigs: int, seed: int) -> Iterator[tuple[str, ...]]:
         plant = rig.simulated_by(variant)
         nominal = rig.column(plant)[: len(plant.parameters), 0]
         for mode in plant.action_modes:
-            groups = list(trials(plant, mode, nominal, rigs, STEPS, seed))
-            count = sum(g.values.shape[1] for g in groups)
-            where = (name, variant, mode.name)
-            steps = np.concatenate([np.full(g.values.shape[1], g.substeps) for g in groups])
-            yield (*where, "integration steps in a control period", f"{count}", *_shown(steps, "{:.0f}"))
-            runs = [(g, g.run(g.substeps), g.run(g.substeps * FINER)) for g in groups]
-            for what, measure in (
-                (f"difference to {FINER} times shorter steps", step_error),
-                ("tension ratio outside the contact's law", outside_contact),
-                ("most negative tension, N", pushed),
-            ):
-                found = np.concatenate([measure(*run) for run in runs])
-                yield (*where, what, f"{count}", *_shown(found))
-            few = [
-                Trial(g.plant, g.mode, g.values[:, :4], g.start[:4], g.command[:, :4], g.substeps) for g in groups[:8]
-            ]
-            still = np.concatenate([rest_moves(g) for g in few])
-            yield (*where, "motion in a minute at rest, m or rad", f"{len(still)}", *_shown(still))
-            if plant.name in MECHANISMS:
-                made = np.concatenate([energy_made(g) for g in groups])
-                yield (*where, "energy made, over the work that passed", f"{count}", *_shown(made))
+            yield from _whole(name, variant, plant, mode, nominal, rigs, seed)
+            for box in boxes(plant, nominal):
+                few = max(rigs // 5, 1)
+                steps = max(round(SECONDS / 3.0 / box.period), 10)
+                groups = list(trials(plant, mode, nominal, box, few, steps, seed))
+                where = (name, variant, mode.name, "random", box.name)
+                runs = [(g, g.run(g.substeps), g.run(g.substeps * FINER)) for g in groups]
+                yield from _steps(where, groups, few)
+                if runs:
+                    yield from _convergence(where, *_joined([converged(*run) for run in runs]))
+    yield from controllers(max(rigs // 20, 1), seed)
+
+
+def controllers(rigs: int, seed: int) -> Iterator[tuple[str, ...]]:
+    """Rows of the reference controllers, each on every task and action mode."""
+    for task, mode, controller in loops.cases():
+        found = []
+        for rig in loops.rigs(task, USUAL_BOX, rigs, seed):
+            try:
+                found.append(loops.loop_error(task, mode, controller, rig, USUAL_BOX.period, FINER))
+            except ConfigurationError:
+                continue
+        where = (task, "analytic", mode, controller, USUAL_BOX.name)
+        yield from _convergence(where, np.array([e for e, _ in found]), np.array([s for _, s in found], bool))
+
+
+def _whole(
+    name: str, variant: str, plant: Plant, mode: ActionMode, nominal: np.ndarray, rigs: int, seed: int
+) -> Iterator[tuple[str, ...]]:
+    """Every property of rigs of the usual box."""
+    steps = round(SECONDS / USUAL_BOX.period)
+    groups = list(trials(plant, mode, nominal, USUAL_BOX, rigs, steps, seed))
+    where = (name, variant, mode.name, "random", USUAL_BOX.name)
+    runs = [(g, g.run(g.substeps), g.run(g.substeps * FINER)) for g in groups]
+    yield from _steps(where, groups, rigs)
+    yield from _convergence(where, *_joined([converged(*run) for run in runs]))
+    for what, measure in (
+        ("tension ratio outside the contact's law", outside_contact),
+        ("most negative tension, N", pushed),
+    ):
+        found = np.concatenate([measure(*run) for run in runs])
+        if len(found):
+            yield (*where, what, f"{len(found)}", *_shown(found))
+    still = np.concatenate([rest_moves(g.of(slice(4))) for g in groups[:8]])
+    yield (*where, "motion in a minute at rest, m or rad", f"{len(still)}", *_shown(still))
+    if plant.name in MECHANISMS:
+        made = np.concatenate([energy_made(g) for g in groups])
+        yield (*where, "energy made, over the work that passed", f"{len(made)}", *_shown(made))
+
+
+def _steps(where: tuple[str, ...], groups: list[Trial], asked: int) -> Iterator[tuple[str, ...]]:
+    count = sum(g.values.shape[1] for g in groups)
+    if groups:
+        steps = np.concatenate([np.full(g.values.shape[1], g.substeps) for g in groups])
+        yield (*where, "integration steps in a control period", f"{count}", *_shown(steps, "{:.0f}"))
+    if count < asked:
+        yield (*where, "rigs refused", f"{asked - count} of {asked}", "", "", "")
+
+
+def _joined(found: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    return np.concatenate([e for e, _ in found]), np.concatenate([s for _, s in found])
+
+
+def _convergence(where: tuple[str, ...], error: np.ndarray, sure: np.ndarray) -> Iterator[tuple[str, ...]]:
+    if sure.any():
+        late = int((error[sure] > MOST).sum())
+        what = f"difference to {FINER} times shorter steps" + (f" ({late} above 1 %)" if late else "")
+        yield (*where, what, f"{int(sure.sum())}", *_shown(error[sure]))
+    if not sure.all():
+        yield (*where, "rigs that do not determine their motion", f"{int((~sure).sum())} of {len(sure)}", "", "", "")
 
 
 def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
@@ -67,16 +137,28 @@ def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
 
 PAGE = """# Properties of the plants, over random rigs
 
-Every parameter of a shipped rig is drawn between {factor:g} times less and {factor:g} times more, log-uniformly. The
-rig then follows a command of two sinusoids, steps and a little noise for {seconds:g} s. An environment takes {usual}
-integration steps in a control period of {period:g} ms, and more where a rig is quicker; rigs that would need more than
-10 000 are refused, and are not counted here.
+Every parameter of a shipped rig is drawn between {factor:g} times less and {factor:g} times more, log-uniformly; the
+gains of a servo go with the inertia of its drive. The rig then follows a command of two sinusoids, steps and a little
+noise for {seconds:g} s, or a reference controller with its own gains follows the sine of a task for {loop:g} s. An
+environment takes {usual} integration steps in a control period, and more where a rig is quicker; rigs that would need
+more than 10 000 are refused.
 
-Differences to shorter steps are root mean squares of the worst signal: of positions relative to how much they move, of
-tensions and torques relative to those at the drive. Differences below a tenth of what a task's reward calls a small
-error (0.1 mm, 2 mrad, 0.05 N, 1 mN m) are relative to that.
+| box | what else is drawn |
+| --- | --- |
+| usual | nothing; the control period is 10 ms |
+| 1 ms, 50 ms, 200 ms | the control period is that |
+| stiff cable | the stiffness of the cable, from a third of the shipped rig's to 1e9 N/m (circuit: 1e9 N) |
+| 20 g, 0.5 kg | the mass of the load is that |
 
-The table is made by `make properties` ({rigs} rigs for each row, fewer at rest).
+Differences are root mean squares of the worst signal, to steps that are {finer} times shorter: of positions relative to
+how much they move, of tensions and torques relative to those at the drive. Encoders have no steps here: which step an
+encoder shows jumps, whatever the integration does.
+
+A rig *does not determine its motion* where the difference is above 1 %, and one whose parameters are 1e-4 larger or
+smaller moves more than 1 % differently too. That is so for limit cycles of an unstable loop, and for loads at the edge
+of breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
+
+The table is made by `make properties` ({rigs} rigs of the usual box, {few} of others, {loops} for a controller).
 
 """
 
@@ -93,7 +175,10 @@ def main(arguments: list[str] | None = None) -> None:
         print("  ".join(row), flush=True)
         lines.append(row)
     if chosen.out is not None:
-        page = PAGE.format(factor=FACTOR, seconds=STEPS * PERIOD, usual=USUAL, period=1e3 * PERIOD, rigs=chosen.rigs)
+        page = PAGE.format(
+            factor=FACTOR, seconds=SECONDS, loop=loops.SECONDS, usual=USUAL, finer=FINER, rigs=chosen.rigs,
+            few=max(chosen.rigs // 5, 1), loops=max(chosen.rigs // 20, 1),
+        )  # fmt: skip
         chosen.out.write_text(page + "".join(f"| {' | '.join(line)} |\n" for line in lines), encoding="utf-8")
     print(f"{time.monotonic() - began:.0f} s", file=sys.stderr)
 

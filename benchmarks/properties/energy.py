@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.properties.rigs import PERIOD, Trial
+from benchmarks.properties.rigs import Trial
 from cable_envs.core.inputs import INPUTS
 
 
@@ -14,7 +14,7 @@ def energy_made(trial: Trial) -> np.ndarray:
 
     The work of a step is the mean tension at the drive (the torque) times its motion.
     """
-    plant, n, dt = trial.plant, trial.values.shape[1], PERIOD / trial.substeps
+    plant, n, dt = trial.plant, trial.values.shape[1], trial.period / trial.substeps
     stored, force, place = MECHANISMS[plant.name]
     value = dict(zip(plant.parameters.names, trial.values, strict=True))
     p = plant.prepare(trial.values)
@@ -30,7 +30,7 @@ def energy_made(trial: Trial) -> np.ndarray:
     work, passed, worst = np.zeros(n), np.zeros(n), np.zeros(n)
     last = trial.command[0]
     for command in trial.command:
-        u.command_rate[:], last = (command - last) / PERIOD, command
+        u.command_rate[:], last = (command - last) / trial.period, command
         for _ in range(trial.substeps):
             u.command[:] = command
             plant.advance(x, p, u.rows, 0, n, 1, dt)

@@ -1,18 +1,26 @@
 """What is measured of a trial, each as one number per rig: 0 is perfect."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from benchmarks.properties.rigs import PERIOD, Trial
+from benchmarks.properties.rigs import KEPT, LIMITS, Trial
 from cable_envs.physics.contact import tension_ratio
+from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.statics import EXACT, hole_ratio
 
 FINER = 20
 """How much shorter the steps are that a run is compared with."""
 
-SMALLEST = {"m": 1e-4, "rad": 2e-3, "N": 0.05, "N m": 1e-3}
-"""By unit: a tenth of what a task's reward calls a small error. Below, a difference matters to nobody."""
+MOST = 0.01
+"""Largest difference that a result may have."""
+
+NUDGE = 1e-4
+"""Relative change of every parameter that asks whether a rig determines its motion: nobody knows them so well."""
+
+SMALLEST = {"m": 1e-5, "rad": 2e-4, "N": 5e-3, "N m": 1e-4}
+"""By unit: a hundredth of what a task's reward calls a small error. What moves less is compared with this."""
 
 
 def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
@@ -25,13 +33,48 @@ def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray
     forces = {s.unit: plant.row(s.name) for s in plant.signals if s.name in ("drive_tension", "drive_torque")}
     forces.setdefault("N", next((plant.row(s.name) for s in plant.signals if s.name == "tension_drive_top"), -1))
     for row, signal in enumerate(plant.signals):
-        if signal.name.endswith(("_position", "_angle", "_tension", "_torque")) or signal.name.startswith("tension_"):
+        shown = signal.name.endswith(("_position", "_angle", "_tension", "_torque"))
+        if shown or signal.name.startswith("tension_"):
             still = signal.unit in ("m", "rad")
             size = fine[:, row] - fine[:, row].mean(axis=0) if still else fine[:, forces[signal.unit]]
             worst = np.maximum(
                 worst, _rms(coarse[:, row] - fine[:, row]) / np.maximum(_rms(size), SMALLEST[signal.unit])
             )
     return worst
+
+
+def determined(change: float) -> bool:
+    """Whether motion is determined by a rig: it changes by no more than `MOST` when parameters change by `NUDGE`.
+
+    A limit cycle of a servo, or a load that stands at the edge of breaking away, is not: no step settles what the
+    parameters leave open.
+    """
+    return change <= MOST
+
+
+def nudged(plant: Plant, values: np.ndarray) -> np.ndarray:
+    """Rigs, shape (len(plant.parameters), n), with every parameter `NUDGE` more or less."""
+    other = values.copy()
+    for row, (name, way) in enumerate(
+        zip(plant.parameters.names, np.random.default_rng(0).choice((-1.0, 1.0), len(values)), strict=True)
+    ):
+        if name not in KEPT and name not in LIMITS:
+            declared = plant.parameters[name]
+            other[row] = np.clip(values[row] * (1.0 + NUDGE * way), declared.low, declared.high)
+    return other
+
+
+def converged(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(`step_error`, whether the rig determines its motion), shape (n,) each; the second is asked above `MOST` only."""
+    error = step_error(trial, coarse, fine)
+    sure = np.ones(len(error), bool)
+    late = np.flatnonzero(error > MOST)
+    if len(late):
+        part = trial.of(late)
+        other = replace(part, values=nudged(part.plant, part.values))
+        change = step_error(part, other.run(trial.substeps * FINER), fine[:, :, late])
+        sure[late] = [determined(float(c)) for c in change]
+    return error, sure
 
 
 def _rms(values: np.ndarray) -> np.ndarray:
@@ -141,6 +184,6 @@ def rest_moves(trial: Trial) -> np.ndarray:
         u.command[:] = x[plant.row(trial.mode.rest_signal)]
     row = next(r for r, s in enumerate(plant.signals) if s.name in ("load_position", "output_angle"))
     before = x[row].copy()
-    for _ in range(round(60.0 / PERIOD)):
-        plant.advance(x, p, u.rows, 0, n, trial.substeps, PERIOD / trial.substeps)
+    for _ in range(round(60.0 / trial.period)):
+        plant.advance(x, p, u.rows, 0, n, trial.substeps, trial.period / trial.substeps)
     return np.abs(x[row] - before)

@@ -1,32 +1,52 @@
 """Random rigs of a plant within a factor of its shipped ones, and random commands for them."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.base import ActionMode, Plant
-from cable_envs.sim.stepsize import MOST
-
-PERIOD = 0.01
-"""Control period, s."""
+from cable_envs.sim.stepsize import MOST, in_ticks
 
 USUAL = 20
-"""Integration steps in it, unless a rig needs more."""
+"""Integration steps in a control period, unless a rig needs more."""
 
 FACTOR = 3.0
 """Parameters are drawn log-uniformly between a shipped rig's value over this and times this."""
 
-KEPT = (
-    "gravity", "load_gravity", "hold_rule", "servo_kp", "servo_ki", "servo_kd", "servo_filter", "encoder_counts",
-    "encoder_period",
-)  # fmt: skip
-"""Parameters that are no size of a rig, and those of a servo, which are set for its drive: others make it unstable."""
+KEPT = ("gravity", "load_gravity", "hold_rule", "servo_filter", "encoder_period")
+"""Parameters that are no size of a rig."""
+
+LIMITS = ("tension_limit", "breaking_tension")
+"""What says when a run ends, and moves nothing."""
+
+GAINS = ("servo_kp", "servo_ki", "servo_kd")
+"""Gains of a servo, which is set for its drive: they are drawn in proportion to the drive's inertia."""
 
 NOISE = {"m": 0.002, "rad": 0.002}
 """By the unit of the command: white noise as a share of its size, where it is not 0.02. Positions that jump by more at
 every sample ask a servo for more than its drive has, which no user does."""
+
+
+@dataclass(frozen=True)
+class Box:
+    """What rigs are drawn from.
+
+    Attributes
+    ----------
+    name : str
+        For the table.
+    period : float
+        Control period, s.
+    within : mapping of str to (float, float)
+        Parameters that are drawn between other bounds than a factor of the shipped rig's, SI.
+    """
+
+    name: str
+    period: float = 0.01
+    within: Mapping[str, tuple[float, float]] | None = None
 
 
 @dataclass(frozen=True)
@@ -47,6 +67,8 @@ class Trial:
         Commands, in the unit of the mode.
     substeps : int
         Integration steps in a control period.
+    period : float
+        Control period, s.
     """
 
     plant: Plant
@@ -55,11 +77,10 @@ class Trial:
     start: np.ndarray
     command: np.ndarray
     substeps: int
+    period: float
 
     def run(self, substeps: int) -> np.ndarray:
         """Signals at the end of every control step, shape (T, len(plant.signals), n)."""
-        from cable_envs.core.inputs import INPUTS
-
         p = self.plant.prepare(self.values)
         x, n = self.plant.rest(p, self.start), self.values.shape[1]
         u = INPUTS.zeros(n)
@@ -67,47 +88,85 @@ class Trial:
         out = np.empty((len(self.command), len(self.plant.signals), n))
         last = self.command[0]
         for k, command in enumerate(self.command):
-            u.command[:], u.command_rate[:], last = command, (command - last) / PERIOD, command
-            self.plant.advance(x, p, u.rows, 0, n, substeps, PERIOD / substeps)
+            u.command[:], u.command_rate[:], last = command, (command - last) / self.period, command
+            self.plant.advance(x, p, u.rows, 0, n, substeps, self.period / substeps)
             out[k] = x[: len(self.plant.signals)]
         return out
 
+    def of(self, chosen: np.ndarray | slice) -> "Trial":
+        """Some of the rigs alone."""
+        return replace(self, values=self.values[:, chosen], start=self.start[chosen], command=self.command[:, chosen])
 
-def trials(plant: Plant, mode: ActionMode, nominal: np.ndarray, count: int, steps: int, seed: int) -> Iterator[Trial]:
+
+def drawn(plant: Plant, nominal: np.ndarray, box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Parameters of random rigs, shape (len(plant.parameters), count), SI.
+
+    An encoder has no steps: one that shows the next step sooner changes what the servo asks for at once, so that the
+    smallest difference grows, whatever the integration does.
+    """
+    values, names = np.repeat(nominal[:, None], count, axis=1), plant.parameters.names
+    for row, name in enumerate(names):
+        least, most = plant.parameters[name].low, plant.parameters[name].high
+        if name in (box.within or {}):
+            low, high = (box.within or {})[name]
+            values[row] = low * (high / low) ** rng.random(count)
+        elif name not in KEPT and name not in GAINS:
+            values[row] = np.clip(nominal[row] * FACTOR ** rng.uniform(-1.0, 1.0, count), least, most)
+        if name == "encoder_counts":
+            values[row] = 0.0
+    safe, torn = (names.index(name) for name in LIMITS)
+    values[torn] = np.maximum(values[torn], values[safe])
+    if plant.drive == "motor":
+        heavier = _inertia(plant, values) / _inertia(plant, nominal[:, None])
+        for name in GAINS:
+            values[names.index(name)] = nominal[names.index(name)] * heavier
+    return values
+
+
+def _inertia(plant: Plant, values: np.ndarray) -> np.ndarray:
+    """Inertia of drives with a motor; rigs that are refused for their cable have one too."""
+    whole = values.copy()
+    whole[plant.parameters.names.index("breaking_tension")] = plant.parameters["breaking_tension"].high
+    return plant.coefficient_rows.over(plant.prepare(whole)).moved_inertia
+
+
+def trials(
+    plant: Plant, mode: ActionMode, nominal: np.ndarray, box: Box, count: int, steps: int, seed: int
+) -> Iterator[Trial]:
     """Random rigs and commands, in groups of the same number of integration steps; what is refused is left out."""
     rng = np.random.default_rng(seed)
-    values = np.repeat(nominal[:, None], count, axis=1)
-    for row, name in enumerate(plant.parameters.names):
-        if name not in KEPT:
-            drawn = nominal[row] * FACTOR ** rng.uniform(-1.0, 1.0, count)
-            values[row] = np.clip(drawn, plant.parameters[name].low, plant.parameters[name].high)
-    names = plant.parameters.names
-    torn, safe = names.index("breaking_tension"), names.index("tension_limit")
-    values[torn] = np.maximum(values[torn], values[safe])
+    values = drawn(plant, nominal, box, count, rng)
     kept, needed = [], []
     for k in range(count):
         try:
-            longest = plant.longest_step(plant.prepare(values[:, k : k + 1]))[0]
+            p = plant.prepare(values[:, k : k + 1])
         except ConfigurationError:
             continue
-        if PERIOD / longest <= MOST:
+        longest = plant.longest_step(p)[0]
+        if box.period / longest <= MOST:
             kept.append(k)
-            needed.append(max(USUAL, int(np.ceil(PERIOD / longest))))
+            needed.append(in_ticks(plant, p, box.period, max(USUAL, int(np.ceil(box.period / longest)))))
     groups = np.array(needed)
     for substeps in sorted(set(needed)):
         chosen = np.array(kept)[groups == substeps]
-        yield _told(plant, mode, values[:, chosen], steps, substeps, rng)
+        yield _told(plant, mode, values[:, chosen], box.period, steps, substeps, rng)
 
 
-def _told(plant: Plant, mode: ActionMode, values: np.ndarray, steps: int, substeps: int, rng) -> Trial:
+def _told(
+    plant: Plant, mode: ActionMode, values: np.ndarray, period: float, steps: int, substeps: int,
+    rng: np.random.Generator,
+) -> Trial:  # fmt: skip
     """Two sinusoids and steps about the command that holds the rig at rest, with a little noise."""
-    n, t = values.shape[1], PERIOD * np.arange(steps)[:, None]
+    n, t = values.shape[1], period * np.arange(steps)[:, None]
     bound = values[plant.parameters.names.index(mode.bound)]
     x = plant.rest(plant.prepare(values), np.zeros(n))
     rest = x[plant.row(mode.rest_signal)] if mode.rest_signal else np.zeros(n)
-    size = np.minimum(np.where(rest > 0.0, 0.6 * rest, 0.3 * bound), bound)
+    share = 1.5 if plant.drive == "motor" else 0.6  # a real drive's friction comes first
+    size = np.minimum(np.where(rest > 0.0, share * rest, 0.3 * bound), bound)
     slow, fast = rng.uniform(0.2, 1.0, n), rng.uniform(1.0, 3.0, n)
     wave = 0.6 * np.sin(2 * np.pi * slow * t) + 0.2 * np.sin(2 * np.pi * fast * t + rng.uniform(0, 6.28, n))
-    jumps = 0.4 * rng.uniform(-1.0, 1.0, (steps // 50 + 1, n)).repeat(50, axis=0)[:steps]
+    held = max(round(0.5 / period), 1)
+    jumps = 0.4 * rng.uniform(-1.0, 1.0, (steps // held + 1, n)).repeat(held, axis=0)[:steps]
     command = rest * 1.2 + size * (wave + jumps + NOISE.get(mode.unit, 0.02) * rng.standard_normal((steps, n)))
-    return Trial(plant, mode, values, np.zeros(n), np.clip(command, 0.0 if mode.one_sided else -bound, bound), substeps)
+    low = 0.0 if mode.one_sided else -bound
+    return Trial(plant, mode, values, np.zeros(n), np.clip(command, low, bound), substeps, period)

@@ -1,6 +1,6 @@
 """One inertia with set-valued dry friction: sticks exactly, slides by a second-order step."""
 
-from cable_envs.core.kernels import inline, select
+from cable_envs.core.kernels import inline, maximum, select
 
 
 @inline
@@ -41,10 +41,33 @@ def crossing_step(v, mass, force_up, force_down, stiffness, damping, dt):
     """
     part = 0.5 * dt
     gain = dt / (mass + part * (damping + part * stiffness))
+    return _through_zero(v, force_up, force_down, part * stiffness * v, gain, gain)
+
+
+@inline
+def ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
+    """`crossing_step` whose vibrations are in time to order 4, for masses that ring long.
+
+    A trapezoidal step of dt is late by (w dt)^2 / 12 of every turn of a vibration w. Here the stiffness counts 1/12 in
+    the place of 1/4 (Fox and Goodwin 1949; Newmark's method with beta = 1/12), which takes the same energy through a
+    step. Where w dt exceeds 1 it counts as much more as keeps the step stable at any stiffness.
+    """
+    part = 0.5 * dt
+    up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
+    onward, back = select(up, damping_up, damping_down), select(up, damping_down, damping_up)
+    quarter = part * part * stiffness
+    held = mass + maximum(quarter / 3.0, quarter - mass / 6.0)
+    gain, other = dt / (held + part * onward), dt / (held + part * back)
+    return _through_zero(v, force_up, force_down, part * stiffness * v, gain, other)
+
+
+@inline
+def _through_zero(v, force_up, force_down, late, gain, other):
+    """Velocity after a step that changes it by gain (force - late), or by other times the force after a reversal."""
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     down = (v < 0.0) | ((v == 0.0) & (force_down < 0.0))
-    straight = v + gain * (select(up, force_up, force_down) - part * stiffness * v)
+    straight = v + gain * (select(up, force_up, force_down) - late)
     turns = (up & (straight < 0.0)) | (down & (straight > 0.0))
     left = 1.0 - v / select(turns, v - straight, 1.0)
     back = select(up, select(force_down < 0.0, force_down, 0.0), select(force_up > 0.0, force_up, 0.0))
-    return select(up | down, select(turns, left * gain * back, straight), 0.0)
+    return select(up | down, select(turns, left * other * back, straight), 0.0)

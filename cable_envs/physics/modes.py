@@ -2,7 +2,7 @@
 
 import numpy as np
 
-TURN = 0.35
+TURN = 0.25
 """Most that a vibration may turn in a step, rad. A cable that becomes taut within a step is noticed late and pushes too
 hard, by up to the square of this over four of the energy; trapezoidal steps are then 1 % late in a turn."""
 
@@ -33,7 +33,7 @@ def longest_step(mass, damping, stiffness):
     5 kg on a cable of 60 kN/m turn at 109.5 rad/s.
 
     >>> round(float(longest_step(5.0, 0.0, 60e3)), 6)
-    0.003195
+    0.002282
     """
     half, square = np.asarray(damping / (2.0 * mass), float), np.asarray(stiffness / mass, float)
     turning = np.sqrt(np.maximum(square - half**2, 0.0))

@@ -120,6 +120,29 @@ class ActionMode:
 
 
 @dataclass(frozen=True)
+class Range:
+    """Where a law of a plant was identified. Beyond it a simulation goes on, and says ``out_of_range``.
+
+    Attributes
+    ----------
+    signal : str
+        Signal of the plant that the law was measured over.
+    low, high : float
+        Least and largest value that it had there, SI.
+    law : str
+        Parameter that says how strong the law is; where it is 0 the law says nothing.
+    source : str
+        Where the range is from.
+    """
+
+    signal: str
+    low: float
+    high: float
+    law: str
+    source: str
+
+
+@dataclass(frozen=True)
 class Plant:
     """A plant: declared parameters, a kernel, and the names of what it computes.
 
@@ -172,6 +195,11 @@ class Plant:
         Signal that the input posture changes, as the bend of a sheath (rad); empty: the plant has no posture.
     drive : str
         What moves the cable: "ideal", or "motor" (`cable_envs.plants.servo`).
+    ticks : str
+        Coefficient that is the time between two readings of the drive's encoder, s, which integration steps should
+        divide; empty: it has none.
+    ranges : tuple of Range
+        Where its laws were identified; a rig that gives a range of its own for a signal overrules it.
     version : str
         Version of the ids whose numbers it gives; "v1" unless it is kept as it was.
 
@@ -208,6 +236,8 @@ class Plant:
     measured: Mapping[str, str] = field(default_factory=dict)
     posture: str = ""
     drive: str = "ideal"
+    ticks: str = ""
+    ranges: tuple[Range, ...] = ()
     version: str = "v1"
 
     def __post_init__(self) -> None:
@@ -233,9 +263,11 @@ class Plant:
 
         `kernel_needed` has their numbers. Each gives those of the one behind it, to the bit, for what it can simulate.
         """
+        drive = "" if self.drive == "ideal" else f"_{self.drive}"
         made = kernels(
-            f"{self.name}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows, self.scratch,
-            self.effects.lanes, self.effects.states, self.step_rows, self.solve, joined(self.effects.effects.values()),
+            f"{self.name}{drive}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows,
+            self.scratch, self.effects.lanes, self.effects.states, self.step_rows, self.solve,
+            joined(self.effects.effects.values()),
         )  # fmt: skip
         return made if self.plain else (made[1], *made[1:])
 

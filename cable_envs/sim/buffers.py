@@ -158,9 +158,10 @@ def _common(setup: Setup) -> np.recarray:
         c.deviation[k] = setup.noise[plant.row(name)]
     c.poses = bool(plant.posture)
     c.noisy = np.any(c.deviation > 0.0)
-    c.limits = len(setup.rig.valid)
+    holds = setup.rig.holds(plant)
+    c.limits = len(holds)
     c.beyond = plant.row(OUT_OF_RANGE.name) if c.limits else 0
-    for k, (name, (low, high)) in enumerate(setup.rig.valid.items()):
+    for k, (name, (low, high)) in enumerate(holds.items()):
         c.limited[k], c.least[k], c.most[k] = plant.row(name), low, high
     return common
 

@@ -7,7 +7,7 @@ plant: cable_hole            # or pulley_circuit (serves the chain too)
 extends: other-rig           # a preset whose parameters hold where this file gives none
 holes: 1                     # cable_hole only
 contacts: 20                 # tendon_sheath only: at how many places the tendon rubs; without it all together
-drive: motor                 # pulley_circuit: a real drive; "ideal" unless it is said
+drive: motor                 # a real drive: motor, gear, encoder, servo; "ideal" unless it is said
 description: ...
 parameters:
   load_mass: {value: 5.0, unit: kg, source: "..."}
@@ -129,6 +129,28 @@ class Rig:
             "drive": self.drive, "description": self.description, "parameters": parameters, "valid": valid,
             "effects": effects,
         }  # fmt: skip
+
+    def holds(self, plant: Plant) -> dict[str, tuple[float, float]]:
+        """Ranges of signals in which the rig's parameters and the plant's laws hold.
+
+        Parameters
+        ----------
+        plant : Plant
+            A simulator of the rig.
+
+        Returns
+        -------
+        dict of str to (float, float)
+            Signal -> (low, high), SI: `valid`, and for other signals where the plant's laws were identified.
+
+        Examples
+        --------
+        >>> rig = load_rig({"plant": "cable_hole"})
+        >>> rig.holds(rig.simulated_by())
+        {'load_velocity': (-0.0108, 0.0108)}
+        """
+        laws = {one.signal: (one.low, one.high) for one in plant.ranges if self.values.get(one.law, 0.0) != 0.0}
+        return {**laws, **self.valid}
 
     def column(self, plant: Plant) -> np.ndarray:
         """The rig as a column of parameters.

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from fractions import Fraction
 from itertools import product
 
 import numpy as np
@@ -53,7 +54,35 @@ def substeps_for(
     if given is not None:
         check_step(plant, p, period, given, "this rig" if not ranges else "the quickest rig of the ranges")
         return given
-    return max(usual, _needed(plant, p, period, "this rig" if not ranges else "the quickest rig of the ranges"))
+    needed = _needed(plant, p, period, "this rig" if not ranges else "the quickest rig of the ranges")
+    return in_ticks(plant, p[:, :1], period, max(usual, needed))
+
+
+def in_ticks(plant: Plant, p: np.ndarray, period: float, substeps: int) -> int:
+    """At least as many integration steps, so that an encoder's readings are at the ends of steps.
+
+    Parameters
+    ----------
+    plant : Plant
+        What simulates the rig.
+    p : ndarray, shape (rows, 1)
+        Its coefficients (`Plant.prepare`).
+    period : float
+        Control period, s.
+    substeps : int
+        Integration steps in it.
+
+    Returns
+    -------
+    int
+        ``substeps`` where the plant has no encoder, or where no number up to `MOST` would do.
+    """
+    if not plant.ticks:
+        return substeps
+    tick = float(getattr(plant.coefficient_rows.over(p), plant.ticks)[0])
+    whole = Fraction(period / tick).limit_denominator(MOST).numerator
+    steps = math.ceil(substeps / max(whole, 1)) * max(whole, 1)
+    return steps if steps <= MOST and abs(period / tick * steps - round(period / tick * steps)) < 1e-6 else substeps
 
 
 def check_step(plant: Plant, p: np.ndarray, period: float, substeps: int, what: str) -> None:

@@ -32,6 +32,18 @@ def test_info_says_out_of_range_where_a_signal_is_beyond(n):
     assert 0.0 < np.mean(seen) < 1.0
 
 
+def test_a_law_says_where_it_was_identified_though_the_rig_says_nothing():
+    rig = {key: value for key, value in load_rig("gu-inferred").content().items() if key != "valid"}
+    for changes, beyond in (({}, True), ({"extrusion_gain": 0.0}, False)):
+        env = gym.make(ID, rig=load_rig(rig).replace(changes), action_mode="speed")
+        env.reset(seed=0)
+        seen = [env.step(np.array([0.5], np.float32))[4] for _ in range(30)]
+        fast = [beyond and abs(info["load_velocity"]) > 0.0108 for info in seen]
+        assert [info["out_of_range"] > 0.0 for info in seen] == fast and any(fast) == beyond
+    wider = load_rig({**rig, "valid": {"load_velocity": {"low": -0.1, "high": 0.1}}})
+    assert wider.holds(wider.simulated_by()) == {"load_velocity": (-0.1, 0.1)}
+
+
 def test_the_circuit_says_it_of_a_slack_cable_and_of_a_rigs_range_alike():
     rig = {**load_rig("zou-table2").content(), "valid": {"drive_velocity": {"low": -1.0, "high": 1.0}}}
     env = gym.make("cable_envs/PulleyCircuit-Position-Sine-v1", rig=rig)

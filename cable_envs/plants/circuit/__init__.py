@@ -13,6 +13,12 @@ def _build(variant: str, holes: int):
     return closed_form.PLANT
 
 
+def _as_v0(plant):
+    from cable_envs.plants.circuit.v0 import as_v0
+
+    return as_v0(plant)
+
+
 def _with_motor(plant):
     from cable_envs.plants.servo import with_motor
 
@@ -23,6 +29,7 @@ FAMILY = Family(
     name="pulley_circuit",
     title="Closed pulley circuit",
     build=_build,
+    as_v0=_as_v0,
     with_motor=_with_motor,
     variants=("analytic", "chain"),
     tasks="PulleyCircuit",

@@ -39,9 +39,8 @@ from cable_envs.physics.chain import (
     stretch_ends,
     sweep,
 )  # fmt: skip
-from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.circuit.effects import ACTING, moves_otherwise, output_step, pulley, spring
+from cable_envs.plants.circuit.effects import ACTING, moves_otherwise, output_slides, output_step, pulley, spring
 from cable_envs.plants.circuit.ends import (
     ACTION_MODES,
     COEFFICIENTS,
@@ -267,7 +266,7 @@ def _kick(x, p, u, w, e, s, g, i, dt):
     if e is not None:
         v_new = output_step(e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt)
     else:
-        v_new = stick_slip_step(
+        v_new = output_slides(
             v, p.output_inertia[i], net - p.brake_torque[i], net + p.brake_torque[i], stiffness, damping, damping, dt
         )
 

@@ -17,7 +17,7 @@ from cable_envs.effects.seams import (
     raised,
     resolved,
 )  # fmt: skip
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import ringing_step
 
 ACTING = Acting(
     effects={
@@ -117,7 +117,7 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     force_up = up - wanted + rising + ahead - c * v
     force_down = down - wanted + falling + ahead - c * v
     stiffness = stiffness + k
-    sliding = stick_slip_step(v, inertia, force_up, force_down, stiffness, damping_up, damping_down, dt)
+    sliding = output_slides(v, inertia, force_up, force_down, stiffness, damping_up, damping_down, dt)
     gain = dt / (inertia + 0.5 * dt * (damping_up + 0.5 * dt * stiffness))
     smooth = v + gain * (force_up - 0.5 * dt * stiffness * v)
     v_new = select((force_up == force_down) & (partial | bent), smooth, sliding)
@@ -125,6 +125,12 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     follow(s.partial, i, moved, angle)
     moved_on(e, s, i, moved, over)
     return v_new
+
+
+@inline
+def output_slides(v, inertia, up, down, stiffness, damping_up, damping_down, dt):
+    """Speed of the output after a step, which may turn round within it: a light one rings through its friction."""
+    return ringing_step(v, inertia, up, down, stiffness, damping_up, damping_down, dt)
 
 
 @inline

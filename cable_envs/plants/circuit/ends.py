@@ -156,7 +156,7 @@ def raised(p, stiffness_in, stiffness_out, dt: float) -> None:
 
 
 def resolved(p, e, stiffness_in, stiffness_out, length_top, length_bottom) -> np.ndarray:
-    """Longest steps, s, of both inertias on the stiffnesses (N m) that they feel (`Plant.longest_step`)."""
+    """Longest steps, s, of servo and both inertias on the stiffnesses (N m) they feel (`Plant.longest_step`)."""
     share_in, share_out = (
         stiffness_in / p.stretch_stiffness,
         (stiffness_out - p.contact_stiffness) / p.stretch_stiffness,
@@ -166,9 +166,10 @@ def resolved(p, e, stiffness_in, stiffness_out, length_top, length_bottom) -> np
     swing = p.output_damping + p.contact_damping + share_out * p.stretch_damping
     turn = p.drive_damping + share_in * p.stretch_damping
     spring = p.contact_stiffness + share_out * p.stretch_stiffness * harder + e.position_dependent_load_stiffness
-    return np.minimum(
+    ends = np.minimum(
         longest_step(p.drive_inertia, turn, stiffness_in * harder), longest_step(p.output_inertia, swing, spring)
     )
+    return np.minimum(ends, longest_step(1.0, p.servo_damping, p.servo_stiffness))
 
 
 @inline

@@ -13,8 +13,7 @@ from cable_envs.core.kernels import clip, inline, maximum, minimum, select
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share as share_of
 from cable_envs.effects.seams import between
-from cable_envs.physics.friction import stick_slip_step
-from cable_envs.plants.circuit.effects import output_step, rise
+from cable_envs.plants.circuit.effects import output_slides, output_step, rise
 from cable_envs.plants.circuit.ends import COEFFICIENTS, raised, resolved, shared_coefficients
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
@@ -132,7 +131,7 @@ def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
             e, s, g, i, v, p.output_inertia[i], ccw, cw, wanted, ahead, stiffness,
             p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt,
         )  # fmt: skip
-    return stick_slip_step(
+    return output_slides(
         v, p.output_inertia[i], up + ahead, down + ahead, stiffness,
         p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt,
     )  # fmt: skip

@@ -16,11 +16,18 @@ def _as_v0(plant):
     return as_v0(plant)
 
 
+def _with_motor(plant):
+    from cable_envs.plants.hole.motor import with_motor
+
+    return with_motor(plant)
+
+
 FAMILY = Family(
     name="cable_hole",
     title="Cable through a hole",
     build=_build,
     as_v0=_as_v0,
+    with_motor=_with_motor,
     series=True,
     tasks="CableHole",
     outputs={

@@ -11,7 +11,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
 from cable_envs.physics.modes import longest_step
-from cable_envs.plants.base import OUT_OF_RANGE, Signal
+from cable_envs.plants.base import OUT_OF_RANGE, Range, Signal
 
 MAX_HOLES = 50
 
@@ -42,6 +42,14 @@ PARAMETERS = ParameterTable(
     Parameter("tension_limit", "N", 100.0, 1e-3, 1e6, "safety limit", "range of the tension sensor, 5.1, Gu 2024"),
     Parameter("breaking_tension", "N", 1000.0, 1e-3, 1e7, "the cable tears above this tension"),
 )
+
+RANGES = (
+    Range(
+        "load_velocity", -0.0108, 0.0108, "extrusion_gain",
+        "C = K v^omega: the fastest motion of section 5.3, Gu 2024, which its tensions need (docs/physics.md)",
+    ),
+)  # fmt: skip
+"""Where the laws of the hole were identified. Those without speed in them, mu and the ratio of G9, have none."""
 
 _GONE = {
     "guide_mass": "the cable between holes has no mass since all holes of a step are solved together; leave it out"

@@ -32,6 +32,7 @@ from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import (
     ACTING,
     MAX_HOLES,
+    RANGES,
     coefficient_rows,
     derive,
     resolves,
@@ -297,6 +298,7 @@ def cable_hole(holes: int = 1) -> Plant:
         solve=_solve,
         effects=Layout("cable_hole", parameters, ACTING),
         resolves=resolves,
+        ranges=RANGES,
     )
 
 

@@ -30,6 +30,7 @@ from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Plant
 from cable_envs.plants.hole.parameters import (
     ACTING,
+    RANGES,
     coefficient_rows,
     derive,
     series_parameters,
@@ -153,4 +154,5 @@ def holes_in_series(holes: int) -> Plant:
         solve=_solve,
         effects=Layout("cable_hole", parameters, _ACTING),
         resolves=_resolves,
+        ranges=RANGES,
     )

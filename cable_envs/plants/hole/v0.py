@@ -119,4 +119,4 @@ def as_v0(plant: Plant) -> Plant:
     """The plant with the kernel of the ids ``-v0``; ConfigurationError for several holes, which these never had."""
     if len(plant.signals) > len(SIGNALS):
         raise ConfigurationError("several holes in series belong to the ids -v1: those of -v0 have one hole")
-    return replace(plant, version="v0", solve=_SOLVE, resolves=None)
+    return replace(plant, version="v0", solve=_SOLVE, resolves=None, ranges=())

@@ -21,12 +21,19 @@ def _as_v0(plant):
     return as_v0(plant)
 
 
+def _with_motor(plant):
+    from cable_envs.plants.sheath.motor import with_motor
+
+    return with_motor(plant)
+
+
 FAMILY = Family(
     name="tendon_sheath",
     title="Tendon in a sheath",
     build=_build,
     as_v0=_as_v0,
     with_contacts=_with_contacts,
+    with_motor=_with_motor,
     tasks="TendonSheath",
     outputs={
         "position": Output("position_reference"),

@@ -99,7 +99,7 @@ def derive(value, e) -> dict[str, np.ndarray]:
 
 
 def resolves(p, e) -> np.ndarray:
-    """Longest steps, s: of the load that pays the tendon out against all friction, and of the drive that pulls it in.
+    """Longest steps, s: of servo, load that pays the tendon out against all friction, and drive that pulls it in.
 
     Either end then feels Tm r / (1 - e^-r) with r = mu Theta (`sheath.capstan.leaving` at -r).
     """
@@ -108,7 +108,8 @@ def resolves(p, e) -> np.ndarray:
     k = share * p.stiffness * np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_preload)
     c = share * p.tendon_damping
     load = longest_step(p.load_mass, c + p.load_damping, k + p.load_stiffness)
-    return np.minimum(load, longest_step(p.drive_mass, c + p.drive_damping, k))
+    servo = longest_step(1.0, p.servo_damping, p.servo_stiffness)
+    return np.minimum(np.minimum(load, servo), longest_step(p.drive_mass, c + p.drive_damping, k))
 
 
 def settle(x, s, p, e, position: np.ndarray) -> None:

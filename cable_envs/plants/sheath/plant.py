@@ -103,19 +103,39 @@ def _resist(p, u, e, s, i, y, v, tension):
 
 
 @inline
+def felt(x, p, e, s, i):
+    """How the tension at the drive grows with its motion: stiffness and damping, none in a gap or where it is slack."""
+    r = x.mobilised[i]
+    grows = select(x.sliding[i] == 0.0, stuck_growth(r), leaving(-r))
+    apart = abs(x.drive_position[i] - s.gap_position[i]) < 0.4999995 * e.backlash_gap[i]
+    held = select((x.drive_tension[i] > 0.0) & (not apart), grows, 0.0)
+    return held * p.stiffness[i], held * p.tendon_damping[i]
+
+
+@inline
 def _pulled_speed(x, p, u, e, s, i, ahead, dt):
     """Speed after dt of a drive that is told its force; ``ahead`` is the load's speed in the middle of the step.
 
     How the tension grows with the drive's motion is solved with it: that is far quicker than a step.
     """
-    speed, half, r = x.drive_velocity[i], 0.5 * dt, x.mobilised[i]
-    grows = select(x.sliding[i] == 0.0, stuck_growth(r), leaving(-r))
-    apart = abs(x.drive_position[i] - s.gap_position[i]) < 0.4999995 * e.backlash_gap[i]
-    held = select((x.drive_tension[i] > 0.0) & (not apart), grows, 0.0)
-    k, c = held * p.stiffness[i], held * p.tendon_damping[i]
+    speed, half = x.drive_velocity[i], 0.5 * dt
+    k, c = felt(x, p, e, s, i)
     net = u.command[i] - p.drive_damping[i] * speed - x.drive_tension[i]
     net += c * (ahead - x.load_velocity[i]) - k * half * (speed - ahead)
     return speed + dt * net / (p.drive_mass[i] + half * (p.drive_damping[i] + c + half * k))
+
+
+@inline
+def drive_speed(x, p, u, e, s, i, ahead, dt):
+    """Speed of the drive after dt; ``ahead`` is the load's speed in the middle of the step."""
+    position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
+    servo = p.servo_stiffness[i] * (u.command[i] - position - half * speed)
+    servo += p.servo_damping[i] * (u.command_rate[i] - speed)
+    servo = servo / (1.0 + half * (p.servo_damping[i] + half * p.servo_stiffness[i]))
+    most = p.drive_acceleration_limit[i]
+    placed = speed + dt * clip(servo, -most, most)
+    new = select(u.mode[i] > 0.5, _pulled_speed(x, p, u, e, s, i, ahead, dt), placed)
+    return clip(new, -p.drive_speed_limit[i], p.drive_speed_limit[i])
 
 
 @inline
@@ -124,13 +144,7 @@ def _drive(x, p, u, w, e, s, g, i, dt):
     position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     net = x.load_tension[i] - _resist(p, u, e, s, i, x.load_position[i], x.load_velocity[i], x.load_tension[i])
     ahead = x.load_velocity[i] + half * held_back(g, i, net, x.load_velocity[i]) / p.load_mass[i]
-    servo = p.servo_stiffness[i] * (u.command[i] - position - half * speed)
-    servo += p.servo_damping[i] * (u.command_rate[i] - speed)
-    servo = servo / (1.0 + half * (p.servo_damping[i] + half * p.servo_stiffness[i]))
-    most = p.drive_acceleration_limit[i]
-    placed = speed + dt * clip(servo, -most, most)
-    new = select(u.mode[i] > 0.5, _pulled_speed(x, p, u, e, s, i, ahead, dt), placed)
-    new = clip(new, -p.drive_speed_limit[i], p.drive_speed_limit[i])
+    new = drive_speed(x, p, u, e, s, i, ahead, dt)
     follows = g.follows[i] > 0.5
     after = select(follows, g.target[i], position + half * (speed + new))
     new = select(follows, g.target_rate[i], new)

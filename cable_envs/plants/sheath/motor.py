@@ -1,0 +1,38 @@
+"""A real drive for the tendon in a sheath: a motor that turns a spool (`cable_envs.plants.servo`).
+
+In position mode the command is the servo's reference; in tension mode it is what the motor is to pull with.
+"""
+
+from cable_envs.core.kernels import inline
+from cable_envs.plants.base import Plant
+from cable_envs.plants.servo import ALONG, Mount, mounted, servo_signals
+from cable_envs.plants.servo_stages import motor_step, servo_reads
+from cable_envs.plants.sheath.plant import felt
+
+
+@inline
+def drive_speed(x, p, u, e, s, i, ahead, dt):
+    """Speed of the drive after dt, in the place of `sheath.plant.drive_speed`."""
+    at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
+    servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
+    k, c = felt(x, p, e, s, i)
+    pull = x.drive_tension[i] + k * half * (speed - ahead) + c * (x.load_velocity[i] - ahead)
+    return motor_step(x, p, i, at, speed, pull, k, c, dt)
+
+
+def _own(value):
+    inertia = value["drive_mass"] + value["spool_inertia"] / value["spool_radius"] ** 2
+    return inertia, value["drive_damping"], value["drive_speed_limit"], value["tension_command_limit"]
+
+
+def with_motor(plant: Plant) -> Plant:
+    """The plant with a real drive in the place of its ideal one."""
+    mount = Mount(
+        parameters=ALONG,
+        signals=servo_signals("position", "m", "force", "N"),
+        drive=("drive_position", "drive_velocity", "drive_tension"),
+        pieces={"drive_speed": drive_speed},
+        own=_own,
+        total="drive_mass",
+    )
+    return mounted(plant, mount)

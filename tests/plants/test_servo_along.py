@@ -1,0 +1,255 @@
+"""A drive with a motor that moves along the cable: at the hole, at holes in series and at the sheath."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from cable_envs import load_rig
+from cable_envs.core.inputs import INPUTS
+from cable_envs.physics.motor import behind_gear, current_range
+from cable_envs.plants.hole.statics import EXACT, hole_ratio
+
+HOLE, SHEATH = "gu-steel-1mm-motor", "bowden-1m-motor"
+PERIOD = 0.01
+SERIES = {"plant": "cable_hole", "extends": HOLE, "holes": 3, "parameters": {"load_mass": 2.0, "span_stiffness": 2e5}}
+
+
+def driven(rig, changes: dict, command, mode: str, substeps: int = 20, steps: int = 150):
+    """(values by name, signals by name [T]) of a rig that follows a command of the time, at the control period."""
+    made = load_rig(rig).replace(changes)
+    plant = made.simulated_by()
+    p = plant.prepare(made.column(plant)[: len(plant.parameters)])
+    x, u = plant.rest(p, np.zeros(1)), INPUTS.zeros(1)
+    u.mode[:] = [one.name for one in plant.action_modes].index(mode)
+    seen = []
+    for k in range(steps):
+        u.command[:] = command(PERIOD * k)
+        u.command_rate[:] = (command(PERIOD * k) - command(PERIOD * (k - 1))) / PERIOD
+        plant.advance(x, p, u.rows, 0, 1, substeps, PERIOD / substeps)
+        seen.append(x[: len(plant.signals), 0].copy())
+    return made.values, dict(zip([s.name for s in plant.signals], np.array(seen).T, strict=True))
+
+
+class Servo:
+    """Encoder, servo and motor of a drive along the cable, written down once more."""
+
+    def __init__(self, q, at: float, pull: float):
+        self.q, self.turns = q, q["gear_ratio"] / q["spool_radius"]
+        self.inertia = q["drive_mass"] + (q["spool_inertia"] + q["motor_inertia"] * q["gear_ratio"] ** 2) / (
+            q["spool_radius"] ** 2
+        )
+        self.at, self.v, self.reading, self.rate = at, 0.0, at, 0.0
+        self.integral = self.asked = pull
+        self.target, self.pace = at, 0.0
+
+    def read(self, target: float, rate: float) -> None:
+        q, period = self.q, self.q["encoder_period"]
+        self.rate += period / (period + q["servo_filter"]) * ((self.at - self.reading) / period - self.rate)
+        self.reading, error = self.at, target - self.at
+        apart, grown = (
+            q["servo_kp"] * error + q["servo_kd"] * (rate - self.rate),
+            self.integral + period * q["servo_ki"] * error,
+        )
+        limit = q["tension_command_limit"]
+        if abs(apart + grown) <= limit or (apart + grown) * error < 0.0:
+            self.integral = min(max(grown, -limit), limit)
+        self.asked = min(max(apart + self.integral, -limit), limit)
+
+    def move(self, pull: float, dt: float) -> None:
+        q, constant = self.q, self.q["motor_constant"] * self.turns
+        resistance = q["motor_resistance"] + q["supply_resistance"]
+        low, high = current_range(constant * self.v, resistance, q["supply_voltage"], q["motor_current_limit"])
+        push = q["motor_constant"] * min(max(self.asked / constant, low), high)
+        cogging = q["cogging_torque"] * self.turns * np.sin(q["cogging_periods"] * self.turns * self.at)
+        ways = [
+            behind_gear(push, way, self.turns, q["gear_efficiency"]) - way * q["drive_friction"] for way in (1.0, -1.0)
+        ]
+        against = pull + cogging + q["drive_damping"] * self.v
+        if self.v == 0.0 and ways[0] <= against <= ways[1]:
+            return
+        way = self.v if self.v != 0.0 else ways[0] - against
+        new = self.v + dt * (ways[0 if way > 0.0 else 1] - against) / self.inertia
+        self.v = 0.0 if new * self.v < 0.0 else new
+        self.at += dt * self.v
+
+
+def stuck_or_sliding(v: float, up: float, down: float, mass: float, dt: float) -> float:
+    """Speed of a load after a short explicit step, from the forces on it going up and going down."""
+    if v == 0.0 and up <= 0.0 <= down:
+        return 0.0
+    new = v + dt * (up if v > 0.0 or (v == 0.0 and up > 0.0) else down) / mass
+    return 0.0 if new * v < 0.0 else new
+
+
+def agree(seen, name: str, path) -> None:
+    apart = np.sqrt(np.mean((np.array(path) - seen[name]) ** 2)) / np.ptp(seen[name])
+    assert apart < 0.01, (name, apart)
+
+
+@pytest.mark.parametrize(
+    ("mode", "command"),
+    [
+        ("tension", lambda t: 49.0 + 25.0 * np.sin(4.0 * t)),
+        ("speed", lambda t: 0.01 * np.cos(6.0 * t)),
+    ],
+)
+def test_the_hole_moves_as_its_equations_in_short_explicit_steps(mode, command):
+    """Drive, cable, hole and load in 10 us steps, written down once more."""
+    changes = {"encoder_counts": 0.0, "cogging_torque": 2e-3}
+    q, seen = driven(HOLE, changes, command, mode, substeps=40)
+    weight, dt = q["load_mass"] * q["gravity"], 1e-5
+    drive, y, v, paths = Servo(q, weight / q["cable_stiffness"], weight), 0.0, 0.0, {"drive_position": [], "load": []}
+    hole = [q[name] for name in (
+        "wrap_angle", "radius_ratio", "friction_coefficient", "extrusion_delta", "extrusion_gain",
+        "extrusion_exponent",
+    )]  # fmt: skip
+    for k in range(150_000):
+        told = command(PERIOD * (k // 1000))
+        if mode == "tension":
+            drive.asked = min(max(told, 0.0), q["tension_command_limit"])
+        elif k % 100 == 0:
+            drive.read(drive.target, drive.pace)
+        most = dt * q["drive_acceleration_limit"]
+        drive.target += dt * drive.pace
+        drive.pace += min(max(told - drive.pace, -most), most)
+        above = q["cable_stiffness"] * (drive.at - y) + q["cable_damping"] * (drive.v - v)
+        above = max(above, 0.0) if drive.at > y else 0.0
+        n = hole_ratio(EXACT, v, *hole, 0.0, 1.0, 1.0, 1.0)
+        drive.move(above, dt)
+        v = stuck_or_sliding(v, above / n - weight, above * n - weight, q["load_mass"], dt)
+        y += dt * v
+        if (k + 1) % 1000 == 0:
+            paths["drive_position"].append(drive.at)
+            paths["load"].append(y)
+    agree(seen, "drive_position", paths["drive_position"])
+    agree(seen, "load_position", paths["load"])
+
+
+@pytest.mark.parametrize(
+    ("mode", "command"),
+    [
+        ("position", lambda t: 2e-3 + 0.015 * np.sin(3.0 * t) ** 2),
+        ("tension", lambda t: 25.0 + 20.0 * np.sin(4.0 * t)),
+    ],
+)
+def test_the_sheath_moves_as_its_equations_in_short_explicit_steps(mode, command):
+    changes = {"encoder_counts": 0.0, "cogging_torque": 2e-3}
+    q, seen = driven(SHEATH, changes, command, mode, substeps=40)
+    k_whole = 1.0 / (1.0 / q["tendon_stiffness"] + 1.0 / q["sheath_stiffness"])
+    rest, r, dt = q["load_preload"], q["friction_coefficient"] * q["bend_angle"], 1e-5
+    low, high = r / np.expm1(r), -r / np.expm1(-r)  # T2 / Tm pulled in, paid out
+    drive, y, v, paths = Servo(q, rest / k_whole, rest), 0.0, 0.0, {"drive": [], "load": []}
+    for k in range(150_000):
+        told = command(PERIOD * (k // 1000))
+        if mode == "tension":
+            drive.asked = min(max(told, 0.0), q["tension_command_limit"])
+        elif k % 100 == 0:
+            drive.read(told, (told - command(PERIOD * (k // 1000 - 1))) / PERIOD)
+        mean = max(k_whole * (drive.at - y) + q["tendon_damping"] * (drive.v - v), 0.0)
+        back = q["load_preload"] + q["load_stiffness"] * y + q["load_damping"] * v
+        way = np.sign(v) if v != 0.0 else 0.0
+        share = {1.0: low, -1.0: high}.get(way, min(max(back / max(mean, 1e-9), low), high))
+        if way:
+            mobilised = way * r
+        else:  # r / (e^r - 1) = T2 / Tm
+            mobilised = inverse(share, r)
+        drive.move(mean * (share + mobilised), dt)
+        v = stuck_or_sliding(v, mean * low - back, mean * high - back, q["load_mass"], dt)
+        y += dt * v
+        if (k + 1) % 1000 == 0:
+            paths["drive"].append(drive.at)
+            paths["load"].append(y)
+    agree(seen, "drive_position", paths["drive"])
+    agree(seen, "load_position", paths["load"])
+
+
+def inverse(share: float, most: float) -> float:
+    """The r with r / (e^r - 1) = share, within -most and most: Newton's method from its series."""
+    r = min(max(2.0 * (1.0 - share), -most), most)
+    for _ in range(4):
+        if abs(r) < 1e-4:
+            return r
+        value, slope = r / np.expm1(r), (np.expm1(r) - r * np.exp(r)) / np.expm1(r) ** 2
+        r = min(max(r - (value - share) / slope, -most), most)
+    return r
+
+
+@pytest.mark.parametrize(
+    ("rig", "mode", "command"),
+    [
+        (HOLE, "tension", lambda t: 500.0),
+        (HOLE, "speed", lambda t: 0.1),
+        (SHEATH, "position", lambda t: 0.05),
+        (SHEATH, "tension", lambda t: 500.0),
+        (SERIES, "tension", lambda t: 500.0),
+    ],
+    ids=["hole-tension", "hole-speed", "sheath-position", "sheath-tension", "series-tension"],
+)
+def test_no_command_takes_more_force_or_current_than_the_drive_has(rig, mode, command):
+    """The load is held fast by a stiff spring: the motor stops at its saturator."""
+    values, seen = driven(rig, {"load_stiffness": 1e5}, command, mode)
+    limit = values["tension_command_limit"]
+    assert np.abs(seen["servo_force"]).max() == pytest.approx(limit)
+    assert np.abs(seen["motor_current"]).max() <= values["motor_current_limit"]
+    driving = seen["motor_force"] * seen["drive_velocity"] > 0.0
+    assert np.abs(seen["motor_force"][driving]).max() <= values["gear_efficiency"] * limit * (1.0 + 1e-12)
+    held = limit / values["gear_efficiency"] + values["drive_friction"]
+    assert seen["drive_tension"][-1] <= held and abs(seen["drive_velocity"][-1]) < 1e-4
+
+
+@pytest.mark.parametrize("rig", [HOLE, SHEATH, SERIES], ids=["hole", "sheath", "series"])
+def test_voltage_and_back_emf_set_the_speed_that_is_left(rig):
+    """Full force asked for: at a tenth of the voltage the motor gets no faster than that drives it."""
+    changes = {"supply_voltage": 2.4, "drive_speed_limit": 10.0, "load_stiffness": 0.0}
+    changes |= {"load_preload": 5.0} if rig == SHEATH else {"load_mass": 0.5}
+    values, seen = driven(rig, changes, lambda t: 60.0, "tension", substeps=50)
+    emf = values["motor_constant"] * values["gear_ratio"] / values["spool_radius"] * seen["drive_velocity"]
+    left = (values["supply_voltage"] - emf) / (values["motor_resistance"] + values["supply_resistance"])
+    fast = slice(100, None)
+    np.testing.assert_allclose(seen["motor_current"][fast], left[fast], rtol=1e-2, atol=1e-3)
+    assert 0.7 * values["supply_voltage"] < emf[-1] < values["supply_voltage"]
+
+
+@pytest.mark.parametrize("rig", [HOLE, SHEATH, SERIES], ids=["hole", "sheath", "series"])
+def test_it_stays_at_rest(rig):
+    plant = load_rig(rig).simulated_by()
+    mode = plant.action_modes[0]
+    column = load_rig(rig).column(plant)[: len(plant.parameters)]
+    x = plant.rest(plant.prepare(column), np.zeros(1))
+    rest = float(x[plant.row(mode.rest_signal), 0])
+    seen = driven(rig, {}, lambda t: rest, mode.name, steps=300)[1]
+    assert np.ptp(seen["load_position"]) == 0.0 and np.ptp(seen["drive_position"]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("env_id", "rig"),
+    [
+        ("cable_envs/CableHole-Position-Sine-v1", HOLE),
+        pytest.param("cable_envs/CableHole-Position-Sine-v1", SERIES, marks=pytest.mark.slow),
+        ("cable_envs/TendonSheath-Position-Sine-v1", SHEATH),
+    ],
+    ids=["hole", "series", "sheath"],
+)
+def test_lanes_are_single_environments_to_the_bit_and_the_agent_sees_the_encoder(env_id, rig):
+    options = {"rig": load_rig(rig), "observe": "output"}
+    if rig != HOLE:
+        options["effects"] = {"backlash": {"gap": 1e-4}}
+    many = gym.make_vec(env_id, num_envs=3, vectorization_mode="vector_entry_point", **options)
+    alone = [gym.make(env_id, **options) for _ in range(3)]
+    first = many.reset(seed=[3, 4, 5])[0]
+    np.testing.assert_array_equal(first, [one.reset(seed=s)[0] for one, s in zip(alone, (3, 4, 5), strict=True)])
+    channel = [c.name for c in alone[0].unwrapped.channels].index("drive_position")
+    scale, rng = alone[0].unwrapped.channels[channel].scale, np.random.default_rng(0)
+    for _ in range(40):
+        actions = rng.uniform(-1.0, 1.0, (3, 1)).astype(np.float32)
+        together = many.step(actions)[0]
+        steps = [one.step(a) for one, a in zip(alone, actions, strict=True)]
+        np.testing.assert_array_equal(together, [step[0] for step in steps])
+        assert steps[0][0][channel] * scale == pytest.approx(steps[0][4]["encoder_position"], rel=1e-6, abs=1e-9)
+
+
+def test_readings_are_at_the_ends_of_steps():
+    """Steps that the encoder's period is no multiple of would read late, by up to a step."""
+    quick = load_rig(SHEATH).replace({"load_mass": 0.02})
+    env = gym.make("cable_envs/TendonSheath-Position-Sine-v1", rig=quick)
+    assert env.unwrapped.setup.substeps % 10 == 0 and env.unwrapped.setup.substeps > 20
