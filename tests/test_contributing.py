@@ -25,6 +25,7 @@ from cable_envs import baselines
 from cable_envs.effects import EFFECTS
 from cable_envs.plants import families, plant_for
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import INPUTS
 
 # the plant: environments, one and many, its own and the new effect, what it does not offer
 assert "cable_envs/Slider-Position-Sine-v0" in cable_envs.ENV_IDS and "slider" in families()
@@ -53,7 +54,7 @@ else:
 # the physics: at rest under a held force the spring carries it
 slider = plant_for("slider")
 values = slider.table.pack({})[:, None]
-p, u = slider.prepare(values), np.zeros((4, 1))
+p, u = slider.prepare(values), np.zeros((INPUTS.count, 1))
 x = slider.rest(p, np.array([0.0]))
 u[0] = 5.0
 for _ in range(1500):
