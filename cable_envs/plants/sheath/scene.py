@@ -149,8 +149,8 @@ class SheathScene(RulerScene):
 
 def _profile(signals: Mapping[str, float]) -> np.ndarray:
     """Tensions from the drive to the load, at equal angles: of all spans where there are some, else of both ends."""
-    inner: list[float] = []
     name = "span_tension_{}"
+    inner: list[float] = []
     while name.format(len(inner) + 1) in signals:
         inner.append(signals[name.format(len(inner) + 1)])
     return np.array([signals["drive_tension"], *inner, signals["load_tension"]])
