@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.properties.measures import MOST, determined, nudged
+from benchmarks.properties.measures import MOST, compared, determined, nudged
 from benchmarks.properties.rigs import Box, drawn
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import Rig, load_rig
@@ -90,8 +90,7 @@ def differs(setup: Setup, coarse: Episode, fine: Episode) -> float:
     many, worst = min(len(coarse.time), len(fine.time)), 0.0
     for signal in setup.plant.signals:
         name, of_drive = signal.name, SIZES.get(signal.unit)
-        shown = name.endswith(("_position", "_angle", "_tension", "_torque")) or name.startswith("tension_")
-        if not shown or of_drive is None or name not in fine.signals:
+        if not compared(name) or of_drive is None or name not in fine.signals:
             continue
         a, b = coarse.signals[name][:many], fine.signals[name][:many]
         size = b - b.mean() if signal.unit in ("m", "rad") else _drive(fine, of_drive)[:many]

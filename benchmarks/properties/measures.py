@@ -23,6 +23,15 @@ SMALLEST = {"m": 1e-5, "rad": 2e-4, "N": 5e-3, "N m": 1e-4}
 """By unit: a hundredth of what a task's reward calls a small error. What moves less is compared with this."""
 
 
+def compared(name: str) -> bool:
+    """Whether a signal is compared: positions and forces, but not those of the motor.
+
+    Its torque jumps where the drive turns round, by the friction of its gear: there is no difference to be small.
+    """
+    shown = name.endswith(("_position", "_angle", "_tension", "_torque")) or name.startswith("tension_")
+    return shown and not name.startswith("motor_")
+
+
 def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray:
     """Worst signal's difference (root mean square) between steps and `FINER` times shorter ones, shape (n,).
 
@@ -33,8 +42,7 @@ def step_error(trial: Trial, coarse: np.ndarray, fine: np.ndarray) -> np.ndarray
     forces = {s.unit: plant.row(s.name) for s in plant.signals if s.name in ("drive_tension", "drive_torque")}
     forces.setdefault("N", next((plant.row(s.name) for s in plant.signals if s.name == "tension_drive_top"), -1))
     for row, signal in enumerate(plant.signals):
-        shown = signal.name.endswith(("_position", "_angle", "_tension", "_torque"))
-        if shown or signal.name.startswith("tension_"):
+        if compared(signal.name):
             still = signal.unit in ("m", "rad")
             size = fine[:, row] - fine[:, row].mean(axis=0) if still else fine[:, forces[signal.unit]]
             worst = np.maximum(
