@@ -149,6 +149,10 @@ def trajectories(
     return svg(draw, 2.55 * len(rows) + 0.7, 6.4, style)
 
 
+DRAWN_POINTS = 200
+"""Of an episode's signal in a packed board: more than a figure of two inches shows."""
+
+
 def is_drawn(signal: str) -> bool:
     """Whether `trajectories` draws this signal of an episode, so that a packed board keeps it."""
     return signal in ("time", "reference", "output", "failed") or _is_drawn_tension(signal)

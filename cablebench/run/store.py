@@ -284,14 +284,13 @@ class ResultStore:
             path.unlink()
         return len(lost)
 
-    def thin_trajectories(self, runs: Collection[str], keep: Callable[[str], bool]) -> None:
-        """Of the trajectories of ``runs`` keep only the signals whose name ``keep`` says yes to."""
+    def thin_trajectories(self, runs: Collection[str], keep: Callable[[str], bool], points: int) -> None:
+        """Of the trajectories of ``runs`` keep only the signals whose name ``keep`` says yes to, at about ``points``."""
         for run in runs:
             found = self.trajectories(run)
-            if any(not keep(name) for arrays in found.values() for name in arrays):
-                self.keep_trajectories(
-                    run, {kind: {n: a for n, a in arrays.items() if keep(n)} for kind, arrays in found.items()}
-                )
+            thin = {k: {n: _thinned(a, points) for n, a in arrays.items() if keep(n)} for k, arrays in found.items()}
+            if _sizes(thin) != _sizes(found):
+                self.keep_trajectories(run, thin)
 
     def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
         """What `keep_trajectories` saved for that run; empty where there is nothing, or a damaged file."""
@@ -309,3 +308,13 @@ class ResultStore:
         except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error):
             return {}  # nothing to draw: a picture less, and no board less
         return found
+
+
+def _thinned(values: np.ndarray, points: int) -> np.ndarray:
+    """Every second, third, ... of them and the last, so that about ``points`` are left."""
+    every = max(len(values) // points, 1) if values.ndim else 1
+    return values if every == 1 else np.append(values[:-1:every], values[-1])
+
+
+def _sizes(episodes: Mapping[str, Mapping[str, np.ndarray]]) -> dict[tuple[str, str], int]:
+    return {(kind, name): array.size for kind, arrays in episodes.items() for name, array in arrays.items()}

@@ -118,15 +118,24 @@ def test_thinned_trajectories_keep_the_signals_that_are_asked_for(tmp_path):
     arrays = {"time": np.arange(5.0), "effort": np.ones(5)}
     kept, other = (store.keep_trajectories(run, {"median": arrays, "worst": arrays}) for run in ("abc", "other"))
     before = other.read_bytes()
-    store.thin_trajectories(["abc", "never run"], lambda name: name == "time")
+    store.thin_trajectories(["abc", "never run"], lambda name: name == "time", 1000)
     assert {kind: list(found) for kind, found in store.trajectories("abc").items()} == {
         "median": ["time"],
         "worst": ["time"],
     }
     assert other.read_bytes() == before
     thinned = kept.read_bytes()
-    store.thin_trajectories(["abc"], lambda name: name == "time")
+    store.thin_trajectories(["abc"], lambda name: name == "time", 1000)
     assert kept.read_bytes() == thinned  # nothing for version control to see
+
+
+def test_thinned_trajectories_keep_their_course_and_their_end(tmp_path):
+    store = ResultStore(tmp_path / "quick.jsonl")
+    store.keep_trajectories("abc", {"worst": {"time": np.arange(1000.0), "failed": np.array([False])}})
+    store.thin_trajectories(["abc"], lambda name: True, 200)
+    found = store.trajectories("abc")["worst"]
+    assert len(found["time"]) == 201 and found["time"][-1] == 999.0 and found["time"][1] == 5.0
+    assert found["failed"].shape == (1,)
 
 
 def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):

@@ -32,7 +32,7 @@ def leaderboard(
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
     --pack compresses records and board.json (to records.jsonl.gz, board.json.gz) and drops what the page does not draw
-    of the trajectories. board.html is no part of a packed folder: this command makes it again from what is there.
+    of the trajectories, and points of what it draws. board.html is no part of a packed folder: this command makes it again from what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -53,12 +53,12 @@ def leaderboard(
 
 def _pack(store: Any, board: Any, count: int, out: Path) -> None:
     """Make the results folder small: records and board compressed, of the trajectories only what the page draws."""
-    from cablebench.board.figures import is_drawn
+    from cablebench.board.figures import DRAWN_POINTS, is_drawn
     from cablebench.board.page import shown_runs
 
     path, shown = store.pack(), shown_runs(board)
     store.forget_trajectories(shown)
-    store.thin_trajectories(shown, is_drawn)
+    store.thin_trajectories(shown, is_drawn, DRAWN_POINTS)
     written = out / "board.json"
     write_atomic(out / "board.json.gz", packed_json(read_json(written)))
     written.unlink()
