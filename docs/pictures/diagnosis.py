@@ -19,6 +19,7 @@ import numpy as np
 
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.drawing.compact_svg import compact_svg
 from cable_envs.sim.registered import setup_of
 from cablebench.export.concealed import write_concealed
 
@@ -76,6 +77,7 @@ def draw(recording: Recording, env_id: str, rigs: dict[str, Any], file: Path) ->
         axes.grid(alpha=0.3)
     figure.tight_layout()
     figure.savefig(file, metadata={"Date": None})
+    file.write_text(compact_svg(file.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
     plt.close(figure)
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from cable_envs import load_rig
 from cable_envs.core.inputs import INPUTS
+from cable_envs.drawing.compact_svg import compact_svg
 
 FILE = Path(__file__).parent / "drive.svg"
 BLOCKS = (
@@ -88,6 +89,7 @@ def main() -> None:
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlim(0.0, time[-1])
     figure.savefig(FILE, metadata={"Date": None})
+    FILE.write_text(compact_svg(FILE.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ import matplotlib as mpl
 import matplotlib.pyplot as plt
 import numpy as np
 
+from cable_envs.drawing.compact_svg import compact_svg
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
 
@@ -66,6 +67,7 @@ def main() -> None:
         axes.grid(alpha=0.3)
     figure.tight_layout()
     figure.savefig(FILE, metadata={"Date": None})
+    FILE.write_text(compact_svg(FILE.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
