@@ -373,8 +373,11 @@ def solve(q, p, e, s, lanes, dt, anew):
             _chords(q, lanes)
         if solves:
             left = _check(q, p, e, s, lanes, dt)
+        stuck = (
+            solves and left > 0 and passes % PASSES == 0
+        )  # the laws at what a sweep found lead to a pass, not a sweep
         solves = True
-        if left and passes > 0 and passes % PASSES == 0:
+        if stuck:
             solves, turned = False, 0
             for i in range(lanes):
                 if q.pending[i] > 0.5:
