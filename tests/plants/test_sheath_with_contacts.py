@@ -52,14 +52,14 @@ def tensions(seen, contacts=CONTACTS):
 
 
 @MODES
-def test_moves_as_forty_contacts_integrated_by_scipy_while_the_posture_changes(mode):
+def test_moves_as_thirty_contacts_integrated_by_scipy_while_the_posture_changes(mode):
     """Smoothed friction, LSODA, another number of contacts: all that is common is the physics."""
-    steps = 100
+    steps = 60
     command, turn = wave(mode, 0.9, steps), np.arange(1, steps + 1) * PERIOD
     posture = 1.2 * np.sin(2 * np.pi * 0.7 * turn)
     rig = {**RIG, "tendon_damping": 0.0}
     seen = run(values_of(tendon_damping=0.0), mode, command=command, rate=np.zeros(steps), posture=posture)
-    t0, tn, y = Chain(rig, 40, START, mode).run(command, RIG["bend_angle"] + posture, PERIOD)
+    t0, tn, y = Chain(rig, 30, START, mode).run(command, RIG["bend_angle"] + posture, PERIOD)
     assert np.abs(seen["drive_tension"] - t0).max() < 0.02 * t0.max()
     assert np.abs(seen["load_tension"] - tn).max() < 0.02 * tn.max()
     assert np.abs(seen["load_position"] - y).max() < 0.01 * np.ptp(y)
@@ -67,14 +67,15 @@ def test_moves_as_forty_contacts_integrated_by_scipy_while_the_posture_changes(m
 
 
 def test_is_a_distributed_tendon_within_reversals_too():
-    """At rest in every moment, 400 elements: what one contact misses by 7 N, twenty miss by less than 0.5 N."""
+    """At rest in every moment, 400 elements: what one contact misses by 7 N, twenty miss by less than 0.1 N."""
     quiet = values_of(load_damping=0.0)
     seen = run(quiet, "position", 0.05, 4000, hold="ramp")
     every = slice(19, None, 20)
     y, t1, t2 = distributed(PLANT.table.unpack(quiet[:, 0]), seen["drive_position"][every], START)
     assert seen["load_position"][every] == pytest.approx(y, abs=2e-5)  # of 17 mm
     assert seen["load_tension"][every] == pytest.approx(t2, abs=0.05)
-    assert np.abs(seen["drive_tension"][every] - t1).max() < 0.5  # of 56 N; 7 with one contact
+    # of 56 N; it begins with a jump of the drive's speed, which is over after a second
+    assert np.abs(seen["drive_tension"][every] - t1)[5:].max() < 0.1
 
 
 @pytest.mark.parametrize("contacts", [1, 2, 50])
@@ -86,14 +87,14 @@ def test_sliding_throughout_the_ends_are_in_the_capstan_ratio_for_any_number_of_
 
 def test_backlash_has_the_width_of_the_closed_form():
     """From sliding in to sliding out, T_N held by the load F: F / k (e^r + e^-r - 2) / r of the drive's travel."""
-    plant = plant_for("tendon_sheath", contacts=50)
-    stiff = values_of(plant, load_stiffness=0.0, load_preload=30.0, load_damping=400.0)
+    free = values_of(load_stiffness=0.0, load_preload=30.0)
     path = np.concatenate([np.linspace(0.004, 0.012, 300), np.linspace(0.012, 0.004, 600)])
-    seen = run(stiff, "position", command=path, plant=plant)
-    back = np.flatnonzero(seen["load_velocity"][310:] < -1e-4)[0] + 310
+    seen = run(free, "position", command=path)
+    turn = seen["drive_position"].argmax() + 5
+    back = np.flatnonzero(seen["load_velocity"][turn:] < -1e-3)[0] + turn
     travel = seen["drive_position"].max() - seen["drive_position"][back]
     r, k = RIG["friction_coefficient"] * RIG["bend_angle"], 1 / (1 / 14.4e3 + 1 / 60e3)
-    assert travel == pytest.approx(30.0 / k * (math.exp(r) + math.exp(-r) - 2.0) / r, rel=0.03)  # a sample is 1.3 %
+    assert travel == pytest.approx(30.0 / k * (math.exp(r) + math.exp(-r) - 2.0) / r, rel=0.02)  # a sample is 1.6 %
 
 
 @MODES
@@ -202,8 +203,8 @@ def test_slack_and_taut_again():
     path = np.concatenate([np.full(100, -0.02), np.linspace(-0.02, 0.01, 200), np.full(100, 0.01)])
     seen = run(values_of(load_stiffness=0.0, load_damping=400.0), "position", command=path)
     assert seen["slack_fraction"][20:60].min() == 1.0 and tensions(seen).min() == 0.0
-    assert seen["load_tension"][-1] == pytest.approx(RIG["load_preload"], rel=0.02)
-    assert np.all(np.diff(tensions(seen)[:, -1]) < 0.0)
+    assert np.all(np.diff(tensions(seen)[:, 285]) < 0.0)  # pulled in again, every contact slips
+    assert seen["load_tension"][-1] == pytest.approx(RIG["load_preload"], rel=1e-6)
 
 
 # -- effects ----------------------------------------------------------------------------------------------------------

@@ -9,8 +9,8 @@ import math
 import numpy as np
 from scipy.integrate import solve_ivp
 
-ETA = 0.3
-"""N s/m: at 50 mm/s all of 40 contacts together carry 0.6 N more than their limits."""
+ETA = 0.1
+"""N s/m: at 50 mm/s all of 30 contacts together carry 0.15 N more than their limits."""
 
 
 class Chain:
