@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.circuit import chain as pulley_chain
 from cable_envs.plants.circuit.closed_form import PLANT
 from cable_envs.plants.circuit.ends import cosine
@@ -180,7 +181,7 @@ def random_columns(rng: np.random.Generator, n: int):
 @pytest.mark.parametrize("mode", [0.0, 1.0])
 def test_a_nan_shows_in_the_peak_tension_and_stays_in_its_column(plant, mode):
     p = plant.prepare(np.repeat(plant.parameters.pack({})[:, None], 3, axis=1))
-    x, u = plant.rest(p, np.zeros(3)), np.zeros((4, 3))
+    x, u = plant.rest(p, np.zeros(3)), np.zeros((len(INPUTS), 3))
     u[2], u[0, 1] = mode, np.nan
     plant.advance(x, p, u, 0, 3, 10, 1e-3)
     np.testing.assert_array_equal(np.isnan(x[plant.row("peak_tension")]), [False, True, False])
@@ -204,7 +205,7 @@ def test_stiff_light_and_nearly_undamped_rigs_stay_bounded(plant):
     for substeps in (10, 100):
         p = plant.prepare(values)
         plant.raise_to(p, 0.01 / substeps)
-        x, u, peak = plant.rest(p, np.zeros(n)), np.zeros((4, n)), np.zeros(n)
+        x, u, peak = plant.rest(p, np.zeros(n)), np.zeros((len(INPUTS), n)), np.zeros(n)
         u[2] = mode
         for step in range(300):
             u[0] = commands[step // 10 % 10] * np.where(mode > 0, 0.6, 1.5)

@@ -6,6 +6,7 @@ from types import ModuleType
 import numpy as np
 
 from cable_envs.baselines import make_controller
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.circuit import chain as pulley_chain
 from cable_envs.plants.circuit import closed_form as pulley_circuit
 from cable_envs.plants.hole import plant as cable_hole
@@ -77,7 +78,7 @@ def simulate(controller, reference, duration, rig=None, disturbance=0.0):
     x = plant.rest(p, np.array([rest_position(plant_name, task, rig, reference(0.0)[0])]))
     names = [s.name for s in plant.signals]
     mode = [m.name for m in plant.action_modes].index(controller.action_mode)
-    u, last = np.zeros((4, 1)), None
+    u, last = np.zeros((len(INPUTS), 1)), None
     u[3] = disturbance
     rows, commands, targets = [], [], []
     controller.set_rig(rig)

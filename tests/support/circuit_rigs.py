@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.base import Plant
 from tests.support.inputs import COMMAND, COMMAND_RATE, MODE
 
@@ -27,7 +28,7 @@ class Run:
         self.plant = plant
         self.p = plant.prepare(plant.parameters.pack(rig)[:, None])
         self.x = plant.rest(self.p, np.array([position]))
-        self.u = np.zeros((4, 1))
+        self.u = np.zeros((len(INPUTS), 1))
         self.u[MODE] = [m.name for m in plant.action_modes].index(mode)
         self.u[COMMAND] = self.x[plant.row("drive_angle" if mode == "position" else "drive_torque")]
         self.states = [self.x[:, 0].copy()]
