@@ -1,6 +1,6 @@
 """Properties of every plant over random rigs: one table, in the terminal and as a page of the documentation.
 
-python -m benchmarks.properties [--rigs 200] [--out docs/properties.md]
+python -m benchmarks.properties [--rigs 40] [--out docs/properties.md]
 """
 
 import argparse
@@ -166,7 +166,7 @@ The table is made by `make properties` ({rigs} rigs of the usual box, {few} of o
 def main(arguments: list[str] | None = None) -> None:
     """Print the table, and write the page."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.properties", description=__doc__)
-    parser.add_argument("--rigs", type=int, default=200, help="random rigs for each shipped rig and kind of command")
+    parser.add_argument("--rigs", type=int, default=40, help="random rigs for each shipped rig and kind of command")
     parser.add_argument("--seed", type=int, default=1, help="of the random rigs")
     parser.add_argument("--out", type=Path, help="file for the table as a page")
     chosen = parser.parse_args(arguments)
