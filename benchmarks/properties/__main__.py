@@ -135,6 +135,18 @@ def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
     return tuple("0" if v == 0.0 else form.format(v) for v in found)  # type: ignore[return-value]
 
 
+def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
+    """A table for every rig and simulator, as Markdown; what is as in the line above is left out."""
+    title, above = "", ("", "", "")
+    for line in lines:
+        if f"{line[0]}, {line[1]}" != title:
+            title, above = f"{line[0]}, {line[1]}", ("", "", "")
+            yield f"\n## {title}\n\n| {' | '.join(HEAD[2:])} |\n|{'---|' * len(HEAD[2:])}\n"
+        told = tuple("" if now == before else now for now, before in zip(line[2:5], above, strict=True))
+        above = line[2:5]
+        yield f"| {' | '.join((*told, *line[5:]))} |\n"
+
+
 PAGE = """# Properties of the plants, over random rigs
 
 Every parameter of a shipped rig is drawn between {factor:g} times less and {factor:g} times more, log-uniformly; the
@@ -179,7 +191,7 @@ def main(arguments: list[str] | None = None) -> None:
             factor=FACTOR, seconds=SECONDS, loop=loops.SECONDS, usual=USUAL, finer=FINER, rigs=chosen.rigs,
             few=max(chosen.rigs // 5, 1), loops=max(chosen.rigs // 20, 1),
         )  # fmt: skip
-        chosen.out.write_text(page + "".join(f"| {' | '.join(line)} |\n" for line in lines), encoding="utf-8")
+        chosen.out.write_text(page + "".join(_tables(lines[2:])), encoding="utf-8")
     print(f"{time.monotonic() - began:.0f} s", file=sys.stderr)
 
 

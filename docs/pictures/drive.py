@@ -4,6 +4,7 @@ Run ``python docs/pictures/drive.py`` (seconds); it writes drive.svg beside itse
 of a Bowden cable in by 10 mm.
 """
 
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +89,9 @@ def main() -> None:
     for axes in (left, below):
         axes.spines[["top", "right"]].set_visible(False)
         axes.set_xlim(0.0, time[-1])
-    figure.savefig(FILE, metadata={"Date": None})
-    FILE.write_text(compact_svg(FILE.read_text(encoding="utf-8")) + "\n", encoding="utf-8")
+    text = StringIO()
+    figure.savefig(text, format="svg", metadata={"Date": None})
+    FILE.write_text(compact_svg(text.getvalue()), encoding="utf-8")
 
 
 if __name__ == "__main__":
