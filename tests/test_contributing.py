@@ -22,6 +22,7 @@ TRY = """
 import gymnasium as gym, numpy as np
 import cable_envs
 from cable_envs import baselines
+from cable_envs.core.inputs import INPUTS
 from cable_envs.effects import EFFECTS
 from cable_envs.plants import families, plant_for
 from cable_envs.core.errors import ConfigurationError

@@ -295,8 +295,9 @@ def test_gu_eq35_inner_loop_has_the_time_constant_of_its_gains():
 
 _WITHOUT_JIT = """
 import numpy as np
+from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.hole.plant import PLANT
-p = PLANT.prepare(PLANT.parameters.pack({})[:, None]); x = PLANT.rest(p, np.zeros(1)); u = np.zeros((5, 1))
+p = PLANT.prepare(PLANT.parameters.pack({})[:, None]); x = PLANT.rest(p, np.zeros(1)); u = np.zeros((len(INPUTS), 1))
 for command in (49.0, 75.0, 30.0):
     u[0] = command
     for _ in range(4): PLANT.advance(x, p, u, 0, 1, 10, 1e-3)
