@@ -285,7 +285,7 @@ class ResultStore:
         return len(lost)
 
     def thin_trajectories(self, runs: Collection[str], keep: Callable[[str], bool], points: int) -> None:
-        """Of the trajectories of ``runs`` keep only the signals whose name ``keep`` says yes to, at about ``points``."""
+        """Of the trajectories of ``runs`` keep about ``points`` of the signals whose name ``keep`` says yes to."""
         for run in runs:
             found = self.trajectories(run)
             thin = {k: {n: _thinned(a, points) for n, a in arrays.items() if keep(n)} for k, arrays in found.items()}

@@ -31,8 +31,9 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses records and board.json (to records.jsonl.gz, board.json.gz) and drops what the page does not draw
-    of the trajectories, and points of what it draws. board.html is no part of a packed folder: this command makes it again from what is there.
+    --pack compresses records and board.json (to records.jsonl.gz, board.json.gz), drops what the page does not draw of
+    the trajectories, and thins what it draws. board.html is no part of a packed folder: this command makes it again
+    from what is there.
     """
     from cablebench.run.folders import open_store
 
