@@ -7,7 +7,7 @@ import pytest
 
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.proof.baselines import BASELINES
-from cable_envs.proof.cases import AT_REST, BANDS, PERIOD, Case, digest, make, plan
+from cable_envs.proof.cases import AT_REST, BANDS, PERIOD, Case, make, plan
 from cable_envs.proof.effects import LIBRARY, STRANGE, SYSTEMS, find
 from cable_envs.proof.excitation import reference
 from cable_envs.proof.refit import Refit
