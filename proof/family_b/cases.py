@@ -22,6 +22,8 @@ from cable_envs.proof.writing import concealment, profile, write_recording
 FAMILY = "B"
 DIGITS = 10
 """Of the numbers in the tables: a clock of minutes in microseconds."""
+PACE = {"linear_drive": 2.0, "cable_hole": 1.0, "pulley_circuit": 1.0}
+"""How quick motions are; a belt shows where it is accelerated."""
 ALONE = tuple(kind for kind in KINDS if kind not in ("white", "rest", "user"))
 """Kinds of logs with one fault each."""
 
@@ -142,7 +144,7 @@ def _drawn(case: Case) -> _Drawn:
     rig = random_rig(case.system, rng, missing, case.noise, period)
     references, lengths = [], rng.uniform(22.0, 34.0, 3)
     for seconds, design in zip(lengths, rng.permutation(list(DESIGNS))[:3], strict=True):
-        references.append(rig.centre + reference(str(design), rng, seconds, rig.amplitude, CLOCK))
+        references.append(rig.centre + reference(str(design), rng, seconds, rig.amplitude, CLOCK, PACE[case.system]))
     logger = random_logger(case.noise, rng, rig.noise)
     logger = replace(logger, period=period) if period else logger
     at = [logger.instants(rng, seconds) for seconds in lengths]

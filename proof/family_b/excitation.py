@@ -5,7 +5,9 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 
-def reference(design: str, rng: np.random.Generator, seconds: float, amplitude: float, clock: float) -> np.ndarray:
+def reference(
+    design: str, rng: np.random.Generator, seconds: float, amplitude: float, clock: float, pace: float = 1.0
+) -> np.ndarray:
     """A reference motion about zero.
 
     Parameters
@@ -16,6 +18,8 @@ def reference(design: str, rng: np.random.Generator, seconds: float, amplitude: 
         Draws its numbers.
     seconds, amplitude, clock : float
         Length, s; about the largest excursion; s between ticks.
+    pace : float
+        How much quicker it all is.
 
     Returns
     -------
@@ -23,7 +27,7 @@ def reference(design: str, rng: np.random.Generator, seconds: float, amplitude: 
         It starts at zero and stays there for half a second.
     """
     t = np.arange(round(seconds / clock)) * clock
-    motion = DESIGNS[design](rng, t) * amplitude * np.clip((t - 0.5) / 2.0, 0.0, 1.0)
+    motion = DESIGNS[design](rng, pace * t) * amplitude * np.clip((t - 0.5) / 2.0, 0.0, 1.0)
     width = max(round(0.06 / clock), 1)  # corners are rounded three times: the acceleration is continuous
     for _ in range(3):
         padded = np.concatenate([np.full(width, motion[0]), motion, np.full(width, motion[-1])])

@@ -14,6 +14,7 @@ from cable_envs.proof.refit import Refit
 from cable_envs.proof.rigs import CLOCK, random_rig
 from cable_envs.proof.run import make_one, prove
 from cable_envs.proof.sensors import stamps
+from cable_envs.proof.writing import digest
 
 ONE = {
     "linear_drive": Case("case-0001", 11, "linear_drive", "single", ("stribeck_friction",), "3-10"),

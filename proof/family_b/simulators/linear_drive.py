@@ -90,7 +90,7 @@ def _run(p, reference, rate, start, out):
     z, lag, lag2, total, heat = 0.0, 0.0, 0.0, 0.0, 0.0
     slosh, sway = 0.0, 0.0
     for k in range(len(reference)):
-        out[k, 0], out[k, 1], out[k, 3] = x, v, xm
+        out[k, 0], out[k, 1], out[k, 3] = x, v, xm if two else x
         counted[k] = np.round(x / p.count) * p.count if p.count > 0.0 else x
         a, b = max(k - whole, 0), max(k - whole - 1, 0)
         error = reference[k] - (counted[a] + part * (counted[b] - counted[a]))

@@ -32,7 +32,8 @@ SLACKEST = 1e-11
 """m: pieces of rope that move by less in a turn rest."""
 TIGHT = 1.0 + 1e-9
 """A piece that rests is let go where its limit is exceeded by more than this factor."""
-TURNS, SWEEPS = 20, 2000
+TURNS, ALONE = 20, 400
+"""Turns in which all pieces change their ways at once, and further ones in which the first alone does (Murty 1974)."""
 
 TABLE = Table(__name__, {
     "tensile_stiffness": 1.684e4, "pretension_top": 50.0, "pretension_bottom": 50.0, "shaft_friction": 0.157,
@@ -121,11 +122,11 @@ def _relaxed(p, ea, pre, front, back, s, ways, lengths, limits, crept, crept2, t
 
     ways [8]: which way each slides, first as it did in the step before. Those that slide keep their limits, those that
     rest stay: one tridiagonal system; then pieces whose limit is exceeded are let go and those that would slide against
-    their friction are stopped, until the sets stay as they are. What is left after `TURNS` is relaxed piece by piece.
+    their friction are stopped, until the sets stay as they are.
     """
     last = len(s)
     start, upper, known, step = s.copy(), np.empty(last), np.empty(last), np.empty(last)
-    for _ in range(TURNS):
+    for turn in range(TURNS + ALONE):
         _spans(p, ea, pre, front, back, s, lengths, crept, crept2, tension)
         for i in range(last):
             n, low, high, own = limits[i], 0.0, 0.0, 1.0
@@ -148,6 +149,8 @@ def _relaxed(p, ea, pre, front, back, s, ways, lengths, limits, crept, crept2, t
             s[i] += step[i]
         _spans(p, ea, pre, front, back, s, lengths, crept, crept2, tension)
         for i in range(last):
+            if changed and turn >= TURNS:
+                break
             if ways[i] == 0:
                 if tension[i] > limits[i] * tension[i + 1] * TIGHT:
                     ways[i], changed = 1, True
@@ -156,29 +159,16 @@ def _relaxed(p, ea, pre, front, back, s, ways, lengths, limits, crept, crept2, t
             elif (s[i] - start[i]) * ways[i] < -SLACKEST:
                 ways[i], s[i], changed = 0, start[i], True
         if not changed and most < SLACKEST:
-            return
-    for sweep in range(SWEEPS):
-        most = 0.0
-        for k in range(last):
-            i = k if sweep % 2 == 0 else last - 1 - k
-            _spans(p, ea, pre, front, back, s, lengths, crept, crept2, tension)
-            n, move = limits[i], 0.0
-            if tension[i] > n * tension[i + 1]:
-                move = (tension[i] - n * tension[i + 1]) / (ea * (1.0 / lengths[i] + n / lengths[i + 1]))
-            elif tension[i + 1] > n * tension[i]:
-                move = -(tension[i + 1] - n * tension[i]) / (ea * (n / lengths[i] + 1.0 / lengths[i + 1]))
-            s[i] += move
-            most = max(most, abs(move))
-        if most < SLACKEST:
             break
-    for i in range(last):
-        ways[i] = 0
-    _spans(p, ea, pre, front, back, s, lengths, crept, crept2, tension)
 
 
 @jit
-def _run(p, logs, lengths, reference, rate, start, out):
-    """Fill ``out`` [ticks, 6] (`OUTPUTS`). logs [2, 4]: ln lambda; lengths [2, 9]: of spans and wrapped rope, m."""
+def _run(p, logs, worn, lengths, reference, rate, start, out):
+    """Fill ``out`` [ticks, 6] (`OUTPUTS`).
+
+    logs, worn [2, 4]: ln lambda at first and when friction has drifted wholly; lengths [2, 9]: of spans and of the rope
+    that slides, m.
+    """
     h = p.step
     substeps = round(CLOCK / h)
     ea = 1.0 / (1.0 / p.tensile_stiffness + p.cable_elongation_compliance)
@@ -207,9 +197,13 @@ def _run(p, logs, lengths, reference, rate, start, out):
         now = max(tick, 0)
         ahead = min(now + 1, len(reference) - 1) if tick >= 0 else now
         for n in range(settle if tick < 0 else substeps):
+            done = 0.0
+            if p.friction_drift_change != 0.0:
+                done = drifted(p.friction_drift_form, t, p.friction_drift_time)
             for a in range(2):
                 for i in range(4):
-                    limits[a, 2 * i] = limits[a, 2 * i + 1] = np.exp(0.5 * logs[a, i])
+                    level = logs[a, i] + done * (worn[a, i] - logs[a, i])
+                    limits[a, 2 * i] = limits[a, 2 * i + 1] = np.exp(0.5 * level)
                 side = 1.0 - 2.0 * a
                 front = side * R0 * _hauled(p, pulley if p.backlash_gap > 0.0 else angle)
                 back = side * R5 * theta
@@ -327,8 +321,10 @@ def simulate(values: Mapping[str, float], reference: np.ndarray, start: float = 
     """
     p = TABLE.pack(values)
     logs, slip = contact_logs(p.cable_friction, p.shaft_friction)
+    more = 1.0 + p.friction_drift_change
+    worn, _ = contact_logs(p.cable_friction * more, p.shaft_friction * more)
     reference = np.ascontiguousarray(reference, dtype=np.float64)
     out = np.empty((len(reference), len(OUTPUTS)))
-    _run(p, logs, spans(slip), reference, np.gradient(reference, CLOCK), start, out)
+    _run(p, logs, worn, spans(slip), reference, np.gradient(reference, CLOCK), start, out)
     signals = dict(zip(OUTPUTS, out.T, strict=True))
     return {"time": start + CLOCK * np.arange(len(reference)), **signals, "drive_angle_command": reference}
