@@ -1,13 +1,11 @@
 """Cases: a seed makes a recording folder, as an engineer would hand it over, and the key that says what is in it."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from cable_envs.proof import effects as library
 from cable_envs.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, Missing, find
@@ -15,13 +13,12 @@ from cable_envs.proof.excitation import DESIGNS, reference
 from cable_envs.proof.refit import Refit
 from cable_envs.proof.rigs import CLOCK, TrueRig, observe, random_rig
 from cable_envs.proof.sensors import Colour, flat, quantise, random_colour, stamps
+from cable_envs.proof.writing import concealment, profile, write_recording
 
 KEY_SCHEMA = "cable-proof-key/1"
 KINDS = ("single", "pair", "nothing", "decoy", "strange")
 BANDS: Mapping[str, tuple[float, float]] = {"1-3": (0.01, 0.03), "3-10": (0.03, 0.10), ">10": (0.10, 0.6)}
 """Growth of the RMS over the noise after the refit."""
-BIN = 0.5
-"""s, of the profile that says when the mismatch acts."""
 PERIOD = 0.01
 AT_REST = 120.0
 """s of a record in which nothing moves, that comes with coloured noise; white noise is stated as a number."""
@@ -164,7 +161,7 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     floor = {c: float(np.sqrt(np.mean((tables[-1][c] - clean[-1][c]) ** 2))) for c in rig.noise}
     if case.noise != "white":
         tables.append(_at_rest(rig, colours, references[0][0], first, rng))
-    _write(folder, rig, case, claimed, tables)
+    write_recording(folder, rig, claimed, tables, case.noise == "white")
     key = {
         "schema": KEY_SCHEMA,
         "case": asdict(case),
@@ -177,9 +174,9 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
         "true_nominal": {t.name: t.value for t in rig.told if t.refitted},
         "noise_std": dict(rig.noise),
         "noise_floor": floor,
-        "mismatch": _profile(found.left, at[:2], offsets[:2]) if found else [],
+        "mismatch": profile(found.left, at[:2], offsets[:2]) if found else [],
     }
-    return key | {"concealment": _concealment(case, key, found)}
+    return key | {"concealment": concealment(key, found)}
 
 
 def _sizes(
@@ -249,96 +246,3 @@ def _sensed(
             values = quantise(values + colours[name].draw(rng, len(values), std), 0.5 * std)
         table[name] = values
     return table
-
-
-_SHOWN_IN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3)}
-_UNITS = {
-    "position": "m", "velocity": "m/s", "force": "N", "position_reference": "m", "drive_position": "m",
-    "drive_velocity": "m/s", "drive_tension": "N", "load_position": "m", "load_tension": "N",
-    "drive_velocity_command": "m/s", "drive_angle": "rad", "drive_torque": "N m", "output_angle": "rad",
-    "output_torque": "N m", "drive_angle_command": "rad", "time": "s",
-}  # fmt: skip
-
-
-def _write(
-    folder: Path, rig: TrueRig, case: Case, claimed: Mapping[str, Any], tables: Sequence[Mapping[str, np.ndarray]]
-) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    shown = {name: _SHOWN_IN.get(_UNITS[name], (_UNITS[name], 1.0)) for name in tables[0]}
-    for k, table in enumerate(tables, 1):
-        columns = np.column_stack([values * shown[name][1] for name, values in table.items()])
-        header = ",".join(table)
-        np.savetxt(folder / f"run_{k}.csv", columns, delimiter=",", header=header, comments="", fmt="%.8g")
-    white = case.noise == "white"
-    content: dict[str, Any] = {"schema": "cable-recording/1", "system": rig.system}
-    if rig.preset:
-        content["rig"] = rig.preset
-    content["known"] = {n: {"value": v, "unit": u} for n, (v, std, u) in claimed.items() if std is None}
-    content["nominal"] = {
-        n: {"value": float(f"{v:.6g}"), "std": float(f"{std:.4g}"), "unit": u}
-        for n, (v, std, u) in claimed.items()
-        if std is not None
-    }
-    uses = ("fit", "fit", "heldout", "rest")[: len(tables)]
-    content["records"] = [{"data": f"run_{k}.csv", "use": use} for k, use in enumerate(uses, 1)]
-    content["channels"] = {}
-    for name, (unit, factor) in shown.items():
-        entry: dict[str, Any] = {"column": name, "unit": unit}
-        if name in rig.noise and white:  # whoever gives a number takes the noise for white
-            entry["noise_std"] = float(f"{rig.noise[name] * factor:.4g}")
-        content["channels"][name] = entry
-    (folder / "recording.yaml").write_text(yaml.safe_dump(_plain(content), sort_keys=False), encoding="utf-8")
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Mapping):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_plain(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _profile(left: np.ndarray, at: Sequence[np.ndarray], offsets: Sequence[float]) -> list[list[float]]:
-    """[start s, share of the mismatch's energy] of every `BIN` of the fit records, on the recording's clock."""
-    energy = (left**2).sum(axis=1)
-    total, row, bins = max(energy.sum(), 1e-300), 0, []
-    for times, offset in zip(at, offsets, strict=True):
-        own = energy[row : row + len(times)]
-        row += len(times)
-        place = np.floor(times / BIN).astype(int)
-        sums = np.bincount(np.maximum(place, 0), weights=own)
-        bins += [[round(offset + BIN * k, 6), float(s / total)] for k, s in enumerate(sums)]
-    return bins
-
-
-def _concealment(case: Case, key: Mapping[str, Any], found: Any) -> list[str]:
-    """How the effect is concealed, by measure; several may apply."""
-    if found is None:
-        return []
-    kinds = []
-    if key["absorbed"] > 0.9:
-        kinds.append("absorbed_by_refit")
-    by = key["excess_by_channel"]
-    output, effort = {
-        "linear_drive": ("position", "force"),
-        "cable_hole": ("load_position", "drive_tension"),
-        "pulley_circuit": ("output_angle", "drive_torque"),
-    }[case.system]
-    if by[output] < 0.33 * by[effort]:
-        kinds.append("masked_by_loop")
-    shares = np.sort([share for _, share in key["mismatch"]])[::-1]
-    if np.searchsorted(np.cumsum(shares), 0.8) + 1 < 0.2 * len(shares):
-        kinds.append("brief")
-    if key["added"] < 0.03:
-        kinds.append("small_in_rms")
-    if case.kind == "pair":
-        kinds.append("behind_another_effect")
-    return kinds
-
-
-def digest(folder: Path) -> str:
-    """Hash of a recording folder's files."""
-    total = hashlib.sha256()
-    for file in sorted(folder.iterdir()):
-        total.update(file.name.encode() + b"\0" + file.read_bytes())
-    return total.hexdigest()

@@ -13,7 +13,7 @@ from itertools import accumulate, pairwise
 
 import numpy as np
 
-from cable_envs.proof.rigs import CLOCK, SIMULATE, TrueRig, observe
+from cable_envs.proof.rigs import CLOCK, TrueRig, observe, simulated
 
 STEPS = 6
 """Of a refit at most; it ends where what is left is most of what there is."""
@@ -113,7 +113,7 @@ class Refit:
     def simulate(self, changes: Mapping[str, float], reference: np.ndarray) -> dict[str, np.ndarray]:
         """All signals at every tick, before sensors."""
         own = {k: v for k, v in changes.items() if ":" not in k}
-        return SIMULATE[self.rig.system]({**self.rig.values, **own}, reference)
+        return simulated(self.rig, {**self.rig.values, **own}, reference)
 
     def excess(self, changes: Mapping[str, float]) -> Excess:
         """What ``changes`` leave after the refit."""

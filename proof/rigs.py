@@ -35,6 +35,9 @@ class TrueRig:
     given: tuple[str, ...]
     """channels that are commands: recorded without noise"""
     preset: str | None = None
+    simulate: Callable[..., dict[str, np.ndarray]] | None = None
+    """another simulator of the system than generator A's (`SIMULATE`)"""
+    fault: Callable[..., dict[str, np.ndarray]] = distort
 
 
 SIMULATE: Mapping[str, Callable[..., dict[str, np.ndarray]]] = {
@@ -185,6 +188,26 @@ def _circuit(rng, names, known) -> TrueRig:
     )  # fmt: skip
 
 
+def simulated(rig: TrueRig, values: Mapping[str, float], reference: np.ndarray) -> dict[str, np.ndarray]:
+    """All signals of a rig at every tick of `CLOCK`, before sensors: of its own simulator, or generator A's.
+
+    Parameters
+    ----------
+    rig : TrueRig
+        The rig.
+    values : Mapping of str to float
+        All that the simulator is to be told.
+    reference : ndarray, shape (ticks,)
+        What the drive is told.
+
+    Returns
+    -------
+    dict of str to ndarray
+        Signals of shape (ticks,) by name, SI.
+    """
+    return (rig.simulate or SIMULATE[rig.system])(values, reference)
+
+
 def observe(rig: TrueRig, changes: Mapping[str, float], reference: np.ndarray, at: np.ndarray) -> dict[str, np.ndarray]:
     """Channels of a rig without noise.
 
@@ -209,6 +232,6 @@ def observe(rig: TrueRig, changes: Mapping[str, float], reference: np.ndarray, a
     values = {**rig.values, **{k: v for k, v in changes.items() if ":" not in k}}
     if rig.system == "linear_drive" and "delay:position" in faults:
         values["sensor_delay.time"] = faults["delay:position"]
-    signals = SIMULATE[rig.system](values, reference)
-    seen = distort(signals["time"], signals, faults)
+    signals = simulated(rig, values, reference)
+    seen = rig.fault(signals["time"], signals, faults)
     return {name: np.interp(at, signals["time"], seen[name]) for name in (*rig.noise, *rig.given)}

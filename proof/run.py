@@ -26,9 +26,10 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.proof.baselines import BASELINES
-from cable_envs.proof.cases import Case, digest, make
+from cable_envs.proof.cases import Case, make
 from cable_envs.proof.scoring import Result, judge
 from cable_envs.proof.sealing import MANIFEST_SCHEMA, opened, seal
+from cable_envs.proof.writing import digest
 
 TOOL = "diagnose"
 LIMIT = 900.0

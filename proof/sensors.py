@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -112,7 +113,17 @@ def random_colour(kind: str, rng: np.random.Generator) -> Colour:
     return Colour(kind, float(rng.uniform(0.8, 0.97)) if kind == "ar1" else 0.0)
 
 
-def flat(colour: Colour, series: np.ndarray) -> np.ndarray:
+class HasSpectrum(Protocol):
+    """Noise whose power is known at every frequency."""
+
+    def power(self, f: np.ndarray) -> np.ndarray:
+        """Of each frequency, cycles per sample, over the variance."""
+
+    def of_mean(self, count: int) -> float:
+        """The same of the mean of ``count`` samples: its variance times their number."""
+
+
+def flat(colour: HasSpectrum, series: np.ndarray) -> np.ndarray:
     """Series [T, n] as amplitudes of its waves over those of noise of variance 1: independent, [about T, n]."""
     count = len(series)
     waves = np.fft.rfft(series, axis=0) / np.sqrt(count)

@@ -7,13 +7,14 @@ import pytest
 
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.proof.baselines import BASELINES
-from cable_envs.proof.cases import AT_REST, BANDS, PERIOD, Case, digest, make, plan
+from cable_envs.proof.cases import AT_REST, BANDS, PERIOD, Case, make, plan
 from cable_envs.proof.effects import LIBRARY, STRANGE, SYSTEMS, find
 from cable_envs.proof.excitation import reference
 from cable_envs.proof.refit import Refit
 from cable_envs.proof.rigs import CLOCK, random_rig
 from cable_envs.proof.run import make_one, prove
 from cable_envs.proof.sensors import stamps
+from cable_envs.proof.writing import digest
 
 ONE = {
     "linear_drive": Case("case-0001", 11, "linear_drive", "single", ("stribeck_friction",), "3-10"),
