@@ -99,7 +99,6 @@ STRANGE: Mapping[str, tuple[Concealed, ...]] = {
     "pulley_circuit": (
         _strange("swinging_tip", {"swinging_tip.inertia": 1e-4}, {"swinging_tip.frequency": (4.0, 15.0)}),
         _strange("worn_place", {"worn_place.torque": 5e-3}, {"worn_place.place": (-0.3, 0.3)}),
-        _strange("frame_bends", {"frame_bends.compliance": 1e-6}, largest=100.0),
         _strange("draught", {"draught.torque": 5e-3}, _DRAUGHT),
         _strange("loose_clamp", {"loose_clamp.step": 1e-4}),
         _strange("sensor_missed_counts", {"missed_counts:output_angle": 2e-3}),

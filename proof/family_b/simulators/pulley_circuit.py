@@ -51,7 +51,7 @@ TABLE = Table(__name__, {
     "position_dependent_load.stiffness": 0.0, "position_dependent_load.cubic": 0.0,
     "actuator_lag.time": 0.0, "actuator_lag.second": 0.0,
     "swinging_tip.inertia": 0.0, "swinging_tip.frequency": 8.0, "worn_place.torque": 0.0, "worn_place.place": 0.0,
-    "frame_bends.compliance": 0.0, "draught.torque": 0.0, "draught.time": 2.0, "loose_clamp.step": 0.0,
+    "draught.torque": 0.0, "draught.time": 2.0, "loose_clamp.step": 0.0,
     "loose_clamp.torque": 0.05,
 })  # fmt: skip
 Parameters = TABLE.kind
@@ -207,9 +207,6 @@ def _run(p, logs, worn, lengths, reference, rate, start, out):
                 side = 1.0 - 2.0 * a
                 front = side * R0 * _hauled(p, pulley if p.backlash_gap > 0.0 else angle)
                 back = side * R5 * theta
-                if p.frame_bends_compliance != 0.0:  # the distance of the two pulleys gives way under both cables
-                    both = tension[0, 8] + tension[1, 8] - p.pretension_top - p.pretension_bottom
-                    back += p.frame_bends_compliance * both
                 if a == 0:
                     back += slipped_by
                 _relaxed(
