@@ -27,6 +27,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.proof.baselines import BASELINES
 from cable_envs.proof.cases import Case, make
+from cable_envs.proof.family_b.cases import make as second
 from cable_envs.proof.scoring import Result, judge
 from cable_envs.proof.sealing import MANIFEST_SCHEMA, opened, seal
 from cable_envs.proof.writing import digest
@@ -46,7 +47,11 @@ class Killed(Exception):
     """The tool was ended from outside: by a signal, as of a machine without memory, or by the time limit."""
 
 
-def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
+GENERATORS: Mapping[str, Callable[[Case, Path], dict[str, Any]]] = {"a": make, "b": second}
+"""What makes the recording and the key of a case."""
+
+
+def make_one(context: Any, case: Case, out: str, generator: str = "a") -> dict[str, str]:
     """Job: the recording and the sealed key of a case; its line of the manifest. A finished one is kept."""
     folder, key_file = Path(out, "recordings", case.name), Path(out, "keys", f"{case.name}.json")
     if key_file.is_file():
@@ -55,7 +60,7 @@ def make_one(context: Any, case: Case, out: str) -> dict[str, str]:
             return {"sealed": seal(content["key"], content["salt"])[0], "recording": digest(folder)}
         raise ConfigurationError(f"{key_file} belongs to another proof; choose another --out")
     shutil.rmtree(folder, ignore_errors=True)
-    key = json.loads(json.dumps(make(case, folder)))  # JSON's types: the hash is that of the file
+    key = json.loads(json.dumps(GENERATORS[generator](case, folder)))  # JSON's types: the hash is that of the file
     sealed, text = seal(key)
     write_atomic(key_file, text)  # last: its presence says that the case is finished
     return {"sealed": sealed, "recording": digest(folder)}

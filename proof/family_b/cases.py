@@ -22,6 +22,8 @@ from cable_envs.proof.writing import concealment, profile, write_recording
 FAMILY = "B"
 DIGITS = 10
 """Of the numbers in the tables: a clock of minutes in microseconds."""
+PER_EFFECT = 8
+"""Recordings of each effect on a system in a whole proof, half of them logs of users."""
 PACE = {"linear_drive": 2.0, "cable_hole": 1.0, "pulley_circuit": 1.0}
 """How quick motions are; a belt shows where it is accelerated."""
 ALONE = tuple(kind for kind in KINDS if kind not in ("white", "rest", "user"))

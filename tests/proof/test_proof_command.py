@@ -21,6 +21,7 @@ def _run(capsys, *arguments):
         (["--no-tool", "--no-baselines"], "nothing to do"),
         (["--no-tool", "--system", "cable_hol"], "did you mean 'cable_hole'?"),
         (["--no-tool", "--kind", "decoys"], "did you mean 'decoy'?"),
+        (["--no-tool", "--generator", "c"], "unknown generator 'c'"),
     ],
 )
 def test_bad_input_is_named(capsys, tmp_path, arguments, message):
@@ -60,6 +61,21 @@ def test_baselines_alone_make_a_record_that_goes_on(capsys, tmp_path, monkeypatc
         file.write("1,2,3,4,5\n")
     code, _, err = _run(capsys, *arguments)
     assert code == 2 and "case-0001 changed since the keys were sealed" in err
+
+
+def test_the_other_generator_makes_its_own_cases(capsys, tmp_path, monkeypatch):
+    pytest.importorskip("pysindy")
+    from cable_envs.proof.cases import Case
+    from cable_envs.proof.family_b import cases
+
+    one = [Case("case-0001", 4, "linear_drive", "nothing", noise="rows")]
+    monkeypatch.setattr(cases, "plan", lambda *_, **__: one)
+    _, out, _ = _run(capsys, "--no-tool", "--generator", "b", "--out", str(tmp_path), "--json")
+    record = json.loads(out)
+    assert "--generator b" in record["command"] and record["plan"]["generator"] == "b"
+    assert json.loads((tmp_path / "keys" / "case-0001.json").read_text())["key"]["family"] == "B"
+    code, _, err = _run(capsys, "--no-tool", "--out", str(tmp_path), "--first", "1")
+    assert code == 2 and ("another proof" in err or "changed" in err)
 
 
 def test_a_proof_is_by_one_state_of_the_tool(capsys, tmp_path, monkeypatch):

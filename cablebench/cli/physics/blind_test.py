@@ -25,7 +25,9 @@ def blind_test(
         "results/proof"
     ),
     quick: Annotated[bool, typer.Option("--quick", help="A sample of a few dozen cases.")] = False,
-    cases: Annotated[int | None, typer.Option(help="Cases for each effect and system; 20 by default.", min=1)] = None,
+    cases: Annotated[
+        int | None, typer.Option(help="Cases for each effect and system; by default 20 of generator a, 8 of b.", min=1)
+    ] = None,
     first: Annotated[int | None, typer.Option(help="Only this many cases; their order is random.", min=1)] = None,
     after: Annotated[int, typer.Option(help="Skip this many cases, to run a proof in parts.", min=0)] = 0,
     join: Annotated[
@@ -36,6 +38,10 @@ def blind_test(
         typer.Option(help="Only kind single, pair, nothing, decoy or strange; repeatable."),
     ] = None,
     system: Annotated[list[str] | None, typer.Option(help="Only this system; may be repeated.")] = None,
+    generator: Annotated[
+        str,
+        typer.Option(help="Who makes the cases: a (laboratory logs), or b (other laws; logs as rigs make them)."),
+    ] = "a",
     seed: Annotated[int, typer.Option(help="Seed of the cases; calibration uses other seeds.", min=0)] = 5,
     jobs: Annotated[int, typer.Option(help="Recordings at a time.", min=1)] = 1,
     baselines: Annotated[bool, typer.Option(help="Run the simpler methods too.")] = True,
@@ -59,28 +65,29 @@ def blind_test(
     command = _tool_command(context) if tool else []
     from cable_envs.proof.cases import KINDS
     from cable_envs.proof.effects import SYSTEMS
-    from cable_envs.proof.run import scored
+    from cable_envs.proof.run import GENERATORS, scored
 
+    require_known("generator", [generator], GENERATORS)
     systems, kinds = tuple(dict.fromkeys(system or SYSTEMS)), tuple(dict.fromkeys(kind or KINDS))
     require_known("system", systems, SYSTEMS)
     require_known("kind", kinds, KINDS)
-    asked = _asked(quick, cases, after, first, kinds if kind else (), systems, seed)
+    asked = _asked(quick, cases, after, first, kinds if kind else (), systems, seed, generator)
     methods = _methods(tool, baselines)
     require_writable(out)
     try:
-        wanted = [case for case in _plan(quick, cases, systems, seed) if case.kind in kinds]
+        wanted = [case for case in _plan(quick, cases, systems, seed, generator) if case.kind in kinds]
         if not wanted:
             raise ConfigurationError(f"no case of kind {', '.join(kinds)} is in this plan")
         if after >= len(wanted):
             raise ConfigurationError(f"--after {after} leaves none of {len(wanted)} cases")
         wanted = wanted[after:][:first]
-        manifest = _make(out, wanted, jobs, {"plan": asked, "state": _state()})
+        manifest = _make(out, wanted, jobs, generator, {"plan": asked, "state": _state()})
         _diagnose(out, manifest, methods, command, jobs)
     except KeyboardInterrupt:
         console(stderr=True).print(f"what is finished is kept in {out}; the same command goes on from there")
         raise typer.Exit(INTERRUPTED) from None
     results = {method: scored(out, manifest, method) for method in methods}
-    plan = {"seed": seed, "systems": systems, "cases": cases, "quick": quick}
+    plan = {"seed": seed, "systems": systems, "cases": cases, "quick": quick, "generator": generator}
     about = {"command": asked, "state": manifest["state"], "plan": plan, **_missing(out, manifest, methods)}
     broken = _report(out, results, about, quick, as_json)
     if (broken and tool) or "missing" in about:
@@ -116,7 +123,7 @@ def _methods(tool: bool, baselines: bool) -> list[str]:
 
 def _asked(
     quick: bool, cases: int | None, after: int, first: int | None, kinds: Sequence[str], systems: Sequence[str],
-    seed: int,
+    seed: int, generator: str,
 ) -> str:  # fmt: skip
     words = ["cablebench", "blind-test"] + (["--quick"] if quick else [])
     words += ["--cases", str(cases)] if cases is not None else []
@@ -126,24 +133,34 @@ def _asked(
         words += ["--kind", name]
     for name in systems:
         words += ["--system", name]
+    words += ["--generator", generator] if generator != "a" else []
     return shlex.join([*words, "--seed", str(seed)])
 
 
-def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int) -> list[Any]:
-    from cable_envs.proof.cases import plan
+def _plan(quick: bool, cases: int | None, systems: Sequence[str], seed: int, generator: str) -> list[Any]:
+    if generator == "b":
+        from cable_envs.proof.family_b import cases as second
+
+        plan = second.plan(systems, 0.05 if quick else (cases or second.PER_EFFECT) / second.PER_EFFECT, seed)
+        return plan[:QUICK_CASES] if quick else plan
+    from cable_envs.proof.cases import plan as first
 
     if quick:
-        return plan(systems, seed=seed, **QUICK)[:QUICK_CASES]
-    return plan(systems, seed=seed) if cases is None else plan(systems, cases, max(5 * cases, 10), seed)
+        return first(systems, seed=seed, **QUICK)[:QUICK_CASES]
+    return first(systems, seed=seed) if cases is None else first(systems, cases, max(5 * cases, 10), seed)
 
 
-def _make(out: Path, wanted: Sequence[Any], jobs: int, about: Mapping[str, Any]) -> dict[str, Any]:
+def _make(
+    out: Path, wanted: Sequence[Any], jobs: int, generator: str, about: Mapping[str, Any]
+) -> dict[str, Any]:  # fmt: skip
     """Recordings, sealed keys, manifest, which says ``about``."""
     from cable_envs.proof.run import make_one, write_manifest
 
     lines = {}
     with progress_bar() as update, open_backend("local", jobs) as backend:
-        for done in backend.run([Job(c.name, make_one, {"case": c, "out": str(out)}) for c in wanted]):
+        for done in backend.run(
+            [Job(c.name, make_one, {"case": c, "out": str(out), "generator": generator}) for c in wanted]
+        ):
             lines[done.job.key] = done.value()
             update("recordings", len(lines), len(wanted))
     return write_manifest(out, lines, about)
