@@ -81,18 +81,6 @@ def series(k1, k2, t1, t2, hard):
 
 
 @inline
-def placed(position, speed, target, rate, stiffness, damping, most, limit, dt):
-    """Speed after dt of a drive whose servo goes to a target: of second order, within acceleration and speed limits.
-
-    ``stiffness`` and ``damping`` are per mass, 1/s^2 and 1/s; no tendon can push the servo back.
-    """
-    half = 0.5 * dt
-    asked = stiffness * (target - position - half * speed) + damping * (rate - speed)
-    asked = asked / (1.0 + half * (damping + half * stiffness))
-    return clip(speed + dt * clip(asked, -most, most), -limit, limit)
-
-
-@inline
 def pulled(speed, force, tension, mass, damping, stiffness, limit, dt):
     """Speed after dt of a drive that is told its force, against the tension in the middle of the step and its slope."""
     half = 0.5 * dt

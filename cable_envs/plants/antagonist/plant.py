@@ -44,9 +44,10 @@ from cable_envs.effects.seams import actuate, actuate_second, begin, begin_frict
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio
+from cable_envs.physics.servo import placed
 from cable_envs.plants.antagonist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
-from cable_envs.plants.tendon import balanced, placed, pulled, series, span_slope
+from cable_envs.plants.tendon import balanced, pulled, series, span_slope
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, rad and rad/s."""

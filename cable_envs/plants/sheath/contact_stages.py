@@ -12,6 +12,7 @@ from cable_envs.effects.seams import dry_friction
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.physics.servo import placed
 from cable_envs.physics.sweeps import sweep_fields
 
 STEP_Y, STEP_V = 1e-7, 1e-6
@@ -59,23 +60,23 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     """How far the drive goes: its servo's way, or that of an inertia which the tension holds back."""
     contacts = x.slip_position.shape[0]
     position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    servo = p.servo_stiffness[i] * (u.command[i] - position - half * speed)
-    servo += p.servo_damping[i] * (u.command_rate[i] - speed)
-    servo = servo / (1.0 + half * (p.servo_damping[i] + half * p.servo_stiffness[i]))
-    most, fastest = p.drive_acceleration_limit[i], p.drive_speed_limit[i]
-    placed = clip(speed + dt * clip(servo, -most, most), -fastest, fastest)
+    fastest = p.drive_speed_limit[i]
+    new = placed(
+        position, speed, u.command[i], u.command_rate[i], p.servo_stiffness[i], p.servo_damping[i],
+        p.drive_acceleration_limit[i], fastest, dt,
+    )  # fmt: skip
     late, mass = _late(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt), p.drive_mass[i] / dt
     per = half / (mass + 0.5 * p.drive_damping[i])
     by_force = u.mode[i] > 0.5
     pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_tension[i]) * per
-    way = half * (speed + placed)
+    way = half * (speed + new)
     if e is not None:
         follows, gap = g.follows[i] > 0.5, e.backlash_gap[i]
         by_force = by_force & (g.follows[i] < 0.5)
-        placed, way = select(follows, g.target_rate[i], placed), select(follows, g.target[i] - position, way)
+        new, way = select(follows, g.target_rate[i], new), select(follows, g.target[i] - position, way)
         nut = select(gap > 0.0, s.gap_position[i], position)
         w.ahead[i], w.back[i] = nut + 0.5 * gap - position, position - nut + 0.5 * gap
-    w.placed[i] = placed
+    w.placed[i] = new
     w.reach[i], w.give[i] = select(by_force, pulled, way), select(by_force, late * per, 0.0)
     w.low[i] = select(by_force, half * (speed - fastest), way)
     w.high[i] = select(by_force, half * (speed + fastest), way)

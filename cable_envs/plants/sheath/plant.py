@@ -62,6 +62,7 @@ from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, rows_of
 from cable_envs.plants.sheath.capstan import leaving, leaving_slope, mobilised, stuck_growth
 from cable_envs.plants.sheath.parameters import (
@@ -128,14 +129,13 @@ def _pulled_speed(x, p, u, e, s, i, ahead, dt):
 @inline
 def drive_speed(x, p, u, e, s, i, ahead, dt):
     """Speed of the drive after dt; ``ahead`` is the load's speed in the middle of the step."""
-    position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    servo = p.servo_stiffness[i] * (u.command[i] - position - half * speed)
-    servo += p.servo_damping[i] * (u.command_rate[i] - speed)
-    servo = servo / (1.0 + half * (p.servo_damping[i] + half * p.servo_stiffness[i]))
-    most = p.drive_acceleration_limit[i]
-    placed = speed + dt * clip(servo, -most, most)
-    new = select(u.mode[i] > 0.5, _pulled_speed(x, p, u, e, s, i, ahead, dt), placed)
-    return clip(new, -p.drive_speed_limit[i], p.drive_speed_limit[i])
+    fastest = p.drive_speed_limit[i]
+    by_place = placed(
+        x.drive_position[i], x.drive_velocity[i], u.command[i], u.command_rate[i], p.servo_stiffness[i],
+        p.servo_damping[i], p.drive_acceleration_limit[i], fastest, dt,
+    )  # fmt: skip
+    by_force = clip(_pulled_speed(x, p, u, e, s, i, ahead, dt), -fastest, fastest)
+    return select(u.mode[i] > 0.5, by_force, by_place)
 
 
 @inline

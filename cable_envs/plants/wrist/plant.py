@@ -36,8 +36,9 @@ from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, actuate_second, begin, begin_friction, end, slide
 from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.friction import crossing_step
+from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
-from cable_envs.plants.tendon import balanced, placed, span_slope
+from cable_envs.plants.tendon import balanced, span_slope
 from cable_envs.plants.wrist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 
 STEP_Y, STEP_V = 1e-7, 1e-6
