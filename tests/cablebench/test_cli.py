@@ -138,7 +138,7 @@ BAD = {
     "controller": (("run", HOLE, "--controller", "mrac-g23"), "did you mean 'mrac-g22'?"),
     "not for this plant": (
         ("run", HOLE, "--controller", "feedforward-pid"),
-        "does not apply to CableHole-Position-Sine: it enters PulleyCircuit-",
+        "does not apply to CableHole-Position-Sine: it enters AntagonistJoint-",
     ),
     "gain": (("run", HOLE, "--controller", "pid", "--gain", "kpp=1"), "did you mean 'kp'?"),
     "gain's value": (("run", HOLE, "--controller", "pid", "--gain", "kp=much"), "--gain kp: expected a number"),

@@ -74,7 +74,7 @@ def test_a_pawl_that_no_channel_shows_by_itself_is_found_in_all_together():
     assert best.p_value < 1e-3 * alone
 
 
-@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_channels_of_one_noise_are_not_taken_together(shared):
     for seed in range(4):
         model = Sensors(seed, shared=shared)

@@ -213,6 +213,7 @@ def test_a_channel_without_noise_at_rest_is_learnt_and_said(tmp_path):
     assert question.notes[-1].startswith("the noise of force, velocity is known from rest.csv; position shows no noise")
 
 
+@pytest.mark.slow
 def test_who_tells_no_noise_is_told_what_it_costs(tmp_path):
     def notes(folder, change):
         content = yaml.safe_load((folder / "recording.yaml").read_text())

@@ -26,8 +26,15 @@ NAMES = (
 """The canonical list of diagnosis.md."""
 
 
+OFTEN_SAME = (("cable_hole of three", "speed"),)
+"""Kernels of many holes take long to compile, and their other mode is tested."""
+
+
 @pytest.mark.parametrize("effects", [False, True], ids=["absent", "null"])
-@pytest.mark.parametrize(("case", "mode"), KEYS, ids=[f"{c}-{m}" for c, m in KEYS])
+@pytest.mark.parametrize(
+    ("case", "mode"),
+    [pytest.param(c, m, id=f"{c}-{m}", marks=[pytest.mark.slow] if (c, m) in OFTEN_SAME else []) for c, m in KEYS],
+)
 def test_null_is_bit_equal_to_absence(case, mode, effects):
     """The fingerprints are of the kernels before there were effects; "null" runs the kernel that has them all."""
     assert fingerprint(case, mode, effects) == json.loads(FILE.read_text())[f"{case}, {mode}"]

@@ -256,7 +256,7 @@ def test_gu_eq1_bending_stiffness_takes_wrap_away(dt):
     assert t1 / t2 < ratio(1.5 * 1.02, m, math.pi / 3)
 
 
-@pytest.mark.parametrize("dt", [2e-3, 1e-3])
+@pytest.mark.parametrize("dt", [pytest.param(2e-3, marks=pytest.mark.slow), 1e-3])
 def test_series_of_stiff_spans_is_steady_whatever_the_step(dt):
     """The spans' vibration is far above what the step resolves: it must die out, not ring."""
     rig = Rig(holes=4, span_stiffness=1e6)

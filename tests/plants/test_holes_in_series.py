@@ -216,6 +216,7 @@ def _path(plant, changes, substeps=20):
     return np.array(path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", EFFECTS)
 def test_a_hole_without_wrap_before_the_only_one_changes_nothing_with_any_effect(case):
     straight = {"wrap_angle": 0.0, "wrap_angle_2": np.pi / 3, "span_stiffness": 1e8}

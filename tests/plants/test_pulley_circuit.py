@@ -161,7 +161,7 @@ def test_scalar_column_equals_batch_column_bit_by_bit():
 
 
 def random_columns(rng: np.random.Generator, n: int):
-    """Rigs scattered by 20 %, some of them grasping, braking, at 12.5 N; commands of both modes [4, steps, n]."""
+    """Rigs scattered by 20 %, some of them grasping, braking, at 12.5 N; commands of both modes [inputs, steps, n]."""
     table = PLANT.parameters
     values = np.repeat(table.pack({"breaking_tension": 1e3})[:, None], n, axis=1)
     values *= rng.uniform(0.8, 1.2, values.shape)
@@ -170,10 +170,9 @@ def random_columns(rng: np.random.Generator, n: int):
     values[table.index("brake_torque")] = rng.choice([0.0, 0.02], n)
     values[table.index("hold_rule")] = rng.choice([0.0, 1.0], n)
     values[table.index("pretension_top")] = values[table.index("pretension_bottom")] = rng.choice([12.5, 50.0], n)
-    commands = rng.uniform(-0.6, 0.6, (4, 30, n))
-    commands[1] = 0.0
-    commands[2] = rng.integers(0, 2, n)
-    commands[3] *= 0.02
+    commands = np.zeros((len(INPUTS), 30, n))
+    drawn = rng.uniform(-0.6, 0.6, (4, 30, n))
+    commands[0], commands[2], commands[3] = drawn[0], rng.integers(0, 2, n), 0.02 * drawn[3]
     return values, commands
 
 

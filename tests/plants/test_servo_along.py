@@ -181,7 +181,7 @@ def inverse(share: float, most: float) -> float:
         (HOLE, "speed", lambda t: 0.1),
         (SHEATH, "position", lambda t: 0.05),
         (SHEATH, "tension", lambda t: 500.0),
-        (SERIES, "tension", lambda t: 500.0),
+        pytest.param(SERIES, "tension", lambda t: 500.0, marks=pytest.mark.slow),
     ],
     ids=["hole-tension", "hole-speed", "sheath-position", "sheath-tension", "series-tension"],
 )

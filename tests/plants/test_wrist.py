@@ -232,7 +232,7 @@ def test_out_of_range_is_that_of_the_published_file():
 
 
 def test_the_step_fits_light_jaws_or_the_rig_is_refused():
-    assert gym.make(ENV).unwrapped.setup.substeps == 20
+    assert gym.make(ENV).unwrapped.setup.substeps == 27
     light = gym.make(ENV, rig={"yaw_inertia": 1e-7}).unwrapped.setup.substeps
     assert 60 < light < 200
     with pytest.raises(ConfigurationError, match=f"substeps={light} or more"):

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 
+from cable_envs.core.inputs import INPUTS
 from cable_envs.sim.rigs import load_rig
 
 
@@ -15,7 +16,8 @@ def staircase(rig, speeds, seconds=0.6, step=0.01):
     x = plant.rest(p, np.zeros(1))
     rows, time = [], []
     for speed in speeds:
-        u = np.array([[speed], [0.0], [1.0], [0.0]])
+        u = np.zeros((INPUTS.count, 1))
+        u[INPUTS.row("command")], u[INPUTS.row("mode")] = speed, 1.0
         for _ in range(round(seconds / step)):
             plant.advance(x, p, u, 0, 1, 10, step / 10)
             rows.append(x[:, 0].copy())

@@ -99,15 +99,18 @@ def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
     from rich.table import Table
 
     table = Table(title="Environments (cable_envs/...)", title_justify="left", box=None, pad_edge=False)
-    for name in ("id", "output", "unit", "action (default first)", "observes"):
+    for name in ("id", "output", "unit", "action modes", "observes"):
         table.add_column(name, no_wrap=True)
     for e in listing:
         modes = sorted(e["action_modes"], key=lambda m: m["name"] != e["action_mode"])
-        action = ", ".join(m["name"] for m in modes)
+        action = ", ".join(m["name"] for m in modes if "second" not in m)
+        action += " *" if any("second" in m for m in modes) else ""
         table.add_row(short_name(e["id"]), e["output"], e["unit"], action, e["observe"])
     out.print(table)
     out.print(
-        "`cablebench envs ID` shows ranges, reference and observation channels; --json gives everything.\n", style="dim"
+        "The first action mode is the default. *: there are modes with a second action. `cablebench envs ID` shows "
+        "ranges, reference and observation channels; --json gives everything.\n",
+        style="dim",
     )
 
 

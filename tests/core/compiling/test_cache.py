@@ -225,6 +225,7 @@ def test_a_broken_file_is_compiled_again(tmp_path):
     assert run(SMALL, tmp_path).split()[1] == "0"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_processes_at_the_same_time(tmp_path):
     """Three processes compile and store the same kernel; each result is right, and one file is left."""
@@ -253,6 +254,7 @@ print(shared_law.law(np.ones(3)), shared_law.law._cache.cache_path)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
 def test_an_updated_installation_that_nobody_can_write_to_runs_its_new_kernels(tmp_path):
     """The same path, name, size and date, another number in the source: both processes get the new kernel."""
