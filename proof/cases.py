@@ -146,7 +146,7 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
         offsets.append(first)
         first += float(np.ceil(seconds)) + 60.0  # the rig rests, and the logger's clock runs on
     refit = Refit(rig, references[:2], at[:2])
-    changes, entries = _sizes(case, missing, rig, refit, rng)
+    changes, entries = sizes(case, missing, refit, rng)
     found = refit.excess(changes) if changes else None
     claimed = _claims(case, rig, rng)
     colours = {channel: random_colour(case.noise, rng) for channel in rig.noise}
@@ -179,8 +179,8 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     return key | {"concealment": concealment(key, found)}
 
 
-def _sizes(
-    case: Case, missing: Sequence[Missing], rig: TrueRig, refit: Refit, rng: np.random.Generator
+def sizes(
+    case: Case, missing: Sequence[Missing], refit: Refit, rng: np.random.Generator
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """(changes of the simulator, entries of the key)."""
     changes: dict[str, float] = {}
@@ -198,7 +198,7 @@ def _sizes(
         changes.update(own)
         parameters = {
             name: {"value": sum(there) + _as_named(effect, source, factor * own[source]), "unit": unit}
-            for name, (source, factor, unit, *there) in effect.compare.items()
+            for name, (source, factor, unit, *there) in effect.comparable(shape).items()
         }
         entries.append({
             "name": effect.name, "parameters": parameters, "changes": own, "added": left.added, "wanted": wanted,

@@ -37,6 +37,10 @@ class Missing:
             shape[name] = float(np.exp(rng.uniform(*np.log([low, high]))) if low > 0 else rng.uniform(low, high))
         return shape, float(rng.choice([-1.0, 1.0])) if self.signed else 1.0
 
+    def comparable(self, drawn: Mapping[str, float]) -> Mapping[str, tuple]:
+        """What of ``compare`` means the same in the law that was drawn; here there is one law."""
+        return self.compare
+
 
 def _sensor(kind: str, channel: str, size: float, unit: str, signed: bool = True) -> Missing:
     key = f"{kind}:{channel}"

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.proof.cases import AT_REST, BANDS, KEY_SCHEMA, Case
+from cable_envs.proof.cases import AT_REST, KEY_SCHEMA, Case, sizes
 from cable_envs.proof.effects import AMBIENT, SYSTEMS, share_class
-from cable_envs.proof.family_b.effects import LIBRARY, STRANGE, Concealed, find
+from cable_envs.proof.family_b.effects import LIBRARY, STRANGE, find
 from cable_envs.proof.family_b.excitation import DESIGNS, reference
 from cable_envs.proof.family_b.logger import KINDS, STATED, Logger, random_logger, table_of
 from cable_envs.proof.family_b.odds import Spectrum, against_rivals
@@ -152,7 +152,7 @@ def _drawn(case: Case) -> _Drawn:
     at = [logger.instants(rng, seconds) for seconds in lengths]
     offsets = np.concatenate([[0.0], np.cumsum(np.ceil(lengths) + 60.0)])
     refit = Refit(rig, references[:2], at[:2])
-    changes, entries = _sizes(case, missing, refit, rng)
+    changes, entries = sizes(case, missing, refit, rng)
     found = refit.excess(changes) if changes else None
     return _Drawn(rig, logger, references, at, offsets, refit, changes, entries, found, rng)
 
@@ -234,37 +234,6 @@ def _told(logger: Logger) -> dict[str, Any]:
         name: {**part, "lines": [list(line) for line in part["lines"]]} for name, part in content["noise"].items()
     }
     return content
-
-
-def _sizes(
-    case: Case, missing: Sequence[Concealed], refit: Refit, rng: np.random.Generator
-) -> tuple[dict[str, float], list[dict[str, Any]]]:
-    """(changes of the simulator, entries of the key)."""
-    changes: dict[str, float] = {}
-    entries = []
-    for effect in missing:
-        shape, sign = effect.draw(rng)
-        low, high = BANDS[case.band]
-        wanted = float(np.exp(rng.uniform(np.log(low * 1.1), np.log(high * 0.9))))
-
-        def change(size: float, effect=effect, shape=shape, sign=sign) -> dict[str, float]:
-            return {**shape, **{name: sign * size * unit for name, unit in effect.sized.items()}}
-
-        size, left = refit.sized(change, wanted, effect.largest)
-        own = change(size)
-        changes.update(own)
-        parameters = {
-            name: {
-                "value": sum(there) + (1.0 if source.startswith("scale:") else 0.0) + factor * own[source],
-                "unit": u,
-            }
-            for name, (source, factor, u, *there) in effect.comparable(shape).items()
-        }
-        entries.append({
-            "name": effect.name, "parameters": parameters, "changes": own, "added": left.added, "wanted": wanted,
-            "absorbed": left.absorbed, "channel": next((k.split(":")[1] for k in effect.sized if ":" in k), None),
-        })  # fmt: skip
-    return changes, entries
 
 
 def _claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tuple[float, float | None, str]]:

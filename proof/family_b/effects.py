@@ -7,7 +7,7 @@ the two laws have no number in common.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from cable_envs.proof import effects as first
 from cable_envs.proof.effects import SYSTEMS, Missing
@@ -131,8 +131,3 @@ def find(system: str, name: str) -> Concealed:
         if effect.name == name:
             return effect
     raise KeyError(f"{system} has no effect '{name}'")
-
-
-def gentler(effect: Concealed) -> Concealed:
-    """The same in its documented law, for rivals that a recording is held against."""
-    return replace(effect, shaped={**effect.shaped, **dict.fromkeys(effect.forms, (0.0, 0.0))})
