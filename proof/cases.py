@@ -148,7 +148,7 @@ def make(case: Case, folder: Path) -> dict[str, Any]:
     refit = Refit(rig, references[:2], at[:2])
     changes, entries = sizes(case, missing, refit, rng)
     found = refit.excess(changes) if changes else None
-    claimed = _claims(case, rig, rng)
+    claimed = claims(case, rig, rng)
     colours = {channel: random_colour(case.noise, rng) for channel in rig.noise}
 
     def seen(channel: int, series: np.ndarray) -> np.ndarray:
@@ -212,7 +212,7 @@ def _as_named(effect: Missing, source: str, value: float) -> float:
     return 1.0 + value if source.startswith("scale:") else value
 
 
-def _claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tuple[float, float | None, str]]:
+def claims(case: Case, rig: TrueRig, rng: np.random.Generator) -> dict[str, tuple[float, float | None, str]]:
     """name -> (value, std or None for known ones, unit) as the recording has them; a decoy's are off by more."""
     claimed: dict[str, tuple[float, float | None, str]] = {}
     for told in rig.told:

@@ -1,0 +1,1 @@
+"""Evidence of hypotheses: models, what they may be off, and noise in one likelihood (`search`)."""

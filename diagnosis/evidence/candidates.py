@@ -1,0 +1,187 @@
+"""Models with effects as candidates: refitted under one noise, linear about where the refit ended, ready to compare."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from cable_envs.diagnosis.evidence.features import families
+from cable_envs.diagnosis.evidence.marginal import Frame, Linear, Marginal
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener
+from cable_envs.diagnosis.model.noise import Noise, resolution
+
+FORM = 0.05
+"""How far a law may be off in form: standard deviation of its discrepancy, as a share of what the effect changes."""
+SCALES = (0.1, 0.2, 0.4, 0.8)
+"""Shares beyond that, for what no effect explains."""
+WIDE = 3.0
+"""Standard deviation of the prior of an effect's size, over the size at which it is typical."""
+ITERATIONS = 8
+"""Of a refit from where the last one ended, at most."""
+
+
+class Joint:
+    """Fitted and held-out records as one model: what a refit leaves in both, and with what slopes."""
+
+    def __init__(self, fit: Model, heldout: Model):
+        self._models = (fit, heldout)
+        self.parameters: list[Free] = list(fit.parameters)
+        known = {p.name for p in heldout.parameters}
+        self._rows = [j for j, p in enumerate(self.parameters) if p.name in known]
+        fitted = {b.record for b in fit.blocks}
+        others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
+        self.blocks: list[Block] = [*fit.blocks, *others]
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.model.Model`."""
+        fit, heldout = self._models
+        return [*fit.predict(values), *heldout.predict(values[self._rows])]
+
+    def columns(self, fit: Fit, *changed: Mapping[str, float]) -> np.ndarray:
+        """Parameter columns of a refit, and of the same with other values."""
+        values = [[{**fit.values, **new}[p.name] for p in self.parameters] for new in ({}, *changed)]
+        return np.array(values).T
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A model with effects: its refit, and what all records say of it.
+
+    Parameters
+    ----------
+    effects : tuple of Hypothesis
+        What it has beside the nominal model.
+    fit : Fit
+        Of the fitted records.
+    frame : Frame
+        Under whose noise it is compared.
+    linear : Linear
+        On all records.
+    """
+
+    effects: tuple[Hypothesis, ...]
+    fit: Fit
+    frame: Frame
+    linear: Linear
+
+    @property
+    def name(self) -> str:
+        """Names of its effects."""
+        return " + ".join(h.name for h in self.effects)
+
+    @cached_property
+    def near(self) -> Marginal:
+        """With laws that may be off in form by `FORM`."""
+        return self.frame.marginal(self.linear, FORM if self.effects else 0.0)
+
+    @cached_property
+    def far(self) -> tuple[float, Marginal, tuple[int, ...] | None]:
+        """(gain in log evidence, evidence, families) of the discrepancy that the records ask for most.
+
+        Of all families together, or of one coordinate's in all channels.
+        """
+        return max(self._discrepancies(), key=lambda one: one[0])
+
+    def _discrepancies(self):
+        groups: dict[str, list[int]] = {}
+        for k, family in enumerate(self.frame.families):
+            groups.setdefault(family.name, []).append(k)
+        count = (len(groups) + 1) * len(SCALES)
+        for chosen in (None, *map(tuple, groups.values())):
+            for scale in SCALES:
+                found = self.frame.marginal(self.linear, scale, chosen)
+                yield self.over(found, self.near) - float(np.log(count)), found, chosen
+
+    def over(self, one: Marginal, other: Marginal) -> float:
+        """Log odds of one of its discrepancies over another."""
+        trust = self.frame.trust(one.explained - other.explained, self.linear.left - one.explained)
+        return trust * (one.fit - other.fit) + one.volume - other.volume
+
+
+def log_odds(one: Candidate, other: Candidate) -> float:
+    """Of two candidates under the same noise, with laws that may be off in form: logarithm of the evidence's ratio."""
+    a, b = one.near, other.near
+    left = one.linear.left - a.explained
+    signal = other.linear.left - b.explained - left
+    better = left if a.fit >= b.fit else left + signal
+    return one.frame.trust(signal, better) * (a.fit - b.fit) + a.volume - b.volume
+
+
+def under_one_noise(
+    fit: Model, joint: Joint, fits: Sequence[tuple[tuple[Hypothesis, ...], Fit]], leader: int, stated: Mapping[str, float]
+) -> list[Candidate]:  # fmt: skip
+    """Candidates of refits, refitted again under the noise that the leader leaves beside its discrepancy.
+
+    Parameters
+    ----------
+    fit : Model
+        The records to fit.
+    joint : Joint
+        All records.
+    fits : sequence of (tuple of Hypothesis, Fit)
+        Effects of each model, and its refit so far.
+    leader : int
+        Which of them is believed in most.
+    stated : mapping of str to float
+        Channel -> standard deviation of its noise where the recording says it, SI.
+
+    Returns
+    -------
+    list of Candidate
+        In the same order.
+    """
+    effects, best = fits[leader]
+    predicted = [p[:, 0] for p in joint.predict(joint.columns(best))]
+    raw = [b.measured - p for b, p in zip(joint.blocks, predicted, strict=True)]
+    kinds = list(families(joint.blocks, predicted))
+    whitener = noise_of(joint.blocks, raw, stated)
+    frame = Frame(joint.blocks, whitener, kinds)
+    line = linear(joint, frame, effects, best)
+    found = max((frame.marginal(line, s) for s in (FORM, *SCALES)), key=lambda m: m.log)
+    apart = frame.raw(found.weights)
+    whitener = noise_of(joint.blocks, [r - a for r, a in zip(raw, apart, strict=True)], stated)
+    frame = Frame(joint.blocks, whitener, kinds)
+    starts = [Start("", old.free, old.values) for _, old in fits]
+    again = refit(fit, whitener, starts, ITERATIONS)
+    return [
+        Candidate(e, new, frame, linear(joint, frame, e, new)) for (e, _), new in zip(fits, again, strict=True)
+    ]  # fmt: skip
+
+
+def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mapping[str, float]) -> Whitener:
+    """The noise of what is left [T] of every block: learnt; white and of the size that is stated, where one is."""
+    noise = dict(learn_whitener(blocks, left).noise)
+    for channel in noise.keys() & stated.keys():
+        measured = np.concatenate([b.measured[b.good] for b in blocks if b.channel == channel])
+        noise[channel] = Noise(np.empty(0), float(np.hypot(stated[channel], resolution(measured) / np.sqrt(12.0))))
+    return Whitener(noise)
+
+
+def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit) -> Linear:
+    """A refitted model on all records, linear about where its refit ended.
+
+    A discrepancy is measured by what the effects change; by what is left, where there are none.
+    """
+    own = refit(joint, frame.whitener, [Start("", fit.free, fit.values)], 0)[0]
+    rows = {p.name: p for p in joint.parameters}
+    nulls = {name: null for h in effects for name, null in h.nulls.items()}
+    added = {name for h in effects for name in h.names}
+    variances, moved = np.zeros(len(fit.free)), np.zeros(len(fit.free))
+    for k, name in enumerate(fit.free):
+        p = rows[name]
+        spread = p.std or (WIDE * p.scale if name in added else max(abs(p.start), p.scale))
+        variances[k] = spread**2
+        centred = bool(p.std) or name in nulls
+        moved[k] = fit.values[name] - nulls.get(name, p.start) if centred else 0.0
+    predicted = joint.predict(joint.columns(fit, nulls))
+    change = [
+        p[:, 0] - (p[:, 1] if effects else b.measured) for b, p in zip(joint.blocks, predicted, strict=True)
+    ]  # fmt: skip
+    sizes = {}
+    for channel in frame.channels:
+        parts = [c[b.good] for c, b in zip(change, joint.blocks, strict=True) if b.channel == channel]
+        sizes[channel] = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+    return Linear(own.residual, own.jacobian, variances, moved, sizes, frame.meet(own.residual, own.jacobian))
