@@ -47,6 +47,7 @@ from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.servo import placed
 from cable_envs.plants.antagonist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.tendon import balanced, pulled, series, span_slope
 
 STEP_Y, STEP_V = 1e-7, 1e-6
@@ -187,12 +188,18 @@ def _step(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
+def _largest(x, i):
+    """The largest tension of both tendons, N."""
+    a, b = maximum(x.tension_drive_a[i], x.tension_joint_a[i]), maximum(x.tension_drive_b[i], x.tension_joint_b[i])
+    return maximum(a, b)
+
+
+@inline
 def _watch(x, i):
     """What a control step keeps of the tensions of a substep."""
     a, b = x.tension_drive_a[i], x.tension_drive_b[i]
     x.slack_fraction[i] += select(minimum(a, b) <= 0.0, 1.0, 0.0)
-    top = maximum(maximum(a, x.tension_joint_a[i]), maximum(b, x.tension_joint_b[i]))
-    x.peak_tension[i] = maximum(x.peak_tension[i], top)
+    x.peak_tension[i] = maximum(x.peak_tension[i], _largest(x, i))
 
 
 @inline
@@ -225,7 +232,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         begin_friction(e, g, i)
         w.ratio[i] = tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * g.factor[i], p.wrap_angle[i])
         w.seen[i], w.creep_a[i], w.creep_b[i] = x.joint_angle[i], s.creep_top[i], s.creep_bottom[i]
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(_largest(x, i))
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)

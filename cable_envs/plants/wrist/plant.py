@@ -38,6 +38,7 @@ from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.friction import crossing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.tendon import balanced, span_slope
 from cable_envs.plants.wrist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 
@@ -139,13 +140,22 @@ def _step(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
+def _largest(x, i):
+    """The largest tension of all four tendons, N."""
+    yaw_a, yaw_b = maximum(x.tension_drive_a[i], x.tension_end_a[i]), maximum(x.tension_drive_b[i], x.tension_end_b[i])
+    a, b = (
+        maximum(x.pitch_tension_drive_a[i], x.pitch_tension_end_a[i]),
+        maximum(x.pitch_tension_drive_b[i], x.pitch_tension_end_b[i]),
+    )
+    return maximum(maximum(yaw_a, yaw_b), maximum(a, b))
+
+
+@inline
 def _watch(x, i):
     """What a control step keeps of the tensions of a substep."""
     a, b, pa, pb = x.tension_drive_a[i], x.tension_drive_b[i], x.pitch_tension_drive_a[i], x.pitch_tension_drive_b[i]
     x.slack_fraction[i] += select(minimum(minimum(a, b), minimum(pa, pb)) <= 0.0, 1.0, 0.0)
-    yaw = maximum(maximum(a, x.tension_end_a[i]), maximum(b, x.tension_end_b[i]))
-    pitch = maximum(maximum(pa, x.pitch_tension_end_a[i]), maximum(pb, x.pitch_tension_end_b[i]))
-    x.peak_tension[i] = maximum(x.peak_tension[i], maximum(yaw, pitch))
+    x.peak_tension[i] = maximum(x.peak_tension[i], _largest(x, i))
 
 
 @inline
@@ -169,7 +179,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         w.pitch_ratio[i] = tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * g.factor[i], p.pitch_wrap[i])
         w.seen[i] = p.yaw_radius[i] * x.yaw_angle[i] + p.coupling_radius[i] * x.pitch_angle[i]
         w.pitch_seen[i] = p.pitch_radius[i] * x.pitch_angle[i]
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(_largest(x, i))
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
