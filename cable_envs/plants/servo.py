@@ -5,7 +5,8 @@ at the encoder's rate and holds its torque between two readings. Where the comma
 the saturator.
 
     reading   angle of the encoder, in steps, every ``encoder_period``; its rate from differences, filtered
-    servo     M* = kp e + ki int e + kd (r' - rate), within the saturator; the integral waits while it saturates
+    servo     M* = kp e + ki int e + kd (r' - rate), within the saturator, which holds the integral up to
+              where it passes it on
     motor     i = M* / (N k_t) within what current limit, voltage and back-EMF allow (`physics.motor`)
     drive     J a = M(i) - b v - friction - cogging - torque of the cables, J with the rotor behind its gear
 

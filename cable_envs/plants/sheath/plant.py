@@ -38,7 +38,7 @@ stiffness that touches the sheath all along where it bends; curvature and pressu
 (the tendon's clearance in the sheath) is the effect ``backlash``: a play operator between drive and tendon, which is
 taken up under tension: the drive feels T1 in it too.
 
-Linearly implicit trapezoidal steps, the drive first: order 2 but for the steps in which the load stops. One kernel: it
+Linearly implicit trapezoidal steps, the drive first: order 2, through reversals too. One kernel: it
 has the effects always.
 """
 
