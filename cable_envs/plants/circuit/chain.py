@@ -10,9 +10,9 @@ reversal travels from idler to idler, so that delay, transition and working phas
     torques    M_in = R0 (T_0t - T_0b), M_out = R5 (T_4t - T_4b)                                            Z32, Z33
 
 Time step: half a step of motion, equilibrium of both chains there, the velocities by linearly implicit kicks with the
-chain's own tangents, the other half step: order 2 where nothing starts or stops. Each end feels within the step, through
-the damping of the cables, how the other changes its speed. The signals show the equilibrium at the end of a control
-step.
+chain's own tangents, the other half step: order 2 where nothing starts or stops. Each end feels within the step,
+through the damping of the cables, how the other changes its speed. The signals show the equilibrium at the end of a
+control step.
 
 phase: 0 rest: the drive stands and no contact next to the output slid within the control step; 1 delay: the front has
 reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
