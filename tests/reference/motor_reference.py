@@ -106,9 +106,7 @@ class WristWithMotors(Wrist):
         super().__init__(rig, state, step)
         self.radii = rig["yaw_radius"], rig["pitch_radius"]
         self.motors = [
-            Motor(
-                {**rig, "drive_scale": r}, r * at, self.pulled(k), "drive_force_limit"
-            )
+            Motor({**rig, "drive_scale": r}, r * at, self.pulled(k), "drive_force_limit")
             for k, (r, at) in enumerate(zip(self.radii, (self.d, self.dp), strict=True))
         ]
 
@@ -123,36 +121,59 @@ class WristWithMotors(Wrist):
 
 
 class ContactsWithMotor:
-    """A tendon that rubs at N contacts between a motor and a load: in every step the contacts slip, one after the other
-    and to and fro, until none of them has anything left to slip."""
+    """A tendon that rubs at N contacts between a motor and a load.
+
+    Which contacts slip, and how, is guessed from the step before and mended until it fits: a dense system of linear
+    equations for each guess.
+    """
 
     def __init__(self, rig, contacts, start, step):
         self.rig, self.n, self.step = rig, contacts, step
         k = 1.0 / (1.0 / rig["tendon_stiffness"] + 1.0 / rig["sheath_stiffness"])
         share = np.full(contacts + 1, 1.0 / contacts)
         share[[0, -1]] *= 0.5
-        self.spans = list(k / share)
+        self.spans = k / share
         tension = rig["load_preload"] + rig["load_stiffness"] * start
-        self.places = [*(start + tension / k * np.cumsum(share[::-1])[::-1]), start]
+        self.places = np.append(start + tension / k * np.cumsum(share[::-1])[::-1], start)
         self.motor = Motor(rig, self.places[0], tension, "tension_command_limit")
         self.v, self.ratio = 0.0, math.exp(rig["friction_coefficient"] * rig["bend_angle"] / contacts)
+        self.ways, self.inverses = np.zeros(contacts, int), {}
 
     def tension(self, j):
         """Tension of span j."""
         return max(self.spans[j] * (self.places[j] - self.places[j + 1]), 0.0)
 
-    def slip(self, h):
-        """Let contact h slip as far as it must; how far that was."""
-        s, k, n = self.places, self.spans, self.ratio
-        before, behind = self.tension(h - 1), self.tension(h)
-        if before > n * behind:
-            new = (k[h - 1] * s[h - 1] + n * k[h] * s[h + 1]) / (k[h - 1] + n * k[h])
-        elif behind > n * before:
-            new = (n * k[h - 1] * s[h - 1] + k[h] * s[h + 1]) / (n * k[h - 1] + k[h])
-        else:
-            return 0.0
-        moved, s[h] = abs(new - s[h]), new
-        return moved
+    def inverse(self, ways):
+        """Of the equations for all places: a resting one stays, at a slipping one the tensions are in their ratio."""
+        key = ways.tobytes()
+        if key not in self.inverses:
+            a = np.eye(self.n + 2)
+            for h in np.flatnonzero(ways) + 1:
+                before, behind = self.spans[h - 1], self.spans[h]
+                before, behind = (before, self.ratio * behind) if ways[h - 1] > 0 else (self.ratio * before, behind)
+                a[h, h - 1 : h + 2] = before, -before - behind, behind
+            self.inverses[key] = np.linalg.inv(a)
+        return self.inverses[key]
+
+    def slip(self):
+        """Let all contacts slip as far as they must."""
+        old = self.places.copy()
+        for turn in range(200):
+            known = old.copy()
+            known[1:-1][self.ways != 0] = 0.0
+            self.places = self.inverse(self.ways) @ known
+            t = np.maximum(self.spans * (self.places[:-1] - self.places[1:]), 0.0)
+            up, down = t[:-1] > self.ratio * t[1:] * (1 + 1e-9), t[1:] > self.ratio * t[:-1] * (1 + 1e-9)
+            rests = np.where(up, 1, np.where(down, -1, 0))
+            slips = np.where(self.ways * (self.places - old)[1:-1] < -1e-13, 0, self.ways)
+            new = np.where(self.ways == 0, rests, slips)
+            wrong = np.flatnonzero(new != self.ways)
+            if not len(wrong):
+                return
+            wrong = wrong if turn < 10 else wrong[:1]
+            self.ways = self.ways.copy()
+            self.ways[wrong] = new[wrong]
+        raise AssertionError("the contacts do not settle")
 
     def advance(self, mode, command, rate, period):
         """One control period; (T_0, T_N, x, y) behind it."""
@@ -167,7 +188,5 @@ class ContactsWithMotor:
             net = self.tension(self.n) - rig["load_preload"] - rig["load_stiffness"] * y - rig["load_damping"] * self.v
             self.v += h * net / rig["load_mass"]
             self.places[0], self.places[-1] = self.motor.at, y + h * self.v
-            way = range(1, self.n + 1)
-            while max([self.slip(c) for c in way]) > 1e-9:
-                way = way[::-1]
+            self.slip()
         return self.tension(0), self.tension(self.n), self.places[0], self.places[-1]
