@@ -5,9 +5,36 @@ N): in what follows *angle*, *torque* and *inertia* are those of its own coordin
 turning, rad, for one unit of that: N of a gear, N / r with a spool of radius r, 2 pi N / lead with a screw.
 """
 
+from collections import namedtuple
+
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
 from cable_envs.physics.friction import ringing_step
 from cable_envs.physics.motor import behind_gear, current_range, shown
+
+Shown = namedtuple(
+    "Shown",
+    [
+        "encoder_angle",
+        "encoder_velocity",
+        "motor_current",
+        "motor_torque",
+        "servo_torque",
+        "servo_integral",
+        "servo_age",
+    ],
+)
+"""Rows of one drive with a motor, whatever its coordinate is called."""
+
+SHOWN = Shown._fields
+
+
+@inline
+def drive_of(x, k):
+    """Rows of drive k of a plant that has several, as what follows knows those of a plant with one."""
+    return Shown(
+        x.encoder_angle[k], x.encoder_velocity[k], x.motor_current[k], x.motor_torque[k], x.servo_torque[k],
+        x.servo_integral[k], x.servo_age[k],
+    )  # fmt: skip
 
 
 @inline

@@ -19,7 +19,7 @@ from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.stages import carried, limited
-from cable_envs.plants.servo import ALONG, Mount, mounted, servo_signals
+from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_shows, motor_step, motor_torques, servo_reads
 
 PARAMETERS = (
@@ -131,11 +131,6 @@ def _on_cable(plain: Callable) -> Callable:
     return resolved
 
 
-def _own(value):
-    inertia = value["drive_mass"] + value["spool_inertia"] / value["spool_radius"] ** 2
-    return inertia, value["drive_damping"], value["drive_speed_limit"], value["tension_command_limit"]
-
-
 def with_motor(plant: Plant) -> Plant:
     """The plant, of one hole or of several, with a real drive in the place of its ideal one."""
     one = {"_hauled": hauled}
@@ -143,9 +138,10 @@ def with_motor(plant: Plant) -> Plant:
     mount = Mount(
         parameters=PARAMETERS,
         signals=SIGNALS,
-        drive=("drive_position", "drive_velocity", "drive_tension"),
+        measured=ENCODER,
+        held=pulling,
         pieces=one if "span_stiffness" not in plant.parameters else several,
-        own=_own,
+        own=lambda value: along(value, value["drive_speed_limit"], value["tension_command_limit"]),
         plain={"inner_kp": 0.0, "inner_kd": 0.0},
         more=("servo_target", "servo_pace"),
         start={"servo_target": "drive_position"},
