@@ -13,7 +13,7 @@ import numpy as np
 
 from benchmarks.properties import loops
 from benchmarks.properties.energy import MECHANISMS, energy_made
-from benchmarks.properties.measures import FINER, MOST, converged, outside_contact, pushed, rest_moves
+from benchmarks.properties.measures import FINER, MOST, converged, holds, outside_contact, pushed, rest_moves
 from benchmarks.properties.rigs import FACTOR, USUAL, Box, Trial, trials
 from cable_envs import load_rig
 from cable_envs.core.errors import ConfigurationError
@@ -101,8 +101,12 @@ def _whole(
         found = np.concatenate([measure(*run) for run in runs])
         if len(found):
             yield (*where, what, f"{len(found)}", *_shown(found))
-    still = np.concatenate([rest_moves(g.of(slice(4))) for g in groups[:8]])
-    yield (*where, "motion in a minute at rest, m or rad", f"{len(still)}", *_shown(still))
+    resting = [g.of(slice(4)) for g in groups[:8]]
+    still, held = (np.concatenate([measure(g) for g in resting]) for measure in (rest_moves, holds))
+    if held.any():
+        yield (*where, "motion in a minute at rest, m or rad", f"{int(held.sum())}", *_shown(still[held]))
+    if not held.all():
+        yield (*where, "motors too weak to hold their load at rest", f"{int((~held).sum())} of {len(held)}", "", "", "")
     if plant.name in MECHANISMS:
         made = np.concatenate([energy_made(g) for g in groups])
         yield (*where, "energy made, over the work that passed", f"{len(made)}", *_shown(made))

@@ -179,6 +179,22 @@ def _of_circuit(trial: Trial, out: np.ndarray) -> np.ndarray:
 _LAWS = {"hole": _of_hole, "sheath": _of_sheath, "circuit": _of_circuit, "chain": _of_circuit}
 
 
+def holds(trial: Trial) -> np.ndarray:
+    """Whether the drive can hold what the cables pull at rest, shape (n,): a motor that is too weak runs backwards.
+
+    It has the torque of its largest current at rest, within the saturator; friction and losses of the gear help.
+    """
+    plant = trial.plant
+    p = plant.prepare(trial.values)
+    if plant.drive != "motor":
+        return np.ones(trial.values.shape[1], bool)
+    r = plant.coefficient_rows.over(p)
+    current = np.minimum(r.current_limit, r.supply_voltage / r.resistance)
+    most = np.minimum(current * r.torque_constant * r.gear_ratio, r.servo_limit) / r.gear_efficiency + r.drive_friction
+    force = next(s.name for s in plant.signals if s.name in ("drive_tension", "drive_torque"))
+    return most >= np.abs(plant.rest(p, trial.start)[plant.row(force)])
+
+
 def rest_moves(trial: Trial) -> np.ndarray:
     """Motion of the load, m or rad, in a minute in which the drive is held, shape (n,)."""
     from cable_envs.core.inputs import INPUTS

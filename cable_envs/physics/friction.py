@@ -55,10 +55,15 @@ def ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_d
     part = 0.5 * dt
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     onward, back = select(up, damping_up, damping_down), select(up, damping_down, damping_up)
-    quarter = part * part * stiffness
-    held = mass + maximum(quarter / 3.0, quarter - mass / 6.0)
+    held = ringing_mass(mass, part * part * stiffness)
     gain, other = dt / (held + part * onward), dt / (held + part * back)
     return _through_zero(v, force_up, force_down, part * stiffness * v, gain, other)
+
+
+@inline
+def ringing_mass(mass, quarter):
+    """What resists a change of speed in `ringing_step`, besides damping; ``quarter``: dt^2 / 4 times the stiffness."""
+    return mass + maximum(quarter / 3.0, quarter - mass / 6.0)
 
 
 @inline

@@ -124,8 +124,6 @@ def plant_for(
             )
         return found.as_v0(plant)
     if drive == "motor":
-        if contacts:
-            raise ConfigurationError(f"{name} with 'contacts' has an ideal drive only; leave out 'drive: motor'")
         if found.with_motor is None:
             raise ConfigurationError(f"{name} has an ideal drive only; leave out 'drive: motor'")
         return found.with_motor(plant)

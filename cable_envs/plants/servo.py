@@ -5,7 +5,8 @@ at the encoder's rate and holds its torque between two readings. Where the comma
 the saturator.
 
     reading   angle of the encoder, in steps, every ``encoder_period``; its rate from differences, filtered
-    servo     M* = kp e + ki int e + kd (r' - rate), within the saturator; the integral waits while it saturates
+    servo     M* = kp e + ki int e + kd (r' - rate), within the saturator, which holds the integral up to
+              where it passes it on
     motor     i = M* / (N k_t) within what current limit, voltage and back-EMF allow (`physics.motor`)
     drive     J a = M(i) - b v - friction - cogging - torque of the cables, J with the rotor behind its gear
 
@@ -27,7 +28,7 @@ from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.servo_stages import turned
+from cable_envs.plants.servo_stages import SHOWN, Shown, turned
 
 SMALL = "chosen: the size of a 16 mm DC motor of 12 V"
 FLAT = "maxon EC 45 flat 70 W, 24 V: catalogue 2022, page of 651615"
@@ -80,23 +81,44 @@ MOTOR = tuple(dict.fromkeys(p.name for p in (*TURNING, *ALONG)))
 """Names of the parameters that a drive with a motor has besides."""
 
 
-def servo_signals(angle: str, rad: str, torque: str, newton_metre: str) -> tuple[Signal, ...]:
-    """What a drive with a motor shows besides, where its coordinate and its torque are called so."""
-    return (
-        Signal(f"encoder_{angle}", rad, "what the encoder of the drive shows"),
-        Signal("encoder_velocity", f"{rad}/s", "its rate, from differences, filtered"),
-        Signal("motor_current", "A", "current of the motor"),
-        Signal(f"motor_{torque}", newton_metre, f"{torque} of the motor behind its gear"),
-        Signal(f"servo_{torque}", newton_metre, f"{torque} that the servo asks for, behind the saturator"),
-        Signal("servo_integral", newton_metre, "integral part of the servo"),
-        Signal("servo_age", "s", "time since the last reading of the encoder"),
+def servo_signals(
+    angle: str, rad: str, torque: str, newton_metre: str, drives: Mapping[str, str] | None = None
+) -> tuple[Signal, ...]:
+    """What drives with a motor show besides, where their coordinate and their torque are called so.
+
+    ``drives``: for each a pattern of its signals' names, and what it is called; one drive unless it is given.
+    """
+    each = drives or {"{}_{}": "drive"}
+    rows = (
+        ("encoder", angle, rad, "what the encoder of the {} shows"),
+        ("encoder", "velocity", f"{rad}/s", "rate of the encoder of the {}, from differences, filtered"),
+        ("motor", "current", "A", "current of the motor of the {}"),
+        ("motor", torque, newton_metre, f"{torque} of the motor of the {{}}, behind its gear"),
+        ("servo", torque, newton_metre, f"{torque} that the servo of the {{}} asks for, behind the saturator"),
+        ("servo", "integral", newton_metre, "integral part of the servo of the {}"),
+        ("servo", "age", "s", "time since the last reading of the encoder of the {}"),
+    )
+    return tuple(
+        Signal(pattern.format(part, kind), unit, meaning.format(called))
+        for part, kind, unit, meaning in rows
+        for pattern, called in each.items()
     )
 
 
-SHOWN = (
-    "encoder_angle", "encoder_velocity", "motor_current", "motor_torque", "servo_torque", "servo_integral", "servo_age",
-)  # fmt: skip
-"""Rows of `servo_signals` in the kernel, whatever the drive's coordinate is called."""
+def along(value: Mapping[str, Any], speed: Any, limit: Any) -> tuple[Any, Any, Any, Any]:
+    """`Mount.own` of a drive along the cable, with its largest speed and the limit of its saturator."""
+    inertia = value["drive_mass"] + value["spool_inertia"] / value["spool_radius"] ** 2
+    return inertia, value["drive_damping"], speed, limit
+
+
+ENCODER = {"drive_position": "encoder_position", "drive_velocity": "encoder_velocity"}
+"""What the encoder of one drive along the cable shows (`Mount.measured`)."""
+
+
+def pulling(x: Any, p: Any) -> tuple[tuple[Any, Any], ...]:
+    """Where one drive along the cable is at rest, and what it pulls (`Mount.held`)."""
+    return ((x.drive_position, x.drive_tension),)
+
 
 ROWS = (
     "moved_inertia", "moved_damping", "top_speed", "servo_limit",
@@ -117,8 +139,10 @@ class Mount:
         Parameters that it has besides.
     signals : tuple of Signal
         Signals that it has besides: those of `servo_signals`, then those of ``more``.
-    drive : tuple of str
-        Signals of the plant: position, speed and torque (or tension) of the drive.
+    measured : mapping of str to str
+        Signal of the plant -> that of the encoders, which is what its sensor shows.
+    held : callable
+        (x, p) -> for each drive its position, and the torque (or tension) that holds the plant at rest.
     pieces : mapping of str to callable
         What takes the place of pieces of the plant's kernel.
     own : callable
@@ -135,13 +159,20 @@ class Mount:
 
     parameters: tuple[Parameter, ...]
     signals: tuple[Signal, ...]
-    drive: tuple[str, str, str]
+    measured: Mapping[str, str]
+    held: Callable[[Any, Any], tuple[tuple[Any, Any], ...]]
     pieces: Mapping[str, Callable]
     own: Callable[[Mapping[str, np.ndarray]], tuple[Any, Any, Any, Any]]
     total: str = ""
     plain: Mapping[str, float] | None = None
     more: tuple[str, ...] = ()
     start: Mapping[str, str] | None = None
+
+    @property
+    def rows(self) -> list[str | tuple[str, int]]:
+        """Rows of its signals: those of `SHOWN`, each for every drive, then ``more``."""
+        drives = (len(self.signals) - len(self.more)) // len(SHOWN)
+        return [*(name if drives == 1 else (name, drives) for name in SHOWN), *self.more]
 
     def derive(self, plain: Callable) -> Callable:
         """The plant's ``derive`` with the coefficients of the motor."""
@@ -174,10 +205,12 @@ class Mount:
 
         def settle(x: Any, s: Any, p: Any, e: Any, position: np.ndarray) -> None:
             plain(x, s, p, e, position)
-            at, _, pull = (getattr(x, name) for name in self.drive)
-            x.encoder_angle[:], x.servo_age[:] = at, p.encoder_period
-            x.servo_integral[:] = x.servo_torque[:] = x.motor_torque[:] = pull
-            x.motor_current[:] = pull / (p.torque_constant * p.gear_ratio)
+            held = self.held(x, p)
+            shown = Shown(*(getattr(x, name).reshape(len(held), -1) for name in SHOWN))
+            for k, (at, pull) in enumerate(held):
+                shown.encoder_angle[k], shown.servo_age[k] = at, p.encoder_period
+                shown.servo_integral[k] = shown.servo_torque[k] = shown.motor_torque[k] = pull
+                shown.motor_current[k] = pull / (p.torque_constant * p.gear_ratio)
             for row, signal in (self.start or {}).items():
                 getattr(x, row)[:] = getattr(x, signal)
 
@@ -213,12 +246,11 @@ def mounted(plant: Plant, mount: Mount) -> Plant:
     """
     parameters = ParameterTable(*plant.parameters, *mount.parameters)
     effects = Layout(plant.name, parameters, plant.effects.acting, plant.own, plant.effects.worn)
-    at, speed, _ = mount.drive
     return replace(
         plant,
         parameters=parameters,
         signals=plant.signals + mount.signals,
-        signal_rows=plant.signal_rows.extended((*SHOWN, *mount.more)),
+        signal_rows=plant.signal_rows.extended(mount.rows),
         coefficient_rows=plant.coefficient_rows.extended(ROWS),
         derive=mount.derive(plant.derive),
         settle=mount.settle(plant.settle),
@@ -226,7 +258,7 @@ def mounted(plant: Plant, mount: Mount) -> Plant:
         effects=effects,
         resolves=None if plant.resolves is None else resolves(plant.resolves),
         ticks="encoder_period",
-        measured={at: mount.signals[0].name, speed: mount.signals[1].name},
+        measured=mount.measured,
         drive="motor",
     )
 
@@ -238,7 +270,8 @@ def with_motor(plant: Plant) -> Plant:
         Mount(
             parameters=TURNING,
             signals=servo_signals("angle", "rad", "torque", "N m"),
-            drive=("drive_angle", "drive_velocity", "drive_torque"),
+            measured={"drive_angle": "encoder_angle", "drive_velocity": "encoder_velocity"},
+            held=lambda x, p: ((x.drive_angle, x.drive_torque),),
             pieces={"drive_step": turned},
             own=lambda value: (
                 value["drive_inertia"], value["drive_damping"], value["drive_speed_limit"], value["drive_torque_limit"],

@@ -5,9 +5,36 @@ N): in what follows *angle*, *torque* and *inertia* are those of its own coordin
 turning, rad, for one unit of that: N of a gear, N / r with a spool of radius r, 2 pi N / lead with a screw.
 """
 
-from cable_envs.core.kernels import clip, inline, select, sine_cosine
-from cable_envs.physics.friction import stick_slip_step
+from collections import namedtuple
+
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
+from cable_envs.physics.friction import ringing_step
 from cable_envs.physics.motor import behind_gear, current_range, shown
+
+Shown = namedtuple(
+    "Shown",
+    [
+        "encoder_angle",
+        "encoder_velocity",
+        "motor_current",
+        "motor_torque",
+        "servo_torque",
+        "servo_integral",
+        "servo_age",
+    ],
+)
+"""Rows of one drive with a motor, whatever its coordinate is called."""
+
+SHOWN = Shown._fields
+
+
+@inline
+def drive_of(x, k):
+    """Rows of drive k of a plant that has several, as what follows knows those of a plant with one."""
+    return Shown(
+        x.encoder_angle[k], x.encoder_velocity[k], x.motor_current[k], x.motor_torque[k], x.servo_torque[k],
+        x.servo_integral[k], x.servo_age[k],
+    )  # fmt: skip
 
 
 @inline
@@ -26,9 +53,8 @@ def servo_reads(x, p, i, at, speed, by_torque, target, target_rate, dt):
     error = target - angle
     apart = p.servo_kp[i] * error + p.servo_kd[i] * (target_rate - rate)
     grown = x.servo_integral[i] + period * p.servo_ki[i] * error
-    beyond = abs(apart + grown) > limit
-    unwinds = (apart + grown) * error < 0.0
-    integral = select(beyond & (not unwinds), x.servo_integral[i], grown)
+    old, passes = x.servo_integral[i], clip(apart + grown, -limit, limit) - apart
+    integral = clip(passes, minimum(old, grown), maximum(old, grown))
     asked = clip(select(by_torque, target, apart + integral), -limit, limit)
     x.servo_torque[i] = select(due | by_torque, asked, x.servo_torque[i])
     x.servo_integral[i] = select(due & (not by_torque), clip(integral, -limit, limit), x.servo_integral[i])
@@ -79,7 +105,7 @@ def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
     net = 0.5 * dt * stiffness * speed - pull - cogging - p.moved_damping[i] * speed
     rest, friction = own + damping, p.drive_friction[i]
     up, down = net + forward - friction, net + backward + friction
-    new = stick_slip_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
+    new = ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
     motor_shows(x, p, i, new, pull + cogging)
     return clip(new, -p.top_speed[i], p.top_speed[i])
 

@@ -194,7 +194,7 @@ def final_state(substeps: int, damping: float) -> np.ndarray:
     return run.x[:6, 0].copy()
 
 
-@pytest.mark.parametrize(("damping", "order"), [(0.0, 2.0), (8.0, 1.0)])
+@pytest.mark.parametrize(("damping", "order"), [(0.0, 2.0), (8.0, 2.0)])
 def test_step_halving_where_smooth(damping, order):
     exact = final_state(8192, damping)
     errors = np.array([np.abs(final_state(n, damping) - exact)[[0, 3]].max() for n in (32, 64, 128, 256)])

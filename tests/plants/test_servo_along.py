@@ -6,8 +6,8 @@ import pytest
 
 from cable_envs import load_rig
 from cable_envs.core.inputs import INPUTS
-from cable_envs.physics.motor import behind_gear, current_range
 from cable_envs.plants.hole.statics import EXACT, hole_ratio
+from tests.reference.motor_reference import Motor, stuck_or_sliding
 
 HOLE, SHEATH = "gu-steel-1mm-motor", "bowden-1m-motor"
 PERIOD = 0.01
@@ -30,57 +30,6 @@ def driven(rig, changes: dict, command, mode: str, substeps: int = 20, steps: in
     return made.values, dict(zip([s.name for s in plant.signals], np.array(seen).T, strict=True))
 
 
-class Servo:
-    """Encoder, servo and motor of a drive along the cable, written down once more."""
-
-    def __init__(self, q, at: float, pull: float):
-        self.q, self.turns = q, q["gear_ratio"] / q["spool_radius"]
-        self.inertia = q["drive_mass"] + (q["spool_inertia"] + q["motor_inertia"] * q["gear_ratio"] ** 2) / (
-            q["spool_radius"] ** 2
-        )
-        self.at, self.v, self.reading, self.rate = at, 0.0, at, 0.0
-        self.integral = self.asked = pull
-        self.target, self.pace = at, 0.0
-
-    def read(self, target: float, rate: float) -> None:
-        q, period = self.q, self.q["encoder_period"]
-        self.rate += period / (period + q["servo_filter"]) * ((self.at - self.reading) / period - self.rate)
-        self.reading, error = self.at, target - self.at
-        apart, grown = (
-            q["servo_kp"] * error + q["servo_kd"] * (rate - self.rate),
-            self.integral + period * q["servo_ki"] * error,
-        )
-        limit = q["tension_command_limit"]
-        if abs(apart + grown) <= limit or (apart + grown) * error < 0.0:
-            self.integral = min(max(grown, -limit), limit)
-        self.asked = min(max(apart + self.integral, -limit), limit)
-
-    def move(self, pull: float, dt: float) -> None:
-        q, constant = self.q, self.q["motor_constant"] * self.turns
-        resistance = q["motor_resistance"] + q["supply_resistance"]
-        low, high = current_range(constant * self.v, resistance, q["supply_voltage"], q["motor_current_limit"])
-        push = q["motor_constant"] * min(max(self.asked / constant, low), high)
-        cogging = q["cogging_torque"] * self.turns * np.sin(q["cogging_periods"] * self.turns * self.at)
-        ways = [
-            behind_gear(push, way, self.turns, q["gear_efficiency"]) - way * q["drive_friction"] for way in (1.0, -1.0)
-        ]
-        against = pull + cogging + q["drive_damping"] * self.v
-        if self.v == 0.0 and ways[0] <= against <= ways[1]:
-            return
-        way = self.v if self.v != 0.0 else ways[0] - against
-        new = self.v + dt * (ways[0 if way > 0.0 else 1] - against) / self.inertia
-        self.v = 0.0 if new * self.v < 0.0 else new
-        self.at += dt * self.v
-
-
-def stuck_or_sliding(v: float, up: float, down: float, mass: float, dt: float) -> float:
-    """Speed of a load after a short explicit step, from the forces on it going up and going down."""
-    if v == 0.0 and up <= 0.0 <= down:
-        return 0.0
-    new = v + dt * (up if v > 0.0 or (v == 0.0 and up > 0.0) else down) / mass
-    return 0.0 if new * v < 0.0 else new
-
-
 def agree(seen, name: str, path) -> None:
     apart = np.sqrt(np.mean((np.array(path) - seen[name]) ** 2)) / np.ptp(seen[name])
     assert apart < 0.01, (name, apart)
@@ -98,7 +47,12 @@ def test_the_hole_moves_as_its_equations_in_short_explicit_steps(mode, command):
     changes = {"encoder_counts": 0.0, "cogging_torque": 2e-3}
     q, seen = driven(HOLE, changes, command, mode, substeps=40)
     weight, dt = q["load_mass"] * q["gravity"], 1e-5
-    drive, y, v, paths = Servo(q, weight / q["cable_stiffness"], weight), 0.0, 0.0, {"drive_position": [], "load": []}
+    drive, y, v, paths = (
+        Motor(q, weight / q["cable_stiffness"], weight, "tension_command_limit"),
+        0.0,
+        0.0,
+        {"drive_position": [], "load": []},
+    )
     hole = [q[name] for name in (
         "wrap_angle", "radius_ratio", "friction_coefficient", "extrusion_delta", "extrusion_gain",
         "extrusion_exponent",
@@ -138,7 +92,7 @@ def test_the_sheath_moves_as_its_equations_in_short_explicit_steps(mode, command
     k_whole = 1.0 / (1.0 / q["tendon_stiffness"] + 1.0 / q["sheath_stiffness"])
     rest, r, dt = q["load_preload"], q["friction_coefficient"] * q["bend_angle"], 1e-5
     low, high = r / np.expm1(r), -r / np.expm1(-r)  # T2 / Tm pulled in, paid out
-    drive, y, v, paths = Servo(q, rest / k_whole, rest), 0.0, 0.0, {"drive": [], "load": []}
+    drive, y, v, paths = Motor(q, rest / k_whole, rest, "tension_command_limit"), 0.0, 0.0, {"drive": [], "load": []}
     for k in range(150_000):
         told = command(PERIOD * (k // 1000))
         if mode == "tension":

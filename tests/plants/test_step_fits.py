@@ -160,3 +160,11 @@ def test_the_first_ids_keep_their_numbers_and_have_one_hole():
     with pytest.raises(ConfigurationError, match="unknown version 'v2'"):
         setup_of(HOLE, {"version": "v2"})
     assert not set(cable_envs.ENV_IDS) & set(cable_envs.V1_IDS)
+
+
+@pytest.mark.parametrize("substeps", [20, 200])
+def test_the_peak_of_a_tension_that_falls_is_that_of_the_start_whatever_the_step(substeps):
+    env = gym.make("cable_envs/CableHole-Tension-Sine-v1", action_mode="speed", substeps=substeps)
+    _, before = env.reset(seed=0)
+    after = env.step(np.array([-0.5], np.float32))[4]
+    assert after["drive_tension"] < before["drive_tension"] == after["peak_tension"]

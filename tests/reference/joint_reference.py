@@ -72,6 +72,23 @@ class Joint:
         """Torque of spring and weight."""
         return self.rig["spring_stiffness"] * q + self.rig["weight_torque"] * math.sin(q)
 
+    def placed(self, k, target, rate):
+        """One step of a drive that is told where to go."""
+        rig, w = self.rig, self.rig["servo_frequency"]
+        a = w * w * (target - self.x[k]) + 2.0 * rig["servo_damping_ratio"] * w * (rate - self.w[k])
+        self.moved(k, min(max(a, -rig["drive_acceleration_limit"]), rig["drive_acceleration_limit"]))
+
+    def pulled_by(self, k, force):
+        """One step of a drive that is told its force."""
+        rig = self.rig
+        self.moved(k, (force - self.tensions[k][0] - rig["drive_damping"] * self.w[k]) / rig["drive_mass"])
+
+    def moved(self, k, a):
+        """One step of a drive that accelerates so."""
+        limit = self.rig["drive_speed_limit"]
+        self.w[k] = min(max(self.w[k] + self.step * a, -limit), limit)
+        self.x[k] += self.step * self.w[k]
+
     def advance(self, mode, command, second, rate, second_rate, period):
         """One control period."""
         rig, h, r = self.rig, self.step, self.rig["moment_arm"]
@@ -79,16 +96,11 @@ class Joint:
             for k, way in enumerate((1.0, -1.0)):
                 if mode == "position":
                     slope = (self.take_up(second + 1e-6) - self.take_up(max(second - 1e-6, 0.0))) / 2e-6
-                    w = rig["servo_frequency"]
-                    a = w * w * (self.take_up(second) + way * r * command - self.x[k])
-                    a += 2.0 * rig["servo_damping_ratio"] * w * (slope * second_rate + way * r * rate - self.w[k])
-                    a = min(max(a, -rig["drive_acceleration_limit"]), rig["drive_acceleration_limit"])
+                    self.placed(
+                        k, self.take_up(second) + way * r * command, slope * second_rate + way * r * rate
+                    )  # fmt: skip
                 else:
-                    force = min(max(second + way * command / (2.0 * r), 0.0), rig["drive_force_limit"])
-                    a = (force - self.tensions[k][0] - rig["drive_damping"] * self.w[k]) / rig["drive_mass"]
-                limit = rig["drive_speed_limit"]
-                self.w[k] = min(max(self.w[k] + h * a, -limit), limit)
-                self.x[k] += h * self.w[k]
+                    self.pulled_by(k, min(max(second + way * command / (2.0 * r), 0.0), rig["drive_force_limit"]))
             arms = self.arms(self.q)
             net = arms[0] * self.tensions[0][1] - arms[1] * self.tensions[1][1] - self.resisted(self.q)
             free = self.v + h / rig["joint_inertia"] * (net - rig["joint_damping"] * self.v)

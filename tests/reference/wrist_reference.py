@@ -40,8 +40,8 @@ class Wrist:
         take_up = (rig["yaw_pretension"] / rig["yaw_cable_stiffness"],
                    rig["pitch_pretension"] / rig["pitch_cable_stiffness"])  # fmt: skip
         for _ in range(round(period / h)):
-            self.d, self.w = self._driven(self.d, self.w, command, rate)
-            self.dp, self.wp = self._driven(self.dp, self.wp, pitch, pitch_rate)
+            self.d, self.w = self.driven(0, self.d, self.w, command, rate)
+            self.dp, self.wp = self.driven(1, self.dp, self.wp, pitch, pitch_rate)
             (_, ta), (_, tb) = self.tensions[0]
             (_, pa), (_, pb) = self.tensions[1]
             net = ry * (ta - tb) - rig["yaw_stiffness"] * self.y - rig["yaw_damping"] * self.v + push
@@ -62,7 +62,8 @@ class Wrist:
                     t1, t2, self.y2[k][j] = cable.at(e, self.y2[k][j] - way * (now[k] - was[k]))
                     self.tensions[k][j] = t1, t2
 
-    def _driven(self, x, v, target, rate):
+    def driven(self, k, x, v, target, rate):
+        """(angle, speed) of the yaw drive (k = 0) or the pitch drive after a step."""
         rig, h, w = self.rig, self.step, self.rig["servo_frequency"]
         a = w * w * (target - x) + 2.0 * rig["servo_damping_ratio"] * w * (rate - v)
         a = min(max(a, -rig["drive_acceleration_limit"]), rig["drive_acceleration_limit"])

@@ -15,10 +15,17 @@ def _held(value, wanted):
     return angle_of_torque(value, wanted)
 
 
+def _with_motor(plant):
+    from cable_envs.plants.antagonist.motor import with_motor
+
+    return with_motor(plant)
+
+
 FAMILY = Family(
     name="antagonistic_joint",
     title="Joint with two tendons",
     build=_build,
+    with_motor=_with_motor,
     tasks="AntagonistJoint",
     outputs={
         "position": Output("angle_reference"),

@@ -28,8 +28,9 @@ Friction of the tendons grows with co-contraction too: T_i n either way. Where t
 tendons are too long (effect ``slack``), one of them is slack, and a load that changes sides falls through a gap of
 twice the difference over r: backlash, which nothing here declares.
 
-Valid for slow tendons (no waves, no mass), one bend each, and drives that no tendon turns back in position mode. The
-sheath's own law (`plants.sheath`) has the friction spread along the bend; here it is in one place.
+Valid for slow tendons (no waves, no mass), one bend each, and ideal drives, which no tendon turns back in position
+mode: `plants.antagonist.motor` has real ones. The sheath's own law (`plants.sheath`) has the friction spread along the
+bend; here it is in one place.
 
 The joint and the drives go half a step, the tensions there give the new speeds (linearly implicit), then they go the
 other half: order 2 but for the steps in which a contact or the joint stops. One kernel: it has the effects always.
@@ -47,6 +48,7 @@ from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.servo import placed
 from cable_envs.plants.antagonist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.tendon import balanced, pulled, series, span_slope
 
 STEP_Y, STEP_V = 1e-7, 1e-6
@@ -139,8 +141,8 @@ def _turned(x, p, u, e, s, g, i, q, dt):
 
 
 @inline
-def _driven(x, p, u, w, e, g, i, dt):
-    """Speeds of both drives after dt."""
+def driven(x, p, u, w, e, g, i, dt):
+    """Speeds of both drives after dt; the tensions are those of its middle."""
     va, vb, limit, most = (
         x.drive_a_velocity[i], x.drive_b_velocity[i], p.drive_speed_limit[i], p.drive_acceleration_limit[i],
     )  # fmt: skip
@@ -169,7 +171,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     end_a, end_b = _ends(x, p, e, s, g, i, half_a, half_b)
     _balance(x, p, w, e, s, i, q_half, end_a, end_b)
     new = _turned(x, p, u, e, s, g, i, q_half, dt)
-    new_a, new_b = _driven(x, p, u, w, e, g, i, dt)
+    new_a, new_b = driven(x, p, u, w, e, g, i, dt)
     x.drive_a_velocity[i] = select(follows, r * g.target_rate[i], new_a)
     x.drive_b_velocity[i] = select(follows, -r * g.target_rate[i], new_b)
     x.drive_a_position[i] = select(follows, path_a, half_a + half * new_a)
@@ -187,12 +189,23 @@ def _step(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
+def _largest(x, i):
+    """The largest tension of both tendons, N."""
+    a, b = maximum(x.tension_drive_a[i], x.tension_joint_a[i]), maximum(x.tension_drive_b[i], x.tension_joint_b[i])
+    return maximum(a, b)
+
+
+@inline
+def encoders(x, p, i):
+    """What encoders show; ideal drives have none."""
+
+
+@inline
 def _watch(x, i):
     """What a control step keeps of the tensions of a substep."""
     a, b = x.tension_drive_a[i], x.tension_drive_b[i]
     x.slack_fraction[i] += select(minimum(a, b) <= 0.0, 1.0, 0.0)
-    top = maximum(maximum(a, x.tension_joint_a[i]), maximum(b, x.tension_joint_b[i]))
-    x.peak_tension[i] = maximum(x.peak_tension[i], top)
+    x.peak_tension[i] = maximum(x.peak_tension[i], _largest(x, i))
 
 
 @inline
@@ -209,6 +222,7 @@ def _report(x, p, u, e, i):
     )
     x.drive_angle[i] = 0.5 * (x.drive_a_position[i] - x.drive_b_position[i]) / p.moment_arm[i]
     x.drive_torque[i], x.co_contraction[i] = p.moment_arm[i] * (da - db), 0.5 * (da + db)
+    encoders(x, p, i)
     taken = maximum(0.5 * (x.drive_a_position[i] + x.drive_b_position[i]), 0.0)
     x.pretension[i], _ = hardened(p.tendon_stiffness[i] * taken, hard)
     x.sliding[i], x.co_contraction_command[i] = sign(x.joint_velocity[i]), u.second[i]
@@ -225,7 +239,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         begin_friction(e, g, i)
         w.ratio[i] = tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * g.factor[i], p.wrap_angle[i])
         w.seen[i], w.creep_a[i], w.creep_b[i] = x.joint_angle[i], s.creep_top[i], s.creep_bottom[i]
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(_largest(x, i))
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)

@@ -10,8 +10,9 @@ reversal travels from idler to idler, so that delay, transition and working phas
     torques    M_in = R0 (T_0t - T_0b), M_out = R5 (T_4t - T_4b)                                            Z32, Z33
 
 Time step: half a step of motion, equilibrium of both chains there, the velocities by linearly implicit kicks with the
-chain's own tangents, the other half step: order 2 where nothing starts or stops (cable damping, inside the equilibrium,
-is of order 1). The signals show the equilibrium at the end of a control step.
+chain's own tangents, the other half step: order 2 where nothing starts or stops. Each end feels within the step,
+through the damping of the cables, how the other changes its speed. The signals show the equilibrium at the end of a
+control step.
 
 phase: 0 rest: the drive stands and no contact next to the output slid within the control step; 1 delay: the front has
 reached the output on neither side; 2 transition: on one; 3 working: on both (a slack side counts as arrived).
@@ -48,6 +49,7 @@ from cable_envs.plants.circuit.ends import (
     STILL,
     cosine,
     drive_step,
+    largest,
     load_torque,
     raised,
     resolved,
@@ -57,6 +59,7 @@ from cable_envs.plants.circuit.ends import (
 )  # fmt: skip
 from cable_envs.plants.circuit.parameters import CIRCUIT, SIDES
 from cable_envs.plants.circuit.statics import Statics
+from cable_envs.plants.peaks import peak_at_start
 
 _CHAIN = tuple(
     signal
@@ -234,6 +237,22 @@ def _watch(x, p, w, e, i):
 
 
 @inline
+def passes(slips, i):
+    """1 where all contacts of a side slide, so that each end feels the motion of the other; else 0."""
+    through = 1.0
+    for k in range(CONTACTS):
+        through *= abs(slips[k, i])
+    return through
+
+
+@inline
+def _moving(v, net, friction):
+    """What of a net torque moves an output with the speed v against a dry friction."""
+    rest = select(abs(net) > friction, net - select(net > 0.0, friction, -friction), 0.0)
+    return select(v > 0.0, net - friction, select(v < 0.0, net + friction, rest))
+
+
+@inline
 def _kick(x, p, u, w, e, s, g, i, dt):
     """Velocities of drive and output from the tensions in the middle of the step; its second half of motion."""
     v_in, v = x.drive_velocity[i], x.output_velocity[i]
@@ -247,7 +266,6 @@ def _kick(x, p, u, w, e, s, g, i, dt):
     tangent = ea_in * (w.tangent_0_top[i] + w.tangent_0_bottom[i])
     if e is not None:
         torque, tangent = g.turns[i] * torque, g.turns[i] * tangent
-    v_in_new = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)
 
     half = x.output_angle[i] + 0.5 * dt * v
     wanted, load_k, load_c = load_torque(p, u, i, half, v, cosine(half))
@@ -260,8 +278,21 @@ def _kick(x, p, u, w, e, s, g, i, dt):
         c = (own_load(half, v + STEP_RATE, tension, e, s, i) - at) / STEP_RATE
         wanted, load_k, load_c = wanted + at, load_k + maximum(k, 0.0), load_c + maximum(c, 0.0)
     net = r5 * (w.tension_top[4, i] - w.tension_bottom[4, i]) - wanted
-    tangent = ea_out * (w.tangent_4_top[i] + w.tangent_4_bottom[i])
-    stiffness, damping = tangent + load_k, late * tangent + load_c
+    at_output = ea_out * (w.tangent_4_top[i] + w.tangent_4_bottom[i])
+    stiffness, damping = at_output + load_k, late * at_output + load_c
+
+    # what one end feels of the other's change of speed within the step
+    top, bottom = passes(x.slip_top, i), passes(x.slip_bottom, i)
+    friction = p.brake_torque[i]
+    if e is not None:
+        friction = select(net > 0.0, g.up[i], g.down[i])
+    change = dt * _moving(v, net, friction) / (p.output_inertia[i] + 0.5 * dt * (damping + 0.5 * dt * stiffness))
+    felt = p.drive_radius[i] * (top * w.tangent_0_top[i] + bottom * w.tangent_0_bottom[i])
+    torque -= 0.5 * p.stretch_damping[i] * felt * change
+    v_in_new = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)
+    felt = r5 * (top * w.tangent_4_top[i] + bottom * w.tangent_4_bottom[i])
+    net += 0.5 * p.stretch_damping[i] * p.gear[i] * felt * (v_in_new - v_in)
+
     net += 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
     if e is not None:
         v_new = output_step(e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt)
@@ -330,7 +361,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
             _worn(_top(x, p, w), e.worn_ratio_top, drift, i)
             _worn(_bottom(x, p, w), e.worn_ratio_bottom, drift, i)
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(largest(x, i))
         w.arrived_top[i], w.arrived_bottom[i] = 0.0, 0.0
         w.turned_in[i], w.turned_out[i] = 0.0, 0.0
         if e is not None:

@@ -55,6 +55,7 @@ from cable_envs.plants.circuit.stages import (
     drive_torque,
     guess,
     held_by_flag,
+    mean_share,
     mix,
     output_torques,
     output_velocity,
@@ -119,16 +120,17 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
     ccw, cw = output_torques(p, i, top, bottom)
     if e is not None:
         resolve_idlers(e, g, i, ccw, cw, p.output_inertia[i], dt)
-    share = share_with(e, s, g, i, cw_share(v, ccw, cw, wanted))
-    late = 0.5 * p.stretch_damping[i] * guess(p, w, g, i, v, ccw - wanted, cw - wanted)
+    change = guess(p, w, g, i, v, ccw - wanted, cw - wanted)
+    share = share_with(e, s, g, i, mean_share(v, change, ccw, cw, wanted))
+    late = 0.5 * p.stretch_damping[i] * change
     m_in = drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
     stiff = p.drive_stiffness[i]
     if e is not None:
         m_in *= w.pulley_turns[i]
         stiff *= rise(e, i, maximum(top / p.length_top[i], bottom / p.length_bottom[i]))
     new = drive_step(x, p, u, g, i, m_in, stiff, p.stretch_damping[i] * p.drive_slope[i], dt)
-    change = 0.5 * (new - v_in)
-    w.elongation_angle[i], w.elongation_rate[i] = d + 0.5 * dt * gear * change, rate + gear * change
+    more = 0.5 * (new - v_in)
+    w.elongation_angle[i], w.elongation_rate[i] = d + 0.5 * dt * gear * more, rate + gear * more
     w.load_torque[i], w.load_stiffness[i], w.load_damping[i] = wanted, load_k, load_c
     after = a + 0.5 * dt * (v_in + new)
     if e is not None:

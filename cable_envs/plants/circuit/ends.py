@@ -212,6 +212,13 @@ def load_torque(p, u, i, angle, v, level):
 
 
 @inline
+def largest(x, i):
+    """The largest tension that is shown of the two cables, N."""
+    top, bottom = x.tension_drive_top[i], x.tension_drive_bottom[i]
+    return maximum(maximum(top, x.tension_output_top[i]), maximum(bottom, x.tension_output_bottom[i]))
+
+
+@inline
 def cosine(x):
     """cos x, see `kernels.sine_cosine`."""
     return sine_cosine(x)[1]

@@ -14,9 +14,10 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share as share_of
 from cable_envs.effects.seams import between
 from cable_envs.plants.circuit.effects import output_slides, output_step, rise
-from cable_envs.plants.circuit.ends import COEFFICIENTS, raised, resolved, shared_coefficients
+from cable_envs.plants.circuit.ends import COEFFICIENTS, largest, raised, resolved, shared_coefficients
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
+from cable_envs.plants.peaks import peak_at_start
 
 BRANCHES = (
     "drive_top_ccw", "drive_bottom_ccw", "drive_top_cw", "drive_bottom_cw",
@@ -56,6 +57,18 @@ def cw_share(v, ccw, cw, wanted):
     """Share of the cw branch: 0 moving ccw, 1 moving cw, at rest the one that balances ``wanted``."""
     stuck = clip((wanted - ccw) / maximum(cw - ccw, 1e-12), 0.0, 1.0)
     return select(v > 0.0, 0.0, select(v < 0.0, 1.0, stuck))
+
+
+@inline
+def mean_share(v, change, ccw, cw, wanted):
+    """Mean of `cw_share` over a step in which the output's speed is to change by ``change``.
+
+    Where it stops within the step, the drive feels the torque of the rest from then on.
+    """
+    share = cw_share(v, ccw, cw, wanted)
+    stops = v * (v + change) < 0.0
+    left = 1.0 + v / select(stops, change, 1.0)
+    return select(stops, mix(left, share, cw_share(0.0, ccw, cw, wanted)), share)
 
 
 @inline
@@ -161,7 +174,7 @@ def _faded(now, final, part):
 def begin_step(x, p, w, e, s, i, dt):
     """Before the substeps of a control step: peaks begin anew, friction has drifted, the output's gain is set."""
     x.slack_fraction[i] = 0.0
-    x.peak_tension[i] = 0.0
+    x.peak_tension[i] = peak_at_start(largest(x, i))
     w.level[i] = 0.0
     worn(p, e, s, i)
     c_out = p.stretch_damping[i] * p.output_slope[i] + p.output_damping[i] + p.contact_damping[i]

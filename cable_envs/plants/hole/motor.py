@@ -19,7 +19,7 @@ from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.stages import carried, limited
-from cable_envs.plants.servo import ALONG, Mount, mounted, servo_signals
+from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_shows, motor_step, motor_torques, servo_reads
 
 PARAMETERS = (
@@ -36,16 +36,18 @@ SIGNALS = (
 
 
 @inline
-def told(x, p, u, i, dt):
-    """(whether the command is a force, what the servo is told, its rate); in speed mode the reference moves on."""
-    by_force = u.mode[i] < 0.5
+def told(x, p, u, i, at, old, dt):
+    """The encoder is read and the servo asks for its force; in speed mode its reference moves on then.
+
+    The reading comes first: how far ahead of it the reference may go does not depend on the step.
+    """
+    by_force, goal, pace = u.mode[i] < 0.5, x.servo_target[i], x.servo_pace[i]
+    servo_reads(x, p, i, at, old, by_force, select(by_force, u.command[i], goal), select(by_force, 0.0, pace), dt)
     leash = p.servo_limit[i] / maximum(p.servo_kp[i], 1e-9)
-    at, old = x.servo_target[i], x.servo_pace[i]
-    new = limited(p, i, old, u.command[i], dt)
-    onward = clip(at + 0.5 * dt * (old + new), x.encoder_angle[i] - leash, x.encoder_angle[i] + leash)
-    x.servo_target[i] = select(by_force, at, onward)
-    x.servo_pace[i] = select(by_force, old, new)
-    return by_force, select(by_force, u.command[i], at), select(by_force, 0.0, old)
+    new = limited(p, i, pace, u.command[i], dt)
+    onward = clip(goal + 0.5 * dt * (pace + new), x.encoder_angle[i] - leash, x.encoder_angle[i] + leash)
+    x.servo_target[i] = select(by_force, goal, onward)
+    x.servo_pace[i] = select(by_force, pace, new)
 
 
 @inline
@@ -66,8 +68,7 @@ def _load_ahead(x, p, w, e, g, i, dt):
 def hauled(x, p, u, w, e, s, g, i, dt):
     """The drive of one hole, in the place of the ideal one."""
     at, old, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    by_force, target, rate = told(x, p, u, i, dt)
-    servo_reads(x, p, i, at, old, by_force, target, rate, dt)
+    told(x, p, u, i, at, old, dt)
     ahead = _load_ahead(x, p, w, e, g, i, dt)
     tension, end = x.drive_tension[i], 1.0
     held = tension > 0.0
@@ -96,8 +97,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     """The span between drive and first hole, then the balance of the drive: the step is solved with its tension."""
     ideal_span(x, p, u, w, e, s, g, i, dt)
     at, old = x.drive_position[i], x.drive_velocity[i]
-    by_force, target, rate = told(x, p, u, i, dt)
-    servo_reads(x, p, i, at, old, by_force, target, rate, dt)
+    told(x, p, u, i, at, old, dt)
     forward, backward, cogging, damping = motor_torques(x, p, i, at, old, dt)
     friction, against = p.drive_friction[i], cogging + p.moved_damping[i] * old
     up, down = forward - friction - against, backward + friction - against
@@ -131,11 +131,6 @@ def _on_cable(plain: Callable) -> Callable:
     return resolved
 
 
-def _own(value):
-    inertia = value["drive_mass"] + value["spool_inertia"] / value["spool_radius"] ** 2
-    return inertia, value["drive_damping"], value["drive_speed_limit"], value["tension_command_limit"]
-
-
 def with_motor(plant: Plant) -> Plant:
     """The plant, of one hole or of several, with a real drive in the place of its ideal one."""
     one = {"_hauled": hauled}
@@ -143,9 +138,10 @@ def with_motor(plant: Plant) -> Plant:
     mount = Mount(
         parameters=PARAMETERS,
         signals=SIGNALS,
-        drive=("drive_position", "drive_velocity", "drive_tension"),
+        measured=ENCODER,
+        held=pulling,
         pieces=one if "span_stiffness" not in plant.parameters else several,
-        own=_own,
+        own=lambda value: along(value, value["drive_speed_limit"], value["tension_command_limit"]),
         plain={"inner_kp": 0.0, "inner_kd": 0.0},
         more=("servo_target", "servo_pace"),
         start={"servo_target": "drive_position"},

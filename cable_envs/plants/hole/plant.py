@@ -63,6 +63,7 @@ from cable_envs.plants.hole.stages import (
     transmitted,
     wrapped,
 )  # fmt: skip
+from cable_envs.plants.peaks import peak_at_start
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
@@ -219,7 +220,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
         closed_loop(p, w, i, p.cable_stiffness[i], dt)
         x.slack_fraction[i] = 0.0
-        x.peak_tension[i] = 0.0
+        x.peak_tension[i] = peak_at_start(x.drive_tension[i])
         x.out_of_range[i] = 0.0
         if e is not None:
             begin(

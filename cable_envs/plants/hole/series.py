@@ -53,6 +53,7 @@ from cable_envs.plants.hole.series_stages import (
 )
 from cable_envs.plants.hole.spool import settle_drive
 from cable_envs.plants.hole.stages import any_stiff
+from cable_envs.plants.peaks import peak_at_start
 
 solve_together = specialised(series.solve, law=friction, lead=end_row)
 
@@ -62,7 +63,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, stage by stage."""
     bends, holes = any_stiff(p, lanes), p.wrap_angle.shape[0]
     for i in range(lanes):
-        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
+        x.slack_fraction[i], x.out_of_range[i] = 0.0, 0.0
+        x.peak_tension[i] = peak_at_start(x.drive_tension[i])
         if e is not None:
             begin(
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],

@@ -11,7 +11,7 @@ from cable_envs.effects.seams import dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import ringing_mass, ringing_step
 from cable_envs.plants.hole.spool import cable_end, moves_otherwise
 
 HOLE = Lanes("Hole", [
@@ -90,7 +90,7 @@ def closed(x, p, w, e, g, i, wanted, dt):
     steeper = x.drive_tension[i] * w.ratio_slope[i] * w.friction_growth[i] * select(up, inv_n * inv_n, 1.0)
     damping = maximum(w.resistance_damping[i] + c * passed + steeper, -mass / dt)
     stiffness = w.resistance_stiffness[i] + k * passed
-    inertia = mass + half * (damping + half * stiffness)  # b = (still + follows a) / inertia
+    inertia = ringing_mass(mass, half * half * stiffness) + half * damping  # b = (still + follows a) / inertia
     still = inertia * v + dt * (fixed * passed - held - half * stiffness * v)
     follows = dt * grows * passed
     together = (inertia * apart + gain * still) / (inertia + gain * (inertia - follows))
@@ -208,6 +208,12 @@ def any_stiff(p, lanes):
 
 
 @inline
+def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
+    """Speed of the load after a step, which may turn round within it: a light one rings through its friction."""
+    return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+
+
+@inline
 def slip_speed(x, p, w, e, s, g, i, ahead, dt):
     """Speed of the load after the step: the tension above against what resists behind the hole.  G28
 
@@ -229,7 +235,7 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
         damping_up, damping_down = damping_up + g.steep[i], damping_down + g.steep[i]
         stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
         damping_up, damping_down = maximum(damping_up, least), maximum(damping_down, least)
-    v_new = stick_slip_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+    v_new = load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt)
     if e is not None:
         _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
         at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)

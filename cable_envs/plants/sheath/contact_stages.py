@@ -50,7 +50,7 @@ def limits(x, p, u, w, e, s, g, i):
 
 
 @inline
-def _late(mass, stiffness, dt):
+def end_share(mass, stiffness, dt):
     """Weight of the end of the step in the force on an end: a half, and more where its span shakes it too quickly."""
     return clip(1.0 - mass / (stiffness * dt * dt), 0.5, 1.0)
 
@@ -65,7 +65,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         position, speed, u.command[i], u.command_rate[i], p.servo_stiffness[i], p.servo_damping[i],
         p.drive_acceleration_limit[i], fastest, dt,
     )  # fmt: skip
-    late, mass = _late(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt), p.drive_mass[i] / dt
+    late, mass = end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt), p.drive_mass[i] / dt
     per = half / (mass + 0.5 * p.drive_damping[i])
     by_force = u.mode[i] > 0.5
     pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_tension[i]) * per
@@ -104,6 +104,18 @@ def drive_end(x, w, e, s, i, c, r):
 
 
 @inline
+def drive_way(x, w, g, i, tension, dt):
+    """(way of the drive against the tension at its end, its speed behind the step)."""
+    d = clip(w.reach[i] - w.give[i] * tension, w.low[i], w.high[i])
+    return d, select(w.low[i] < w.high[i], 2.0 * d / dt - x.drive_velocity[i], w.placed[i])
+
+
+@inline
+def drive_shows(x, p, w, i):
+    """What a drive with a motor has to tell behind the step; an ideal one has nothing."""
+
+
+@inline
 def load_row(x, p, u, w, e, s, g, i, dt):
     """The load's line: inertia, spring and damper, and its own dry friction."""
     contacts = x.slip_position.shape[0]
@@ -119,7 +131,7 @@ def load_row(x, p, u, w, e, s, g, i, dt):
         slowed = maximum(c + thick + g.steep[i], -p.load_mass[i] / dt)
         resist, k, c = resist + at - (slowed - c) * v, k + stiff, slowed
         up, down = g.up[i], g.down[i]
-    late, mass = _late(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt), 2.0 * p.load_mass[i] / dt
+    late, mass = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt), 2.0 * p.load_mass[i] / dt
     per = 1.0 / ((mass + c) / dt + 0.5 * k)
     w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_tension[i] - resist) * per, late * per
     w.rub_up[i], w.rub_down[i], w.halfway[i] = up * per, down * per, 0.5 * dt * v
@@ -211,13 +223,12 @@ def moved(x, p, u, w, e, s, g, i, dt):
     """Both ends after the step."""
     contacts = x.slip_position.shape[0]
     before, behind = w.tension[0, i], w.tension[contacts, i]
-    d = clip(w.reach[i] - w.give[i] * before, w.low[i], w.high[i])
-    by_force = w.low[i] < w.high[i]
+    d, speed = drive_way(x, w, g, i, before, dt)
     if e is not None:
         whole = select(e.backlash_gap[i] > 0.0, s.gap_position[i], x.drive_position[i])
         elongation = maximum(whole - x.load_position[i] - w.lost[i], 0.0)
         s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])
-    x.drive_velocity[i] = select(by_force, 2.0 * d / dt - x.drive_velocity[i], w.placed[i])
+    x.drive_velocity[i] = speed
     x.drive_position[i] += d
     if e is not None:
         gap = e.backlash_gap[i]
@@ -225,6 +236,7 @@ def moved(x, p, u, w, e, s, g, i, dt):
     x.load_position[i] += w.slip[contacts + 1, i]
     x.load_velocity[i] = select(w.load_state[i] == 0.0, 0.0, 2.0 * w.slip[contacts + 1, i] / dt - x.load_velocity[i])
     x.drive_tension[i], x.load_tension[i] = before, behind
+    drive_shows(x, p, w, i)
     x.slack_fraction[i] += select(before <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], before)
 

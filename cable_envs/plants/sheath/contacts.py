@@ -42,6 +42,7 @@ from cable_envs.effects.own import advance_memory, own_actuate
 from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.physics import sweeps
 from cable_envs.plants.base import Plant, Signal
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.sheath.contact_stages import (
     drive_end,
     drive_row,
@@ -74,7 +75,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, stage by stage."""
     contacts = x.slip_position.shape[0]
     for i in range(lanes):
-        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
+        x.slack_fraction[i], x.out_of_range[i] = 0.0, 0.0
+        x.peak_tension[i] = peak_at_start(x.drive_tension[i])
         if e is not None:
             begin(
                 e, s, g, u, i, x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],

@@ -1,12 +1,16 @@
 """A real drive for the tendon in a sheath: a motor that turns a spool (`cable_envs.plants.servo`).
 
-In position mode the command is the servo's reference; in tension mode it is what the motor is to pull with.
+In position mode the command is the servo's reference; in tension mode it is what the motor is to pull with. The sheath
+with contacts has its pieces in `cable_envs.plants.sheath.contact_motor`.
 """
+
+from dataclasses import replace
 
 from cable_envs.core.kernels import inline
 from cable_envs.plants.base import Plant
-from cable_envs.plants.servo import ALONG, Mount, mounted, servo_signals
+from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_step, servo_reads
+from cable_envs.plants.sheath import contact_motor
 from cable_envs.plants.sheath.plant import felt
 
 
@@ -20,19 +24,24 @@ def drive_speed(x, p, u, e, s, i, ahead, dt):
     return motor_step(x, p, i, at, speed, pull, k, c, dt)
 
 
-def _own(value):
-    inertia = value["drive_mass"] + value["spool_inertia"] / value["spool_radius"] ** 2
-    return inertia, value["drive_damping"], value["drive_speed_limit"], value["tension_command_limit"]
+CONTACTS = {
+    name: getattr(contact_motor, name) for name in ("drive_row", "drive_end", "drive_way", "drive_shows")
+}  # fmt: skip
+"""Pieces of the sheath with contacts."""
 
 
 def with_motor(plant: Plant) -> Plant:
-    """The plant with a real drive in the place of its ideal one."""
+    """The plant, with contacts or without, with a real drive in the place of its ideal one."""
+    several = "slip_position" in plant.signal_rows
+    if several:
+        plant = replace(plant, scratch=plant.scratch.extended(contact_motor.SCRATCH))
     mount = Mount(
         parameters=ALONG,
         signals=servo_signals("position", "m", "force", "N"),
-        drive=("drive_position", "drive_velocity", "drive_tension"),
-        pieces={"drive_speed": drive_speed},
-        own=_own,
+        measured=ENCODER,
+        held=pulling,
+        pieces=CONTACTS if several else {"drive_speed": drive_speed},
+        own=lambda value: along(value, value["drive_speed_limit"], value["tension_command_limit"]),
         total="drive_mass",
     )
     return mounted(plant, mount)

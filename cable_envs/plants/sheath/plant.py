@@ -38,7 +38,7 @@ stiffness that touches the sheath all along where it bends; curvature and pressu
 (the tendon's clearance in the sheath) is the effect ``backlash``: a play operator between drive and tendon, which is
 taken up under tension: the drive feels T1 in it too.
 
-Linearly implicit trapezoidal steps, the drive first: order 2 but for the steps in which the load stops. One kernel: it
+Linearly implicit trapezoidal steps, the drive first: order 2, through reversals too. One kernel: it
 has the effects always.
 """
 
@@ -61,9 +61,10 @@ from cable_envs.effects.seams import (
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import ringing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, rows_of
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.sheath.capstan import leaving, leaving_slope, mobilised, stuck_growth
 from cable_envs.plants.sheath.parameters import (
     ACTING,
@@ -176,6 +177,12 @@ def load_ahead(x, i, dt):
 
 
 @inline
+def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
+    """Speed of the load after a step, which may turn round within it."""
+    return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+
+
+@inline
 def _middle(x, p, u, w, e, s, g, i, dt):
     """Forces on the load once the drive has gone half its way, and the load with the speed that it has."""
     y, v = x.load_position[i], x.load_velocity[i]
@@ -204,7 +211,7 @@ def _slide(x, p, w, e, s, g, i, dt):
     damping_up = maximum(damping + c * low - grows_up * w.friction_growth[i], least)
     damping_down = maximum(damping + c * high - grows_down * w.friction_growth[i], least)
     stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, low, high)
-    sliding = stick_slip_step(v, p.load_mass[i], up, down, stiffness, damping_up, damping_down, dt)
+    sliding = load_slides(v, p.load_mass[i], up, down, stiffness, damping_up, damping_down, dt)
     part = share(s.presliding, i)
     r = (2.0 * part - 1.0) * a
     beside, steeper = tm * (leaving(r) - high + part * a), tm * (2.0 * a * leaving_slope(r) + a)
@@ -253,7 +260,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         )  # fmt: skip
         begin_friction(e, g, i)
         dry_friction(e, g, i, x.load_velocity[i], p.load_friction[i], x.drive_tension[i])
-        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
+        x.slack_fraction[i], x.out_of_range[i] = 0.0, 0.0
+        x.peak_tension[i] = peak_at_start(x.drive_tension[i])
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)

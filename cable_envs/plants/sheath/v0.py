@@ -1,14 +1,17 @@
 """The tendon in a sheath as the ids ``-v0`` have it, kept so that what was measured on them can be replayed.
 
 In the middle of a step the drive has moved on and the load has not, so that a tendon that goes out under a small
-tension counts as slack there.
+tension counts as slack there. Where the load would turn round within a step it stops, and goes the other way in the
+next one. The peak of a control step leaves its start out.
 """
 
 from dataclasses import replace
 
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.kernels import inline
+from cable_envs.physics.friction import stick_slip_step
 from cable_envs.plants.base import Plant
+from cable_envs.plants.peaks import no_peak
 from cable_envs.plants.sheath.plant import PLANT
 
 
@@ -17,7 +20,7 @@ def _still(x, i, dt):
     return 0.0
 
 
-_SOLVE = specialised(PLANT.solve, load_ahead=_still)
+_SOLVE = specialised(PLANT.solve, load_ahead=_still, load_slides=stick_slip_step, peak_at_start=no_peak)
 
 
 def as_v0(plant: Plant) -> Plant:

@@ -9,10 +9,17 @@ def _build(variant: str, holes: int):
     return PLANT
 
 
+def _with_motor(plant):
+    from cable_envs.plants.wrist.motor import with_motor
+
+    return with_motor(plant)
+
+
 FAMILY = Family(
     name="wrist",
     title="Coupled wrist",
     build=_build,
+    with_motor=_with_motor,
     tasks="Wrist",
     outputs={"position": Output("angle_reference")},
     observe="output",

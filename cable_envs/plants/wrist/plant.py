@@ -24,8 +24,9 @@ IEEE ICRA 2014). The same cables pull on the pitch joint (coupling torque), and 
 The pitch drive is told ``pitch_angle`` of the rig, or a second command, and the ``posture`` besides.
 
 Valid for joints whose axes are at right angles and whose bodies are small: none accelerates the other but by cables.
-Cables have no mass, one contact each, and drives that no cable turns back. Steps as of the joint with two tendons:
-half way, tensions and new speeds there (linearly implicit), the other half. One kernel: it has the effects always.
+Cables have no mass, one contact each, and ideal drives, which no cable turns back: `plants.wrist.motor` has real ones.
+Steps as of the joint with two tendons: half way, tensions and new speeds there (linearly implicit), the other half. One
+kernel: it has the effects always.
 """
 
 from cable_envs.core.kernels import inline, maximum, minimum, select, sign
@@ -38,6 +39,7 @@ from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.friction import crossing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
+from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.tendon import balanced, span_slope
 from cable_envs.plants.wrist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 
@@ -49,7 +51,9 @@ WRIST = Lanes("Wrist", [
     "pitch_ratio",  # n of the pitch cables
     "second", "second_rate",  # what the pitch drive is told: rad, rad/s
     "seen", "pitch_seen",  # what both joints had pulled in when the tensions were last balanced, m
-    "yaw_new", "pitch_new",  # speeds after the step, rad/s
+    "yaw_new", "pitch_new",  # speeds of the joints after the step, rad/s
+    # of the drives: where they are in the middle of the step and behind it, rad; their speeds behind it, rad/s
+    "middle", "pitch_middle", "after", "pitch_after", "speed_after", "pitch_speed_after",
 ])  # fmt: skip
 """Scratch of a control step."""
 
@@ -113,29 +117,59 @@ def _turn_pitch(x, p, w, i, dt):
 
 
 @inline
-def _step(x, p, u, w, e, s, g, i, dt):
+def go_half(x, p, u, w, g, i, dt):
+    """Takes both drives to the middle of the step; ideal ones are where their servos have them, whatever pulls."""
     half, follows = 0.5 * dt, g.follows[i] > 0.5
-    y, pitch, wound, pitch_wound = x.yaw_angle[i], x.pitch_angle[i], x.drive_angle[i], x.pitch_drive_angle[i]
     k, c, most, limit = (
         p.servo_stiffness[i], p.servo_damping[i], p.drive_acceleration_limit[i], p.drive_speed_limit[i],
     )  # fmt: skip
-    speed, pitch_speed, gap = x.drive_velocity[i], x.pitch_drive_velocity[i], e.backlash_gap[i]
+    wound, speed = x.drive_angle[i], x.drive_velocity[i]
     new = placed(wound, speed, u.command[i], u.command_rate[i], k, c, most, limit, dt)
     after = select(follows, g.target[i], wound + half * (speed + new))
-    pitch_new = placed(pitch_wound, pitch_speed, w.second[i], w.second_rate[i], k, c, most, limit, dt)
-    pitch_after = pitch_wound + half * (pitch_speed + pitch_new)
-    y_half, pitch_half = y + half * x.yaw_velocity[i], pitch + half * x.pitch_velocity[i]
-    middle = 0.5 * (wound + after)
-    s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], middle, gap), middle)
-    _balance(x, p, w, e, i, y_half, pitch_half, s.gap_position[i], 0.5 * (pitch_wound + pitch_after))
+    w.middle[i], w.after[i], w.speed_after[i] = 0.5 * (wound + after), after, select(follows, g.target_rate[i], new)
+    wound, speed = x.pitch_drive_angle[i], x.pitch_drive_velocity[i]
+    new = placed(wound, speed, w.second[i], w.second_rate[i], k, c, most, limit, dt)
+    after = wound + half * (speed + new)
+    w.pitch_middle[i], w.pitch_after[i], w.pitch_speed_after[i] = 0.5 * (wound + after), after, new
+
+
+@inline
+def go_on(x, p, u, w, g, i, dt):
+    """Takes both drives on from there, with the tensions there; ideal ones know already."""
+
+
+@inline
+def encoders(x, p, i):
+    """What encoders show; ideal drives have none."""
+
+
+@inline
+def _step(x, p, u, w, e, s, g, i, dt):
+    half, gap = 0.5 * dt, e.backlash_gap[i]
+    y_half, pitch_half = x.yaw_angle[i] + half * x.yaw_velocity[i], x.pitch_angle[i] + half * x.pitch_velocity[i]
+    go_half(x, p, u, w, g, i, dt)
+    s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], w.middle[i], gap), w.middle[i])
+    _balance(x, p, w, e, i, y_half, pitch_half, s.gap_position[i], w.pitch_middle[i])
     _turn_yaw(x, p, u, w, e, s, g, i, y_half, dt)
     _turn_pitch(x, p, w, i, dt)
+    go_on(x, p, u, w, g, i, dt)
     x.yaw_angle[i], x.yaw_velocity[i] = y_half + half * w.yaw_new[i], w.yaw_new[i]
     x.pitch_angle[i], x.pitch_velocity[i] = pitch_half + half * w.pitch_new[i], w.pitch_new[i]
-    x.drive_angle[i], x.drive_velocity[i] = after, select(follows, g.target_rate[i], new)
-    x.pitch_drive_angle[i], x.pitch_drive_velocity[i] = pitch_after, pitch_new
-    s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], after, gap), after)
-    _balance(x, p, w, e, i, x.yaw_angle[i], x.pitch_angle[i], s.gap_position[i], pitch_after)
+    x.drive_angle[i], x.drive_velocity[i] = w.after[i], w.speed_after[i]
+    x.pitch_drive_angle[i], x.pitch_drive_velocity[i] = w.pitch_after[i], w.pitch_speed_after[i]
+    s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], w.after[i], gap), w.after[i])
+    _balance(x, p, w, e, i, x.yaw_angle[i], x.pitch_angle[i], s.gap_position[i], w.pitch_after[i])
+
+
+@inline
+def _largest(x, i):
+    """The largest tension of all four tendons, N."""
+    yaw_a, yaw_b = maximum(x.tension_drive_a[i], x.tension_end_a[i]), maximum(x.tension_drive_b[i], x.tension_end_b[i])
+    a, b = (
+        maximum(x.pitch_tension_drive_a[i], x.pitch_tension_end_a[i]),
+        maximum(x.pitch_tension_drive_b[i], x.pitch_tension_end_b[i]),
+    )
+    return maximum(maximum(yaw_a, yaw_b), maximum(a, b))
 
 
 @inline
@@ -143,9 +177,7 @@ def _watch(x, i):
     """What a control step keeps of the tensions of a substep."""
     a, b, pa, pb = x.tension_drive_a[i], x.tension_drive_b[i], x.pitch_tension_drive_a[i], x.pitch_tension_drive_b[i]
     x.slack_fraction[i] += select(minimum(minimum(a, b), minimum(pa, pb)) <= 0.0, 1.0, 0.0)
-    yaw = maximum(maximum(a, x.tension_end_a[i]), maximum(b, x.tension_end_b[i]))
-    pitch = maximum(maximum(pa, x.pitch_tension_end_a[i]), maximum(pb, x.pitch_tension_end_b[i]))
-    x.peak_tension[i] = maximum(x.peak_tension[i], maximum(yaw, pitch))
+    x.peak_tension[i] = maximum(x.peak_tension[i], _largest(x, i))
 
 
 @inline
@@ -155,6 +187,7 @@ def _report(x, p, u, i):
     x.yaw_torque[i], x.coupling_torque[i] = p.yaw_radius[i] * apart, p.coupling_radius[i] * apart
     x.pitch_torque[i] = p.pitch_radius[i] * (x.pitch_tension_end_a[i] - x.pitch_tension_end_b[i])
     x.pitch_command[i], x.sliding[i] = u.second[i] + u.posture[i], sign(x.yaw_velocity[i])
+    encoders(x, p, i)
     x.out_of_range[i] = select(p.yaw_wrap[i] < abs(p.wrap_growth[i] * x.pitch_angle[i]), 1.0, 0.0)
 
 
@@ -169,7 +202,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         w.pitch_ratio[i] = tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * g.factor[i], p.pitch_wrap[i])
         w.seen[i] = p.yaw_radius[i] * x.yaw_angle[i] + p.coupling_radius[i] * x.pitch_angle[i]
         w.pitch_seen[i] = p.pitch_radius[i] * x.pitch_angle[i]
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(_largest(x, i))
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)
