@@ -111,7 +111,8 @@ def log_odds(one: Candidate, other: Candidate) -> float:
 
 
 def under_one_noise(
-    fit: Model, joint: Joint, fits: Sequence[tuple[tuple[Hypothesis, ...], Fit]], leader: int, stated: Mapping[str, float]
+    fit: Model, joint: Joint, fits: Sequence[tuple[tuple[Hypothesis, ...], Fit]], leader: int,
+    stated: Mapping[str, float],
 ) -> list[Candidate]:  # fmt: skip
     """Candidates of refits, refitted again under the noise that the leader leaves beside its discrepancy.
 

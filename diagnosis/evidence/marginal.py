@@ -9,8 +9,8 @@ J, t   | slopes of the whitened prediction, and parameters from where the refit 
 L, off | variances of the parameters' priors, and how far the refit has moved from their means
 G, S   | whitened functions of `features`, and their scale: diagonal, of a channel's functions all alike
 
-The model is linear in t about the refit (Laplace's approximation; Tierney and Kadane, J. Am. Stat. Assoc. 81 (1986) 82),
-so that the integral is a Gaussian's: the more a model can do that the records did not ask for, the smaller it is.
+The model is linear in t about the refit (Laplace's approximation; Tierney and Kadane, J. Am. Stat. Assoc. 81 (1986)
+82), so that the integral is a Gaussian's: the more a model can do that the records did not ask for, the smaller it is.
 
 Two models are compared on records whose noise is never quite the one that is assumed. How far the logarithm of a
 likelihood ratio may be trusted, the records say themselves: along the difference d of two predictions the scores of

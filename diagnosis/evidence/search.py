@@ -19,9 +19,11 @@ from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nom
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.score_tests import score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Model
+from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.search.comparison import compare
 from cable_envs.diagnosis.search.objections import bounded
+
+Effects = tuple[Hypothesis, ...]
 
 SURE = 20.0
 """Odds from which one model is preferred to another."""
@@ -29,32 +31,50 @@ MOST = 4
 """Effects at the most."""
 RIVALS = 6
 """Best hypotheses that are compared under one noise."""
+EXCHANGES = 8
+"""Rounds of leaving out and exchanging, at the most."""
+MARGIN = 1.0
+"""Log odds by which an exchange must be better: equals would be exchanged for ever."""
 LAW = 0.2
 """Share of what was to be explained that may be left unexplained when something is named."""
 
 
-@dataclass
+@dataclass(frozen=True)
 class Found:
     """The last model, with the odds that an answer needs.
 
-    null, best | without effects, and with those that are found
-    without    | name of an effect -> log odds of the best model over the same without it
-    rivals     | name of an effect -> {other hypothesis: log odds of the best model over it in its place}
-    left       | log odds that something is left, share of what was to be explained, families in which it is
+    Parameters
+    ----------
+    null, best : Candidate
+        Without effects, and with those that are found.
+    without : Mapping of str to float
+        Effect -> log odds of the best model over the same without it.
+    rivals : Mapping of str to Mapping
+        Effect -> other hypotheses -> log odds of the best model over them in its place.
+    smooth : float
+        Log odds of the best model over the same without its least effect, but with a discrepancy in its place.
     """
 
     null: Candidate
     best: Candidate
-    without: dict[str, float] = field(default_factory=dict)
-    rivals: dict[str, dict[str, float]] = field(default_factory=dict)
-    left: float = -np.inf
-    share: float = 0.0
-    families: tuple[int, ...] | None = None
+    without: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     smooth: float = np.inf
-    steps: list = field(default_factory=list)
+
+    @property
+    def left(self) -> float:
+        """Log odds that something is left that the best model does not explain."""
+        return self.best.far[0]
+
+    @property
+    def share(self) -> float:
+        """What is left over what the effects explain, both as falls of half the sum of squares."""
+        explained = max(self.best.near.fit - self.null.near.fit, 1e-9)
+        return max(self.best.far[1].fit - self.best.near.fit, 0.0) / explained
 
     @property
     def verdict(self) -> str:
+        """One of `cable_envs.diagnosis.model.verdict.VERDICTS`."""
         something = self.left > np.log(SURE)
         if not self.best.effects:
             return "unknown" if something else "no_detectable_mismatch"
@@ -63,112 +83,104 @@ class Found:
         return "equivalence_class" if any(self.alternatives(h.name) for h in self.best.effects) else "named"
 
     def alternatives(self, name: str) -> tuple[str, ...]:
+        """Hypotheses that the records do not tell from an effect."""
         return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < np.log(SURE))
 
     def confidence(self, name: str) -> float:
-        against = [self.without[name], self.smooth, *(o for o in self.rivals.get(name, {}).values() if o >= np.log(SURE))]
-        return float(1.0 / (1.0 + sum(np.exp(-min(max(o, 0.0), 50.0)) for o in against)))
+        """Probability that an effect or one of its alternatives is there; not calibrated."""
+        clear = (odds for odds in self.rivals.get(name, {}).values() if odds >= np.log(SURE))
+        against = np.array([self.without[name], self.smooth, *clear])
+        return float(1.0 / (1.0 + np.sum(np.exp(-np.clip(against, 0.0, 50.0)))))
 
 
 class Search:
-    """See the module; parameters as of `cable_envs.diagnosis.search.select.select`."""
+    """The search of the module.
+
+    Parameters
+    ----------
+    fit, heldout : Model
+        The records to fit, and those that are not fitted; both count.
+    nominals : tuple of str
+        Parameters that every refit moves.
+    hypotheses : sequence of Hypothesis
+        What may be missing.
+    rng : numpy.random.Generator
+        Of the score tests.
+    stated : mapping of str to float
+        Channel -> standard deviation of its noise, where the recording says it, SI.
+    tell : callable
+        Called with what is being done.
+    """
 
     def __init__(
         self, fit: Model, heldout: Model, nominals: tuple[str, ...], hypotheses: Sequence[Hypothesis],
         rng: np.random.Generator, stated: Mapping[str, float], tell: Callable[[str], None] = lambda text: None,
     ):  # fmt: skip
-        self.fit, self.joint, self.nominals = fit, Joint(fit, heldout), nominals
-        self.hypotheses, self.rng, self.stated, self.tell = tuple(hypotheses), rng, dict(stated), tell
-        self.prior = -float(np.log(max(len(self.hypotheses), 1)))
+        self._fit, self._joint, self._nominals = fit, Joint(fit, heldout), nominals
+        self._hypotheses, self._rng, self._stated, self._tell = tuple(hypotheses), rng, dict(stated), tell
+        self._prior = -float(np.log(max(len(self._hypotheses), 1)))
 
     def run(self) -> Found:
-        self.tell("refitting the nominal parameters")
-        self.null = refit_nominals(self.fit, self.nominals)
-        effects: tuple[Hypothesis, ...] = ()
-        base, steps = self.null, []
+        """Search forward, then leave out and exchange until the best model stays."""
+        self._tell("refitting the nominal parameters")
+        null = refit_nominals(self._fit, self._nominals)
+        base, effects = null, Effects()
         while len(effects) < MOST:
-            compared = self.compared(effects, base)
-            current, others = compared[0], compared[1:]
-            steps.append([(c.name, round(log_odds(c, current) + self.prior, 1)) for c in others])
+            fits = [(effects, base.fit), *self._on_top(effects, base, effects)]
+            current, *others = under_one_noise(self._fit, self._joint, fits, min(1, len(fits) - 1), self._stated)
             best = max(others, key=lambda c: log_odds(c, current), default=None)
-            if best is None or log_odds(best, current) + self.prior < np.log(SURE):
+            if best is None or log_odds(best, current) + self._prior < np.log(SURE):
                 break
-            effects, base = best.effects, self.judged(best)
-        found = self.settled(effects, compared if not effects else None, base)
-        found.steps = steps
-        return found
+            effects, base = best.effects, self._judged(best.fit, best.frame.whitener)
+        if not effects:
+            return Found(current, current)
+        for _ in range(EXCHANGES):
+            found, better = self._settled(null.fit, effects, base)
+            if better is None or not better.effects:
+                break
+            effects, base = better.effects, self._judged(better.fit, better.frame.whitener)
+        return found if better is None or better.effects else Found(better, better)
 
-    def judged(self, c: Candidate) -> Judged:
-        raw = raw_residuals(self.fit, c.fit)
-        return Judged(c.fit, tuple(raw), c.frame.whitener, 0.0)
+    def _judged(self, fit: Fit, whitener: Whitener) -> Judged:
+        return Judged(fit, tuple(raw_residuals(self._fit, fit)), whitener, 0.0)
 
-    def compared(self, effects: tuple[Hypothesis, ...], base: Judged, without: Sequence[str] = ()) -> list[Candidate]:
-        """The model with some effects, and the best with one more, under one noise."""
-        have = {h.name for h in effects} | set(without)
-        left = [h for h in self.hypotheses if h.name not in have]
-        fits: list[tuple[tuple[Hypothesis, ...], Fit]] = [(effects, base.fit)]
-        if left:
-            self.tell(f"scoring {len(left)} hypotheses")
-            tests = score_tests(self.fit, base, left, self.rng)
-            self.tell("refitting the best of them")
-            ranked = [c for c in compare(self.fit, base, tests) if not bounded(c.hypothesis, c.judged.fit)]
-            fits += [((*effects, c.hypothesis), c.judged.fit) for c in ranked[:RIVALS]]
-        return under_one_noise(self.fit, self.joint, fits, min(1, len(fits) - 1), self.stated)
+    def _on_top(self, effects: Effects, base: Judged, without: Effects) -> list[tuple[Effects, Fit]]:
+        """The best refits of one effect more on top of a model, but for those that end on a bound."""
+        names = {h.name for h in without}
+        left = [h for h in self._hypotheses if h.name not in names]
+        if not left:
+            return []
+        self._tell(f"scoring and refitting {len(left)} hypotheses")
+        ranked = compare(self._fit, base, score_tests(self._fit, base, left, self._rng))
+        sound = [c for c in ranked if not bounded(c.hypothesis, c.judged.fit)]
+        return [((*effects, c.hypothesis), c.judged.fit) for c in sound[:RIVALS]]
 
-    def settled(self, effects: tuple[Hypothesis, ...], compared: list[Candidate] | None, base: Judged) -> Found:
-        """Each effect left out and exchanged, given the rest, until the best model stays."""
-        for _ in range(2 * MOST):
-            fits: list[tuple[tuple[Hypothesis, ...], Fit]] = [(effects, base.fit)]
-            tags: list[tuple[str, str]] = [("", "")]
-            null = self.null.fit
-            for h in effects:
-                rest = tuple(e for e in effects if e is not h)
-                free = (*null.free, *(n for e in rest for n in e.names))
-                start = {n: v for n, v in (base.fit if rest else null).values.items() if n in free}
-                alone = refit(self.fit, base.whitener, [Start("", free, start)])[0]
-                judged = Judged(alone, tuple(raw_residuals(self.fit, alone)), base.whitener, 0.0)
-                fits.append((rest, alone))
-                tags.append((h.name, ""))
-                have = {e.name for e in effects}
-                left = [e for e in self.hypotheses if e.name not in have]
-                tests = score_tests(self.fit, judged, [*left, h], self.rng)
-                ranked = [c for c in compare(self.fit, judged, tests) if not bounded(c.hypothesis, c.judged.fit)]
-                for c in [c for c in ranked if c.hypothesis is not h][:RIVALS]:
-                    fits.append(((*rest, c.hypothesis), c.judged.fit))
-                    tags.append((h.name, c.hypothesis.name))
-            fits.append(((), null))
-            tags.append(("", "null"))
-            models = compared or under_one_noise(self.fit, self.joint, fits, 0, self.stated)
-            best = models[0]
-            if compared is not None:
-                found = Found(best, best)
-                break
-            found = Found(models[-1], best)
-            worse = None
-            for (name, other), model in zip(tags[1:-1], models[1:-1], strict=True):
-                odds = log_odds(best, model)
-                if other:
-                    found.rivals.setdefault(name, {})[other] = odds
-                    if odds < -1.0 and (worse is None or odds < worse[0]):
-                        worse = (odds, model)
-                else:
-                    odds -= self.prior
-                    odds = log_odds(best, model) + self.prior
-                    found.without[name] = odds
-                    if odds < 0.0 and (worse is None or odds < worse[0]):
-                        worse = (odds, model)
-            if worse is None:
-                alone = [m for (n, o), m in zip(tags[1:-1], models[1:-1], strict=True) if not o]
-                smooth = [log_odds(best, m) + self.prior - max(m.far[0], 0.0) for m in alone]
-                found.smooth = min(smooth, default=np.inf)
-                break
-            effects, base = worse[1].effects, self.judged(worse[1])
-            if not effects:
-                found = Found(worse[1], worse[1])
-                break
-        gain, far, chosen = found.best.far
-        found.left, found.families = gain, chosen
-        bare = found.null.near
-        explained = max(found.best.near.fit - bare.fit, 1e-9)
-        found.share = max(far.fit - found.best.near.fit, 0.0) / explained
-        return found
+    def _settled(self, null: Fit, effects: Effects, base: Judged) -> tuple[Found, Candidate | None]:
+        """(what the odds of each effect are, given the rest; a model that is better, if there is one)."""
+        fits: list[tuple[Effects, Fit]] = [(effects, base.fit), ((), null)]
+        of: list[tuple[str, str]] = []
+        for h in effects:
+            rest = tuple(e for e in effects if e is not h)
+            free = (*null.free, *(n for e in rest for n in e.names))
+            values = (base.fit if rest else null).values
+            start = Start("", free, {n: v for n, v in values.items() if n in free})
+            alone = refit(self._fit, base.whitener, [start])[0]
+            swapped = self._on_top(rest, self._judged(alone, base.whitener), effects)
+            fits += [(rest, alone), *swapped]
+            of += [(h.name, ""), *((h.name, other[-1].name) for other, _ in swapped)]
+        best, bare, *models = under_one_noise(self._fit, self._joint, fits, 0, self._stated)
+        without: dict[str, float] = {}
+        rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
+        behind: list[tuple[float, Candidate]] = []
+        smooth = np.inf
+        for (name, other), model in zip(of, models, strict=True):
+            odds = log_odds(best, model)
+            if other:
+                rivals[name][other] = odds
+            else:
+                odds += self._prior
+                without[name] = odds
+                smooth = min(smooth, odds - max(model.far[0], 0.0))
+            behind.append((odds + (MARGIN if other else 0.0), model))
+        odds, better = min(behind, key=lambda pair: pair[0])
+        return Found(bare, best, without, rivals, smooth), better if odds < 0.0 else None

@@ -1,24 +1,14 @@
-"""Generator A with logs as rigs make them: the same rigs and effects, recorded by loggers that are not perfect.
+"""What loggers do to the channels of a rig, kind by kind."""
 
-The recordings of `cable_envs.proof.cases` come from a laboratory: noise that is stated or recorded at rest, a clock that
-is nearly even. Here each case has one kind of imperfect log, states no noise and has no record at rest. These cases are
-for developing the diagnosis. Generator B judges it and has loggers of its own.
-"""
-
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
-from cable_envs.proof.cases import KEY_SCHEMA, PERIOD, Case, claims, sizes
-from cable_envs.proof.effects import AMBIENT, LIBRARY, STRANGE, SYSTEMS, find
-from cable_envs.proof.excitation import DESIGNS, reference
-from cable_envs.proof.refit import Refit
-from cable_envs.proof.rigs import CLOCK, TrueRig, observe, random_rig
-from cable_envs.proof.sensors import Colour, quantise, stamps
-from cable_envs.proof.writing import concealment, profile, write_recording
+from cable_envs.proof.cases import PERIOD
+from cable_envs.proof.rigs import TrueRig, observe
+from cable_envs.proof.sensors import Colour, quantise
 
 ANGLES = ("position", "drive_position", "load_position", "drive_angle", "output_angle")
 """Channels that an encoder counts."""
@@ -130,95 +120,34 @@ KINDS: Mapping[str, Maker] = {
 """Kind of a log -> what it draws for `Log`."""
 
 
-def plan(
-    kinds: Sequence[str] = tuple(KINDS), systems: Sequence[str] = SYSTEMS, nothing: int = 3, single: int = 3,
-    strange: int = 1, seed: int = 5,
-) -> list[Case]:  # fmt: skip
-    """Cases of every kind and system, in an order that tells nothing.
-
-    Parameters
-    ----------
-    kinds, systems : sequence of str
-        Which ones.
-    nothing, single, strange : int
-        Cases of each kind and system in which nothing is missing, one effect, and physics of no library.
-    seed : int
-        Of the plan.
-
-    Returns
-    -------
-    list of Case
-        ``noise`` says the kind of log.
-    """
-    rng = np.random.default_rng([seed, 3])
-    wanted: list[dict[str, Any]] = []
-    for noise in kinds:
-        for system in systems:
-            wanted += [{"kind": "nothing", "noise": noise, "system": system}] * nothing
-            names = rng.choice([e.name for e in LIBRARY[system]], single, replace=False)
-            odd = rng.choice([e.name for e in STRANGE[system]], strange, replace=False)
-            wanted += [
-                {"kind": kind, "noise": noise, "system": system, "effects": (str(name),), "band": (">10", "3-10")[k % 2]}
-                for kind, drawn in (("single", names), ("strange", odd))
-                for k, name in enumerate(drawn)
-            ]
-    seeds, order = rng.integers(2**31, size=len(wanted)), rng.permutation(len(wanted))
-    return [Case(f"log-{n:04d}", int(seeds[i]), **wanted[i]) for n, i in enumerate(order, 1)]
-
-
-def make(case: Case, folder: Path) -> dict[str, Any]:
-    """Write the recording of a case, and say what is in it; as `cable_envs.proof.cases.make`.
-
-    Parameters
-    ----------
-    case : Case
-        ``noise`` is a key of `KINDS`.
-    folder : Path
-        Is made; recording.yaml and one table for each record.
-
-    Returns
-    -------
-    dict
-        The key, schema "cable-proof-key/1", with what the logger did as "log".
-    """
-    rng = np.random.default_rng([case.seed, 11])
-    missing = tuple(find(case.system, name) for name in case.effects)
-    rig = random_rig(case.system, rng, missing)
-    log = Log(**KINDS[case.noise](rig, rng))
-    motions, at, offsets, first = [], [], [], 0.0
-    for seconds, design in zip(rng.uniform(22.0, 32.0, 3), rng.permutation(DESIGNS)[:3], strict=True):
-        motions.append(rig.centre + reference(str(design), rng, seconds, rig.amplitude, CLOCK))
-        begin = rng.uniform(4.0, 6.0) if log.cut else 0.0
-        at.append(begin + stamps(rng, 0.0, seconds - begin, PERIOD, 0.0))
-        offsets.append(first)
-        first += float(np.ceil(seconds)) + 60.0
-    refit = Refit(rig, motions[:2], at[:2])
-    changes, entries = sizes(case, missing, refit, rng)
-    found = refit.excess(changes) if changes else None
-    tables = []
-    for motion, times, offset in zip(motions, at, offsets, strict=True):
-        tables.append(_logged(rig, log, changes, motion, times, offset, rng))
-    write_recording(folder, rig, claims(case, rig, rng), tables, False)
-    key = {
-        "schema": KEY_SCHEMA, "case": asdict(case), "effects": entries, "ambient": list(AMBIENT[case.system]),
-        "added": found.added if found else 0.0, "absorbed": found.absorbed if found else 0.0,
-        "excess_by_channel": dict(found.channels) if found else {},
-        "true_nominal": {t.name: t.value for t in rig.told if t.refitted},
-        "noise_std": dict(rig.noise), "noise_floor": dict(rig.noise), "log": _said(log),
-        "mismatch": profile(found.left, at[:2], offsets[:2]) if found else [],
-    }  # fmt: skip
-    return key | {"concealment": concealment(key, found)}
-
-
-def _said(log: Log) -> dict[str, Any]:
-    return asdict(log)
-
-
-def _logged(
+def logged(
     rig: TrueRig, log: Log, changes: Mapping[str, float], motion: np.ndarray, times: np.ndarray, offset: float,
     rng: np.random.Generator,
 ) -> dict[str, np.ndarray]:  # fmt: skip
-    """Columns of one file, SI."""
+    """Columns of one file as a logger writes it, SI.
+
+    Parameters
+    ----------
+    rig : TrueRig
+        The rig.
+    log : Log
+        What its logger does.
+    changes : mapping of str to float
+        Of the simulator's parameters, and faults of sensors (`cable_envs.proof.rigs.observe`).
+    motion : ndarray
+        What the drive is told, at every tick of the simulator's clock.
+    times : ndarray, shape (T,)
+        When the logger means to take its samples, s since the record's start.
+    offset : float
+        Of its clock, s.
+    rng : numpy.random.Generator
+        Of its noise.
+
+    Returns
+    -------
+    dict of str to ndarray
+        "time" and the channels.
+    """
     taken = times + PERIOD * log.jitter * rng.standard_normal(len(times))
     if log.resampled:
         taken = np.arange(times[0], times[-1] + log.resampled, log.resampled)
