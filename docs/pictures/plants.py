@@ -20,8 +20,8 @@ SHOWN = (
 """Environment, controller, and the part of its frame that is shown in pixels: left, upper, right, lower."""
 SECONDS = 12.5
 """Simulated time: one period of the circuit's reference, two of the hole's."""
-FRAMES = 30
-FRAME_SECONDS = 0.25
+FRAMES = 22
+FRAME_SECONDS = 0.34
 WIDTH = 1040
 """The whole width of the front page: its letters have ten pixels there."""
 
@@ -71,7 +71,7 @@ def main() -> None:
         append_images=frames[1:],
         duration=round(1000 * FRAME_SECONDS),
         loop=0,
-        quality=20,
+        quality=15,
         method=6,
     )
     print(f"wrote {FILE}: {len(frames)} frames, {FILE.stat().st_size / 1e6:.2f} MB")
