@@ -51,6 +51,7 @@ from cable_envs.plants.circuit.ends import (
     drive_step,
     largest,
     load_torque,
+    moving,
     raised,
     resolved,
     rest_elongation,
@@ -246,13 +247,6 @@ def passes(slips, i):
 
 
 @inline
-def _moving(v, net, friction):
-    """What of a net torque moves an output with the speed v against a dry friction."""
-    rest = select(abs(net) > friction, net - select(net > 0.0, friction, -friction), 0.0)
-    return select(v > 0.0, net - friction, select(v < 0.0, net + friction, rest))
-
-
-@inline
 def _kick(x, p, u, w, e, s, g, i, dt):
     """Velocities of drive and output from the tensions in the middle of the step; its second half of motion."""
     v_in, v = x.drive_velocity[i], x.output_velocity[i]
@@ -283,10 +277,10 @@ def _kick(x, p, u, w, e, s, g, i, dt):
 
     # what one end feels of the other's change of speed within the step
     top, bottom = passes(x.slip_top, i), passes(x.slip_bottom, i)
-    friction = p.brake_torque[i]
+    up, down = net - p.brake_torque[i], net + p.brake_torque[i]
     if e is not None:
-        friction = select(net > 0.0, g.up[i], g.down[i])
-    change = dt * _moving(v, net, friction) / (p.output_inertia[i] + 0.5 * dt * (damping + 0.5 * dt * stiffness))
+        up, down = net - g.up[i], net + g.down[i]
+    change = dt * moving(v, up, down) / (p.output_inertia[i] + 0.5 * dt * (damping + 0.5 * dt * stiffness))
     felt = p.drive_radius[i] * (top * w.tangent_0_top[i] + bottom * w.tangent_0_bottom[i])
     torque -= 0.5 * p.stretch_damping[i] * felt * change
     v_in_new = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.kernels import clip, inline, maximum, select, sine_cosine
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Signal
 from cable_envs.plants.circuit.effects import drive_at
@@ -209,6 +209,12 @@ def load_torque(p, u, i, angle, v, level):
     touching = select(depth > 0.0, select(push > 0.0, 1.0, 0.0), 0.0)
     torque = p.output_damping[i] * v + touching * push + p.payload_torque[i] * level - u.disturbance[i]
     return torque, touching * p.contact_stiffness[i], p.output_damping[i] + touching * p.contact_damping[i]
+
+
+@inline
+def moving(v, up, down):
+    """What moves an output with the speed v: the net torque with its friction against ``up`` or ``down``."""
+    return select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
 
 
 @inline

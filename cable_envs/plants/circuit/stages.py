@@ -9,12 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cable_envs.core.kernels import clip, inline, maximum, minimum, select
+from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share as share_of
 from cable_envs.effects.seams import between
 from cable_envs.plants.circuit.effects import output_slides, output_step, rise
-from cable_envs.plants.circuit.ends import COEFFICIENTS, largest, raised, resolved, shared_coefficients
+from cable_envs.plants.circuit.ends import COEFFICIENTS, largest, moving, raised, resolved, shared_coefficients
 from cable_envs.plants.circuit.parameters import CIRCUIT
 from cable_envs.plants.circuit.statics import Statics
 from cable_envs.plants.peaks import peak_at_start
@@ -119,8 +119,7 @@ def guess(p, w, g, i, v, up, down):
         up, down = up - g.up[i], down + g.down[i]
     else:
         up, down = up - p.brake_torque[i], down + p.brake_torque[i]
-    net = select(v > 0.0, up, select(v < 0.0, down, maximum(up, 0.0) + minimum(down, 0.0)))
-    return w.gain[i] * net
+    return w.gain[i] * moving(v, up, down)
 
 
 @inline
