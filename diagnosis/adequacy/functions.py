@@ -24,25 +24,15 @@ from scipy.stats import chi2
 from cable_envs.diagnosis.adequacy.spectra import by_block
 from cable_envs.diagnosis.fit.likelihood import Judged, deviance
 from cable_envs.diagnosis.fit.score_tests import basis
+from cable_envs.diagnosis.model.features import DRIFTS, FINE, HATS, SHARP, SLOW, hats, places, waves
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, Whitener, learn_whitener
 
-BUMPS = 7
-"""Along each coordinate, over quantiles of its values."""
-FINE, _SHARP = 28, "position"
-"""The same for what a tooth or a stop may make uneven within a few per cent of the range."""
-SLOW = 6
-"""Waves of the elapsed time, per record: half a period over the record, a whole one, ..."""
-DRIFTS = 3
-"""Of them, those that multiply what may drift."""
 SHIFTED, SHIFTS = 1e-3, 20
 """p-value below which functions are also held against the residual at other times, and how often."""
 APART, LAGS = 0.2, 64
 """Correlation of two channels' whitened residuals, at any of so many lags, from which their noises count as one."""
 _NOT_MAPPED = ("direction",)
-_CLOSE = 1e-3
-"""Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
-that rounding follows what was measured."""
 
 Columns = Mapping[int, np.ndarray]
 """id of a block -> functions [T, n]; a block that is not there has none."""
@@ -201,23 +191,23 @@ def _families(regression: Regression, channel: str) -> Iterator[_Family]:
     def family(name: str, unit: str, columns: Columns, at: np.ndarray | tuple = (), group: str = "") -> _Family:
         return _Family(regression, channel, name, unit, columns, np.asarray(at), group or name)
 
-    waves = {id(b): _waves(b, SLOW) for b, _ in own}
+    slow = {id(b): waves(b, SLOW) for b, _ in own}
     for block, _ in own:  # a family of its own for each record
         name = "elapsed time" if len(own) == 1 else f"elapsed time of {block.record}"
-        yield family(name, "s", {id(block): waves[id(block)]}, group="elapsed time")
+        yield family(name, "s", {id(block): slow[id(block)]}, group="elapsed time")
     for name, unit, values in _drifting(own):
-        yield family(name, unit, _drifts(own, values, waves))
+        yield family(name, unit, _drifts(own, values, slow))
     sides = _along(own, "direction")
     for c in own[0][0].along:
         if c.name in _NOT_MAPPED:
             continue
         values = {id(b): _without_noise(b, r, c.name) for b, r in own}
         together = np.concatenate([values[id(b)][b.good] for b, _ in own])
-        for count in (BUMPS, FINE) if c.name == _SHARP else (BUMPS,):
-            at = _places(together, count)
+        for count in (HATS, FINE) if c.name == SHARP else (HATS,):
+            at = places(together, count)
             if len(at) < 3:
                 continue
-            columns = {key: _bumps(v, at) for key, v in values.items()}
+            columns = {key: hats(v, at) for key, v in values.items()}
             fine = " (fine)" if count == FINE else ""
             yield family(c.name, c.unit, columns, at, c.name + fine)
             if c.name != "speed" and sides:
@@ -231,11 +221,6 @@ def _along(own: Sequence[tuple[Block, np.ndarray]], name: str) -> dict[int, np.n
     return found if len(found) == len({id(b) for b, _ in own}) else {}
 
 
-def _waves(block: Block, count: int) -> np.ndarray:
-    at = (block.time - block.time[0]) / max(block.time[-1] - block.time[0], 1e-12)
-    return np.cos(np.pi * np.outer(at, np.arange(1, count + 1)))
-
-
 def _drifting(own: Sequence[tuple[Block, np.ndarray]]) -> Iterator[tuple[str, str, dict[int, np.ndarray]]]:
     """(name, unit, values by block) of what may drift: the channel's scale, what goes with the speed, the friction."""
     yield "own scale with elapsed time", "s", {id(b): b.measured - r for b, r in own}
@@ -245,26 +230,26 @@ def _drifting(own: Sequence[tuple[Block, np.ndarray]]) -> Iterator[tuple[str, st
             yield f"{name} with elapsed time", "s", values
 
 
-def _drifts(own, values: Mapping[int, np.ndarray], waves: Mapping[int, np.ndarray]) -> Columns:
+def _drifts(own, values: Mapping[int, np.ndarray], slow: Mapping[int, np.ndarray]) -> Columns:
     """`DRIFTS` waves of each record times the values about their mean; a record's are its own."""
     found = {}
     for k, (block, _) in enumerate(own):
         key = id(block)
         centred = values[key] - np.mean(values[key][block.good]) if block.good.any() else values[key]
         columns = np.zeros((len(block.time), DRIFTS * len(own)))
-        columns[:, DRIFTS * k : DRIFTS * (k + 1)] = centred[:, None] * waves[key][:, :DRIFTS]
+        columns[:, DRIFTS * k : DRIFTS * (k + 1)] = centred[:, None] * slow[key][:, :DRIFTS]
         found[key] = columns
     return found
 
 
 def _at_one_place(regression: Regression) -> list[Leftover]:
     """The one place of the position, passed one way or both ways, where most is left in all channels together."""
-    channels = [c for c in regression.apart if _along(regression.of(c), _SHARP)]
+    channels = [c for c in regression.apart if _along(regression.of(c), SHARP)]
     if not channels:
         return []
     first = regression.of(channels[0])
-    unit = next(c.unit for c in first[0][0].along if c.name == _SHARP)
-    at = _places(np.concatenate([_along(first, _SHARP)[id(b)][b.good] for b, _ in first]), FINE)
+    unit = next(c.unit for c in first[0][0].along if c.name == SHARP)
+    at = places(np.concatenate([_along(first, SHARP)[id(b)][b.good] for b, _ in first]), FINE)
     if len(at) < 3:
         return []
     bumps: dict[str, Columns] = {}
@@ -277,18 +262,18 @@ def _at_one_place(regression: Regression) -> list[Leftover]:
         seen = seen + np.where(size > 1e-12 * np.max(size, initial=1e-300), parts**2 / np.maximum(size, 1e-300), 0.0)
     k, among = int(np.argmax(seen)), len(seen)
     best = [
-        _Family(regression, c, _SHARP, unit, {key: b[:, [k]] for key, b in bumps[c].items()}, at[[k % len(at)]])
+        _Family(regression, c, SHARP, unit, {key: b[:, [k]] for key, b in bumps[c].items()}, at[[k % len(at)]])
         for c in channels
     ]
     best = [family for family in best if family.rank]
-    return [_together(best, f"one place of the {_SHARP}", among)] if best else []
+    return [_together(best, f"one place of the {SHARP}", among)] if best else []
 
 
 def _one_way_or_both(own: Sequence[tuple[Block, np.ndarray]], at: np.ndarray) -> Columns:
     """Bumps at the places, those on the way up only, and down only, where there is a direction."""
     found, sides = {}, _along(own, "direction")
     for block, left in own:
-        bumps = _bumps(_without_noise(block, left, _SHARP), at)
+        bumps = hats(_without_noise(block, left, SHARP), at)
         ways = [(sides[id(block)] > 0)[:, None], (sides[id(block)] < 0)[:, None]] if sides else []
         found[id(block)] = np.concatenate([bumps, *(bumps * way for way in ways)], axis=1)
     return found
@@ -298,18 +283,6 @@ def _without_noise(block: Block, left: np.ndarray, coordinate: str) -> np.ndarra
     """Values [T] of a coordinate; those that are the channel's own as predicted: else its noise were on both sides."""
     found = next(c for c in block.along if c.name == coordinate)
     return block.measured - left if found.channel == block.channel else found.values
-
-
-def _places(values: np.ndarray, count: int) -> np.ndarray:
-    if not len(values) or np.ptp(values) == 0.0:
-        return np.empty(0)
-    found = np.quantile(values, np.linspace(0.02, 0.98, count))
-    return found[np.r_[True, np.diff(found) > _CLOSE * (found[-1] - found[0])]]
-
-
-def _bumps(values: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Hats: straight lines between the places, constant beyond [T, places]."""
-    return np.stack([np.interp(values, at, row) for row in np.eye(len(at))], axis=1)
 
 
 def _of_blocks(blocks: Sequence[Block], columns: Columns) -> list[np.ndarray]:

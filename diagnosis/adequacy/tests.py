@@ -20,7 +20,7 @@ from cable_envs.diagnosis.adequacy.spectra import coherences, lines
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Start, refit
 from cable_envs.diagnosis.model.leftover import Leftover
-from cable_envs.diagnosis.model.model import Block, Model
+from cable_envs.diagnosis.model.model import Block, Model, of_all_records
 from cable_envs.diagnosis.model.noise import resolution
 
 SIGNIFICANCE = 1e-3
@@ -60,8 +60,6 @@ def _of_all(model: Model, heldout: Model, judged: Judged) -> tuple[list[Block], 
 
     A fitted parameter that the held-out records do not have (where a record begins) has no slope there.
     """
-    fitted = {b.record for b in model.blocks}
-    others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
     known = {p.name for p in heldout.parameters}
     free = tuple(n for n in judged.fit.free if n in known)
     slopes = refit(heldout, judged.whitener, [Start("", free, judged.fit.values)], 0)[0].jacobian
@@ -69,7 +67,7 @@ def _of_all(model: Model, heldout: Model, judged: Judged) -> tuple[list[Block], 
     wide[:, [judged.fit.free.index(n) for n in free]] = slopes
     everything = replace(judged.fit, jacobian=np.concatenate([judged.fit.jacobian, wide]))
     left = (*judged.raw, *raw_residuals(heldout, judged.fit))
-    return [*model.blocks, *others], replace(judged, fit=everything, raw=left)
+    return of_all_records(model, heldout), replace(judged, fit=everything, raw=left)
 
 
 def _over_noise(blocks: Sequence[Block], judged: Judged, stated: dict[str, float]) -> float:

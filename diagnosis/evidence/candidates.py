@@ -1,16 +1,16 @@
 """Models with effects as candidates: refitted under one noise, linear about where the refit ended, ready to compare."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.features import families
 from cable_envs.diagnosis.evidence.marginal import Frame, Linear, Marginal
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.model.features import families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener
+from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
 from cable_envs.diagnosis.model.noise import Noise, resolution
 
 FORM = 0.05
@@ -31,9 +31,7 @@ class Joint:
         self.parameters: list[Free] = list(fit.parameters)
         known = {p.name for p in heldout.parameters}
         self._rows = [j for j, p in enumerate(self.parameters) if p.name in known]
-        fitted = {b.record for b in fit.blocks}
-        others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
-        self.blocks: list[Block] = [*fit.blocks, *others]
+        self.blocks = of_all_records(fit, heldout)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`."""
@@ -78,14 +76,14 @@ class Candidate:
         return self.frame.marginal(self.linear, FORM if self.effects else 0.0)
 
     @cached_property
-    def far(self) -> tuple[float, Marginal, tuple[int, ...] | None]:
-        """(gain in log evidence, evidence, families) of the discrepancy that the records ask for most.
+    def far(self) -> tuple[float, Marginal]:
+        """(gain in log evidence, evidence) of the discrepancy that the records ask for most.
 
         Of all families together, or of one coordinate's in all channels.
         """
         return max(self._discrepancies(), key=lambda one: one[0])
 
-    def _discrepancies(self):
+    def _discrepancies(self) -> Iterator[tuple[float, Marginal]]:
         groups: dict[str, list[int]] = {}
         for k, family in enumerate(self.frame.families):
             groups.setdefault(family.name, []).append(k)
@@ -93,12 +91,12 @@ class Candidate:
         for chosen in (None, *map(tuple, groups.values())):
             for scale in SCALES:
                 found = self.frame.marginal(self.linear, scale, chosen)
-                yield self.over(found, self.near) - float(np.log(count)), found, chosen
+                yield self.over(found, self.near) - float(np.log(count)), found
 
     def over(self, one: Marginal, other: Marginal) -> float:
         """Log odds of one of its discrepancies over another."""
-        trust = self.frame.trust(one.explained - other.explained, self.linear.left - one.explained)
-        return trust * (one.fit - other.fit) + one.volume - other.volume
+        share = self.frame.adjustment(one.explained - other.explained, self.linear.left - one.explained)
+        return share * (one.fit - other.fit) + one.volume - other.volume
 
 
 def log_odds(one: Candidate, other: Candidate) -> float:
@@ -107,7 +105,7 @@ def log_odds(one: Candidate, other: Candidate) -> float:
     left = one.linear.left - a.explained
     signal = other.linear.left - b.explained - left
     better = left if a.fit >= b.fit else left + signal
-    return one.frame.trust(signal, better) * (a.fit - b.fit) + a.volume - b.volume
+    return one.frame.adjustment(signal, better) * (a.fit - b.fit) + a.volume - b.volume
 
 
 def under_one_noise(
@@ -185,4 +183,4 @@ def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit
     for channel in frame.channels:
         parts = [c[b.good] for c, b in zip(change, joint.blocks, strict=True) if b.channel == channel]
         sizes[channel] = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-    return Linear(own.residual, own.jacobian, variances, moved, sizes, frame.meet(own.residual, own.jacobian))
+    return Linear(own.residual, own.jacobian, variances, moved, sizes, frame.products(own.residual, own.jacobian))

@@ -7,15 +7,15 @@ symbol | meaning
 z      | what the refit leaves, whitened by the noise of each channel [N]
 J, t   | slopes of the whitened prediction, and parameters from where the refit ended [N, p], [p]
 L, off | variances of the parameters' priors, and how far the refit has moved from their means
-G, S   | whitened functions of `features`, and their scale: diagonal, of a channel's functions all alike
+G, S   | whitened functions of `model.features`, and their scale: diagonal, of a channel's functions all alike
 
 The model is linear in t about the refit (Laplace's approximation; Tierney and Kadane, J. Am. Stat. Assoc. 81 (1986)
 82), so that the integral is a Gaussian's: the more a model can do that the records did not ask for, the smaller it is.
 
 Two models are compared on records whose noise is never quite the one that is assumed. How far the logarithm of a
-likelihood ratio may be trusted, the records say themselves: along the difference d of two predictions the scores of
-whole stretches of the record scatter by J = sum (sum d w)^2 where the noise that is assumed has I = sum d^2. The
-logarithm of the ratio is multiplied by I / J where that is below one (Kent, Biometrika 69 (1982) 19).
+likelihood ratio may be trusted, the records say themselves: along the difference d of two predictions the sums of the
+scores over batches of consecutive samples have the variance J = sum (sum d w)^2, where the noise that is assumed has
+I = sum d^2. The logarithm of the ratio is multiplied by I / J where that is below one (Kent, Biometrika 69 (1982) 19).
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -25,11 +25,11 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from cable_envs.diagnosis.evidence.features import Family
+from cable_envs.diagnosis.model.features import Family
 from cable_envs.diagnosis.model.model import Block, Whitener
 
-STRETCHES = (60, 30, 15, 6)
-"""Stretches of all records together, about, by which the scatter of the scores is measured."""
+BATCHES = (60, 30, 15, 6)
+"""Batches of consecutive samples in all records together, about, by which the variance of the scores is estimated."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ class Linear:
         L and off of the module.
     sizes : mapping of str to float
         Channel -> size of what its discrepancy is measured by, SI.
-    meets : mapping of str to tuple of ndarray
-        As `Frame.meet` gives it.
+    products : mapping of str to tuple of ndarray
+        As `Frame.products` gives it.
     """
 
     left: np.ndarray
@@ -55,7 +55,7 @@ class Linear:
     variances: np.ndarray
     moved: np.ndarray
     sizes: Mapping[str, float]
-    meets: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    products: Mapping[str, tuple[np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -77,17 +77,13 @@ class Marginal:
     fit        | half the sum of squares that is left, priors included, negative
     volume     | logarithm of the share of what the model can do that agrees with the records (Occam's factor)
     explained  | J t + G S a at their posterior mean [N]
-    apart      | G S a alone [N]
     weights    | of the functions, by channel
-    covariance | of the parameters, discrepancy included [p, p]
     """
 
     fit: float
     volume: float
     explained: np.ndarray
-    apart: np.ndarray
     weights: dict[str, np.ndarray]
-    covariance: np.ndarray
 
     @property
     def log(self) -> float:
@@ -120,14 +116,10 @@ class Frame:
             self._functions[channel] = np.concatenate(parts)
             self._grams[channel] = self._functions[channel].T @ self._functions[channel]
             self._family[channel] = np.repeat(mine, [self.families[j].count for j in mine]).astype(int)
-        self._stretches = {count: self._stretch(count) for count in STRETCHES}
+        self._batches = {count: self._batch(count) for count in BATCHES}
 
-    def flat(self, series: Sequence[np.ndarray]) -> np.ndarray:
-        """Series of every block, whitened."""
-        return self.whitener.flat(self.blocks, series)
-
-    def _stretch(self, count: int) -> np.ndarray:
-        """Number of the stretch of every sample: of one record and time, whatever the channel."""
+    def _batch(self, count: int) -> np.ndarray:
+        """Number of the batch of every sample: of one record and time, whatever the channel."""
         records = list(dict.fromkeys(b.record for b in self.blocks))
         each = max(round(count / len(records)), 1)
         found = np.zeros(self.count, dtype=int)
@@ -136,7 +128,7 @@ class Frame:
             found[rows] = each * records.index(block.record) + np.minimum((each * inside).astype(int), each - 1)
         return found
 
-    def trust(self, signal: np.ndarray, left: np.ndarray) -> float:
+    def adjustment(self, signal: np.ndarray, left: np.ndarray) -> float:
         """Share of the logarithm of a likelihood ratio that counts; see the module.
 
         Parameters
@@ -149,20 +141,20 @@ class Frame:
         Returns
         -------
         float
-            Above 0, at most 1. Scores that belong together over a long time scatter more over long stretches than over
-            short ones: the length counts by which they scatter most, beyond what chance makes of so few stretches.
+            Above 0, at most 1. Sums of scores with a long correlation vary more over long batches than over short ones:
+            the number of batches counts by which they vary most, beyond what chance makes of so few.
         """
         information = float(signal @ signal)
         if not information > 0.0:
             return 1.0
-        products, worst = signal * left, 1.0
-        for count in STRETCHES:
-            scores = np.bincount(self._stretches[count], weights=products)
+        scores_of, worst = signal * left, 1.0
+        for count in BATCHES:
+            scores = np.bincount(self._batches[count], weights=scores_of)
             chance = 1.0 + np.sqrt(2.0 / len(scores))
             worst = max(worst, float(scores @ scores) / information / chance)
         return 1.0 / worst
 
-    def meet(self, left: np.ndarray, slopes: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    def products(self, left: np.ndarray, slopes: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Products of all functions with what a model leaves [n] and its slopes [n, p], by channel."""
         return {c: (g.T @ left[self._at[c]], g.T @ slopes[self._at[c]]) for c, g in self._functions.items()}
 
@@ -208,9 +200,7 @@ class Frame:
             weights[part.channel] = np.zeros(len(part.mask))
             weights[part.channel][part.mask] = part.scale * found[own]
             apart[self._at[part.channel]] = self._functions[part.channel] @ weights[part.channel]
-        few = np.eye(total)[:, :p]
-        inverse = units[:p, None] * cho_solve(factor, few)[:p] * units[:p]
-        return Marginal(fit, volume, model.slopes @ found[:p] + apart, apart, weights, inverse)
+        return Marginal(fit, volume, model.slopes @ found[:p] + apart, weights)
 
     def _parts(self, model: Linear, scale: float, chosen: Collection[int] | None) -> Iterator["_Part"]:
         """The channels' functions of the chosen families at their scale."""
@@ -220,7 +210,7 @@ class Frame:
             if not mask.any():
                 continue
             s = scale * model.sizes[channel] / np.sqrt(len(np.unique(family[mask])))
-            right, cross = model.meets[channel]
+            right, cross = model.products[channel]
             gram = s**2 * self._grams[channel][np.ix_(mask, mask)] + np.eye(int(mask.sum()))
             yield _Part(channel, mask, s, gram, s * cross[mask], s * right[mask])
 

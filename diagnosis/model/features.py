@@ -21,7 +21,8 @@ SLOW, DRIFTS = 6, 3
 """Waves of the elapsed time of each record: half a period over the record, a whole one, ...; of them, those that
 multiply what may drift."""
 _CLOSE = 1e-3
-"""Share of a coordinate's range below which two places are one."""
+"""Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
+that rounding follows what was measured."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,15 @@ def families(blocks: Sequence[Block], predicted: Sequence[np.ndarray]) -> Iterat
 
 def _of_channel(own: list[int], blocks: Sequence[Block], predicted: Sequence[np.ndarray]) -> Iterator[Family]:
     channel = blocks[own[0]].channel
-    waves = {k: _waves(blocks[k]) for k in own}
+    slow = {k: np.sqrt(2.0) * waves(blocks[k], SLOW) for k in own}
     records = {k: j for j, k in enumerate(own)}
-    wide = {k: _placed(waves[k], records[k], len(own)) for k in own}
+    wide = {k: _placed(slow[k], records[k], len(own)) for k in own}
     yield Family(channel, "elapsed time", "s", wide)
     sides = _along(own, blocks, predicted, "direction")
     for name in ("own scale", "speed", "direction"):
         values = {k: predicted[k] for k in own} if name == "own scale" else _along(own, blocks, predicted, name)
         if values:
-            drifts = {k: _centred(values[k], blocks[k].good)[:, None] * waves[k][:, :DRIFTS] for k in own}
+            drifts = {k: _centred(values[k], blocks[k].good)[:, None] * slow[k][:, :DRIFTS] for k in own}
             yield Family(
                 channel, f"{name} with elapsed time", "s",
                 {k: _placed(d, records[k], len(own)) for k, d in drifts.items()},
@@ -90,13 +91,13 @@ def _of_channel(own: list[int], blocks: Sequence[Block], predicted: Sequence[np.
             continue
         together = np.concatenate([values[k][blocks[k].good] for k in own])
         for count in (HATS, FINE) if coordinate.name == SHARP else (HATS,):
-            at = _places(together, count)
+            at = places(together, count)
             if len(at) < 3:
                 continue
-            hats, fine = {k: _hats(v, at) for k, v in values.items()}, " (fine)" if count == FINE else ""
-            yield Family(channel, coordinate.name + fine, coordinate.unit, hats, tuple(at))
+            bumps, fine = {k: hats(v, at) for k, v in values.items()}, " (fine)" if count == FINE else ""
+            yield Family(channel, coordinate.name + fine, coordinate.unit, bumps, tuple(at))
             if coordinate.name != "speed" and sides:
-                turned = {k: h * np.sign(sides[k])[:, None] for k, h in hats.items()}
+                turned = {k: h * np.sign(sides[k])[:, None] for k, h in bumps.items()}
                 yield Family(channel, f"{coordinate.name} with direction{fine}", coordinate.unit, turned, tuple(at))
 
 
@@ -111,9 +112,10 @@ def _along(own: Sequence[int], blocks: Sequence[Block], predicted: Sequence[np.n
     return found
 
 
-def _waves(block: Block) -> np.ndarray:
+def waves(block: Block, count: int) -> np.ndarray:
+    """Cosines of the elapsed time of a record [T, count]: half a period over it, a whole one, ..."""
     at = (block.time - block.time[0]) / max(block.time[-1] - block.time[0], 1e-12)
-    return np.sqrt(2.0) * np.cos(np.pi * np.outer(at, np.arange(1, SLOW + 1)))
+    return np.cos(np.pi * np.outer(at, np.arange(1, count + 1)))
 
 
 def _placed(columns: np.ndarray, record: int, records: int) -> np.ndarray:
@@ -131,13 +133,14 @@ def _centred(values: np.ndarray, good: np.ndarray) -> np.ndarray:
     return (values - float(np.mean(values[good]))) / (spread if spread > 0.0 else 1.0)
 
 
-def _places(values: np.ndarray, count: int) -> np.ndarray:
-    if not len(values):
+def places(values: np.ndarray, count: int) -> np.ndarray:
+    """Where the hats along a coordinate stand: its quantiles, without those that fall together."""
+    if not len(values) or np.ptp(values) == 0.0:
         return np.empty(0)
     found = np.quantile(values, np.linspace(0.02, 0.98, count))
-    return found[np.r_[True, np.diff(found) > _CLOSE * max(found[-1] - found[0], 1e-300)]]
+    return found[np.r_[True, np.diff(found) > _CLOSE * (found[-1] - found[0])]]
 
 
-def _hats(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+def hats(values: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Straight lines between the places, constant beyond [T, places]."""
     return np.stack([np.interp(values, at, row) for row in np.eye(len(at))], axis=1)

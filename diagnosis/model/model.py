@@ -1,7 +1,7 @@
 """What the steps of the diagnosis see of a simulator: measured blocks, parameters, and predictions for many columns."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
 import numpy as np
@@ -112,6 +112,13 @@ class Whitener:
         """Series [T, n] of every block, one below the other, whitened; samples that do not count are 0."""
         parts = [self.noise[b.channel].flat(values, b.good) for b, values in zip(blocks, series, strict=True)]
         return np.concatenate(parts)
+
+
+def of_all_records(fit: Model, heldout: Model) -> list[Block]:
+    """Blocks of the fitted and of the held-out records; what is held out of a fitted record is called so."""
+    fitted = {b.record for b in fit.blocks}
+    others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
+    return [*fit.blocks, *others]
 
 
 def residuals(blocks: Sequence[Block], predictions: Sequence[np.ndarray]) -> list[np.ndarray]:

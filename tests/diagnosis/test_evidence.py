@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from cable_envs.diagnosis.evidence.features import families
 from cable_envs.diagnosis.evidence.marginal import Frame, Linear
 from cable_envs.diagnosis.evidence.search import Search
+from cable_envs.diagnosis.model.features import families
 from cable_envs.diagnosis.model.model import Block, Coordinate, Whitener
 from cable_envs.diagnosis.model.noise import Noise
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
@@ -42,7 +42,7 @@ def _frame(count=120):
 
 
 def _linear(frame, left, slopes, variances, moved, sizes):
-    return Linear(left, slopes, variances, moved, sizes, frame.meet(left, slopes))
+    return Linear(left, slopes, variances, moved, sizes, frame.products(left, slopes))
 
 
 @pytest.mark.parametrize("chosen", [None, (0,), (1, 3)])
@@ -78,7 +78,7 @@ def test_the_discrepancy_comes_back_in_its_own_unit():
     found = frame.marginal(model, 1.0)
     raw = frame.raw(found.weights)
     assert np.allclose(raw[0], left[frame.rows[0]], atol=1.0)
-    assert np.allclose(np.concatenate(raw), found.apart, atol=1e-9)
+    assert np.allclose(np.concatenate(raw), found.explained, atol=1e-9)
 
 
 def test_a_ratio_counts_whole_in_white_noise_and_less_where_scores_belong_together():
@@ -86,8 +86,8 @@ def test_a_ratio_counts_whole_in_white_noise_and_less_where_scores_belong_togeth
     signal = np.ones(frame.count)
     white = rng.standard_normal(frame.count)
     slow = np.repeat(rng.standard_normal(frame.count // 50), 50)
-    assert frame.trust(signal, white) > 0.8
-    assert frame.trust(signal, slow) < 0.1
+    assert frame.adjustment(signal, white) > 0.8
+    assert frame.adjustment(signal, slow) < 0.1
 
 
 class _Moving(Toy):
