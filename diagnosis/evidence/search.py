@@ -68,9 +68,9 @@ class Found:
 
     @property
     def share(self) -> float:
-        """What is left over what the effects explain, both as falls of half the sum of squares."""
-        explained = max(self.best.near.fit - self.null.near.fit, 1e-9)
-        return max(self.best.far[1].fit - self.best.near.fit, 0.0) / explained
+        """What is left over what the effects explain, as falls of half the sum of squares; infinite without any."""
+        explained = self.best.near.fit - self.null.near.fit
+        return max(self.best.far[1].fit - self.best.near.fit, 0.0) / explained if explained > 0.0 else np.inf
 
     @property
     def verdict(self) -> str:
