@@ -2,12 +2,16 @@
 
 A plant's ``continuous.py`` says which signals are states, and has one function, the law:
 
-    law(state, rows, way) -> (rates of the states, outputs)
+    law(state, rows, *ways) -> (rates of the states, outputs)
 
 ``rows`` are the coefficients, inputs and scratch under the names that pieces of kernels read (``rows.p.load_mass[0]``).
-``way`` is the direction in which the plant slides: 1.0, -1.0, or 0.0 where dry friction holds it. The friction is
-set-valued at rest, so the law is asked for each direction, and `cable_envs.continuous` decides which one holds: at rest
-it slides where the net force of a direction drives it that way, and sticks otherwise.
+``ways`` are the directions in which the plant slides, one for each dry friction that it has: 1.0, -1.0, or 0.0 where
+the friction holds. The friction is set-valued at rest, so the law is asked for each direction, and
+`cable_envs.continuous` decides which one holds: at rest it slides where the net force of a direction drives it that
+way, and sticks otherwise.
+
+A contact without a mass, as that of a tendon with its guide, is no such friction: what has slipped there is a state of
+its own, whose rate `contained` gives.
 
 The law is evaluated as plain Python with the elementary functions of floats, of complex steps, or of CasADi
 (`cable_envs.core.compiling.templates.interpreted`). It therefore uses the functions of `cable_envs.core.kernels`, and
@@ -29,10 +33,13 @@ Each has its rows by name, of one column."""
 
 Values = Mapping[str, float]
 """Every parameter of a rig by name, SI."""
-Law = Callable[[Sequence[Any], Rows, float], tuple[tuple[Any, ...], tuple[Any, ...]]]
+Law = Callable[..., tuple[tuple[Any, ...], tuple[Any, ...]]]
+Verge = Callable[..., Sequence[Any]]
 
 TINY = 1e-300
 """Speed (m/s, rad/s) that stands for a motion that is about to start."""
+NEAR = 1e-6
+"""Share of the band between two limits within which something counts as at one of them."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +77,16 @@ class Equations:
     outputs : tuple of str
         Signals of the plant that the law gives beside the rates.
     law : callable
-        (state, rows, way) -> (rates of the states, outputs).
+        (state, rows, *ways) -> (rates of the states, outputs).
     place : str
         The state that says where the output is.
-    slides : str
-        The state or input whose sign is the direction of sliding; empty: the law does not ask for one.
+    slides : tuple of str
+        For each dry friction the state or input whose sign is the direction of sliding, that of the output first. At
+        rest a friction may hang on the directions of those before it, and on no others.
+    against : tuple of str
+        Those of ``slides`` that move in the negative direction when the output moves in the positive one.
+    verge : callable, optional
+        (state, rows, *ways) -> the same state with every contact without a mass slid to its limit that way.
     effects : tuple of str
         Effects that the law has.
     slack : mapping of str to str
@@ -89,7 +101,9 @@ class Equations:
     outputs: tuple[str, ...]
     law: Law
     place: str
-    slides: str = ""
+    slides: tuple[str, ...] = ()
+    against: tuple[str, ...] = ()
+    verge: Verge | None = None
     effects: tuple[str, ...] = ()
     slack: Mapping[str, str] = field(default_factory=dict)
     speed: float = 1e-3
@@ -110,13 +124,19 @@ def driven(mode: ActionMode, rate: bool, disturbed: Signal) -> tuple[Input, ...]
     Returns
     -------
     tuple of Input
-        The command, its rate where it is asked for, and the disturbance.
+        The command, its rate where it is asked for, the same of a second command, and the disturbance.
     """
-    found = [Input("command", mode.unit, f"what the drive is told: {mode.name}", "command")]
+    told = mode.of or mode.name
+    found = [Input("command", mode.unit, f"what the drive is told: {told}", "command")]
     if rate:
         found.append(
             Input("command_rate", f"{mode.unit}/s", "rate of the command, which the drive adds", "command_rate")
         )
+    second = mode.second
+    if second is not None:
+        found.append(Input(second.name, second.unit, f"what the drives are told besides: {second.name}", "second"))
+        if rate:
+            found.append(Input(f"{second.name}_rate", f"{second.unit}/s", "rate of that", "second_rate"))
     return (*found, Input(disturbed.name, disturbed.unit, disturbed.meaning, "disturbance"))
 
 
@@ -143,6 +163,11 @@ def engaged(pull, taut, limp):
     return select(pull > 0.0, taut, limp)
 
 
-def slipping(v, stretch, up, down):
-    """Rate of slip of a spring that holds between ``-down`` and ``up`` of stretch while its end moves at v."""
-    return select(v > 0.0, select(stretch >= up, v, 0.0), select(stretch <= -down, v, 0.0))
+def contained(rate, y, low, high, low_rate, high_rate, unit=1.0):
+    """Rate of what goes by ``rate`` of itself, and is kept between limits that move at rates of their own.
+
+    ``unit``: of y, for one of the plant's coordinate; it scales what a smooth version rounds off.
+    """
+    near = NEAR * (high - low)
+    pushed = select(y <= low + near, maximum(rate, low_rate), rate)
+    return select(y >= high - near, minimum(pushed, high_rate), pushed)

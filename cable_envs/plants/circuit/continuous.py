@@ -72,7 +72,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="output_angle",
-        slides="output_velocity",
+        slides=("output_velocity",),
         slack={"_stretched": "length_top"},
         speed=1e-2,
     )  # fmt: skip

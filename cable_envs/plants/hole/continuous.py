@@ -62,6 +62,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="load_position",
-        slides="load_velocity",
+        slides=("load_velocity",),
         slack={"span": ""},
     )  # fmt: skip

@@ -59,7 +59,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="load_position",
-        slides="load_velocity",
+        slides=("load_velocity",),
         effects=("stribeck_friction", "asymmetric_friction", "stiffness_hardening", "slack"),
         slack={"_tension": ""},
     )  # fmt: skip
