@@ -157,7 +157,7 @@ def smooth(model: Any, speed: float, tension: float) -> Smooth:
     coefficients = model.rows([0.0] * len(model.inputs)).p
     for piece, per in equations.slack.items():
         width = tension * (getattr(coefficients, per)[0] if per else 1.0)
-        names[piece] = _loose(equations.law.__globals__[piece], algebra, width)
+        names[piece.__name__] = _loose(piece, algebra, width)
     law = interpreted(equations.law, **names)
     x = casadi.SX.sym("x", len(model.states))
     u = casadi.SX.sym("u", len(model.inputs))

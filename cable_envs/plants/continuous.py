@@ -89,7 +89,7 @@ class Equations:
         (state, rows, *ways) -> the same state with every contact without a mass slid to its limit that way.
     effects : tuple of str
         Effects that the law has.
-    slack : mapping of str to str
+    slack : mapping of callable to str
         Pieces that hold the slack of a cable as ``select(.., maximum(pull, 0.0), 0.0)`` -> the coefficient that their
         pull is over the tension, empty where it is the tension. A smooth version rounds them off.
     speed : float
@@ -105,7 +105,7 @@ class Equations:
     against: tuple[str, ...] = ()
     verge: Verge | None = None
     effects: tuple[str, ...] = ()
-    slack: Mapping[str, str] = field(default_factory=dict)
+    slack: Mapping[Callable, str] = field(default_factory=dict)
     speed: float = 1e-3
 
 

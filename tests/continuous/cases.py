@@ -10,13 +10,18 @@ from cable_envs import load_rig, model
 
 @dataclass(frozen=True)
 class Case:
-    """``size``: amplitude of the command around rest; ``position``: of the output at rest."""
+    """``size``: amplitude of the command around rest, ``second`` of the second; ``position``: of the output at rest.
+
+    ``arm``: metres that a drive moves for one unit of the output.
+    """
 
     rig: Any
     mode: str | None
     size: float
     position: float = 0.0
     changes: dict = field(default_factory=dict)
+    second: float = 0.0
+    arm: float = 1.0
 
     def model(self):
         return model(load_rig(self.rig).replace(self.changes), self.mode)
@@ -46,6 +51,11 @@ DRIVEN = {
          "position_ripple.force": 3.0, "position_ripple.period": 0.05},
     ),
     "coupled": Case(COUPLED, "voltage", 2.0, 0.0, {"coulomb": 5.0, "stiffness_hardening.coefficient": 0.05}),
+    "joint-position": Case("finger-joint", "position", 0.3, 0.1, {"joint_friction": 0.004}, 3.0, 0.01),
+    "joint-torque": Case(
+        "finger-joint", "torque", 0.1, 0.0, {"joint_friction": 0.004, "moment_arm_growth": 5e-4, "slack.length": 0.01},
+        3.0, 0.01,
+    ),
 }  # fmt: skip
 """Plants with a drive that is commanded."""
 
@@ -70,7 +80,7 @@ def point(m, case, way, rng, share=0.05):
     x, u = m.rest(case.position, way)
     for k, s in enumerate(m.states):
         if s.unit in ("m/s", "rad/s"):
-            x[k] += share * m.equations.speed * rng.normal()
+            x[k] += share * (case.arm if s.unit == "m/s" else 1.0) * m.equations.speed * rng.normal()
     if m.held >= 0:
         x[m.held] = way * m.equations.speed * rng.uniform(5.0, 10.0)
     elif m.equations.slides:
@@ -83,3 +93,18 @@ def sampled(size, steps, period, frequency=1.5):
     """A sine in steps that begins gently [steps]."""
     k = np.arange(1, steps + 1)
     return size * np.sin(2.0 * np.pi * frequency * k * period) * np.minimum(1.0, k / 20.0)
+
+
+def moved(m, case, u0, steps, period):
+    """Inputs that move a plant to and fro around rest, [steps, inputs], and the same for `cable_envs.replay`."""
+    ways = {i.row: k for k, i in enumerate(m.equations.inputs)}
+    found = {"command": u0[0] + sampled(case.size, steps, period)}
+    if "second" in ways:
+        found["second"] = u0[ways["second"]] + sampled(case.second, steps, period, 1.1)
+    for name in list(found):
+        found[f"{name}_rate"] = np.concatenate([[0.0], np.diff(found[name]) / period])
+    if m.inputs[-1].unit == m.inputs[0].unit:
+        found["disturbance"] = sampled(0.05 * case.size, steps, period, 3.0)
+    u = np.column_stack([found.get(row, np.zeros(steps)) for row in ways])
+    given = {name.replace("command_rate", "rate"): value for name, value in found.items()}
+    return u, given

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from cable_envs import ConfigurationError, load_rig, model
+from cable_envs.continuous.ways import asked
 from cable_envs.plants import families
 from cable_envs.sim.replay import replay
-from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, point, sampled
+from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, moved, point, sampled
 from tests.support.tree import ROOT
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
@@ -43,14 +44,11 @@ def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     """Substeps of 10 us. The largest difference seen is 9.2e-5 of the range, and falls in proportion to the step."""
     m = case.model()
     x0, u0 = m.rest(case.position)
-    command = u0[0] + sampled(case.size, 100, PERIOD)
-    rate = np.concatenate([[0.0], np.diff(command) / PERIOD])
-    push = sampled(0.05 * case.size, 100, PERIOD, 3.0) if m.inputs[-1].unit == m.inputs[0].unit else 0.0 * command
-    u = np.column_stack([command, rate, push] if len(m.inputs) == 3 else [command, push])
+    u, given = moved(m, case, u0, 100, PERIOD)
     names = [s.name for s in (*m.states, *m.outputs)]
     seen = replay(
-        m.plant, m.rig.column(m.plant), command, PERIOD, drive=m.action_mode, hold="step", rate=rate,
-        disturbance=push, signals=names, start=case.position, substeps=1000,
+        m.plant, m.rig.column(m.plant), period=PERIOD, drive=m.action_mode, hold="step", signals=names,
+        start=case.position, substeps=1000, **given,
     )[:, :, 0]  # fmt: skip
     motion = m.simulate(np.arange(101) * PERIOD, u, x0)
     assert {0, 1, -1} <= set(motion.sliding)
@@ -69,6 +67,8 @@ def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     ("zou-table2", "position", 2.0, {"drive_velocity": 15.0}),
     ("zou-table2", "torque", 0.55, {"drive_velocity": 15.0}),
     ({"plant": "linear_drive"}, "position", 0.5, {}),
+    ("finger-joint", "position", 1.2, {"drive_a_velocity": 0.2}),
+    ("finger-joint", "torque", 0.4, {}),
 ], ids=str)  # fmt: skip
 def test_limits_and_slack_are_those_of_the_kernel(rig, mode, size, reaches):
     """A jump that takes the drive to its limits, and one back that slackens the sheath's tendon; substeps of 5 us.
@@ -84,11 +84,12 @@ def test_limits_and_slack_are_those_of_the_kernel(rig, mode, size, reaches):
         signals=[*names, "slack_fraction"],
     )[:, :, 0]  # fmt: skip
     u = np.zeros((60, len(m.inputs)))
-    u[:, 0] = command
+    u[:], u[:, 0] = u0, command
     motion = m.simulate(np.arange(61) * PERIOD, u, x0)
     assert (np.abs(motion.x[1:] - seen[:, :-1]) / np.ptp(seen[:, :-1], axis=0)).max() < 2e-4
     assert all(np.abs(seen[:, names.index(name)]).max() == pytest.approx(most) for name, most in reaches.items())
-    assert (seen[:, -1].max() > 0.5) == (rig == "bowden-1m")
+    slackens = rig == "bowden-1m" or (rig, mode) == ("finger-joint", "position")
+    assert (seen[:, -1].max() > 0.5) == slackens
 
 
 def test_a_drive_that_cannot_follow_its_command_is_left_out_of_the_hole():
@@ -138,25 +139,26 @@ def test_the_band_slips_as_in_its_kernel():
 @CASES
 @pytest.mark.parametrize("way", [1, -1])
 def test_the_linear_system_is_the_slope_of_the_equations(case, way):
+    """Contacts without a mass follow to their limits: where they do not, they hold, and the equations are others."""
     m, rng = case.model(), np.random.default_rng(3)
+    ways = asked(m.equations, way)
     for _ in range(3):
         x, u = point(m, case, way, rng)
         linear = m.linearise(way, at=(x, u))
-        for place, found, along in ((0, linear.A, x), (1, linear.B, u)):
-            below = linear.C if place == 0 else linear.D
-            exact = np.vstack([found, below])
-            for k in range(len(along)):
-                step = 1e-6 * max(1e-3, abs(along[k]))
-                pairs = []
-                for s in (1.0, -1.0):
-                    z = [x.copy(), u.copy()]
-                    z[place][k] += s * step
-                    pairs.append(np.concatenate([m.f(*z, way), m.h(*z, way)]))
-                slope = (pairs[0] - pairs[1]) / (2.0 * step)
-                size = np.abs(exact).max(axis=1) + np.abs(pairs[0]) * 1e-6 / step
-                assert np.abs(slope - exact[:, k]).max() <= 1e-4 * size.max() and np.all(
-                    np.abs(slope - exact[:, k]) <= 1e-5 * size + 1e-9
-                )
+        exact, n = np.block([[linear.A, linear.B], [linear.C, linear.D]]), len(x)
+        for k, value in enumerate((*x, *u)):
+            step = 1e-6 * max(1e-3, abs(value))
+            pairs, places = [], []
+            for s in (1.0, -1.0):
+                z = np.concatenate([x, u])
+                z[k] += s * step
+                z[:n] = m.slid(z[:n].tolist(), z[n:].tolist(), ways)
+                pairs.append(np.concatenate([m.f(z[:n], z[n:], way), m.h(z[:n], z[n:], way)]))
+                places.append(z)
+            slope, along = (pairs[0] - pairs[1]) / (2.0 * step), (places[0] - places[1]) / (2.0 * step)
+            size = np.abs(exact) @ np.abs(along) + np.abs(exact).max(axis=1) + np.abs(pairs[0]) * 1e-6 / step
+            apart = np.abs(slope - exact @ along)
+            assert apart.max() <= 1e-4 * size.max() and np.all(apart <= 1e-5 * size + 1e-9)
 
 
 def test_linear_systems_know_what_their_rows_are():

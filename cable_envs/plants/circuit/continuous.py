@@ -8,6 +8,7 @@ output     J theta_out'' = M_out - load,   M_out by the direction of motion; the
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, select
+from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.circuit.closed_form import _stretched
 from cable_envs.plants.circuit.ends import cosine, load_torque
@@ -19,8 +20,8 @@ def _turned(p, u, a, v, m_in):
     """Acceleration of the drive."""
     fastest = p.drive_speed_limit[0]
     rate = clip(u.command_rate[0], -fastest, fastest)
-    servo = p.servo_stiffness[0] * (u.command[0] - a) + p.servo_damping[0] * (rate - v)
-    servo = clip(servo, -p.drive_acceleration_limit[0], p.drive_acceleration_limit[0])
+    k, d, most = p.servo_stiffness[0], p.servo_damping[0], p.drive_acceleration_limit[0]
+    servo = placing(a, v, u.command[0], rate, k, d, most)
     torque = clip(u.command[0], -p.drive_torque_limit[0], p.drive_torque_limit[0])
     pushed = (torque - p.drive_damping[0] * v - m_in) / p.drive_inertia[0]
     return limited(v, select(u.mode[0] > 0.5, pushed, servo), fastest)
@@ -73,6 +74,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         law=_law,
         place="output_angle",
         slides=("output_velocity",),
-        slack={"_stretched": "length_top"},
+        slack={_stretched: "length_top"},
         speed=1e-2,
     )  # fmt: skip

@@ -63,5 +63,5 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         law=_law,
         place="load_position",
         slides=("load_velocity",),
-        slack={"span": ""},
+        slack={span: ""},
     )  # fmt: skip

@@ -11,6 +11,7 @@ direction, and at rest the one with which T2 balances the load.
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, select
 from cable_envs.effects.seams import dry_friction
+from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, rubbed
 from cable_envs.plants.sheath.capstan import leaving, mobilised
@@ -19,8 +20,8 @@ from cable_envs.plants.sheath.plant import _resist, _rub, _tension
 
 def _drawn(p, u, x, v, tension):
     """Acceleration of the drive."""
-    servo = p.servo_stiffness[0] * (u.command[0] - x) + p.servo_damping[0] * (u.command_rate[0] - v)
-    servo = clip(servo, -p.drive_acceleration_limit[0], p.drive_acceleration_limit[0])
+    k, d, most = p.servo_stiffness[0], p.servo_damping[0], p.drive_acceleration_limit[0]
+    servo = placing(x, v, u.command[0], u.command_rate[0], k, d, most)
     pulled = (u.command[0] - p.drive_damping[0] * v - tension) / p.drive_mass[0]
     return limited(v, select(u.mode[0] > 0.5, pulled, servo), p.drive_speed_limit[0])
 
@@ -61,5 +62,5 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         place="load_position",
         slides=("load_velocity",),
         effects=("stribeck_friction", "asymmetric_friction", "stiffness_hardening", "slack"),
-        slack={"_tension": ""},
+        slack={_tension: ""},
     )  # fmt: skip
