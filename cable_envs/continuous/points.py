@@ -59,7 +59,7 @@ def balanced(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways) -> tuple[np.n
         Where to begin. The place of the output stays.
     ways : tuple of int
         1 or -1: on the verge of sliding; the command and all other places are looked for. All 0: held by friction, in
-        the middle between both limits; the command is looked for.
+        the middle between both limits; all commands are looked for.
 
     Returns
     -------
@@ -73,7 +73,8 @@ def balanced(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways) -> tuple[np.n
     """
     n, place = len(x), model.equations.place
     others = [k for k, s in enumerate(model.states) if s.unit not in ("m/s", "rad/s") and s.name != place]
-    free, z = [*(others if any(ways) else ()), n], np.concatenate([x, u])
+    told = [n + k for k, i in enumerate(model.equations.inputs) if i.row in ("command", "second")]
+    free, z = [*others, n] if any(ways) else told, np.concatenate([x, u])
     for _ in range(NEWTON):
         rates, steep = _rates(model, z[:n], z[n:], ways, any(ways))
         step = np.linalg.lstsq(steep[:, free], -rates, rcond=None)[0]

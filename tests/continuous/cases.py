@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs import load_rig, model
+from cable_envs.continuous.ways import asked
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,9 @@ DRIVEN = {
         "finger-joint", "torque", 0.1, 0.0, {"joint_friction": 0.004, "moment_arm_growth": 5e-4, "slack.length": 0.01},
         3.0, 0.01,
     ),
+    "wrist": Case(
+        "wrist-8mm", "position", 0.5, 0.2, {"yaw_friction": 1e-3, "pitch_friction": 2e-3, "pitch_angle": 0.3}, 0.3,
+    ),
 }  # fmt: skip
 """Plants with a drive that is commanded."""
 
@@ -81,9 +85,10 @@ def point(m, case, way, rng, share=0.05):
     for k, s in enumerate(m.states):
         if s.unit in ("m/s", "rad/s"):
             x[k] += share * (case.arm if s.unit == "m/s" else 1.0) * m.equations.speed * rng.normal()
-    if m.held >= 0:
-        x[m.held] = way * m.equations.speed * rng.uniform(5.0, 10.0)
-    elif m.equations.slides:
+    for place, slides in zip(m.places, asked(m.equations, way)):
+        if place >= 0:
+            x[place] = slides * m.equations.speed * rng.uniform(5.0, 10.0)
+    if m.held < 0 and m.equations.slides:
         u[0] = way * rng.uniform(0.1, 0.5)
         u[1] = rng.normal()
     return x, u

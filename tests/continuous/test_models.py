@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cable_envs import ConfigurationError, load_rig, model
-from cable_envs.continuous.ways import asked
+from cable_envs.continuous.ways import asked, told
 from cable_envs.plants import families
 from cable_envs.sim.replay import replay
 from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, moved, point, sampled
@@ -32,11 +32,12 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
     m = case.model()
     x, u = m.rest(case.position)
     top, bottom = (m.rest(case.position, way) for way in (1, -1))
-    assert m.sliding(x, u) == 0
+    assert m.sliding(x, u) == told(asked(m.equations, 0))
     for (xv, uv), way in ((top, 1), (bottom, -1)):
         inside, outside = ((x + s * (xv - x), u + s * (uv - u)) for s in (0.99, 1.01))
-        assert (m.sliding(*inside), m.sliding(*outside)) == (0, way)
-        assert m.f(*inside)[m.held] == 0.0 and way * m.f(*outside)[m.held] > 0.0
+        assert (m.sliding(*inside), m.sliding(*outside)) == tuple(told(asked(m.equations, w)) for w in (0, way))
+        for place, slides in zip(m.places, asked(m.equations, way)):
+            assert m.f(*inside)[place] == 0.0 and slides * m.f(*outside)[place] > 0.0
 
 
 @COMMANDED
@@ -51,7 +52,7 @@ def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
         start=case.position, substeps=1000, **given,
     )[:, :, 0]  # fmt: skip
     motion = m.simulate(np.arange(101) * PERIOD, u, x0)
-    assert {0, 1, -1} <= set(motion.sliding)
+    assert all({0, 1, -1} <= set(each) for each in np.atleast_2d(motion.sliding.T))
     shown = [m.h(motion.x[k + 1], u[k], motion.sliding[k + 1]) for k in range(100)]
     size = np.ptp(seen, axis=0)
     apart = np.abs(np.hstack([motion.x[1:], shown]) - seen) / size

@@ -1,0 +1,101 @@
+"""The wrist in continuous time: both drives, both joints, and what of the four cables has slipped at their contacts.
+
+    drive      d'' = w^2 (command - d) + 2 z w (command_rate - d'),    within acceleration and speed limits
+    joints     as in `cable_envs.plants.wrist.plant`, which has the symbols: each has a dry friction of its own
+    cable      y_i' by `cable_envs.plants.tendon_rates`, y the stretch between contact and joint
+
+The limits of the yaw cables' tension ratios change with the pitch. A posture has no input here: it adds to the command
+of the pitch. When a joint turns its positive way, its cable a slides to the drive and its cable b to the joint; where
+the yaw joint is held, its cables slide with the pitch.
+"""
+
+from cable_envs.core.kernels import select
+from cable_envs.effects.seams import dry_friction
+from cable_envs.physics.servo import placing
+from cable_envs.plants.base import ActionMode, Plant, Signal
+from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, rubbed
+from cable_envs.plants.tendon import spanned
+from cable_envs.plants.tendon_rates import rubbing, slid
+from cable_envs.plants.wrist.plant import _resist, pitch_ratio, ratios, stretches
+
+STEP_PITCH = 1e-5
+"""Step of the difference that says how the limit of the tension ratio changes with the pitch, rad."""
+
+
+def _drawn(p, at, v, target, rate):
+    """Acceleration of a drive."""
+    servo = placing(at, v, target, rate, p.servo_stiffness[0], p.servo_damping[0], p.drive_acceleration_limit[0])
+    return limited(v, servo, p.drive_speed_limit[0])
+
+
+def _changing(p, pitch, rate):
+    """Rates of the limits of both yaw cables' ratios."""
+    ahead, behind = ratios(p, 0, pitch + STEP_PITCH, 1.0), ratios(p, 0, pitch - STEP_PITCH, 1.0)
+    per = rate / (2.0 * STEP_PITCH)
+    return (ahead[0] - behind[0]) * per, (ahead[1] - behind[1]) * per
+
+
+def _law(state, rows: Rows, way, pitch_way):
+    d, vd, dp, vdp, y, v, q, vq, ya, yb, qa, qb = state
+    p, u, e, s, g, _, _ = rows
+    ry, rp, rc, hard = p.yaw_radius[0], p.pitch_radius[0], p.coupling_radius[0], 0.0
+    yawing, pitching = along(v, way), along(vq, pitch_way)
+    ea, eb, pa, pb = stretches(p, e, 0, y, q, d, dp)
+    wound, turned = ry * vd, ry * yawing + rc * pitching
+    (na, nb), n = ratios(p, 0, q, 1.0), pitch_ratio(p, 0, 1.0)
+    na_rate, nb_rate = _changing(p, q, pitching)
+    k1, k2 = p.drive_stiffness[0], p.end_stiffness[0]
+    tda, ta, ya_rate = rubbing(ea, wound - turned, ya, -turned, k1, k2, hard, na, na_rate, ry)
+    tdb, tb, yb_rate = rubbing(eb, turned - wound, yb, turned, k1, k2, hard, nb, nb_rate, ry)
+    k1, k2, wound, turned = p.pitch_drive_stiffness[0], p.pitch_end_stiffness[0], rp * vdp, rp * pitching
+    pda, pea, qa_rate = rubbing(pa, wound - turned, qa, -turned, k1, k2, hard, n, 0.0, rp)
+    pdb, peb, qb_rate = rubbing(pb, turned - wound, qb, turned, k1, k2, hard, n, 0.0, rp)
+
+    dry_friction(e, g, 0, yawing, p.yaw_friction[0], 0.0)
+    yaw = rubbed(ry * (ta - tb) - _resist(p, u, e, s, 0, y, v), g.up[0], g.down[0], way)
+    dry = p.pitch_friction[0] + p.bearing_arm[0] * (ta + tb + pea + peb)
+    pitch = rubbed(rp * (pea - peb) + rc * (ta - tb) - p.pitch_damping[0] * vq, dry, dry, pitch_way)
+    rates = (
+        vd, _drawn(p, d, vd, u.command[0], u.command_rate[0]), vdp, _drawn(p, dp, vdp, u.second[0], u.second_rate[0]),
+        v, yaw / p.yaw_inertia[0], vq, pitch / p.pitch_inertia[0], ya_rate, yb_rate, qa_rate, qb_rate,
+    )  # fmt: skip
+    return rates, (y, v, q, vq, d, dp, ry * (ta - tb), rp * (pea - peb), rc * (ta - tb), tda, ta, tdb, tb, pda, pea,
+                   pdb, peb)  # fmt: skip
+
+
+def _verge(state, rows: Rows, way, pitch_way):
+    d, vd, dp, vdp, y, v, q, vq, ya, yb, qa, qb = state
+    p = rows.p
+    ea, eb, pa, pb = stretches(p, rows.e, 0, y, q, d, dp)
+    (na, nb), n = ratios(p, 0, q, 1.0), pitch_ratio(p, 0, 1.0)
+    k1, k2 = p.drive_stiffness[0], p.end_stiffness[0]
+    yaw_way = select(way == 0.0, pitch_way, way)
+    ya, yb = slid(ea, ya, k1, k2, 0.0, na, yaw_way), slid(eb, yb, k1, k2, 0.0, nb, -yaw_way)
+    k1, k2 = p.pitch_drive_stiffness[0], p.pitch_end_stiffness[0]
+    qa, qb = slid(pa, qa, k1, k2, 0.0, n, pitch_way), slid(pb, qb, k1, k2, 0.0, n, -pitch_way)
+    return d, vd, dp, vdp, y, v, q, vq, ya, yb, qa, qb
+
+
+def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
+    """The equations of a wrist."""
+    return Equations(
+        states=(
+            "drive_angle", "drive_velocity", "pitch_drive_angle", "pitch_drive_velocity", "yaw_angle", "yaw_velocity",
+            "pitch_angle", "pitch_velocity", "stretch_end_a", "stretch_end_b", "pitch_stretch_end_a",
+            "pitch_stretch_end_b",
+        ),
+        inputs=driven(mode, True, Signal("disturbance", "N m", "torque that helps the yaw joint")),
+        outputs=(
+            "yaw_angle", "yaw_velocity", "pitch_angle", "pitch_velocity", "drive_angle", "pitch_drive_angle",
+            "yaw_torque", "pitch_torque", "coupling_torque", "tension_drive_a", "tension_end_a", "tension_drive_b",
+            "tension_end_b", "pitch_tension_drive_a", "pitch_tension_end_a", "pitch_tension_drive_b",
+            "pitch_tension_end_b",
+        ),
+        law=_law,
+        place="yaw_angle",
+        slides=("yaw_velocity", "pitch_velocity"),
+        verge=_verge,
+        effects=("stribeck_friction", "asymmetric_friction", "slack"),
+        slack={spanned: ""},
+        speed=1e-2,
+    )  # fmt: skip
