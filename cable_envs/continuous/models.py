@@ -35,7 +35,7 @@ def model(
     action_mode : str, optional
         What the drive is told; by default the first action mode of the plant.
     variant : str
-        "analytic"; "chain" has no right-hand side and is refused with the reason.
+        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts.
 
     Returns
     -------
@@ -46,7 +46,7 @@ def model(
     ------
     ConfigurationError
         For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, a
-        sheath with contacts, the chain, a drive with a motor.
+        sheath with contacts, a drive with a motor.
 
     Examples
     --------

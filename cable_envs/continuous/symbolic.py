@@ -121,7 +121,7 @@ def _rounded(algebra: dict[str, Any], speed: float, tension: float) -> dict[str,
         pushed, back = positive(low_rate - rate), positive(rate - high_rate)
         return rate + share(y - low) * pushed - share(high - y) * back
 
-    return {"along": along, "engaged": engaged, "contained": contained}
+    return {"along": along, "engaged": engaged, "contained": contained, "again": lambda changed: True}
 
 
 def _loose(piece: Callable[..., Any], algebra: dict[str, Any], width: float) -> Callable[..., Any]:

@@ -163,6 +163,11 @@ def engaged(pull, taut, limp):
     return select(pull > 0.0, taut, limp)
 
 
+def again(changed):
+    """Whether a law that solves for what slides goes on, which it does while a pass ``changed`` something."""
+    return bool(changed)
+
+
 def contained(rate, y, low, high, low_rate, high_rate, unit=1.0):
     """Rate of what goes by ``rate`` of itself, and is kept between limits that move at rates of their own.
 

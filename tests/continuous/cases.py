@@ -23,9 +23,10 @@ class Case:
     changes: dict = field(default_factory=dict)
     second: float = 0.0
     arm: float = 1.0
+    variant: str = "analytic"
 
     def model(self):
-        return model(load_rig(self.rig).replace(self.changes), self.mode)
+        return model(load_rig(self.rig).replace(self.changes), self.mode, self.variant)
 
 
 FAST = {"drive_acceleration_limit": 1e3}  # the equations of the hole leave this limit out
@@ -38,6 +39,10 @@ DRIVEN = {
     ),
     "circuit-position": Case("zou-table2", "position", 0.3),
     "circuit-torque": Case("zou-grasp", "torque", 0.25, 0.05, {"brake_torque": 0.01, "payload_mass": 0.1}),
+    "chain-position": Case("zou-table2", "position", 0.3, 0.0, {"brake_torque": 0.02}, variant="chain"),
+    "chain-torque": Case(
+        "zou-grasp", "torque", 0.25, 0.05, {"brake_torque": 0.01, "payload_mass": 0.1}, variant="chain"
+    ),
     "sheath-position": Case("bowden-1m", "position", 0.01, 0.005),
     "sheath-tension": Case(
         "bowden-1m", "tension", 25.0, 0.0,

@@ -1,4 +1,4 @@
-"""The closed pulley circuit in continuous time, by its closed forms.
+"""The closed pulley circuit in continuous time, by its closed forms; the chain is in `circuit.chain_continuous`.
 
 position   theta_in'' = w^2 (command - theta_in) + 2 z w (command_rate - theta_in'),   within the drive's limits
 torque     J_in theta_in'' = command - b theta_in' - M_in
@@ -7,24 +7,12 @@ output     J theta_out'' = M_out - load,   M_out by the direction of motion; the
 """
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.kernels import clip, select
-from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
+from cable_envs.plants.circuit import chain_continuous as chain
 from cable_envs.plants.circuit.closed_form import _stretched
-from cable_envs.plants.circuit.ends import cosine, load_torque
+from cable_envs.plants.circuit.ends import cosine, load_torque, turned
 from cable_envs.plants.circuit.stages import cw_share, drive_torque, mix, output_torques
-from cable_envs.plants.continuous import Equations, Rows, Values, driven, limited, rubbed
-
-
-def _turned(p, u, a, v, m_in):
-    """Acceleration of the drive."""
-    fastest = p.drive_speed_limit[0]
-    rate = clip(u.command_rate[0], -fastest, fastest)
-    k, d, most = p.servo_stiffness[0], p.servo_damping[0], p.drive_acceleration_limit[0]
-    servo = placing(a, v, u.command[0], rate, k, d, most)
-    torque = clip(u.command[0], -p.drive_torque_limit[0], p.drive_torque_limit[0])
-    pushed = (torque - p.drive_damping[0] * v - m_in) / p.drive_inertia[0]
-    return limited(v, select(u.mode[0] > 0.5, pushed, servo), fastest)
+from cable_envs.plants.continuous import Equations, Rows, Values, driven, rubbed
 
 
 def _law(state, rows: Rows, way):
@@ -49,31 +37,33 @@ def _law(state, rows: Rows, way):
         top * mix(share, p.output_top_ccw[0], p.output_top_cw[0]),
         bottom * mix(share, p.output_bottom_ccw[0], p.output_bottom_cw[0]),
     )
-    rates = (v_in, _turned(p, u, a, v_in, m_in), v, net / p.output_inertia[0])
+    rates = (v_in, turned(p, u, a, v_in, m_in), v, net / p.output_inertia[0])
     return rates, (a, v_in, b, v, *shown)
 
 
+OUTPUTS = (
+    "drive_angle", "drive_velocity", "output_angle", "output_velocity", "drive_torque", "output_torque",
+    "tension_drive_top", "tension_drive_bottom", "tension_output_top", "tension_output_bottom",
+)  # fmt: skip
+
+
 def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
-    """The equations of the closed form; ConfigurationError for the chain."""
+    """The equations of the closed form, or of the chain; ConfigurationError for what has none."""
+    disturbance = Signal("disturbance", "N m", "torque that helps counter-clockwise motion")
+    shared = {
+        "inputs": driven(mode, mode.name == "position", disturbance), "outputs": OUTPUTS, "place": "output_angle",
+        "slides": ("output_velocity",), "speed": 1e-2,
+    }  # fmt: skip
     if plant.name == "pulley_chain":
-        raise ConfigurationError(
-            "the chain of spans and contacts has no f(x, u): its slips are the solution of a linear complementarity "
-            "problem over each step; the closed form has one (variant 'analytic')"
-        )
+        if value["cable_damping"] <= 0.0:
+            raise ConfigurationError(
+                "the chain needs a cable_damping above 0 in continuous time: without it the rates of its slips do not "
+                "follow from its state"
+            )
+        return Equations(states=chain.STATES, law=chain.law, verge=chain.verge, **shared)
     if value["hold_rule"] > 0.5:
         raise ConfigurationError("hold_rule 1 stops the output within no time where the flag of Eq. (47) is set; use 0")
     return Equations(
-        states=("drive_angle", "drive_velocity", "output_angle", "output_velocity"),
-        inputs=driven(
-            mode, mode.name == "position", Signal("disturbance", "N m", "torque that helps counter-clockwise motion")
-        ),
-        outputs=(
-            "drive_angle", "drive_velocity", "output_angle", "output_velocity", "drive_torque", "output_torque",
-            "tension_drive_top", "tension_drive_bottom", "tension_output_top", "tension_output_bottom",
-        ),
-        law=_law,
-        place="output_angle",
-        slides=("output_velocity",),
-        slack={_stretched: "length_top"},
-        speed=1e-2,
+        states=("drive_angle", "drive_velocity", "output_angle", "output_velocity"), law=_law,
+        slack={_stretched: "length_top"}, **shared,
     )  # fmt: skip
