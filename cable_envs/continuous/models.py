@@ -46,7 +46,7 @@ def model(
     ------
     ConfigurationError
         For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, a
-        sheath with contacts, a drive with a motor.
+        sheath with contacts.
 
     Examples
     --------
@@ -359,11 +359,6 @@ def _mode(plant: Plant, name: str | None) -> ActionMode | None:
 
 def _refuse(rig: Rig, plant: Plant, has: Sequence[str]) -> None:
     """ConfigurationError for an effect of the rig that the equations leave out, and for a drive with a motor."""
-    if plant.drive != "ideal":
-        raise ConfigurationError(
-            f"{rig.name}: a drive with a motor has a servo that reads its encoder at a rate of its own, which the "
-            "equations in continuous time leave out; take the rig with an ideal drive that it extends"
-        )
     for full, value in rig.effects.items():
         name, parameter = full.split(".", 1)
         effect = plant.effects.effects[name]

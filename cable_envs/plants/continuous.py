@@ -140,12 +140,24 @@ def driven(mode: ActionMode, rate: bool, disturbed: Signal) -> tuple[Input, ...]
     return (*found, Input(disturbed.name, disturbed.unit, disturbed.meaning, "disturbance"))
 
 
+def nudged(v, way):
+    """Speed of a motion, which is about to start in the direction ``way`` where it is zero."""
+    return v + TINY * way
+
+
+def confined(rate, y, low, high, low_rate, high_rate):
+    """Rate of what goes by ``rate`` of itself, and is kept between limits that move at rates of their own."""
+    near = NEAR * (high - low)
+    pushed = select(y <= low + near, maximum(rate, low_rate), rate)
+    return select(y >= high - near, minimum(pushed, high_rate), pushed)
+
+
 # The functions below are for laws. A smooth version has its own in their place.
 
 
 def along(v, way):
-    """Speed of sliding, which has the direction ``way`` where it is zero."""
-    return v + TINY * way
+    """Speed of sliding in a friction, which has the direction ``way`` where it is zero."""
+    return nudged(v, way)
 
 
 def rubbed(net, up, down, way):
@@ -169,10 +181,5 @@ def again(changed):
 
 
 def contained(rate, y, low, high, low_rate, high_rate, unit=1.0):
-    """Rate of what goes by ``rate`` of itself, and is kept between limits that move at rates of their own.
-
-    ``unit``: of y, for one of the plant's coordinate; it scales what a smooth version rounds off.
-    """
-    near = NEAR * (high - low)
-    pushed = select(y <= low + near, maximum(rate, low_rate), rate)
-    return select(y >= high - near, minimum(pushed, high_rate), pushed)
+    """`confined` of what slips, which a smooth version rounds off; ``unit``: of y, for one of the coordinate."""
+    return confined(rate, y, low, high, low_rate, high_rate)

@@ -13,7 +13,8 @@ from cable_envs.continuous.ways import asked
 class Case:
     """``size``: amplitude of the command around rest, ``second`` of the second; ``position``: of the output at rest.
 
-    ``arm``: metres that a drive moves for one unit of the output.
+    ``arm``: metres that a drive moves for one unit of the output. ``within``: share of the range of every state to
+    which the kernel with substeps of 10 us agrees.
     """
 
     rig: Any
@@ -24,6 +25,7 @@ class Case:
     second: float = 0.0
     arm: float = 1.0
     variant: str = "analytic"
+    within: float = 3e-4
 
     def model(self):
         return model(load_rig(self.rig).replace(self.changes), self.mode, self.variant)
@@ -31,7 +33,7 @@ class Case:
 
 FAST = {"drive_acceleration_limit": 1e3}  # the equations of the hole leave this limit out
 DRIVE, COUPLED = {"plant": "linear_drive"}, {"plant": "coupled_drives"}
-DRIVEN = {
+IDEAL = {
     "hole-tension": Case("gu-inferred", "tension", 20.0, 0.0, FAST),
     "hole-speed": Case("gu-inferred", "speed", 0.02, 0.0, FAST),
     "hole-stiff-cable": Case(
@@ -66,7 +68,29 @@ DRIVEN = {
         "wrist-8mm", "position", 0.5, 0.2, {"yaw_friction": 1e-3, "pitch_friction": 2e-3, "pitch_angle": 0.3}, 0.3,
     ),
 }  # fmt: skip
-"""Plants with a drive that is commanded."""
+"""Plants with an ideal drive that is commanded."""
+
+QUICK = {"encoder_period": 1e-5, "encoder_counts": 0.0}  # the servo in continuous time neither waits nor rounds
+HELD = {"joint_friction": 0.004}
+MOTORS = {
+    "hole-motor-force": Case("gu-steel-1mm-motor", "tension", 30.0),
+    "hole-motor-speed": Case("gu-steel-1mm-motor", "speed", 0.02, 0.0, {**QUICK, **FAST}, within=5e-4),
+    "circuit-motor-torque": Case("zou-table2-motor", "torque", 0.25, 0.0, {"cogging_torque": 1e-4}),
+    "circuit-motor-position": Case("zou-table2-motor", "position", 0.3, 0.0, QUICK, within=6e-4),
+    "chain-motor-position": Case(
+        "zou-table2-motor", "position", 0.3, 0.0, {**QUICK, "brake_torque": 0.02}, variant="chain", within=6e-4
+    ),
+    "sheath-motor-force": Case("bowden-1m-motor", "tension", 25.0),
+    "sheath-motor-position": Case("bowden-1m-motor", "position", 0.01, 0.005, QUICK, within=5e-4),
+    "joint-motor-torque": Case("finger-joint-motor", "torque", 0.2, 0.0, HELD, 3.0, 0.01),
+    "joint-motor-position": Case("finger-joint-motor", "position", 0.3, 0.1, {**QUICK, **HELD}, 3.0, 0.01, within=5e-4),
+    "wrist-motor": Case(
+        "wrist-8mm-motor", "position", 0.5, 0.2,
+        {**QUICK, "yaw_friction": 1e-3, "pitch_friction": 2e-3, "pitch_angle": 0.3}, 0.3, 0.003, within=5e-4,
+    ),
+}  # fmt: skip
+"""Plants with a motor, told its torque, or with its servo read every 10 us."""
+DRIVEN = {**IDEAL, **MOTORS}
 
 TRANSMISSION = Case(
     {"plant": "transmission"}, None, 0.0, 0.0,
@@ -97,6 +121,20 @@ def point(m, case, way, rng, share=0.05):
         u[0] = way * rng.uniform(0.1, 0.5)
         u[1] = rng.normal()
     return x, u
+
+
+def tangents(m, x, u, ways):
+    """Directions in (x, u) that keep contacts without a mass at their limits, one a column; without: unit vectors."""
+    n, columns = len(x), []
+    for k, value in enumerate((*x, *u)):
+        ends = []
+        for s in (1.0, -1.0):
+            z = np.concatenate([x, u])
+            z[k] += s * 1e-6 * max(1e-3, abs(value))
+            z[:n] = m.slid(z[:n].tolist(), z[n:].tolist(), ways)
+            ends.append(z)
+        columns.append((ends[0] - ends[1]) / (2e-6 * max(1e-3, abs(value))))
+    return np.array(columns).T
 
 
 def sampled(size, steps, period, frequency=1.5):

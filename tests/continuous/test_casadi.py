@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from cable_envs import ConfigurationError, load_rig, model
-from tests.continuous.cases import BRAKE, EVERY, point
+from cable_envs.continuous.ways import asked
+from tests.continuous.cases import BRAKE, EVERY, point, tangents
 
 casadi = pytest.importorskip("casadi", reason="CasADi functions need it: pip install 'cable-envs[casadi]'")
 
@@ -83,14 +84,15 @@ def test_slopes_are_those_of_the_exact_equations(case):
     m, rng = case.model(), np.random.default_rng(7)
     smooth = m.casadi()
     x, u = point(m, case, 1, rng)
-    if m.held >= 0:
-        x[m.held] = 20.0 * m.equations.speed
-    linear = m.linearise(1, at=(x, u))
+    for place, way in zip(m.places, asked(m.equations, 1)):
+        if place >= 0:
+            x[place] = 20.0 * way * m.equations.speed
+    linear, along = m.linearise(1, at=(x, u)), tangents(m, x, u, asked(m.equations, 1))
     for function, over_x, over_u in ((smooth.f, linear.A, linear.B), (smooth.h, linear.C, linear.D)):
-        slopes = function.jacobian()(x, u, 0.0)
-        for found, exact in zip(slopes, (over_x, over_u)):
-            size = np.abs(exact).max(axis=1, keepdims=True)
-            assert np.abs(np.array(found) - exact).max() <= np.max(1e-4 * size) + 1e-9
+        exact = np.hstack([over_x, over_u])
+        found = np.hstack([np.array(part) for part in function.jacobian()(x, u, 0.0)])
+        size = np.abs(exact).max(axis=1, keepdims=True)
+        assert np.abs((found - exact) @ along).max() <= np.max(1e-4 * size) + 1e-9
 
 
 @pytest.mark.parametrize("name", ["hole-tension", "circuit-torque", "sheath-tension", "drive-belt", "coupled"])

@@ -13,7 +13,8 @@ nothing, and its spans share what there is within tau. The stretch of span 0 is 
 from cable_envs.core.kernels import maximum, select
 from cable_envs.physics.chain import CONTACTS, RELEASE, SPANS, relax, settle
 from cable_envs.plants.circuit.chain import _bottom, _top
-from cable_envs.plants.circuit.ends import cosine, load_torque, turned
+from cable_envs.plants.circuit.drive_rates import turned
+from cable_envs.plants.circuit.ends import cosine, load_torque
 from cable_envs.plants.circuit.parameters import SIDES
 from cable_envs.plants.continuous import NEAR, Rows, again, rubbed
 
@@ -64,8 +65,8 @@ def _strained(side, tau, preload, wound, rate, inner):
     return [side.tension[j, 0] for j in range(SPANS)], rates
 
 
-def law(state, rows: Rows, way):
-    """Rates of `STATES`, and the outputs of the circuit."""
+def law(state, rows: Rows, way, *drive_way):
+    """Rates of `STATES`, and those of a servo, and the outputs of the circuit."""
     a, v_in, b, v = state[:4]
     p, u = rows.p, rows.u
     tau, (top, bottom) = p.stretch_damping[0] / p.stretch_stiffness[0], _sides(rows)
@@ -76,11 +77,12 @@ def law(state, rows: Rows, way):
     wanted, _, _ = load_torque(p, u, 0, b, v, cosine(b))
     brake = p.brake_torque[0]
     net = rubbed(m_out - wanted, brake, brake, way)
-    rates = (v_in, turned(p, u, a, v_in, m_in), v, net / p.output_inertia[0], *t_rates, *s_rates)
-    return rates, (a, v_in, b, v, m_in, m_out, t[0], s[0], t[-1], s[-1])
+    faster, servo, motor = turned(rows, a, v_in, m_in, state[12:], drive_way)
+    rates = (v_in, faster, v, net / p.output_inertia[0], *t_rates, *s_rates, *servo)
+    return rates, (a, v_in, b, v, m_in, m_out, t[0], s[0], t[-1], s[-1], *motor)
 
 
-def verge(state, rows: Rows, way):
+def verge(state, rows: Rows, way, *drive_way):
     """The same state with all contacts at the limits to which motion that way takes them."""
     if way == 0.0:
         return state
@@ -93,4 +95,4 @@ def verge(state, rows: Rows, way):
         side.state[:, 0] = slides
         relax(side, 0)
         slid += [side.length[j, 0] * side.tension[j, 0] for j in range(1, SPANS)]
-    return tuple(slid)
+    return (*slid, *state[12:])

@@ -18,11 +18,9 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
 from cable_envs.physics.modes import longest_step
-from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Signal
 from cable_envs.plants.circuit.effects import drive_at
 from cable_envs.plants.circuit.statics import Statics
-from cable_envs.plants.continuous import limited
 
 SIGNALS = (
     Signal("drive_angle", "rad", "angle of the driving pulley"),
@@ -197,18 +195,6 @@ def drive_step(x, p, u, g, i, torque, stiffness, damping, dt):
     if g is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
     return new
-
-
-@inline
-def turned(p, u, a, v, m_in):
-    """Acceleration of the drive, for the equations in continuous time: what `drive_step` steps."""
-    fastest = p.drive_speed_limit[0]
-    rate = clip(u.command_rate[0], -fastest, fastest)
-    k, d, most = p.servo_stiffness[0], p.servo_damping[0], p.drive_acceleration_limit[0]
-    servo = placing(a, v, u.command[0], rate, k, d, most)
-    torque = clip(u.command[0], -p.drive_torque_limit[0], p.drive_torque_limit[0])
-    pushed = (torque - p.drive_damping[0] * v - m_in) / p.drive_inertia[0]
-    return limited(v, select(u.mode[0] > 0.5, pushed, servo), fastest)
 
 
 @inline

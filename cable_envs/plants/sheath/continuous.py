@@ -4,6 +4,8 @@
     tension    m_d x'' = command - T1 - c_d x',                       within the speed limit
     load       m y'' = T2 - preload - k_l y - c_l y' - F_c sign(y') + disturbance
 
+With a motor the drive is that of `cable_envs.plants.servo_rates`, and has a friction of its own.
+
 T1 and T2 are those of the mean tension Tm = k (x - y) + c (x' - y') and the mobilised friction: that of the sliding
 direction, and at rest the one with which T2 balances the load.
 """
@@ -14,6 +16,7 @@ from cable_envs.effects.seams import dry_friction
 from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, rubbed
+from cable_envs.plants.servo_rates import driven_by, with_motor
 from cable_envs.plants.sheath.capstan import leaving, mobilised
 from cable_envs.plants.sheath.plant import _resist, _rub, _tension
 
@@ -26,8 +29,8 @@ def _drawn(p, u, x, v, tension):
     return limited(v, select(u.mode[0] > 0.5, pulled, servo), p.drive_speed_limit[0])
 
 
-def _law(state, rows: Rows, way):
-    x, v_d, y, v = state
+def _carried(rows: Rows, x, v_d, y, v, way):
+    """(tension at the drive, at the load, acceleration of the load)."""
     p, u, e, s, g, w, signals = rows
     mean = w.mean[0] = _tension(p, e, s, w, 0, x - y, v_d - v)
     resist, speed = _resist(p, u, e, s, 0, y, v, 0.0), along(v, way)
@@ -39,10 +42,23 @@ def _law(state, rows: Rows, way):
     stuck = select(mean > 0.0, mobilised(held / select(mean > 0.0, mean, 1.0), a), 0.0)
     r = select(way > 0.0, a, select(way < 0.0, -a, stuck))
     behind = mean * leaving(r)
-    ahead = behind + r * mean
     net = rubbed(behind - resist, g.up[0], g.down[0], way)
-    rates = (v_d, _drawn(p, u, x, v_d, ahead), v, net / p.load_mass[0])
-    return rates, (x, v_d, ahead, y, v, behind)
+    return behind + r * mean, behind, net / p.load_mass[0]
+
+
+def _law(state, rows: Rows, way):
+    x, v_d, y, v = state
+    ahead, behind, faster = _carried(rows, x, v_d, y, v, way)
+    return (v_d, _drawn(rows.p, rows.u, x, v_d, ahead), v, faster), (x, v_d, ahead, y, v, behind)
+
+
+def _motor_law(state, rows: Rows, way, drive_way):
+    x, v_d, y, v, *servo = state
+    ahead, behind, faster = _carried(rows, x, v_d, y, v, way)
+    d = rows.x
+    hauled, rates = driven_by(d, rows.p, rows.u, x, v_d, drive_way, ahead, servo)
+    shown = (x, v_d, ahead, y, v, behind, d.motor_current[0], d.motor_torque[0])
+    return (v_d, hauled, v, faster, *rates), shown
 
 
 def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
@@ -52,7 +68,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
             "a sheath with contacts has no equations in continuous time: what slips is not a matter of the state "
             "alone; leave 'contacts' out"
         )
-    return Equations(
+    ideal = Equations(
         states=("drive_position", "drive_velocity", "load_position", "load_velocity"),
         inputs=driven(mode, mode.name == "position", Signal("disturbance", "N", "force that helps to pull in")),
         outputs=(
@@ -64,3 +80,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         effects=("stribeck_friction", "asymmetric_friction", "stiffness_hardening", "slack"),
         slack={_tension: ""},
     )  # fmt: skip
+    if plant.drive == "ideal":
+        return ideal
+    return with_motor(ideal, _motor_law, value, mode.name == "position")
