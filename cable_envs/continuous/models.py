@@ -45,8 +45,7 @@ def model(
     Raises
     ------
     ConfigurationError
-        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, a
-        sheath with contacts.
+        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series.
 
     Examples
     --------

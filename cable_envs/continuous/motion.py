@@ -78,7 +78,7 @@ def _between(model, u, x, start, end, options):
     """(state, directions of sliding) at ``end``."""
     from scipy.integrate import solve_ivp  # lazily: the rest of a model needs NumPy only
 
-    ways, until = as_forced(model, x, u(start)), end
+    ways, until = _followed(model, x, u(start)), end
     for _ in range(MOST):
         events = _events(model, u, ways, start) if until == end else []
         tests = [test for _, test in events]
@@ -90,14 +90,26 @@ def _between(model, u, x, start, end, options):
             which, way = next(event for (event, _), times in zip(events, run.t_events) if times.size)
             x[model.places[which]] = 0.0
         if start >= end:
-            return x, ways
+            return x, _seen(model, x, u(start), ways)
         if run.status == 1 and way == 0 and start - before < 2.0 * HELD:  # it would move and stop again at once
             ways, until = _changed(ways, which, 0), min(start + HELD, end)
         elif run.status == 1 and way != 0:
             ways, until = _changed(ways, which, way), end
         else:
-            ways, until = as_forced(model, x, u(start)), end
+            ways, until = _followed(model, x, u(start)), end
     raise ConfigurationError(f"more than {MOST} changes of direction until {start:g} s")
+
+
+def _followed(model: Any, x: np.ndarray, u: np.ndarray) -> Ways:
+    """The directions that an integration goes on with; one without friction is none that could end."""
+    found = zip(model.frictions, as_forced(model, x, u))
+    return tuple(1 if name in model.equations.free else way for name, way in found)
+
+
+def _seen(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways) -> Ways:
+    """The directions at the end of an integration."""
+    found = zip(model.frictions, as_forced(model, x, u), ways)
+    return tuple(now if name in model.equations.free else way for name, now, way in found)
 
 
 def _changed(ways: Ways, which: int, way: int) -> Ways:
@@ -107,8 +119,8 @@ def _changed(ways: Ways, which: int, way: int) -> Ways:
 def _events(model, u, ways, start):
     """What ends directions of sliding: ((which friction, its way then), function of (t, x) that crosses zero there)."""
     found: list[Any] = []
-    for which, k in enumerate(model.places):
-        if k < 0:
+    for which, (name, k) in enumerate(zip(model.frictions, model.places)):
+        if k < 0 or name in model.equations.free:
             continue
         if ways[which] == 0:
             for way in (1, -1):

@@ -95,6 +95,7 @@ def _algebra() -> dict[str, Any]:
         "sign": lambda x: select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0)),
         "power": lambda x, y: select(x > 0.0, raised(maximum(x, 1e-300), y), 0.0),
         "sine_cosine": lambda x: (sine(x), cosine(x)),
+        "apart": NUMBERS["apart"],
         **{name: of(name, getattr(casadi, name)) for name in ("exp", "expm1", "log", "sqrt")},
     }  # fmt: skip
 
@@ -158,6 +159,7 @@ def smooth(model: Any, speed: float, tension: float) -> Smooth:
     for piece, per in equations.slack.items():
         width = tension * (getattr(coefficients, per)[0] if per else 1.0)
         names[piece.__name__] = _loose(piece, algebra, width)
+    names |= {name: interpreted(piece, **names) for name, piece in equations.symbolic.items()}
     law = interpreted(equations.law, **names)
     x = casadi.SX.sym("x", len(model.states))
     u = casadi.SX.sym("u", len(model.inputs))

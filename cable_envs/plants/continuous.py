@@ -83,6 +83,8 @@ class Equations:
     slides : tuple of str
         For each dry friction the state or input whose sign is the direction of sliding, that of the output first. At
         rest a friction may hang on the directions of those before it, and on no others.
+    free : tuple of str
+        Those of ``slides`` that are without dry friction in this rig: nothing stops there.
     against : tuple of str
         Those of ``slides`` that move in the negative direction when the output moves in the positive one.
     verge : callable, optional
@@ -92,6 +94,8 @@ class Equations:
     slack : mapping of callable to str
         Pieces that hold the slack of a cable as ``select(.., maximum(pull, 0.0), 0.0)`` -> the coefficient that their
         pull is over the tension, empty where it is the tension. A smooth version rounds them off.
+    symbolic : mapping of str to callable
+        Functions that the law calls by these names and that decide as they go -> what a CasADi function has instead.
     speed : float
         Speed over which a smooth version turns the friction round unless another is asked for, m/s or rad/s.
     """
@@ -102,10 +106,12 @@ class Equations:
     law: Law
     place: str
     slides: tuple[str, ...] = ()
+    free: tuple[str, ...] = ()
     against: tuple[str, ...] = ()
     verge: Verge | None = None
     effects: tuple[str, ...] = ()
     slack: Mapping[Callable, str] = field(default_factory=dict)
+    symbolic: Mapping[str, Callable] = field(default_factory=dict)
     speed: float = 1e-3
 
 
@@ -150,6 +156,12 @@ def confined(rate, y, low, high, low_rate, high_rate):
     near = NEAR * (high - low)
     pushed = select(y <= low + near, maximum(rate, low_rate), rate)
     return select(y >= high - near, minimum(pushed, high_rate), pushed)
+
+
+def rubs(value: Values, level: str) -> bool:
+    """Whether the dry friction of `cable_envs.effects.seams.dry_friction` is any; ``level``: its Coulomb friction."""
+    names = (level, "stribeck_friction.excess", "asymmetric_friction.difference")
+    return any(value.get(name, 0.0) != 0.0 for name in names)
 
 
 # The functions below are for laws. A smooth version has its own in their place.

@@ -51,6 +51,12 @@ IDEAL = {
         {"load_friction": 1.0, "stribeck_friction.contact": 0.05, "stribeck_friction.velocity": 0.02,
          "stiffness_hardening.coefficient": 0.01, "slack.length": 1e-3},
     ),
+    "contacts-position": Case({"extends": "bowden-1m", "contacts": 4}, "position", 0.01, 0.005, {"load_friction": 1.0}),
+    "contacts-tension": Case(
+        {"extends": "bowden-1m", "contacts": 3}, "tension", 25.0, 0.0,
+        {"load_friction": 1.0, "stribeck_friction.contact": 0.05, "stribeck_friction.velocity": 0.02,
+         "stiffness_hardening.coefficient": 0.01, "slack.length": 1e-3},
+    ),
     "drive-force": Case(DRIVE, "force", 20.0),
     "drive-belt": Case(DRIVE, "position", 0.05, 0.0, {"belt_stiffness": 1e5, "gravity_share": 0.2}),
     "drive-effects": Case(
@@ -82,6 +88,13 @@ MOTORS = {
     ),
     "sheath-motor-force": Case("bowden-1m-motor", "tension", 25.0),
     "sheath-motor-position": Case("bowden-1m-motor", "position", 0.01, 0.005, QUICK, within=5e-4),
+    "contacts-motor-force": Case(
+        {"extends": "bowden-1m-motor", "contacts": 3}, "tension", 25.0, 0.0, {"load_friction": 1.0}
+    ),
+    "contacts-motor-position": Case(
+        {"extends": "bowden-1m-motor", "contacts": 2}, "position", 0.01, 0.005, {**QUICK, "load_friction": 1.0},
+        within=5e-4,
+    ),
     "joint-motor-torque": Case("finger-joint-motor", "torque", 0.2, 0.0, HELD, 3.0, 0.01),
     "joint-motor-position": Case("finger-joint-motor", "position", 0.3, 0.1, {**QUICK, **HELD}, 3.0, 0.01, within=5e-4),
     "wrist-motor": Case(
@@ -120,7 +133,7 @@ def point(m, case, way, rng, share=0.05):
     if m.held < 0 and m.equations.slides:
         u[0] = way * rng.uniform(0.1, 0.5)
         u[1] = rng.normal()
-    return x, u
+    return np.array(m.slid(x.tolist(), u.tolist(), asked(m.equations, way))), u
 
 
 def tangents(m, x, u, ways):
@@ -151,8 +164,10 @@ def moved(m, case, u0, steps, period):
         found["second"] = u0[ways["second"]] + sampled(case.second, steps, period, 1.1)
     for name in list(found):
         found[f"{name}_rate"] = np.concatenate([[0.0], np.diff(found[name]) / period])
-    if m.inputs[-1].unit == m.inputs[0].unit:
+    if m.inputs[list(ways).index("disturbance")].unit == m.inputs[0].unit:
         found["disturbance"] = sampled(0.05 * case.size, steps, period, 3.0)
+    if "posture" in ways:
+        found["posture"] = sampled(0.5, steps, period, 0.8)
     u = np.column_stack([found.get(row, np.zeros(steps)) for row in ways])
     given = {name.replace("command_rate", "rate"): value for name, value in found.items()}
     return u, given

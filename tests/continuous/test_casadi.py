@@ -42,8 +42,11 @@ def test_away_from_rest_the_smooth_equations_are_the_exact_ones(case, way):
         x, u = point(m, case, way, rng)
         exact, found = both(m, smooth, x, u)
         others = [np.concatenate([m.f(x, u, ways), m.h(x, u, ways)]) for ways in every(m)]
-        apart = sum(np.abs(other - exact) for other in others)
-        assert np.all(np.abs(found - exact) <= 4.6e-5 * apart + 4.1e-4 * np.abs(exact) + 1e-9)
+        apart, size = sum(np.abs(other - exact) for other in others), np.abs(exact)
+        if m.equations.verge:  # the damping of a contact makes a rate of what is left of tensions
+            units = [(s.unit, k < len(x)) for k, s in enumerate((*m.states, *m.outputs))]
+            size = np.array([max(a for a, other in zip(size, units) if other == unit) for unit in units])
+        assert np.all(np.abs(found - exact) <= 4.6e-5 * apart + 4.1e-4 * size + 1e-9)
 
 
 @CASES

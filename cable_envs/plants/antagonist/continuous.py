@@ -18,7 +18,7 @@ from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.servo import placing
 from cable_envs.plants.antagonist.plant import _report, arms, asked_of, forces, pulled_in, resistance
 from cable_envs.plants.base import ActionMode, Plant, Signal
-from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed
+from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed, rubs
 from cable_envs.plants.servo_rates import hauled, served, servo_states
 from cable_envs.plants.servo_stages import drive_of
 from cable_envs.plants.tendon import spanned
@@ -113,6 +113,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         law=_law,
         place="joint_angle",
         slides=("joint_velocity",),
+        free=() if rubs(value, "joint_friction") else ("joint_velocity",),
         verge=_verge,
         effects=("stribeck_friction", "asymmetric_friction", "slack"),
         slack={spanned: ""},

@@ -62,7 +62,8 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         slack={_stretched: "length_top"},
         speed=1e-2,
     )  # fmt: skip
-    ideal = replace(closed, states=chain.STATES, law=chain.law, verge=chain.verge, slack={})
+    loose = () if value["brake_torque"] > 0.0 else ("output_velocity",)
+    ideal = replace(closed, states=chain.STATES, law=chain.law, verge=chain.verge, slack={}, free=loose)
     if plant.name != "pulley_chain":
         ideal = closed
         if value["hold_rule"] > 0.5:

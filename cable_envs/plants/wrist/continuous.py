@@ -18,7 +18,7 @@ from cable_envs.core.kernels import select
 from cable_envs.effects.seams import dry_friction
 from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
-from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed
+from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed, rubs
 from cable_envs.plants.servo_rates import hauled, served, servo_states
 from cable_envs.plants.servo_stages import drive_of
 from cable_envs.plants.tendon import spanned
@@ -102,6 +102,10 @@ def _verge(state, rows: Rows, way, pitch_way, *drive_ways):
 
 def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
     """The equations of a wrist."""
+    has = {
+        "yaw_velocity": rubs(value, "yaw_friction"),
+        "pitch_velocity": value["pitch_friction"] > 0.0 or value["bearing_arm"] > 0.0,
+    }
     ideal = Equations(
         states=(
             "drive_angle", "drive_velocity", "pitch_drive_angle", "pitch_drive_velocity", "yaw_angle", "yaw_velocity",
@@ -117,7 +121,8 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="yaw_angle",
-        slides=("yaw_velocity", "pitch_velocity"),
+        slides=tuple(has),
+        free=tuple(name for name, rubbed_there in has.items() if not rubbed_there),
         verge=_verge,
         effects=("stribeck_friction", "asymmetric_friction", "slack"),
         slack={spanned: ""},
