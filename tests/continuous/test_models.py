@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from cable_envs import ConfigurationError, load_rig, model
 from cable_envs.continuous.ways import asked, told
@@ -271,3 +272,37 @@ def test_the_range_of_the_command_is_that_of_the_action_mode():
     assert model("gu-inferred", "tension").command_range == (0.0, 120.0)
     assert model("gu-inferred", "speed").command_range == (-0.1, 0.1)
     assert TRANSMISSION.model().command_range == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(("name", "speed", "ahead"), [
+    ("joint-position", 1.0, 0.0), ("joint-motor-torque", 0.0, 0.1), ("wrist", 2.0, 0.0), ("chain-position", 2.0, 0.0),
+    ("circuit-motor-position", 1.0, 0.0), ("contacts-position", 0.03, 0.0), ("sheath-motor-force", 100.0, 5.0),
+    ("hole-motor-force", 0.0, 5.0),
+])  # fmt: skip
+def test_a_small_change_of_the_command_grows_in_the_kernel_as_in_the_linear_system(name, speed, ahead):
+    """On a motion that goes on one way for 150 ms, for 10 ms from there: what a change of the command adds."""
+    case = EVERY[name]
+    m, ms, steps = case.model(), 1e-3, 150
+    _, u = m.rest(case.position, 1)
+    names, rows, change = [s.name for s in m.states], [i.row for i in m.equations.inputs], 1e-5 * case.size
+    command = u[0] + ahead + speed * ms * np.arange(1, steps + 11)
+    rate = np.full(steps + 10, speed)
+    given = {"drive": m.action_mode, "hold": "step", "signals": names, "substeps": 100, "sensors": False}
+    state, ends = m.plant.rest(m.plant.prepare(m.rig.column(m.plant)), np.array([case.position])), []
+    replay(m.plant, m.rig.column(m.plant), command[:steps], ms, rate=rate[:steps], state=state, **given)
+    x = np.array([state[m.plant.row(s), 0] for s in names])
+    for more in (0.0, change):
+        commands = command[steps:] + more
+        seen = replay(m.plant, m.rig.column(m.plant), commands, ms, rate=rate[steps:], state=state.copy(), **given)
+        ends.append(seen[-1, :, 0])
+    u[0] = command[steps]
+    if "command_rate" in rows:
+        u[rows.index("command_rate")] = speed
+    ways, n = m.sliding(x, u), len(x)
+    assert np.ravel(ways)[0] == 1
+    linear = m.linearise(ways, at=(x, u))
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = linear.A, linear.B[:, 0]
+    grown = change * expm(10 * ms * whole)[:n, n]
+    assert np.abs(ends[1] - ends[0] - grown).max() <= 0.02 * np.abs(grown).max()
+    assert np.all(np.abs(ends[1] - ends[0] - grown) <= 0.05 * np.abs(grown) + 1e-3 * np.abs(grown).max())
