@@ -50,10 +50,13 @@ def integrate(model: Any, t: ArrayLike, u: Any, x0: ArrayLike, **options: Any) -
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
         raise ConfigurationError("t: expected at least two times that grow")
     given = _inputs(model, u, len(times) - 1)
+    usual = (
+        {**OPTIONS, "method": "LSODA"} if model.equations.unsettled else OPTIONS
+    )  # stiff where something comes to rest
     x = np.asarray(x0, dtype=np.float64)
     states, ways, taken = [x], [], []
     for k, (start, end) in enumerate(pairwise(times)):
-        x, slide = _between(model, given(k), x, start, end, {**OPTIONS, **options})
+        x, slide = _between(model, given(k), x, start, end, {**usual, **options})
         states.append(x)
         taken.append(given(k)(start))
         ways.append(slide)

@@ -104,6 +104,11 @@ MOTORS = {
 }  # fmt: skip
 """Plants with a motor, told its torque, or with its servo read every 10 us."""
 DRIVEN = {**IDEAL, **MOTORS}
+SERIES = {
+    "series-tension": Case("gu-three-holes", "tension", 25.0, 0.0, FAST, within=2e-3),
+    "series-speed": Case("gu-three-holes", "speed", 0.02, 0.0, FAST),
+}
+"""Holes without a mass between drive and load: slips that come to rest within no time, and no verge of sliding."""
 
 TRANSMISSION = Case(
     {"plant": "transmission"}, None, 0.0, 0.0,
@@ -118,11 +123,15 @@ BRAKE = Case(
      "load_dependent_friction.coefficient": 1.5, "viscous_friction.coefficient": 1e3,
      "position_dependent_load.stiffness": 1e4},
 )  # fmt: skip
-EVERY = {**DRIVEN, "transmission": TRANSMISSION, "band-brake": BRAKE}
+EVERY = {**DRIVEN, **SERIES, "transmission": TRANSMISSION, "band-brake": BRAKE}
 
 
 def point(m, case, way, rng, share=0.05):
     """A state and an input near the verge of sliding, with speeds in which the plant slides ``way``."""
+    if m.equations.unsettled:
+        x, u = m.rest(case.position)
+        u[0] += way * case.size
+        return m.simulate([0.0, rng.uniform(0.04, 0.06)], u, x).x[-1], u
     x, u = m.rest(case.position, way)
     for k, s in enumerate(m.states):
         if s.unit in ("m/s", "rad/s"):

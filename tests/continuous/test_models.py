@@ -11,7 +11,7 @@ from cable_envs import ConfigurationError, load_rig, model
 from cable_envs.continuous.ways import asked, told
 from cable_envs.plants import families
 from cable_envs.sim.replay import replay
-from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, moved, point, sampled
+from tests.continuous.cases import BRAKE, DRIVEN, EVERY, SERIES, TRANSMISSION, moved, point, sampled
 from tests.support.tree import ROOT
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
@@ -43,7 +43,7 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
             assert m.f(*inside)[place] == 0.0 and slides * m.f(*outside)[place] > 0.0
 
 
-@COMMANDED
+@pytest.mark.parametrize("case", {**DRIVEN, **SERIES}.values(), ids={**DRIVEN, **SERIES})
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     """Substeps of 10 us. The largest difference seen is 9.2e-5 of the range, and falls in proportion to the step."""
     m = case.model()
@@ -223,7 +223,9 @@ def test_a_held_load_does_not_move_in_the_linear_system():
 @pytest.mark.parametrize(("given", "said"), [
     (lambda: model("gu-inferrd"), "gu-inferred"),
     (lambda: model("gu-inferred", "torque"), "unknown action mode 'torque'"),
-    (lambda: model("gu-three-holes"), "holes in series"),
+    (lambda: model({"extends": "gu-three-holes", "drive": "motor"}), "with an ideal drive only"),
+    (lambda: model("gu-three-holes").linearise(1), "no point on the verge of sliding"),
+    (lambda: model(load_rig("gu-three-holes").replace({"extrusion_gain": 0.0})), "an extrusion_gain above 0"),
     (lambda: model(load_rig("zou-table2").replace({"cable_damping": 0.0}), variant="chain"), "a cable_damping above 0"),
     (lambda: model(load_rig("zou-table2").replace({"hold_rule": 1.0})), "hold_rule"),
     (lambda: model(load_rig("gu-inferred").replace({"backlash.gap": 1e-4})), "leave out the effect 'backlash'"),
