@@ -24,8 +24,8 @@ class Linear:
         f(x, u): zero where the point is one of rest.
     y : ndarray, shape (len(outputs),)
         h(x, u).
-    sliding : int
-        The direction of sliding: 1, -1, or 0 where friction holds.
+    sliding : int or tuple of int
+        The direction of sliding: 1, -1, or 0 where friction holds; of several frictions that of each.
     """
 
     A: np.ndarray
@@ -39,7 +39,7 @@ class Linear:
     u: np.ndarray
     rates: np.ndarray
     y: np.ndarray
-    sliding: int
+    sliding: int | tuple[int, ...]
 
     def __iter__(self) -> Iterator[np.ndarray]:
         return iter((self.A, self.B, self.C, self.D))

@@ -11,6 +11,7 @@ from cable_envs.continuous.linear import Linear
 from cable_envs.continuous.motion import Motion, integrate
 from cable_envs.continuous.numbers import NUMBERS
 from cable_envs.continuous.points import balanced, slopes
+from cable_envs.continuous.ways import Sliding, Ways, as_forced, asked, told
 from cable_envs.core.compiling.templates import interpreted
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.inputs import INPUTS
@@ -34,7 +35,7 @@ def model(
     action_mode : str, optional
         What the drive is told; by default the first action mode of the plant.
     variant : str
-        "analytic"; "chain" has no right-hand side and is refused with the reason.
+        "analytic", or "chain" for a pulley circuit as a chain of spans and contacts.
 
     Returns
     -------
@@ -44,8 +45,8 @@ def model(
     Raises
     ------
     ConfigurationError
-        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series, a
-        sheath with contacts, the chain, a drive with a motor.
+        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series
+        with a motor.
 
     Examples
     --------
@@ -64,7 +65,9 @@ class Model:
 
     Dry friction depends on the direction of motion, and at rest it is whatever keeps the balance, within its limits.
     `f` therefore takes the direction from the speed in the state; at speed 0 it slides where the forces exceed the
-    friction, and is held otherwise. ``sliding`` asks for one direction instead, 1 or -1, or 0 for being held.
+    friction, and is held otherwise. ``sliding`` asks for one direction instead, 1 or -1, or 0 for being held; where a
+    plant has several frictions (`frictions`), for all of them as they slide when the output moves that way, or with one
+    number for each.
 
     Parameters
     ----------
@@ -89,8 +92,12 @@ class Model:
         What simulates the rig step by step.
     equations : cable_envs.plants.continuous.Equations
         What the plant's folder says of its equations.
+    frictions : tuple of str
+        For each dry friction the state or input whose sign is its direction of sliding; that of the output first.
+    places : tuple of int
+        Their places in the state; -1 where it is an input.
     held : int
-        Place of the state that dry friction can hold at zero; -1 where there is none.
+        The first of them: place of the state that dry friction can hold at zero; -1 where there is none.
     """
 
     def __init__(self, rig: Rig, action_mode: str | None = None, variant: str = "analytic"):
@@ -107,18 +114,21 @@ class Model:
         self.states = tuple(signals[name] for name in self.equations.states)
         self.inputs = tuple(Signal(i.name, i.unit, i.meaning) for i in self.equations.inputs)
         self.outputs = tuple(signals[name] for name in self.equations.outputs)
-        self._mode = float(self.plant.action_modes.index(mode)) if mode else 0.0
+        self._mode = float(self.plant.number_of(mode)) if mode else 0.0
         self._coefficients = self.plant.prepare(rig.column(self.plant))
         floats, own = self._coefficients.astype(object), self.plant.coefficient_rows.count
         self._p, self._e = self.plant.coefficient_rows.over(floats), self.plant.effects.lanes.over(floats[own:])
         self._law = interpreted(self.equations.law, **NUMBERS)
+        self._verge = interpreted(self.equations.verge, **NUMBERS) if self.equations.verge else None
         names = [s.name for s in self.states]
-        self.held = names.index(self.equations.slides) if self.equations.slides in names else -1
+        self.frictions = self.equations.slides
+        self.places = tuple(names.index(name) if name in names else -1 for name in self.frictions)
+        self.held = (*self.places, -1)[0]
 
     def __repr__(self) -> str:
         return f"<Model of {self.rig.name}: {len(self.states)} states, inputs {', '.join(i.name for i in self.inputs)}>"
 
-    def f(self, x: ArrayLike, u: ArrayLike, sliding: int | None = None) -> np.ndarray:
+    def f(self, x: ArrayLike, u: ArrayLike, sliding: Sliding | None = None) -> np.ndarray:
         """Rates of the states.
 
         Parameters
@@ -127,8 +137,9 @@ class Model:
             State, SI.
         u : array_like, shape (len(inputs),)
             Input, SI.
-        sliding : int, optional
-            Direction of sliding: 1, -1, or 0 where friction holds. By default that of the state.
+        sliding : int or tuple of int, optional
+            Direction of sliding: 1, -1, or 0 where friction holds; for all frictions or for each. By default that of
+            the state.
 
         Returns
         -------
@@ -142,7 +153,7 @@ class Model:
         """
         return np.array(self._at(x, u, sliding)[0])
 
-    def h(self, x: ArrayLike, u: ArrayLike, sliding: int | None = None) -> np.ndarray:
+    def h(self, x: ArrayLike, u: ArrayLike, sliding: Sliding | None = None) -> np.ndarray:
         """Outputs: tensions, torques and what else can be measured; arguments as of `f`.
 
         Examples
@@ -154,18 +165,21 @@ class Model:
         """
         return np.array(self._at(x, u, sliding)[1])
 
-    def sliding(self, x: ArrayLike, u: ArrayLike) -> int:
-        """Direction of sliding of a state: 1, -1, or 0 where friction holds; arguments as of `f`."""
-        return self._way(*self._checked(x, u))
+    def sliding(self, x: ArrayLike, u: ArrayLike) -> Sliding:
+        """Direction of sliding of a state: 1, -1, or 0 where friction holds; arguments as of `f`.
 
-    def rest(self, position: float = 0.0, sliding: int = 0) -> tuple[np.ndarray, np.ndarray]:
+        Where there are several frictions, a tuple with the direction of each.
+        """
+        return told(as_forced(self, *self._checked(x, u)))
+
+    def rest(self, position: float = 0.0, sliding: Sliding = 0) -> tuple[np.ndarray, np.ndarray]:
         """State and input at rest.
 
         Parameters
         ----------
         position : float
             Position of the output, SI.
-        sliding : int
+        sliding : int or tuple of int
             0: amid the friction, with equal tensions on both sides of it. 1 or -1: on the verge of sliding that way,
             where all friction is mobilised.
 
@@ -192,19 +206,26 @@ class Model:
         at = self.plant.rest(self._coefficients, np.array([float(position)]))[:, 0]
         x = np.array([at[self.plant.row(s.name)] for s in self.states])
         u = np.zeros(len(self.inputs))
+        ways, rows = asked(self.equations, sliding), [i.row for i in self.equations.inputs]
         mode = self.plant.action_modes[int(self._mode)] if self.action_mode else None
-        if mode and mode.rest_signal:
-            u[0] = at[self.plant.row(mode.rest_signal)]
-        if self.held < 0 or (_direction(sliding) == 0 and not self.f(x, u).any()):
+        for row, command in (("command", mode), ("second", mode and mode.second)):
+            if command and command.rest_signal:
+                u[rows.index(row)] = at[self.plant.row(command.rest_signal)]
+        if any(ways) and self.equations.unsettled:
+            raise ConfigurationError(
+                f"{self.rig.name} has no point on the verge of sliding: {self.equations.unsettled}; "
+                "give a state and an input of a motion"
+            )
+        if self.held < 0 or (not any(ways) and not self.f(x, u).any()):
             return x, u
-        return balanced(self, x, u, sliding)
+        return balanced(self, x, u, ways)
 
-    def linearise(self, sliding: int = 1, at: float | tuple[ArrayLike, ArrayLike] = 0.0) -> Linear:
+    def linearise(self, sliding: Sliding = 1, at: float | tuple[ArrayLike, ArrayLike] = 0.0) -> Linear:
         """The linear system around a point, for one direction of sliding.
 
         Parameters
         ----------
-        sliding : int
+        sliding : int or tuple of int
             1 or -1: sliding that way. 0: held by friction.
         at : float, or (x, u)
             Position of the output, on the verge of sliding that way; or a state and an input.
@@ -221,13 +242,13 @@ class Model:
         ((3, 3), (3, 3), (6, 3), (6, 3))
         """
         x, u = self.rest(at, sliding) if isinstance(at, (int, float)) else self._checked(*at)
-        way = _direction(sliding)
-        gx, gu = slopes(self, x, u, way)
-        rates, shown = self.evaluated(x, u, way)
+        ways = asked(self.equations, sliding)
+        gx, gu = slopes(self, x, u, ways)
+        rates, shown = self.evaluated(x, u, ways)
         n = len(self.states)
         return Linear(
             gx[:n], gu[:n], gx[n:], gu[n:], _names(self.states), _names(self.inputs), _names(self.outputs),
-            x, u, np.array(rates), np.array(shown), way,
+            x, u, np.array(rates), np.array(shown), told(ways),
         )  # fmt: skip
 
     def simulate(self, t: ArrayLike, u: Any, x0: ArrayLike | None = None, **options: Any) -> Motion:
@@ -298,26 +319,18 @@ class Model:
             self._p, given, self._e, _zeros(STATES), step, _zeros(plant.scratch), _zeros(plant.signal_rows)
         )  # fmt: skip
 
-    def evaluated(self, x: Any, u: Any, way: int) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        """(rates, outputs) by the law, of floats or complex steps, sliding ``way``."""
-        return self._law(tuple(x), self.rows(u), float(way))
+    def evaluated(self, x: Any, u: Any, ways: Ways) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        """(rates, outputs) by the law, of floats or complex steps, with all frictions sliding their ``ways``."""
+        return self._law(tuple(x), self.rows(u), *map(float, ways))
+
+    def slid(self, x: Sequence[Any], u: Sequence[Any], ways: Ways) -> Sequence[Any]:
+        """The state with every contact without a mass at its limit that way; itself where there is none."""
+        return x if self._verge is None else self._verge(tuple(x), self.rows(u), *map(float, ways))
 
     def _at(self, x, u, sliding):
         x, u = self._checked(x, u)
-        way = self._way(x, u) if sliding is None else _direction(sliding)
-        return self.evaluated(x.tolist(), u.tolist(), way)
-
-    def _way(self, x: np.ndarray, u: np.ndarray) -> int:
-        if self.held < 0:
-            names = _names(self.inputs)
-            slides = self.equations.slides
-            return int(np.sign(u[names.index(slides)])) or 1 if slides in names else 0
-        if x[self.held] != 0.0:
-            return int(np.sign(x[self.held]))
-        x, u = x.tolist(), u.tolist()
-        if self.evaluated(x, u, 1)[0][self.held] > 0.0:
-            return 1
-        return -1 if self.evaluated(x, u, -1)[0][self.held] < 0.0 else 0
+        ways = as_forced(self, x, u) if sliding is None else asked(self.equations, sliding)
+        return self.evaluated(x.tolist(), u.tolist(), ways)
 
     def _checked(self, x: ArrayLike, u: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
         found = []
@@ -340,12 +353,6 @@ def _names(signals: Sequence[Signal]) -> tuple[str, ...]:
     return tuple(s.name for s in signals)
 
 
-def _direction(sliding: int) -> int:
-    if sliding not in (-1, 0, 1):
-        raise ConfigurationError(f"sliding: expected 1, -1 or 0, got {sliding!r}")
-    return int(sliding)
-
-
 def _mode(plant: Plant, name: str | None) -> ActionMode | None:
     modes = {mode.name: mode for mode in plant.action_modes}
     if name is None:
@@ -357,11 +364,6 @@ def _mode(plant: Plant, name: str | None) -> ActionMode | None:
 
 def _refuse(rig: Rig, plant: Plant, has: Sequence[str]) -> None:
     """ConfigurationError for an effect of the rig that the equations leave out, and for a drive with a motor."""
-    if plant.drive != "ideal":
-        raise ConfigurationError(
-            f"{rig.name}: a drive with a motor has a servo that reads its encoder at a rate of its own, which the "
-            "equations in continuous time leave out; take the rig with an ideal drive that it extends"
-        )
     for full, value in rig.effects.items():
         name, parameter = full.split(".", 1)
         effect = plant.effects.effects[name]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_envs.continuous.ways import Ways, as_forced, told
 from cable_envs.core.errors import ConfigurationError, require_known
 
 OPTIONS = {"method": "DOP853", "rtol": 1e-8, "atol": 1e-10, "max_step": np.inf}
@@ -31,7 +32,7 @@ class Motion:
         Inputs.
     y : ndarray, shape (N, outputs)
         Outputs.
-    sliding : ndarray of int, shape (N,)
+    sliding : ndarray of int, shape (N,), or (N, frictions) where there are several
         Directions of sliding.
     """
 
@@ -49,17 +50,20 @@ def integrate(model: Any, t: ArrayLike, u: Any, x0: ArrayLike, **options: Any) -
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
         raise ConfigurationError("t: expected at least two times that grow")
     given = _inputs(model, u, len(times) - 1)
+    usual = (
+        {**OPTIONS, "method": "LSODA"} if model.equations.unsettled else OPTIONS
+    )  # stiff where something comes to rest
     x = np.asarray(x0, dtype=np.float64)
     states, ways, taken = [x], [], []
     for k, (start, end) in enumerate(pairwise(times)):
-        x, way = _between(model, given(k), x, start, end, {**OPTIONS, **options})
+        x, slide = _between(model, given(k), x, start, end, {**usual, **options})
         states.append(x)
         taken.append(given(k)(start))
-        ways.append(way)
+        ways.append(slide)
     taken.append(given(len(times) - 2)(times[-1]))
-    ways.insert(0, model.sliding(states[0], taken[0]))
+    ways.insert(0, as_forced(model, states[0], taken[0]))
     shown = [model.h(*one) for one in zip(states, taken, ways)]
-    return Motion(times, np.array(states), np.array(taken), np.array(shown), np.array(ways))
+    return Motion(times, np.array(states), np.array(taken), np.array(shown), np.array([told(way) for way in ways]))
 
 
 def _inputs(model: Any, u: Any, steps: int) -> Callable[[int], Callable[[float], np.ndarray]]:
@@ -74,39 +78,65 @@ def _inputs(model: Any, u: Any, steps: int) -> Callable[[int], Callable[[float],
 
 
 def _between(model, u, x, start, end, options):
-    """(state, direction of sliding) at ``end``."""
+    """(state, directions of sliding) at ``end``."""
     from scipy.integrate import solve_ivp  # lazily: the rest of a model needs NumPy only
 
-    place, way, until = model.held, model.sliding(x, u(start)), end
+    ways, until = _followed(model, x, u(start)), end
     for _ in range(MOST):
-        events = _events(model, u, way, start) if place >= 0 and until == end else []
-        run = solve_ivp(lambda t, z, way=way: model.f(z, u(t), way), (start, until), x, events=events, **options)
+        events = _events(model, u, ways, start) if until == end else []
+        tests = [test for _, test in events]
+        run = solve_ivp(lambda t, z, ways=ways: model.f(z, u(t), ways), (start, until), x, events=tests, **options)
         if not run.success:
             raise ConfigurationError(f"the integration stops at {run.t[-1]:g} s: {run.message}")
         before, start, x = start, run.t[-1], run.y[:, -1].copy()
         if run.status == 1:
-            x[place] = 0.0
+            which, way = next(event for (event, _), times in zip(events, run.t_events) if times.size)
+            x[model.places[which]] = 0.0
         if start >= end:
-            return x, way
-        if run.status == 1 and way != 0 and start - before < 2.0 * HELD:  # it would move and stop again at once
-            way, until = 0, min(start + HELD, end)
-        elif run.status == 1 and way == 0:
-            way, until = 1 if run.t_events[0].size else -1, end
+            return x, _seen(model, x, u(start), ways)
+        if run.status == 1 and way == 0 and start - before < 2.0 * HELD:  # it would move and stop again at once
+            ways, until = _changed(ways, which, 0), min(start + HELD, end)
+        elif run.status == 1 and way != 0:
+            ways, until = _changed(ways, which, way), end
         else:
-            way, until = model.sliding(x, u(start)), end
+            ways, until = _followed(model, x, u(start)), end
     raise ConfigurationError(f"more than {MOST} changes of direction until {start:g} s")
 
 
-def _events(model, u, way, start):
-    """Functions of (t, x) that cross zero where the direction of sliding ends."""
-    k = model.held
-    found: list[Any]
-    if way == 0:
-        found = [lambda t, z: model.f(z, u(t), 1)[k], lambda t, z: -model.f(z, u(t), -1)[k]]
-        rises = 1
-    else:
-        # not at once: it may stop again within the first step of the integration
-        found, rises = [lambda t, z: way * z[k] + (1.0 if t <= start + HELD else 0.0)], -1
-    for event in found:
-        event.terminal, event.direction = True, rises
+def _followed(model: Any, x: np.ndarray, u: np.ndarray) -> Ways:
+    """The directions that an integration goes on with; one without friction is none that could end."""
+    found = zip(model.frictions, as_forced(model, x, u))
+    return tuple(1 if name in model.equations.free else way for name, way in found)
+
+
+def _seen(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways) -> Ways:
+    """The directions at the end of an integration."""
+    found = zip(model.frictions, as_forced(model, x, u), ways)
+    return tuple(now if name in model.equations.free else way for name, now, way in found)
+
+
+def _changed(ways: Ways, which: int, way: int) -> Ways:
+    return (*ways[:which], way, *ways[which + 1 :])
+
+
+def _events(model, u, ways, start):
+    """What ends directions of sliding: ((which friction, its way then), function of (t, x) that crosses zero there)."""
+    found: list[Any] = []
+    for which, (name, k) in enumerate(zip(model.frictions, model.places)):
+        if k < 0 or name in model.equations.free:
+            continue
+        if ways[which] == 0:
+            for way in (1, -1):
+                then = _changed(ways, which, way)
+                test = _crossing(lambda t, z, k=k, way=way, then=then: way * model.f(z, u(t), then)[k], 1)
+                found.append(((which, way), test))
+        else:
+            # not at once: it may stop again within the first step of the integration
+            test = _crossing(lambda t, z, k=k, way=ways[which]: way * z[k] + (1.0 if t <= start + HELD else 0.0), -1)
+            found.append(((which, 0), test))
     return found
+
+
+def _crossing(test, rises):
+    test.terminal, test.direction = True, rises
+    return test

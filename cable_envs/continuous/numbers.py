@@ -84,5 +84,6 @@ NUMBERS: dict[str, Any] = {
     "select": _select, "exp": _exp, "expm1": _expm1, "log": _log, "sqrt": _sqrt, "power": _power,
     "sine": _sine, "cosine": _cosine, "sine_cosine": lambda x: (_sine(x), _cosine(x)),
     "abs": _abs, "sign": _sign, "minimum": _minimum, "maximum": _maximum, "clip": _clip,
+    "apart": lambda h: h,
 }  # fmt: skip
 """Name of a function of `cable_envs.core.kernels` (and ``abs``) -> the same for floats and complex steps."""

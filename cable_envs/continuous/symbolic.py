@@ -5,13 +5,15 @@ The law is that of the plant, evaluated with symbols in place of numbers. What i
     direction     the laws of both directions, mixed in the shares (1 +- tanh(v / v_s)) / 2
     |v|           sqrt(v^2 + (v_s / 10)^2) in what friction does with the speed
     slack         max(0, T) -> T_s ln(1 + exp(T / T_s)) in the pieces that hold the slack of a cable
-    slip          band brake: z' = v ((stretch + down) / (up + down))^8 moving up, and its mirror image moving down
+    slip          what goes by a rate r between limits: r' = r + ((high - y) / (high - low))^8 p(r_low - r) - its mirror
+                  image at the other limit, where p(x) = x (1 + tanh(10 x / v_s)) / 2 stands for max(0, x)
 
 Limits of the drive stay as they are: their slopes jump. Where nothing slides, the smooth friction gives way instead of
 holding: it creeps with speeds of the order of v_s times the load over the friction.
 """
 
 from collections.abc import Callable
+from itertools import product
 from typing import Any, NamedTuple
 
 from cable_envs.continuous.numbers import NUMBERS
@@ -22,7 +24,9 @@ from cable_envs.core.params import is_number
 ROUND = 0.1
 """Speed over v_s below which |v| is rounded off."""
 SHARP = 8.0
-"""Exponent of the smooth slip: the higher, the later the spring of the band begins to slip (1: Dahl 1968)."""
+"""Exponent of the smooth slip: the higher, the later a spring begins to slip at its end (1: Dahl 1968)."""
+NARROW = 1e-9
+"""Least distance of two limits of a slip, m."""
 
 
 class Smooth(NamedTuple):
@@ -91,6 +95,7 @@ def _algebra() -> dict[str, Any]:
         "sign": lambda x: select(x > 0.0, 1.0, select(x < 0.0, -1.0, 0.0)),
         "power": lambda x, y: select(x > 0.0, raised(maximum(x, 1e-300), y), 0.0),
         "sine_cosine": lambda x: (sine(x), cosine(x)),
+        "apart": NUMBERS["apart"],
         **{name: of(name, getattr(casadi, name)) for name in ("exp", "expm1", "log", "sqrt")},
     }  # fmt: skip
 
@@ -105,14 +110,19 @@ def _rounded(algebra: dict[str, Any], speed: float, tension: float) -> dict[str,
     def engaged(pull, taut, limp):
         return limp + (taut - limp) * Symbol(0.5 * (1.0 + casadi.tanh(0.5 * _value(pull) / tension)))
 
-    def slipping(v, stretch, up, down):
+    def contained(rate, y, low, high, low_rate, high_rate, unit=1.0):
+        width, some = algebra["maximum"](high - low, NARROW), ROUND * speed * unit
+
         def share(x):
-            return algebra["maximum"](x / (up + down), 0.0) ** SHARP
+            return algebra["maximum"](1.0 - x / width, 0.0) ** SHARP
 
-        forward: Any = Symbol(0.5 * (1.0 + casadi.tanh(_value(v) / speed)))
-        return v * (forward * share(stretch + down) + (1.0 - forward) * share(up - stretch))
+        def positive(x):
+            return x * Symbol(0.5 * (1.0 + casadi.tanh(_value(x) / _value(some))))
 
-    return {"along": along, "engaged": engaged, "slipping": slipping}
+        pushed, back = positive(low_rate - rate), positive(rate - high_rate)
+        return rate + share(y - low) * pushed - share(high - y) * back
+
+    return {"along": along, "engaged": engaged, "contained": contained, "again": lambda changed: True}
 
 
 def _loose(piece: Callable[..., Any], algebra: dict[str, Any], width: float) -> Callable[..., Any]:
@@ -148,22 +158,27 @@ def smooth(model: Any, speed: float, tension: float) -> Smooth:
     coefficients = model.rows([0.0] * len(model.inputs)).p
     for piece, per in equations.slack.items():
         width = tension * (getattr(coefficients, per)[0] if per else 1.0)
-        names[piece] = _loose(equations.law.__globals__[piece], algebra, width)
+        names[piece.__name__] = _loose(piece, algebra, width)
+    names |= {name: interpreted(piece, **names) for name, piece in equations.symbolic.items()}
     law = interpreted(equations.law, **names)
     x = casadi.SX.sym("x", len(model.states))
     u = casadi.SX.sym("u", len(model.inputs))
     state = [Symbol(x[k]) for k in range(len(model.states))]
     inputs = [Symbol(u[k]) for k in range(len(model.inputs))]
 
-    def of(way: int) -> tuple[Any, Any]:
-        rates, shown = law(tuple(state), model.rows(inputs), float(way))
+    def of(ways: tuple[float, ...]) -> tuple[Any, Any]:
+        rates, shown = law(tuple(state), model.rows(inputs), *ways)
         return casadi.vertcat(*map(_value, rates)), casadi.vertcat(*map(_value, shown))
 
-    rates, shown = of(0)
-    if equations.slides:
-        slides = dict(zip([s.name for s in (*model.states, *model.inputs)], [*state, *inputs]))[equations.slides]
-        share = 0.5 * (1.0 + casadi.tanh(slides.value / speed))
-        rates, shown = (share * a + (1.0 - share) * b for a, b in zip(of(1), of(-1)))
+    entries = dict(zip([s.name for s in (*model.states, *model.inputs)], [*state, *inputs]))
+    forward = [0.5 * (1.0 + casadi.tanh(entries[name].value / speed)) for name in equations.slides]
+    rates, shown = 0.0, 0.0
+    for ways in product((1.0, -1.0), repeat=len(forward)):
+        share = 1.0
+        for way, ahead in zip(ways, forward):
+            share = share * (ahead if way > 0.0 else 1.0 - ahead)
+        those, seen = of(ways)
+        rates, shown = rates + share * those, shown + share * seen
     return Smooth(_function("f", x, u, rates), _function("h", x, u, shown), float(speed), float(tension))
 
 

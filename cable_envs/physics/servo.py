@@ -38,3 +38,15 @@ def placed(position, speed, target, rate, stiffness, damping, most, limit, dt):
     asked = stiffness * (target - position - half * speed) + damping * (rate - speed)
     asked = asked / (1.0 + half * (damping + half * stiffness))
     return clip(speed + dt * clip(asked, -most, most), -limit, limit)
+
+
+@inline
+def placing(position, speed, target, rate, stiffness, damping, most):
+    """Acceleration of that servo in continuous time, within its largest; arguments as of `placed`.
+
+    Examples
+    --------
+    >>> placing(0.0, 0.0, 1.0, 0.0, 100.0, 20.0, 1e9), placing(0.0, 0.0, 1.0, 0.0, 100.0, 20.0, 30.0)
+    (100.0, 30.0)
+    """
+    return clip(stiffness * (target - position) + damping * (rate - speed), -most, most)

@@ -24,6 +24,12 @@ from cable_envs.effects.stiffness_hardening import hardened
 
 
 @inline
+def spanned(stiffness, stretch, hard):
+    """Tension of a span; nothing when slack."""
+    return hardened(maximum(stiffness * stretch, 0.0), hard)[0]
+
+
+@inline
 def slipped(e, k1, k2, hard, a, b):
     """y2 at which a T1 = b T2, for e > 0.
 
@@ -54,22 +60,26 @@ def balanced(e, held, k1, k2, hard, ratio):
     >>> balanced(-2e-3, 0.0, 1e4, 1e4, 0.0, 1.5)
     (0.0, 0.0, -0.001)
     """
-    t1, _ = hardened(k1 * maximum(e - held, 0.0), hard)
-    t2, _ = hardened(k2 * maximum(held, 0.0), hard)
+    t1, t2 = spanned(k1, e - held, hard), spanned(k2, held, hard)
     taut = e > 0.0
     some = select(taut, e, 1.0)
     y2 = select(t1 > ratio * t2, slipped(some, k1, k2, hard, 1.0, ratio), held)
     y2 = select(t2 > ratio * t1, slipped(some, k1, k2, hard, ratio, 1.0), y2)
     y2 = select(taut, y2, e * k1 / (k1 + k2))
-    t1, _ = hardened(k1 * maximum(e - y2, 0.0), hard)
-    t2, _ = hardened(k2 * maximum(y2, 0.0), hard)
+    t1, t2 = spanned(k1, e - y2, hard), spanned(k2, y2, hard)
     return select(taut, t1, 0.0), select(taut, t2, 0.0), y2
 
 
 @inline
 def span_slope(stiffness, tension, hard):
     """Slope of a span's law at its tension, N/m; 0 where it is slack."""
-    return select(tension > 0.0, stiffness * sqrt(1.0 + 2.0 * hard * tension), 0.0)
+    return select(tension > 0.0, taut_slope(stiffness, tension, hard), 0.0)
+
+
+@inline
+def taut_slope(stiffness, tension, hard):
+    """Slope of a taut span's law at its tension, N/m."""
+    return stiffness * sqrt(1.0 + 2.0 * hard * tension)
 
 
 @inline

@@ -6,25 +6,34 @@ from typing import Any
 import numpy as np
 
 from cable_envs import load_rig, model
+from cable_envs.continuous.ways import asked
 
 
 @dataclass(frozen=True)
 class Case:
-    """``size``: amplitude of the command around rest; ``position``: of the output at rest."""
+    """``size``: amplitude of the command around rest, ``second`` of the second; ``position``: of the output at rest.
+
+    ``arm``: metres that a drive moves for one unit of the output. ``within``: share of the range of every state to
+    which the kernel with substeps of 10 us agrees.
+    """
 
     rig: Any
     mode: str | None
     size: float
     position: float = 0.0
     changes: dict = field(default_factory=dict)
+    second: float = 0.0
+    arm: float = 1.0
+    variant: str = "analytic"
+    within: float = 3e-4
 
     def model(self):
-        return model(load_rig(self.rig).replace(self.changes), self.mode)
+        return model(load_rig(self.rig).replace(self.changes), self.mode, self.variant)
 
 
 FAST = {"drive_acceleration_limit": 1e3}  # the equations of the hole leave this limit out
 DRIVE, COUPLED = {"plant": "linear_drive"}, {"plant": "coupled_drives"}
-DRIVEN = {
+IDEAL = {
     "hole-tension": Case("gu-inferred", "tension", 20.0, 0.0, FAST),
     "hole-speed": Case("gu-inferred", "speed", 0.02, 0.0, FAST),
     "hole-stiff-cable": Case(
@@ -32,9 +41,19 @@ DRIVEN = {
     ),
     "circuit-position": Case("zou-table2", "position", 0.3),
     "circuit-torque": Case("zou-grasp", "torque", 0.25, 0.05, {"brake_torque": 0.01, "payload_mass": 0.1}),
+    "chain-position": Case("zou-table2", "position", 0.3, 0.0, {"brake_torque": 0.02}, variant="chain"),
+    "chain-torque": Case(
+        "zou-grasp", "torque", 0.25, 0.05, {"brake_torque": 0.01, "payload_mass": 0.1}, variant="chain"
+    ),
     "sheath-position": Case("bowden-1m", "position", 0.01, 0.005),
     "sheath-tension": Case(
         "bowden-1m", "tension", 25.0, 0.0,
+        {"load_friction": 1.0, "stribeck_friction.contact": 0.05, "stribeck_friction.velocity": 0.02,
+         "stiffness_hardening.coefficient": 0.01, "slack.length": 1e-3},
+    ),
+    "contacts-position": Case({"extends": "bowden-1m", "contacts": 4}, "position", 0.01, 0.005, {"load_friction": 1.0}),
+    "contacts-tension": Case(
+        {"extends": "bowden-1m", "contacts": 3}, "tension", 25.0, 0.0,
         {"load_friction": 1.0, "stribeck_friction.contact": 0.05, "stribeck_friction.velocity": 0.02,
          "stiffness_hardening.coefficient": 0.01, "slack.length": 1e-3},
     ),
@@ -46,8 +65,50 @@ DRIVEN = {
          "position_ripple.force": 3.0, "position_ripple.period": 0.05},
     ),
     "coupled": Case(COUPLED, "voltage", 2.0, 0.0, {"coulomb": 5.0, "stiffness_hardening.coefficient": 0.05}),
+    "joint-position": Case("finger-joint", "position", 0.3, 0.1, {"joint_friction": 0.004}, 3.0, 0.01),
+    "joint-torque": Case(
+        "finger-joint", "torque", 0.1, 0.0, {"joint_friction": 0.004, "moment_arm_growth": 5e-4, "slack.length": 0.01},
+        3.0, 0.01,
+    ),
+    "wrist": Case(
+        "wrist-8mm", "position", 0.5, 0.2, {"yaw_friction": 1e-3, "pitch_friction": 2e-3, "pitch_angle": 0.3}, 0.3,
+    ),
 }  # fmt: skip
-"""Plants with a drive that is commanded."""
+"""Plants with an ideal drive that is commanded."""
+
+QUICK = {"encoder_period": 1e-5, "encoder_counts": 0.0}  # the servo in continuous time neither waits nor rounds
+HELD = {"joint_friction": 0.004}
+MOTORS = {
+    "hole-motor-force": Case("gu-steel-1mm-motor", "tension", 30.0),
+    "hole-motor-speed": Case("gu-steel-1mm-motor", "speed", 0.02, 0.0, {**QUICK, **FAST}, within=5e-4),
+    "circuit-motor-torque": Case("zou-table2-motor", "torque", 0.25, 0.0, {"cogging_torque": 1e-4}),
+    "circuit-motor-position": Case("zou-table2-motor", "position", 0.3, 0.0, QUICK, within=6e-4),
+    "chain-motor-position": Case(
+        "zou-table2-motor", "position", 0.3, 0.0, {**QUICK, "brake_torque": 0.02}, variant="chain", within=6e-4
+    ),
+    "sheath-motor-force": Case("bowden-1m-motor", "tension", 25.0),
+    "sheath-motor-position": Case("bowden-1m-motor", "position", 0.01, 0.005, QUICK, within=5e-4),
+    "contacts-motor-force": Case(
+        {"extends": "bowden-1m-motor", "contacts": 3}, "tension", 25.0, 0.0, {"load_friction": 1.0}
+    ),
+    "contacts-motor-position": Case(
+        {"extends": "bowden-1m-motor", "contacts": 2}, "position", 0.01, 0.005, {**QUICK, "load_friction": 1.0},
+        within=5e-4,
+    ),
+    "joint-motor-torque": Case("finger-joint-motor", "torque", 0.2, 0.0, HELD, 3.0, 0.01),
+    "joint-motor-position": Case("finger-joint-motor", "position", 0.3, 0.1, {**QUICK, **HELD}, 3.0, 0.01, within=5e-4),
+    "wrist-motor": Case(
+        "wrist-8mm-motor", "position", 0.5, 0.2,
+        {**QUICK, "yaw_friction": 1e-3, "pitch_friction": 2e-3, "pitch_angle": 0.3}, 0.3, 0.003, within=5e-4,
+    ),
+}  # fmt: skip
+"""Plants with a motor, told its torque, or with its servo read every 10 us."""
+DRIVEN = {**IDEAL, **MOTORS}
+SERIES = {
+    "series-tension": Case("gu-three-holes", "tension", 25.0, 0.0, FAST, within=2e-3),
+    "series-speed": Case("gu-three-holes", "speed", 0.02, 0.0, FAST),
+}
+"""Holes without a mass between drive and load: slips that come to rest within no time, and no verge of sliding."""
 
 TRANSMISSION = Case(
     {"plant": "transmission"}, None, 0.0, 0.0,
@@ -62,24 +123,60 @@ BRAKE = Case(
      "load_dependent_friction.coefficient": 1.5, "viscous_friction.coefficient": 1e3,
      "position_dependent_load.stiffness": 1e4},
 )  # fmt: skip
-EVERY = {**DRIVEN, "transmission": TRANSMISSION, "band-brake": BRAKE}
+EVERY = {**DRIVEN, **SERIES, "transmission": TRANSMISSION, "band-brake": BRAKE}
 
 
 def point(m, case, way, rng, share=0.05):
     """A state and an input near the verge of sliding, with speeds in which the plant slides ``way``."""
+    if m.equations.unsettled:
+        x, u = m.rest(case.position)
+        u[0] += way * case.size
+        return m.simulate([0.0, rng.uniform(0.04, 0.06)], u, x).x[-1], u
     x, u = m.rest(case.position, way)
     for k, s in enumerate(m.states):
         if s.unit in ("m/s", "rad/s"):
-            x[k] += share * m.equations.speed * rng.normal()
-    if m.held >= 0:
-        x[m.held] = way * m.equations.speed * rng.uniform(5.0, 10.0)
-    elif m.equations.slides:
+            x[k] += share * (case.arm if s.unit == "m/s" else 1.0) * m.equations.speed * rng.normal()
+    for place, slides in zip(m.places, asked(m.equations, way)):
+        if place >= 0:
+            x[place] = slides * m.equations.speed * rng.uniform(5.0, 10.0)
+    if m.held < 0 and m.equations.slides:
         u[0] = way * rng.uniform(0.1, 0.5)
         u[1] = rng.normal()
-    return x, u
+    return np.array(m.slid(x.tolist(), u.tolist(), asked(m.equations, way))), u
+
+
+def tangents(m, x, u, ways):
+    """Directions in (x, u) that keep contacts without a mass at their limits, one a column; without: unit vectors."""
+    n, columns = len(x), []
+    for k, value in enumerate((*x, *u)):
+        ends = []
+        for s in (1.0, -1.0):
+            z = np.concatenate([x, u])
+            z[k] += s * 1e-6 * max(1e-3, abs(value))
+            z[:n] = m.slid(z[:n].tolist(), z[n:].tolist(), ways)
+            ends.append(z)
+        columns.append((ends[0] - ends[1]) / (2e-6 * max(1e-3, abs(value))))
+    return np.array(columns).T
 
 
 def sampled(size, steps, period, frequency=1.5):
     """A sine in steps that begins gently [steps]."""
     k = np.arange(1, steps + 1)
     return size * np.sin(2.0 * np.pi * frequency * k * period) * np.minimum(1.0, k / 20.0)
+
+
+def moved(m, case, u0, steps, period):
+    """Inputs that move a plant to and fro around rest, [steps, inputs], and the same for `cable_envs.replay`."""
+    ways = {i.row: k for k, i in enumerate(m.equations.inputs)}
+    found = {"command": u0[0] + sampled(case.size, steps, period)}
+    if "second" in ways:
+        found["second"] = u0[ways["second"]] + sampled(case.second, steps, period, 1.1)
+    for name in list(found):
+        found[f"{name}_rate"] = np.concatenate([[0.0], np.diff(found[name]) / period])
+    if m.inputs[list(ways).index("disturbance")].unit == m.inputs[0].unit:
+        found["disturbance"] = sampled(0.05 * case.size, steps, period, 3.0)
+    if "posture" in ways:
+        found["posture"] = sampled(0.5, steps, period, 0.8)
+    u = np.column_stack([found.get(row, np.zeros(steps)) for row in ways])
+    given = {name.replace("command_rate", "rate"): value for name, value in found.items()}
+    return u, given

@@ -5,16 +5,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from cable_envs import ConfigurationError, load_rig, model
+from cable_envs.continuous.ways import asked, told
 from cable_envs.plants import families
 from cable_envs.sim.replay import replay
-from tests.continuous.cases import BRAKE, DRIVEN, EVERY, TRANSMISSION, point, sampled
+from tests.continuous.cases import BRAKE, DRIVEN, EVERY, SERIES, TRANSMISSION, moved, point, sampled
 from tests.support.tree import ROOT
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
 COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
 PERIOD = 0.01
+FINE = {"rtol": 1e-9, "atol": 1e-13}
+"""Where a contact starts or stops to slide no event ends a step of the integration: its tolerances must."""
 
 
 @CASES
@@ -31,36 +35,35 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
     m = case.model()
     x, u = m.rest(case.position)
     top, bottom = (m.rest(case.position, way) for way in (1, -1))
-    assert m.sliding(x, u) == 0
+    assert m.sliding(x, u) == told(asked(m.equations, 0))
     for (xv, uv), way in ((top, 1), (bottom, -1)):
         inside, outside = ((x + s * (xv - x), u + s * (uv - u)) for s in (0.99, 1.01))
-        assert (m.sliding(*inside), m.sliding(*outside)) == (0, way)
-        assert m.f(*inside)[m.held] == 0.0 and way * m.f(*outside)[m.held] > 0.0
+        assert (m.sliding(*inside), m.sliding(*outside)) == tuple(told(asked(m.equations, w)) for w in (0, way))
+        for place, slides in zip(m.places, asked(m.equations, way)):
+            assert m.f(*inside)[place] == 0.0 and slides * m.f(*outside)[place] > 0.0
 
 
-@COMMANDED
+@pytest.mark.parametrize("case", {**DRIVEN, **SERIES}.values(), ids={**DRIVEN, **SERIES})
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
-    """Substeps of 10 us. The largest difference seen is 9.2e-5 of the range, and falls in proportion to the step."""
+    """Substeps of 10 us. The largest difference seen is 2.0e-4 of the range with ideal drives, 5.1e-4 with a servo that
+    is read every 10 us, 1.7e-3 with holes in series; it falls in proportion to the step."""
     m = case.model()
     x0, u0 = m.rest(case.position)
-    command = u0[0] + sampled(case.size, 100, PERIOD)
-    rate = np.concatenate([[0.0], np.diff(command) / PERIOD])
-    push = sampled(0.05 * case.size, 100, PERIOD, 3.0) if m.inputs[-1].unit == m.inputs[0].unit else 0.0 * command
-    u = np.column_stack([command, rate, push] if len(m.inputs) == 3 else [command, push])
+    u, given = moved(m, case, u0, 100, PERIOD)
     names = [s.name for s in (*m.states, *m.outputs)]
     seen = replay(
-        m.plant, m.rig.column(m.plant), command, PERIOD, drive=m.action_mode, hold="step", rate=rate,
-        disturbance=push, signals=names, start=case.position, substeps=1000,
+        m.plant, m.rig.column(m.plant), period=PERIOD, drive=m.action_mode, hold="step", signals=names,
+        start=case.position, substeps=1000, **given,
     )[:, :, 0]  # fmt: skip
-    motion = m.simulate(np.arange(101) * PERIOD, u, x0)
-    assert {0, 1, -1} <= set(motion.sliding)
+    motion = m.simulate(np.arange(101) * PERIOD, u, x0, **FINE)
+    assert all({0, 1, -1} <= set(each) for each in np.atleast_2d(motion.sliding.T))
     shown = [m.h(motion.x[k + 1], u[k], motion.sliding[k + 1]) for k in range(100)]
     size = np.ptp(seen, axis=0)
     apart = np.abs(np.hstack([motion.x[1:], shown]) - seen) / size
     n = len(m.states)
-    assert apart[:, :n].max() < 3e-4
+    assert apart[:, :n].max() < case.within
     # an output that a jump of the command moves is compared where nothing has just stopped or broken away
-    assert np.quantile(apart[:, n:], 0.95, axis=0).max() < 1e-3
+    assert np.quantile(apart[:, n:], 0.95, axis=0).max() < max(1e-3, 3.0 * case.within)
 
 
 @pytest.mark.parametrize(("rig", "mode", "size", "reaches"), [
@@ -69,6 +72,8 @@ def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     ("zou-table2", "position", 2.0, {"drive_velocity": 15.0}),
     ("zou-table2", "torque", 0.55, {"drive_velocity": 15.0}),
     ({"plant": "linear_drive"}, "position", 0.5, {}),
+    ("finger-joint", "position", 1.2, {"drive_a_velocity": 0.2}),
+    ("finger-joint", "torque", 0.4, {}),
 ], ids=str)  # fmt: skip
 def test_limits_and_slack_are_those_of_the_kernel(rig, mode, size, reaches):
     """A jump that takes the drive to its limits, and one back that slackens the sheath's tendon; substeps of 5 us.
@@ -84,11 +89,29 @@ def test_limits_and_slack_are_those_of_the_kernel(rig, mode, size, reaches):
         signals=[*names, "slack_fraction"],
     )[:, :, 0]  # fmt: skip
     u = np.zeros((60, len(m.inputs)))
-    u[:, 0] = command
+    u[:], u[:, 0] = u0, command
     motion = m.simulate(np.arange(61) * PERIOD, u, x0)
     assert (np.abs(motion.x[1:] - seen[:, :-1]) / np.ptp(seen[:, :-1], axis=0)).max() < 2e-4
     assert all(np.abs(seen[:, names.index(name)]).max() == pytest.approx(most) for name, most in reaches.items())
-    assert (seen[:, -1].max() > 0.5) == (rig == "bowden-1m")
+    slackens = rig == "bowden-1m" or (rig, mode) == ("finger-joint", "position")
+    assert (seen[:, -1].max() > 0.5) == slackens
+
+
+def test_a_chain_that_slackens_moves_as_that_of_the_kernel():
+    """Angles and speeds agree to 7e-7 of their range; what a slack cable's spans share takes the damping time here."""
+    m = model(load_rig("zou-table2").replace({"pretension_top": 5.0, "pretension_bottom": 5.0}), "torque", "chain")
+    x0, u0 = m.rest()
+    command = u0[0] + 0.55 * np.where(np.arange(40) < 20, 1.0, -0.5)
+    names = [s.name for s in m.states]
+    seen = replay(
+        m.plant, m.rig.column(m.plant), command, PERIOD, drive="torque", hold="step", rate=0.0 * command, substeps=2000,
+        signals=[*names, "slack_fraction"],
+    )[:, :, 0]  # fmt: skip
+    motion = m.simulate(np.arange(41) * PERIOD, np.column_stack([command, 0.0 * command]), x0, **FINE)
+    apart = np.abs(motion.x[1:] - seen[:, :-1]) / np.ptp(seen[:, :-1], axis=0)
+    taut = seen[:, -1] == 0.0
+    assert apart[:, :4].max() < 1e-5 and seen[:, -1].max() > 0.3 and 10 < taut.sum() < 40
+    assert apart[taut].max() < 1e-3
 
 
 def test_a_drive_that_cannot_follow_its_command_is_left_out_of_the_hole():
@@ -105,6 +128,31 @@ def test_a_drive_that_cannot_follow_its_command_is_left_out_of_the_hole():
     motion = m.simulate(np.arange(101) * PERIOD, np.column_stack([command, rate, 0.0 * rate]), x0)
     apart = (np.abs(motion.x[1:] - seen) / np.ptp(seen, axis=0)).max(axis=0)
     assert 3e-4 < apart[1] < 3e-3
+
+
+def test_the_clock_of_a_servo_is_all_that_is_left_out_of_it():
+    """The load's position with the servo read every 1, 0.1 ms: 2.6e-3 and 2.6e-4 of its range."""
+    case, apart = EVERY["sheath-motor-position"], []
+    for period in (1e-3, 1e-4):
+        m = model(load_rig(case.rig).replace({"encoder_counts": 0.0, "encoder_period": period}), case.mode)
+        x0, u0 = m.rest(case.position)
+        u, given = moved(m, case, u0, 100, PERIOD)
+        seen = replay(
+            m.plant, m.rig.column(m.plant), period=PERIOD, drive=case.mode, hold="step", signals=["load_position"],
+            start=case.position, substeps=1000, sensors=False, **given,
+        )[:, 0, 0]  # fmt: skip
+        motion = m.simulate(np.arange(101) * PERIOD, u, x0)
+        apart.append(np.abs(motion.x[1:, 2] - seen).max() / np.ptp(seen))
+    assert 1e-3 < apart[0] < 4e-3 and 8.0 < apart[0] / apart[1] < 12.0
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_a_motor_that_is_told_more_than_its_saturator_takes_no_more(way):
+    m = model("bowden-1m-motor", "tension")
+    x, _ = m.rest(0.0)
+    limit = m.command_range[1]
+    most, more = (m.f(x, [way * s * limit, 0.0], way) for s in (1.0, 5.0))
+    assert np.array_equal(most, more) and way * most[1] > 0.0
 
 
 @pytest.mark.parametrize("way", [1, -1])
@@ -138,25 +186,26 @@ def test_the_band_slips_as_in_its_kernel():
 @CASES
 @pytest.mark.parametrize("way", [1, -1])
 def test_the_linear_system_is_the_slope_of_the_equations(case, way):
+    """Contacts without a mass follow to their limits: where they do not, they hold, and the equations are others."""
     m, rng = case.model(), np.random.default_rng(3)
+    ways = asked(m.equations, way)
     for _ in range(3):
         x, u = point(m, case, way, rng)
         linear = m.linearise(way, at=(x, u))
-        for place, found, along in ((0, linear.A, x), (1, linear.B, u)):
-            below = linear.C if place == 0 else linear.D
-            exact = np.vstack([found, below])
-            for k in range(len(along)):
-                step = 1e-6 * max(1e-3, abs(along[k]))
-                pairs = []
-                for s in (1.0, -1.0):
-                    z = [x.copy(), u.copy()]
-                    z[place][k] += s * step
-                    pairs.append(np.concatenate([m.f(*z, way), m.h(*z, way)]))
-                slope = (pairs[0] - pairs[1]) / (2.0 * step)
-                size = np.abs(exact).max(axis=1) + np.abs(pairs[0]) * 1e-6 / step
-                assert np.abs(slope - exact[:, k]).max() <= 1e-4 * size.max() and np.all(
-                    np.abs(slope - exact[:, k]) <= 1e-5 * size + 1e-9
-                )
+        exact, n = np.block([[linear.A, linear.B], [linear.C, linear.D]]), len(x)
+        for k, value in enumerate((*x, *u)):
+            step = 1e-6 * max(1e-3, abs(value))
+            pairs, places = [], []
+            for s in (1.0, -1.0):
+                z = np.concatenate([x, u])
+                z[k] += s * step
+                z[:n] = m.slid(z[:n].tolist(), z[n:].tolist(), ways)
+                pairs.append(np.concatenate([m.f(z[:n], z[n:], way), m.h(z[:n], z[n:], way)]))
+                places.append(z)
+            slope, along = (pairs[0] - pairs[1]) / (2.0 * step), (places[0] - places[1]) / (2.0 * step)
+            size = np.abs(exact) @ np.abs(along) + np.abs(exact).max(axis=1) + np.abs(pairs[0]) * 1e-6 / step
+            apart = np.abs(slope - exact @ along)
+            assert apart.max() <= 1e-4 * size.max() and np.all(apart <= 1e-5 * size + 1e-9)
 
 
 def test_linear_systems_know_what_their_rows_are():
@@ -175,8 +224,10 @@ def test_a_held_load_does_not_move_in_the_linear_system():
 @pytest.mark.parametrize(("given", "said"), [
     (lambda: model("gu-inferrd"), "gu-inferred"),
     (lambda: model("gu-inferred", "torque"), "unknown action mode 'torque'"),
-    (lambda: model("gu-three-holes"), "holes in series"),
-    (lambda: model("zou-table2", variant="chain"), "linear complementarity problem"),
+    (lambda: model({"extends": "gu-three-holes", "drive": "motor"}), "with an ideal drive only"),
+    (lambda: model("gu-three-holes").linearise(1), "no point on the verge of sliding"),
+    (lambda: model(load_rig("gu-three-holes").replace({"extrusion_gain": 0.0})), "an extrusion_gain above 0"),
+    (lambda: model(load_rig("zou-table2").replace({"cable_damping": 0.0}), variant="chain"), "a cable_damping above 0"),
     (lambda: model(load_rig("zou-table2").replace({"hold_rule": 1.0})), "hold_rule"),
     (lambda: model(load_rig("gu-inferred").replace({"backlash.gap": 1e-4})), "leave out the effect 'backlash'"),
     (lambda: model("gu-inferred").f([0.0], [0.0] * 3), "x: expected 3 numbers"),
@@ -211,10 +262,50 @@ def test_the_page_about_it_holds():
     rows = {row.split("`")[1]: row for row in page.read_text(encoding="utf-8").splitlines() if row.startswith("| `")}
     models = [case.model() for case in EVERY.values()]
     assert {m.rig.plant for m in models} == {name for name, one in families().items() if one.continuous} == set(rows)
-    assert [s.name for m in models for s in m.states if s.name not in rows[m.rig.plant]] == []
+    said = {plant: row.split("|")[2] for plant, row in rows.items()}
+    assert [
+        s.name
+        for m in models
+        for s in m.states
+        if not (s.name in said[m.rig.plant] or s.name[:-1] + "1 to" in said[m.rig.plant])
+    ] == []
 
 
 def test_the_range_of_the_command_is_that_of_the_action_mode():
     assert model("gu-inferred", "tension").command_range == (0.0, 120.0)
     assert model("gu-inferred", "speed").command_range == (-0.1, 0.1)
     assert TRANSMISSION.model().command_range == (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(("name", "speed", "ahead"), [
+    ("joint-position", 1.0, 0.0), ("joint-motor-torque", 0.0, 0.1), ("wrist", 2.0, 0.0), ("chain-position", 2.0, 0.0),
+    ("circuit-motor-position", 1.0, 0.0), ("contacts-position", 0.03, 0.0), ("sheath-motor-force", 100.0, 5.0),
+    ("hole-motor-force", 0.0, 5.0),
+])  # fmt: skip
+def test_a_small_change_of_the_command_grows_in_the_kernel_as_in_the_linear_system(name, speed, ahead):
+    """On a motion that goes on one way for 150 ms, for 10 ms from there: what a change of the command adds."""
+    case = EVERY[name]
+    m, ms, steps = case.model(), 1e-3, 150
+    _, u = m.rest(case.position, 1)
+    names, rows, change = [s.name for s in m.states], [i.row for i in m.equations.inputs], 1e-5 * case.size
+    command = u[0] + ahead + speed * ms * np.arange(1, steps + 11)
+    rate = np.full(steps + 10, speed)
+    given = {"drive": m.action_mode, "hold": "step", "signals": names, "substeps": 100, "sensors": False}
+    state, ends = m.plant.rest(m.plant.prepare(m.rig.column(m.plant)), np.array([case.position])), []
+    replay(m.plant, m.rig.column(m.plant), command[:steps], ms, rate=rate[:steps], state=state, **given)
+    x = np.array([state[m.plant.row(s), 0] for s in names])
+    for more in (0.0, change):
+        commands = command[steps:] + more
+        seen = replay(m.plant, m.rig.column(m.plant), commands, ms, rate=rate[steps:], state=state.copy(), **given)
+        ends.append(seen[-1, :, 0])
+    u[0] = command[steps]
+    if "command_rate" in rows:
+        u[rows.index("command_rate")] = speed
+    ways, n = m.sliding(x, u), len(x)
+    assert np.ravel(ways)[0] == 1
+    linear = m.linearise(ways, at=(x, u))
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = linear.A, linear.B[:, 0]
+    grown = change * expm(10 * ms * whole)[:n, n]
+    assert np.abs(ends[1] - ends[0] - grown).max() <= 0.02 * np.abs(grown).max()
+    assert np.all(np.abs(ends[1] - ends[0] - grown) <= 0.05 * np.abs(grown) + 1e-3 * np.abs(grown).max())

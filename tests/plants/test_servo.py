@@ -4,7 +4,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from cable_envs import load_rig, model
+from cable_envs import load_rig
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
 from cable_envs.physics.motor import behind_gear, current_range
@@ -149,8 +149,6 @@ def test_it_stays_at_rest_and_is_refused_where_it_does_not_belong():
     )
     with pytest.raises(ConfigurationError, match="coupled_drives has an ideal drive only"):
         plant_for("coupled_drives", drive="motor")
-    with pytest.raises(ConfigurationError, match="equations in continuous time leave out"):
-        model(FREE)
     with pytest.raises(ConfigurationError, match="belongs to the ids -v1"):
         gym.make("cable_envs/PulleyCircuit-Position-Sine-v0", rig=FREE)
     with pytest.raises(ConfigurationError, match="unknown drive 'engine'"):

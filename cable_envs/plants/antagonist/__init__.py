@@ -33,6 +33,7 @@ FAMILY = Family(
     },
     observe="output",
     view="cable_envs.plants.antagonist.view:JointView",
+    continuous="cable_envs.plants.antagonist.continuous:equations",
     scene="cable_envs.plants.antagonist.scene:JointScene",
     shown=(
         "joint_angle", "drive_angle", "drive_a_position", "drive_b_position", "tension_drive_a", "tension_joint_a",

@@ -7,10 +7,10 @@ from cable_envs.effects.asymmetric_friction import levels
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.band_brake.plant import _reach, _step
 from cable_envs.plants.base import ActionMode, Plant
-from cable_envs.plants.continuous import Equations, Input, Rows, Values, slipping
+from cable_envs.plants.continuous import Equations, Input, Rows, Values, contained
 
 
-def _law(state, rows: Rows, way):
+def _law(state, rows: Rows):
     at, slipped = state
     p, u, e, s, g, _, x = rows
     v = u.command_rate[0]
@@ -19,7 +19,7 @@ def _law(state, rows: Rows, way):
     up, down = _reach(e, 0, p.band_grip[0] + extra + more), _reach(e, 0, p.band_grip[0] + extra + less)
     g.target[0], g.target_rate[0], x.slip[0], s.started[0] = at, v, slipped, 1.0
     _step(x, p, u, e, s, g, 0)
-    return (v, slipping(v, at - slipped, up, down)), (x.force[0], x.band_tension_difference[0])
+    return (v, contained(0.0, slipped, at - up, at + down, v, v)), (x.force[0], x.band_tension_difference[0])
 
 
 def equations(plant: Plant, mode: ActionMode | None, value: Values) -> Equations:

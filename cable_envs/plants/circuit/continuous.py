@@ -1,4 +1,4 @@
-"""The closed pulley circuit in continuous time, by its closed forms.
+"""The closed pulley circuit in continuous time, by its closed forms; the chain is in `circuit.chain_continuous`.
 
 position   theta_in'' = w^2 (command - theta_in) + 2 z w (command_rate - theta_in'),   within the drive's limits
 torque     J_in theta_in'' = command - b theta_in' - M_in
@@ -6,28 +6,21 @@ output     J theta_out'' = M_out - load,   M_out by the direction of motion; the
            idlers are set-valued at rest, and the friction mobilised there is what balances the load
 """
 
+from dataclasses import replace
+
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.kernels import clip, select
 from cable_envs.plants.base import ActionMode, Plant, Signal
+from cable_envs.plants.circuit import chain_continuous as chain
 from cable_envs.plants.circuit.closed_form import _stretched
+from cable_envs.plants.circuit.drive_rates import turned
 from cable_envs.plants.circuit.ends import cosine, load_torque
 from cable_envs.plants.circuit.stages import cw_share, drive_torque, mix, output_torques
-from cable_envs.plants.continuous import Equations, Rows, Values, driven, limited, rubbed
+from cable_envs.plants.continuous import Equations, Rows, Values, driven, rubbed
+from cable_envs.plants.servo_rates import with_motor
 
 
-def _turned(p, u, a, v, m_in):
-    """Acceleration of the drive."""
-    fastest = p.drive_speed_limit[0]
-    rate = clip(u.command_rate[0], -fastest, fastest)
-    servo = p.servo_stiffness[0] * (u.command[0] - a) + p.servo_damping[0] * (rate - v)
-    servo = clip(servo, -p.drive_acceleration_limit[0], p.drive_acceleration_limit[0])
-    torque = clip(u.command[0], -p.drive_torque_limit[0], p.drive_torque_limit[0])
-    pushed = (torque - p.drive_damping[0] * v - m_in) / p.drive_inertia[0]
-    return limited(v, select(u.mode[0] > 0.5, pushed, servo), fastest)
-
-
-def _law(state, rows: Rows, way):
-    a, v_in, b, v = state
+def _law(state, rows: Rows, way, *drive_way):
+    a, v_in, b, v, *servo = state
     p, u = rows.p, rows.u
     top, bottom = _stretched(p, None, None, 0, p.gear[0] * a - b, p.gear[0] * v_in - v)
     wanted, _, _ = load_torque(p, u, 0, b, v, cosine(b))
@@ -48,20 +41,13 @@ def _law(state, rows: Rows, way):
         top * mix(share, p.output_top_ccw[0], p.output_top_cw[0]),
         bottom * mix(share, p.output_bottom_ccw[0], p.output_bottom_cw[0]),
     )
-    rates = (v_in, _turned(p, u, a, v_in, m_in), v, net / p.output_inertia[0])
-    return rates, (a, v_in, b, v, *shown)
+    faster, servo_rates, motor = turned(rows, a, v_in, m_in, servo, drive_way)
+    return (v_in, faster, v, net / p.output_inertia[0], *servo_rates), (a, v_in, b, v, *shown, *motor)
 
 
 def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
-    """The equations of the closed form; ConfigurationError for the chain."""
-    if plant.name == "pulley_chain":
-        raise ConfigurationError(
-            "the chain of spans and contacts has no f(x, u): its slips are the solution of a linear complementarity "
-            "problem over each step; the closed form has one (variant 'analytic')"
-        )
-    if value["hold_rule"] > 0.5:
-        raise ConfigurationError("hold_rule 1 stops the output within no time where the flag of Eq. (47) is set; use 0")
-    return Equations(
+    """The equations of the closed form, or of the chain; ConfigurationError for what has none."""
+    closed = Equations(
         states=("drive_angle", "drive_velocity", "output_angle", "output_velocity"),
         inputs=driven(
             mode, mode.name == "position", Signal("disturbance", "N m", "torque that helps counter-clockwise motion")
@@ -72,7 +58,23 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="output_angle",
-        slides="output_velocity",
-        slack={"_stretched": "length_top"},
+        slides=("output_velocity",),
+        slack={_stretched: "length_top"},
         speed=1e-2,
     )  # fmt: skip
+    loose = () if value["brake_torque"] > 0.0 else ("output_velocity",)
+    ideal = replace(closed, states=chain.STATES, law=chain.law, verge=chain.verge, slack={}, free=loose)
+    if plant.name != "pulley_chain":
+        ideal = closed
+        if value["hold_rule"] > 0.5:
+            raise ConfigurationError(
+                "hold_rule 1 stops the output within no time where the flag of Eq. (47) is set; use 0"
+            )
+    elif value["cable_damping"] <= 0.0:
+        raise ConfigurationError(
+            "the chain needs a cable_damping above 0 in continuous time: without it the rates of its slips do not "
+            "follow from its state"
+        )
+    if plant.drive == "ideal":
+        return ideal
+    return with_motor(ideal, ideal.law, value, mode.name == "position", "torque")

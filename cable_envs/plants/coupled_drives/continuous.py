@@ -31,7 +31,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ),
         law=_law,
         place="motor_position",
-        slides="motor_velocity",
+        slides=("motor_velocity",),
         effects=(
             "stribeck_friction", "asymmetric_friction", "stiffness_hardening", "position_ripple",
             "position_dependent_load", "sensor_rectification", "detector_power",

@@ -45,6 +45,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         outputs=("position", "velocity", "force", "belt_force", *motor),
         law=_belted if belt else _rigid,
         place="position",
-        slides="velocity",
+        slides=("velocity",),
         effects=EFFECTS,
     )

@@ -29,7 +29,7 @@ def equations(plant: Plant, mode: ActionMode | None, value: Values) -> Equations
         outputs=("output_angle", "output_torque", "drive_torque"),
         law=_law,
         place="drive_angle",
-        slides="drive_velocity",
+        slides=("drive_velocity",),
         effects=(
             "cable_elongation", "stiffness_hardening", "coulomb_friction", "load_dependent_friction", "partial_slip",
             "viscous_friction", "stribeck_friction", "position_ripple", "position_dependent_load",

@@ -24,6 +24,7 @@ FAMILY = Family(
     outputs={"position": Output("angle_reference")},
     observe="output",
     view="cable_envs.plants.wrist.view:WristView",
+    continuous="cable_envs.plants.wrist.continuous:equations",
     scene="cable_envs.plants.wrist.scene:WristScene",
     shown=(
         "yaw_angle", "pitch_angle", "drive_angle", "pitch_drive_angle", "tension_end_a", "tension_end_b",

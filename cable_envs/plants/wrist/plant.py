@@ -59,29 +59,51 @@ WRIST = Lanes("Wrist", [
 
 
 @inline
-def _balance(x, p, w, e, i, yaw, pitch, wound, pitch_wound):
-    """Tensions with the joints and the drives at these angles; moves the contacts on."""
-    ry, rp, rho, mu = p.yaw_radius[i], p.pitch_radius[i], p.radius_ratio[i], p.friction_coefficient[i] * w.factor[i]
-    now, pitch_now = ry * yaw + p.coupling_radius[i] * pitch, rp * pitch
-    taken = p.take_up[i] - ry * e.slack_length[i]
-    more = p.wrap_growth[i] * pitch
+def ratios(p, i, pitch, factor):
+    """Limits of the tension ratios of yaw cables a and b."""
+    rho, mu, more = p.radius_ratio[i], p.friction_coefficient[i] * factor, p.wrap_growth[i] * pitch
     na = tension_ratio(rho, mu, maximum(p.yaw_wrap[i] + more, 0.0))
     nb = tension_ratio(rho, mu, maximum(p.yaw_wrap[i] - more, 0.0))
+    return na, nb
+
+
+@inline
+def pitch_ratio(p, i, factor):
+    """Limit of the tension ratio of the pitch cables."""
+    return tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * factor, p.pitch_wrap[i])
+
+
+@inline
+def taken(p, i, yaw, pitch):
+    """What the joints have pulled in of the yaw cables and of the pitch cables, m."""
+    return p.yaw_radius[i] * yaw + p.coupling_radius[i] * pitch, p.pitch_radius[i] * pitch
+
+
+@inline
+def stretches(p, e, i, yaw, pitch, wound, pitch_wound):
+    """Stretches of yaw cable a and b and of pitch cable a and b, m."""
+    now, pitch_now = taken(p, i, yaw, pitch)
+    held, long = p.take_up[i] - p.yaw_radius[i] * e.slack_length[i], p.pitch_radius[i] * pitch_wound - pitch_now
+    drawn = p.yaw_radius[i] * wound
+    return held + drawn - now, held - drawn + now, p.pitch_take_up[i] + long, p.pitch_take_up[i] - long
+
+
+@inline
+def _balance(x, p, w, e, i, yaw, pitch, wound, pitch_wound):
+    """Tensions with the joints and the drives at these angles; moves the contacts on."""
+    now, pitch_now = taken(p, i, yaw, pitch)
+    ea, eb, pa, pb = stretches(p, e, i, yaw, pitch, wound, pitch_wound)
+    na, nb = ratios(p, i, pitch, w.factor[i])
     k1, k2, moved = p.drive_stiffness[i], p.end_stiffness[i], now - w.seen[i]
-    t1, t2, y = balanced(taken + ry * wound - now, x.stretch_end_a[i] - moved, k1, k2, 0.0, na)
+    t1, t2, y = balanced(ea, x.stretch_end_a[i] - moved, k1, k2, 0.0, na)
     x.tension_drive_a[i], x.tension_end_a[i], x.stretch_end_a[i] = t1, t2, y
-    t1, t2, y = balanced(taken - ry * wound + now, x.stretch_end_b[i] + moved, k1, k2, 0.0, nb)
+    t1, t2, y = balanced(eb, x.stretch_end_b[i] + moved, k1, k2, 0.0, nb)
     x.tension_drive_b[i], x.tension_end_b[i], x.stretch_end_b[i] = t1, t2, y
-    k1, k2, n, moved = (
-        p.pitch_drive_stiffness[i],
-        p.pitch_end_stiffness[i],
-        w.pitch_ratio[i],
-        pitch_now - w.pitch_seen[i],
-    )
-    long = rp * pitch_wound - pitch_now
-    t1, t2, y = balanced(p.pitch_take_up[i] + long, x.pitch_stretch_end_a[i] - moved, k1, k2, 0.0, n)
+    k1, k2, n = p.pitch_drive_stiffness[i], p.pitch_end_stiffness[i], w.pitch_ratio[i]
+    moved = pitch_now - w.pitch_seen[i]
+    t1, t2, y = balanced(pa, x.pitch_stretch_end_a[i] - moved, k1, k2, 0.0, n)
     x.pitch_tension_drive_a[i], x.pitch_tension_end_a[i], x.pitch_stretch_end_a[i] = t1, t2, y
-    t1, t2, y = balanced(p.pitch_take_up[i] - long, x.pitch_stretch_end_b[i] + moved, k1, k2, 0.0, n)
+    t1, t2, y = balanced(pb, x.pitch_stretch_end_b[i] + moved, k1, k2, 0.0, n)
     x.pitch_tension_drive_b[i], x.pitch_tension_end_b[i], x.pitch_stretch_end_b[i] = t1, t2, y
     w.seen[i], w.pitch_seen[i] = now, pitch_now
 
@@ -199,9 +221,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         )
         begin_friction(e, g, i)
         w.factor[i] = g.factor[i]
-        w.pitch_ratio[i] = tension_ratio(p.radius_ratio[i], p.friction_coefficient[i] * g.factor[i], p.pitch_wrap[i])
-        w.seen[i] = p.yaw_radius[i] * x.yaw_angle[i] + p.coupling_radius[i] * x.pitch_angle[i]
-        w.pitch_seen[i] = p.pitch_radius[i] * x.pitch_angle[i]
+        w.pitch_ratio[i] = pitch_ratio(p, i, g.factor[i])
+        w.seen[i], w.pitch_seen[i] = taken(p, i, x.yaw_angle[i], x.pitch_angle[i])
         x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(_largest(x, i))
     for n in range(substeps):
         for i in range(lanes):
