@@ -5,7 +5,7 @@
 symbol   | meaning                                                                          | unit
 -------- | -------------------------------------------------------------------------------- | ----
 w_h      | mean speed over the step at which the cable slips through contact h = 1..N, + to the drive | m/s
-w_0      | speed of the drive at the end of the step                                        | m/s
+w_0      | mean speed of the drive over the step                                            | m/s
 T_j      | tension of span j = 0..N-1; T_N is what the load takes behind the last contact   | N
 n_h(w)   | limit of the tension ratio of contact h >= 1, which may grow with its speed      | 1
 theta    | weight of the end of the step in the load's mean speed, in [1/2, 1]              | 1
@@ -20,11 +20,11 @@ contacts between two slack spans, which stay. It is found by Newton's method on 
 what is slack, and whether the drive is at a limit: one tridiagonal system a pass. What has not settled after `PASSES`
 is finished one contact after the other (`sweep`), which cannot go in circles.
 
-No step makes energy, whatever its length: a span's tension is that at the end of the step (or, with a damper, no less
-than half way), so that its energy grows by no more than T_j times its change of length; friction takes
-(T_{h-1} - T_h) w_h >= 0 at every contact; and the load's kinetic energy grows by its net force times the motion less
-(theta - 1/2) inertia (v' - v)^2. A load that would turn round within the step is stepped with theta = 1, v' = w_N: it
-stops at exactly zero or turns.
+No step makes energy, whatever its length: the caller takes a span's tension in the middle of the step or later
+(``steep`` at least half its stiffness times dt), so that its energy grows by no more than T_j times its change of
+length; friction takes (T_{h-1} - T_h) w_h >= 0 at every contact; and the load's kinetic energy grows by its net force
+times the motion less (theta - 1/2) inertia (v' - v)^2. A load that would turn round within the step is stepped with
+theta = 1, v' = w_N: it stops at exactly zero or turns.
 
 A column that has settled is not touched again, whatever the others of its tile do.
 """
@@ -38,7 +38,7 @@ from cable_envs.core.lanes import Lanes
 PASSES = 12
 """Passes after which columns that have not settled are swept; and how often this is done."""
 ROUNDS = 6
-EVEN = 1e-8
+EVEN = 1e-9
 """A contact is at its limit when the tensions agree with it to this share."""
 GRIP = 1.0 + 1e-9
 """A contact at rest starts to slide when its ratio exceeds the limit by more than this factor."""
@@ -192,7 +192,7 @@ def _stretch(q, lanes):
         h = apart(j)
         for i in range(lanes):
             w = q.rate[h, i]
-            own = select(h == 0, q.draws[i] * w, q.steep[h, i] * w)
+            own = select(h == 0, q.draws[i] * q.rate[0, i], q.steep[h, i] * w)
             y, taut = q.base[h, i] + own - q.steep[h, i] * q.rate[h + 1, i], q.taut[h, i]
             now = select(y > select(taut > 0.0, -LEAST, LEAST), 1.0, 0.0)
             now = select(q.rough[i] > 0.5, taut, now)
@@ -281,8 +281,8 @@ def _before_and_behind(q, h, i, w):
     """Tensions before and behind contact h if it slides at the speed w and its neighbours as they do."""
     last = q.base.shape[0] - 1
     beyond = q.rate[h + 1, i] if h < last else 0.0
-    lead_in = q.draws[i] if h == 1 else q.steep[h - 1, i]
-    before = q.base[h - 1, i] + lead_in * q.rate[h - 1, i] - q.steep[h - 1, i] * w
+    lead_in = q.draws[i] * q.rate[0, i] if h == 1 else q.steep[h - 1, i] * q.rate[h - 1, i]
+    before = q.base[h - 1, i] + lead_in - q.steep[h - 1, i] * w
     behind = q.base[h, i] + q.steep[h, i] * (w - beyond)
     return max(before, 0.0), max(behind, 0.0) if h < last else behind
 
@@ -335,13 +335,12 @@ def sweep(q, p, e, s, i, turns):
             elif q.low[i] < q.high[i]:
                 first = q.rate[1, i]
                 rest, slope = q.wanted[i] + q.by_first[i] * first, 1.0 + q.by_end[i]
-                w = rest / slope
-                if q.base[0, i] + q.draws[i] * w > q.steep[0, i] * first:
-                    rest -= q.by_tension[i] * (q.base[0, i] - q.steep[0, i] * first)
-                    w = rest / (slope + q.by_tension[i] * q.draws[i])
+                w, base = rest / slope, q.base[0, i] - q.steep[0, i] * first
+                if base + q.draws[i] * w > 0.0:
+                    w = (rest - q.by_tension[i] * base) / (slope + q.by_tension[i] * q.draws[i])
                 q.rate[0, i] = min(max(w, q.low[i]), q.high[i])
+                q.state[0, i] = 1.0 if w > q.high[i] else -1.0 if w < q.low[i] else 0.0
                 lead(p, q, e, s, i)
-    q.state[0, i] = 1.0 if q.rate[0, i] >= q.high[i] else -1.0 if q.rate[0, i] <= q.low[i] else 0.0
     for h in range(1, last + 1):
         w = q.rate[h, i]
         q.pull[h - 1, i], q.pull[h, i] = _before_and_behind(q, h, i, w)

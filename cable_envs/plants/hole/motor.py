@@ -103,14 +103,15 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     up, down = forward - friction - against, backward + friction - against
     rises = (old > 0.0) | ((old == 0.0) & (up > x.drive_tension[i]))
     falls = (old < 0.0) | ((old == 0.0) & (down < x.drive_tension[i]))
-    share = dt / (p.moved_inertia[i] + 0.5 * dt * damping)
-    w.by_tension[i] = share
+    share = 0.5 * dt / (p.moved_inertia[i] + 0.5 * dt * damping)  # of the mean speed, in what moves the drive
+    w.by_tension[i], w.lands[i] = share, 0.0
     w.wanted[i] = old + share * select(rises, up, down)
     w.low[i], w.high[i] = select(falls, -p.top_speed[i], 0.0), select(rises, p.top_speed[i], 0.0)
     if e is not None:
         moved = select(g.follows[i] > 0.5, g.target_rate[i], 0.0)
         other = (g.follows[i] > 0.5) | (g.imposes[i] > 0.5)
         w.low[i], w.high[i] = select(other, moved, w.low[i]), select(other, moved, w.high[i])
+    w.low[i], w.high[i] = 0.5 * (old + w.low[i]), 0.5 * (old + w.high[i])
 
 
 @inline

@@ -13,6 +13,12 @@ The future work of Gu et al. 2024 (equations G). Drive, hole and load are those 
 The cable has no mass, so the slips s_h of the inner holes have no inertia: all holes, the load and the inner tension
 loop, which is far quicker than a step, are solved together (`cable_envs.physics.series`).
 
+Within a step of length dt a taut span acts at the share theta = 1/2 + SETTLING dt of it, so that what does not fit the
+laws at its start dies out as ((1 - theta) / theta)^n; a slack span acts at its end. The inner loop holds at the end of
+the step for the drive's mean speed, with which the drive then goes on: halfway there, a jump of the command would make
+the drive's speed ring from step to step. A drive at its limit of acceleration moves as one that accelerates does.
+Tensions after the step follow from that of the first span by the law of every hole.
+
 Signs: x > 0 hauls in, s > 0 and y > 0 lift. SI units throughout.
 """
 
@@ -49,6 +55,7 @@ from cable_envs.plants.hole.series_stages import (
     rub,
     scratch,
     slipped,
+    spans,
     wrapped,
 )
 from cable_envs.plants.hole.spool import settle_drive
@@ -56,6 +63,9 @@ from cable_envs.plants.hole.stages import any_stiff
 from cable_envs.plants.peaks import peak_at_start
 
 solve_together = specialised(series.solve, law=friction, lead=end_row)
+
+PICK_UP = 0.02
+"""Longest step, as a share of the time in which a drive that accelerates from rest takes the whole weight up."""
 
 
 @inline
@@ -98,6 +108,10 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 slipped(x, w, h, i, dt)
         for i in range(lanes):
             moved(x, p, u, w, e, s, g, i, dt)
+        for h in range(holes - 1):
+            for i in range(lanes):
+                spans(x, p, w, h, i)
+        for i in range(lanes):
             behind(x, p, u, w, e, s, i)
             if e is not None:
                 advance_memory(
@@ -123,11 +137,16 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
 
 
 def _resolves(p, e) -> np.ndarray:
-    """Longest steps, s: of the load on all spans one after the other. What is faster than that the step damps out."""
+    """Longest steps, s: of the load on all spans one after the other, and of a drive that takes the load up.
+
+    What is faster than that the step damps out.
+    """
     softer = 1.0 / (1.0 + p.cable_stiffness * (p.wrap_angle.shape[0] - 1) / p.span_stiffness)
     harder = np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_weight)
-    stiffness = softer * harder * p.cable_stiffness + p.load_stiffness
-    return longest_step(p.load_mass, softer**2 * p.cable_damping + p.load_damping, stiffness)
+    stiffness = softer * harder * p.cable_stiffness
+    load = longest_step(p.load_mass, softer**2 * p.cable_damping + p.load_damping, stiffness + p.load_stiffness)
+    weight = np.where(p.load_weight > 0.0, p.load_weight, np.inf)
+    return np.minimum(load, PICK_UP * np.sqrt(2.0 * weight / (stiffness * p.acceleration_limit)))
 
 
 _BRISTLES = ("lugre_friction", "elastoplastic_friction")

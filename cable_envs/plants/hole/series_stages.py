@@ -4,7 +4,7 @@
 follows w is the scratch of both; e, s and g are None without effects.
 """
 
-from cable_envs.core.kernels import clip, exp, inline, log, maximum, power, select, sign
+from cable_envs.core.kernels import clip, exp, inline, log, maximum, minimum, power, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.backlash import play
 from cable_envs.effects.own import own_cable, own_contact, own_load
@@ -22,6 +22,8 @@ from cable_envs.plants.hole.spool import moves_otherwise
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
+SETTLING = 200.0
+"""How much later than in the middle of a step its taut spans act, in shares of it per second of its length, 1/s."""
 
 
 def scratch(holes: int) -> Lanes:
@@ -32,9 +34,10 @@ def scratch(holes: int) -> Lanes:
         ("mine", holes),  # what a user's contact adds to mu
         "skew", "step",  # relative change of mu moving up (asymmetric friction); dt, s
         # first span: growth of its tension with its stretch, and its tension if nothing moves (N/m, N); its end before
-        # the step, m; where the drive gets to without its new speed, and how far that takes it, m and s
+        # the step, m; where the drive is without its speed, and how far that takes it, m and s
         "grip", "held", "end_before", "reach", "lever",
         "straight",  # base of the first span where the cable's end is where the drive is, N
+        "lands",  # whether a drive within its limits ends a step with its mean speed
     ])  # fmt: skip
 
 
@@ -119,6 +122,12 @@ def resistance(p, u, e, s, i, y, v, tension):
 
 
 @inline
+def late(dt):
+    """Where within a step a taut span acts: 1/2, and a bit more, so that what does not fit the laws settles."""
+    return minimum(0.5 + SETTLING * dt, 1.0)
+
+
+@inline
 def drive_row(x, p, u, w, e, s, g, i, dt):
     """The drive within its speed and acceleration limits; in tension mode the inner tension loop.  G35"""
     old = x.drive_velocity[i]
@@ -132,17 +141,17 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         told, target = told | (g.follows[i] > 0.5), select(g.follows[i] > 0.5, g.target_rate[i], target)
         told, target = told | (g.imposes[i] > 0.5), select(g.imposes[i] > 0.5, 0.0, target)
     w.wanted[i] = wanted
-    w.low[i], w.high[i] = select(told, target, low), select(told, target, high)
-    w.rate[0, i] = old
+    w.low[i], w.high[i] = 0.5 * (old + select(told, target, low)), 0.5 * (old + select(told, target, high))
+    w.rate[0, i], w.lands[i] = old, 1.0
 
 
 @inline
 def first_span(x, p, u, w, e, s, g, i, dt):
     """The span between drive and first hole, and how the drive feels it.
 
-    Its tension is that of the middle of the step where its damper is strong enough, else of its end: so it never rings.
+    A damper counts as much as acting later in the step does: the span rings no more with it than without.
     """
-    k, c, old = p.cable_stiffness[i], p.cable_damping[i], x.drive_velocity[i]
+    k, c = p.cable_stiffness[i], p.cable_damping[i]
     stretch = x.drive_position[i] - x.slip_position[0, i]
     pull = k * stretch
     if e is not None:
@@ -152,14 +161,15 @@ def first_span(x, p, u, w, e, s, g, i, dt):
         stretch = w.end_before[i] - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
         pull, k = own_cable(pull, e, s, i), k * rise
-    weight = clip(1.0 - c / (k * dt), 0.5, 1.0)
     taut = stretch > 0.0
-    grip = select(taut, weight * k, k) + c / dt
+    share = select(taut, late(dt), 1.0)
+    grip = maximum(share * k - c / dt, select(taut, 0.5, 1.0) * k) + c / dt
     held = select(taut, pull, grip * stretch)
-    w.base[0, i], w.draws[i], w.steep[0, i] = held + grip * 0.5 * dt * old, 0.5 * dt * grip, dt * grip
-    # the rate of the tension that the inner loop takes: k (x' - s_1'), of a slack span what it is at the end over dt
-    w.by_first[i] = select(taut, p.inner_kd[i] * k, 0.0)
-    w.by_end[i] = w.by_first[i]
+    w.base[0, i], w.draws[i], w.steep[0, i] = held, dt * grip, dt * grip
+    # the inner loop holds at the end of the step; the rate of the tension that it takes is k (x' - s_1'), of a slack
+    # span what it is then over dt
+    by_rate = p.inner_kd[i] * select(taut, k, 0.0) + p.inner_kp[i] * (dt * (k - grip) + c)
+    w.by_end[i], w.by_first[i] = by_rate, by_rate
     w.by_tension[i] = p.inner_kp[i] + select(taut, 0.0, p.inner_kd[i] * k / (grip * dt))
     w.pull[0, i] = x.drive_tension[i]
     if e is not None:
@@ -168,8 +178,8 @@ def first_span(x, p, u, w, e, s, g, i, dt):
         w.pull[0, i], w.steep[0, i] = select(imposed, w.held[i], w.pull[0, i]), dt * w.grip[i]
         straight = select(follows, held + grip * (g.target[i] - x.drive_position[i]), w.base[0, i])
         w.straight[i] = select(imposed, w.held[i], straight)
-        w.reach[i] = select(follows, g.target[i], x.drive_position[i] + 0.5 * dt * old)
-        w.lever[i], w.step[i] = select(follows, 0.0, 0.5 * dt), dt
+        w.reach[i] = select(follows, g.target[i], x.drive_position[i])
+        w.lever[i], w.step[i] = select(follows, 0.0, dt), dt
         end_row(p, w, e, s, i)
 
 
@@ -178,7 +188,8 @@ def inner_span(x, p, w, h, i, dt):
     """The span behind hole h + 1, which ends at the next hole."""
     k, last = p.span_stiffness[i], h == x.slip_position.shape[0] - 1
     beyond = x.load_position[i] if last else x.slip_position[h + 1, i]
-    w.base[h + 1, i], w.steep[h + 1, i] = k * (x.slip_position[h, i] - beyond), k * dt
+    stretch = x.slip_position[h, i] - beyond
+    w.base[h + 1, i], w.steep[h + 1, i] = k * stretch, select(stretch > 0.0, late(dt), 1.0) * k * dt
     w.rate[h + 1, i], w.pull[h + 1, i] = x.slip_velocity[h, i], x.span_tension[h, i]
 
 
@@ -239,29 +250,44 @@ def rub(x, p, w, e, s, g, h, i):
 
 @inline
 def slipped(x, w, h, i, dt):
-    """State of inner hole h + 1 after the step, and the tension behind it."""
+    """Inner hole h + 1 after the step."""
     x.slip_position[h, i] += dt * w.rate[h + 1, i]
-    x.slip_velocity[h, i], x.span_tension[h, i] = w.rate[h + 1, i], w.pull[h + 1, i]
+    x.slip_velocity[h, i] = w.rate[h + 1, i]
 
 
 @inline
 def moved(x, p, u, w, e, s, g, i, dt):
-    """State and tensions after the step."""
-    holes, half = w.ratio.shape[0], 0.5 * dt
-    drive = x.drive_position[i] + half * (x.drive_velocity[i] + w.rate[0, i])
+    """Drive and load after the step, and the tension at the drive; the holes have moved on."""
+    holes = w.ratio.shape[0]
+    old, way = x.drive_velocity[i], w.rate[0, i]
+    drive = x.drive_position[i] + dt * way
+    stretched = drive - x.drive_position[i] - dt * w.rate[1, i]
     if e is not None:
         drive, gap = select(g.follows[i] > 0.5, g.target[i], drive), e.backlash_gap[i]
         s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], drive, gap), drive)
-    x.drive_position[i], x.drive_velocity[i] = drive, w.rate[0, i]
-    x.drive_tension[i] = w.pull[0, i]
-    x.slack_fraction[i] += select(w.pull[0, i] <= 0.0, 1.0, 0.0)
-    x.peak_tension[i] = maximum(x.peak_tension[i], w.pull[0, i])
+    x.drive_position[i] = drive
+    x.drive_velocity[i] = select((w.lands[i] > 0.5) & (w.state[0, i] == 0.0), way, way + (way - old))
     mean, v = w.rate[holes, i], w.speed[i]
     x.load_position[i] += dt * mean
     x.load_velocity[i] = select(w.theta[i] < 1.0, v + (mean - v) / w.theta[i], mean)
     x.sliding[i] = sign(x.load_velocity[i])
+    k, stretch = p.cable_stiffness[i], drive - x.slip_position[0, i]
+    pull = k * stretch
     if e is not None:
         follow(s.presliding, i, dt * mean, e.presliding_hysteresis_displacement[i])
+        nut = s.gap_position[i]
+        ripple, _ = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
+        stretch = nut + ripple - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
+        stretched = nut + ripple - w.end_before[i] - dt * w.rate[1, i]
+        pull, _ = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
+        pull = own_cable(pull, e, s, i)
+    tension = select(stretch > 0.0, maximum(pull + p.cable_damping[i] * stretched / dt, 0.0), 0.0)
+    if e is not None:
+        tension = select(g.imposes[i] > 0.5, w.held[i], tension)
+    x.drive_tension[i] = tension
+    x.slack_fraction[i] += select(tension <= 0.0, 1.0, 0.0)
+    x.peak_tension[i] = maximum(x.peak_tension[i], tension)
+    if e is not None:
         _stretched(x, p, w, e, s, g, i, dt)
 
 
@@ -282,12 +308,22 @@ def _stretched(x, p, w, e, s, g, i, dt):
 
 
 @inline
+def spans(x, p, w, h, i):
+    """Tension after the step in the span behind hole h + 1: at its limit where it slides, else that of its stretch."""
+    above = x.drive_tension[i] if h == 0 else x.span_tension[h - 1, i]
+    last, n, speed = h == x.slip_position.shape[0] - 1, w.ratio[h, i], x.slip_velocity[h, i]
+    beyond = x.load_position[i] if last else x.slip_position[h + 1, i]
+    own = p.span_stiffness[i] * (x.slip_position[h, i] - beyond)
+    held = clip(own, above / w.rest_up[h, i], above * w.rest_down[h, i])
+    x.span_tension[h, i] = select(speed > 0.0, above / n, select(speed < 0.0, above * n, held))
+
+
+@inline
 def behind(x, p, u, w, e, s, i):
     """Tension behind the last hole: at the limit for the load's speed where it slides, else what holds the load."""
     last = w.ratio.shape[0] - 1
-    v = x.load_velocity[i]
+    v, above = x.load_velocity[i], x.span_tension[last - 1, i]
     n, growth = friction(p, w, e, s, last, i, v, select(v < 0.0, -1.0, 1.0))
-    above = w.pull[last, i]
     held = clip(
         resistance(p, u, e, s, i, x.load_position[i], v, x.load_tension[i]),
         above / w.rest_up[last, i],
