@@ -35,8 +35,9 @@ friction is that of the load's end.
 
 Valid for a bend that does not change, slow motion (no waves, no mass of the tendon), a tendon without bending
 stiffness that touches the sheath all along where it bends; curvature and pressure do not change mu. Backlash proper
-(the tendon's clearance in the sheath) is the effect ``backlash``: a play operator between drive and tendon, which is
-taken up under tension: the drive feels T1 in it too.
+(of the drive, in front of the tendon) is the effect ``backlash``. By position it is a play operator: the nut stays
+where its friction keeps it. By tension the drive's force and the tendon's pull keep it taken up
+(`cable_envs.effects.backlash.pulled_end`), and it shows where the tendon goes slack.
 
 Linearly implicit trapezoidal steps, the drive first: order 2, through reversals too. One kernel: it
 has the effects always.
@@ -45,7 +46,7 @@ has the effects always.
 from cable_envs.core.kernels import clip, inline, maximum, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import (
@@ -151,7 +152,8 @@ def _drive(x, p, u, w, e, s, g, i, dt):
     new = select(follows, g.target_rate[i], new)
     gap, before = e.backlash_gap[i], select(e.backlash_gap[i] > 0.0, s.gap_position[i], position)
     w.end_before[i] = before
-    w.end_after[i] = select(gap > 0.0, play(before, after, gap), after)
+    by_force = (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
+    w.end_after[i] = select(gap > 0.0, pulled_end(by_force, before, after, gap), after)
     w.end_speed[i] = (w.end_after[i] - before) / dt
     w.end_speed_after[i] = select((gap > 0.0) & (w.end_after[i] == before), 0.0, new)
     s.gap_position[i] = w.end_after[i]
