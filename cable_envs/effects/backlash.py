@@ -7,7 +7,7 @@ EFFECT = Effect(
     name="backlash",
     seam="actuate",
     equation="circuit: pulley q in [theta_in - gap/2, theta_in + gap/2], torque at an edge only; "
-    "hole: play operator (the nut is held by its friction); sheath: the same by position, by tension the tendon's pull "
+    "hole: play operator (the nut is held by its friction); by tension or torque of a tendon's drive the pull "
     "keeps it taken up; linear_drive: belt force k dz(x_m - x, gap/2)",
     source="Nordin and Gutman, Automatica 38 (2002) 1633: dead zone with a shaft's compliance, and the play operator",
     parameters=(
@@ -30,14 +30,20 @@ def play(nut, drive, gap):
 
 @inline
 def pulled_end(told_force, nut, drive, gap):
-    """Where a drive holds a tendon that nothing but its own tension pulls, across a gap.
+    """Where a drive holds a tendon, which can only pull, across a gap.
 
     Told its place, the drive finds the nut where its friction keeps it (`play`). Told its force, it feels the tendon's
     pull only through the nut, at the edge to which the tendon pulls it: a nut that kept the pull by itself would leave
     the drive free in the gap, and a drive that feels the pull there all the same gains gap times tension at every
-    reversal, from nowhere. So the pull keeps the gap taken up, and shows it only where the tendon is slack.
+    reversal, from nowhere. So the pull keeps the gap taken up, and the drive's position counts from there.
     """
-    return select(told_force, drive - 0.5 * gap, play(nut, drive, gap))
+    return select(told_force, drive, play(nut, drive, gap))
+
+
+@inline
+def apart(told_force, nut, drive, gap):
+    """Whether a drive of `pulled_end` is between the edges, where it may move without the tendon's end."""
+    return (not told_force) & (abs(drive - nut) < 0.4999995 * gap)
 
 
 @inline

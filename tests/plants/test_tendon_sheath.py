@@ -196,7 +196,10 @@ def test_plant_and_effects_against_small_explicit_steps(case, mode):
     most = 0.02 if "stribeck" in case else 5e-3  # falling friction amplifies what differs where it breaks away
     assert np.abs((found - expected) / size).max() < most
     assert np.ptp(found[:, 1]) > 0.004  # it moves
-    if case != "nothing":
+    if (case, mode) == ("backlash", "tension"):  # the tendon's pull keeps it taken up
+        plain = run(values_of(), mode, steps=90)
+        assert all(np.array_equal(seen[name], plain[name]) for name in CHECKED)
+    elif case != "nothing":
         plain = run(values_of(), mode, steps=90)
         other = np.column_stack([plain[name] for name in CHECKED])
         assert np.abs((found - other) / size).max() > 0.02  # and the effect is seen
@@ -215,7 +218,7 @@ def test_a_drive_that_is_told_its_force_feels_the_tendon_through_the_nut(contact
         rate=np.zeros(len(command)),
     )[:, :, 0]  # fmt: skip
     x, y, tension = nut_in_a_gap(rig, gap, command, START, PERIOD)
-    assert np.abs(out[:, 0] - x).max() < 0.01 * np.ptp(x)
+    assert np.abs(out[:, 0] + 0.5 * gap - x).max() < 0.01 * np.ptp(x)  # it counts from the edge
     assert np.abs(out[:, 1] - y).max() < 0.01 * np.ptp(y)
     assert np.abs(out[:, 2] - tension).max() < 0.02 * np.ptp(tension)
     assert out[:, 3].max() == 1.0 and (tension == 0.0).any()  # slack for a whole period
@@ -278,4 +281,4 @@ def test_a_tension_cannot_be_imposed():
 
 def test_rig_file_loads_with_sources_and_its_breaking_tension_is_above_the_limit():
     rig = load_rig("bowden-1m")
-    assert rig.plant == "tendon_sheath" and len(rig.sources) == len(PLANT.parameters)
+    assert rig.plant == "tendon_sheath" and set(rig.sources) == {*PLANT.parameters.names, *rig.valid}

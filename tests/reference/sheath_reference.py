@@ -33,8 +33,7 @@ class Sheath:
         hard = rig["stiffness_hardening.coefficient"]
         stretch = ((math.sqrt(1 + 2 * hard * tension) - 1) / hard if hard else tension) / self.k
         self.creep, self.worn, self.v, self.vx, self.y = rig["viscoelastic_creep.share"] * stretch, 0.0, 0.0, 0.0, start
-        self.end = start + stretch + self.creep + rig["slack.length"]
-        self.x = self.end + 0.5 * rig["backlash.gap"]  # the tendon's pull has taken the gap up
+        self.end = self.x = start + stretch + self.creep + rig["slack.length"]
         self.t1 = self.t2 = tension
         self.command = None
 
@@ -94,7 +93,7 @@ class Sheath:
         self.x += h * self.vx
         half, before = 0.5 * r["backlash.gap"], self.end
         held = min(max(self.end, self.x - half), self.x + half)
-        self.end = held if mode == "position" else self.x - half
+        self.end = held if mode == "position" else self.x
         self.end_speed = (self.end - before) / h
 
     def advance(self, command, rate, mode, seconds):

@@ -67,7 +67,7 @@ def drive_end(x, w, e, s, i, c, r):
     if e is not None:
         still = _gone(w, i, maximum(r, 0.0) / c)
         side = select(still > w.ahead[i], 1.0, select(still < -w.back[i], -1.0, 0.0))
-        side = select(e.backlash_gap[i] > 0.0, side, 2.0)
+        side = select(w.ahead[i] + w.back[i] > 0.0, side, 2.0)
         moves = select(side == 0.0, 0.0, 1.0)
         off = select(side == 1.0, w.ahead[i], select(side == -1.0, -w.back[i], 0.0))
     up, down, give, rest = w.reach[i] - off, w.reach_down[i] - off, w.give[i], w.coast[i] - off

@@ -122,11 +122,11 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
 
 
 def _settle(x, s, p, e, position: np.ndarray) -> None:
-    """At rest with the load at ``position`` (m, [n]): one tension all along, the gap of the drive taken up."""
+    """At rest with the load at ``position`` (m, [n]): one tension all along, the drive amid its gap."""
     PLANT.settle(x, s, p, e, position)
     contacts = len(x.slip_position)
     for h in range(contacts):
-        x.slip_position[h] = position + (s.gap_position - position) * (1.0 - (h + 0.5) / contacts)
+        x.slip_position[h] = position + (x.drive_position - position) * (1.0 - (h + 0.5) / contacts)
     x.span_tension[:], x.bend[:] = x.drive_tension, p.bend_angle
 
 

@@ -113,12 +113,11 @@ def resolves(p, e) -> np.ndarray:
 
 
 def settle(x, s, p, e, position: np.ndarray) -> None:
-    """At rest with the load at ``position`` (m, [n]): equal tensions at both ends, the gap of the drive taken up."""
+    """At rest with the load at ``position`` (m, [n]): equal tensions at both ends, the drive amid its gap."""
     tension = np.maximum(p.load_preload + p.load_stiffness * position, 0.0)
     hard = e.stiffness_hardening_coefficient
     stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.stiffness
     x.load_position[:] = position
     x.drive_tension[:] = x.load_tension[:] = x.peak_tension[:] = tension
-    s.creep_top[:] = e.viscoelastic_creep_share * stretch
-    s.gap_position[:] = position + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
-    x.drive_position[:] = s.gap_position + 0.5 * e.backlash_gap
+    x.drive_position[:] = position + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
+    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position

@@ -3,7 +3,7 @@
 In the middle of a step the drive has moved on and the load has not, so that a tendon that goes out under a small
 tension counts as slack there. Where the load would turn round within a step it stops, and goes the other way in the
 next one. The peak of a control step leaves its start out. A gap of the drive is crossed under the tendon's tension in
-both modes, and begins with the drive in its middle.
+both modes.
 """
 
 from dataclasses import replace
@@ -22,9 +22,9 @@ def _nut(told_force, nut, drive, gap):
     return play(nut, drive, gap)
 
 
-def _settle(x, s, p, e, position):
-    PLANT.settle(x, s, p, e, position)
-    x.drive_position[:] = s.gap_position
+@inline
+def _apart(told_force, nut, drive, gap):
+    return abs(drive - nut) < 0.4999995 * gap
 
 
 @inline
@@ -33,10 +33,10 @@ def _still(x, i, dt):
 
 
 _SOLVE = specialised(
-    PLANT.solve, load_ahead=_still, load_slides=stick_slip_step, peak_at_start=no_peak, pulled_end=_nut
+    PLANT.solve, load_ahead=_still, load_slides=stick_slip_step, peak_at_start=no_peak, pulled_end=_nut, apart=_apart
 )
 
 
 def as_v0(plant: Plant) -> Plant:
     """The plant with the kernel of the ids ``-v0``."""
-    return replace(plant, version="v0", solve=_SOLVE, settle=_settle, resolves=None)
+    return replace(plant, version="v0", solve=_SOLVE, resolves=None)
