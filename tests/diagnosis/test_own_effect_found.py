@@ -91,7 +91,7 @@ def test_an_effect_of_ones_own_is_named_fitted_and_simulated(name, tmp_path):
         load_rig(tmp_path / "augmented.yaml")
     corrected = load_rig(tmp_path / "augmented.yaml", (effect,))
     assert max(left(recording, RIG)) > 1.3
-    assert max(left(recording, corrected)) < 1.1
+    assert max(left(recording, corrected)) < 1.18  # as much as a named effect may leave (docs/diagnosis.md)
 
 
 @pytest.mark.slow  # compiles the kernel of an environment, and diagnoses twice
