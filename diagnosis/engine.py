@@ -239,13 +239,28 @@ def _dotted_names(effects: Mapping[str, Any]) -> list[str]:
 def ask(recording: Recording, request: Request) -> Question:
     """The question of a recording (`cable_envs.diagnosis.systems`), with something held out."""
     if recording.used_for("heldout"):
-        return prepare(recording, request)
+        return _with_held_shapes(prepare(recording, request), request)
     cut, ends = kept_back(recording)
-    question = prepare(cut, request)
+    question = _with_held_shapes(prepare(cut, request), request)
     for block in question.heldout.blocks:  # the whole record is run, for the state at the cut; its end is scored
         block.good[block.time < ends[block.record]] = False
     share = f"the last {KEPT_BACK:.0%} of each record is held out: the recording has no record for that"
     return replace(question, notes=(*question.notes, share))
+
+
+def _with_held_shapes(question: Question, request: Request) -> Question:
+    """The question, with a note on what of a user's own effects no refit moves."""
+    own = {effect.name for effect in request.own}
+    notes = []
+    for h in question.hypotheses:
+        if h.name in own and h.effect is not None:
+            held = [p.name for p in h.effect.parameters if p.shape and h.effect.row(p) not in h.names]
+            if held:
+                notes.append(
+                    f"{', '.join(held)} of {h.name} is not fitted and keeps its value: "
+                    "a shape is fitted where its parameter declares probes"
+                )
+    return replace(question, notes=(*question.notes, *notes))
 
 
 def without_its_effects(recording: Recording, request: Request) -> float | None:

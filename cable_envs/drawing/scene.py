@@ -135,6 +135,48 @@ class Wheels:
         self.pointers.set_data(*np.vstack(pointers).T)
 
 
+class DriveName:
+    """What a drive is called; one with a motor is a motor, and says what current it has.
+
+    Parameters
+    ----------
+    sheet : Sheet
+        Where it stands.
+    rig : mapping of str to float
+        Parameters of the rig by name.
+    name : str
+        Name of the ideal drive; empty: nothing but the current is written.
+    at, reading : tuple of float
+        Middle of the name and of the current, pixels.
+    current : str
+        Signal of the motor's current.
+    turn : float
+        Direction of the name, rad.
+    """
+
+    def __init__(
+        self,
+        sheet: d.Sheet,
+        rig: Mapping[str, float],
+        name: str,
+        at: tuple[float, float],
+        reading: tuple[float, float],
+        current: str = "motor_current",
+        turn: float = 0.0,
+    ):
+        self.current = current if "motor_constant" in rig else ""
+        self.word = "" if name else "motor "
+        if name:
+            text = name.replace("drive", "motor") if self.current else name
+            w.Label(sheet, *at, text, ha="center", va="center", turn=turn)
+        self.reading = w.Label(sheet, *reading, "", d.SMALL, d.TORQUE, ha="center", va="center", moving=True)
+
+    def show(self, signals: Mapping[str, float]) -> None:
+        """The present current, where there is a motor."""
+        if self.current:
+            self.reading.set(f"{self.word}{w.number(signals[self.current], '.2f')} A")
+
+
 def belt(wheels: Sequence[tuple[tuple[float, float], float]], gap: float = 2.0) -> list[np.ndarray]:
     """A closed belt round wheels that are given counter-clockwise: arc, straight run, arc and so on, each [n, 2]."""
     centres = [np.asarray(centre, float) for centre, _ in wheels]

@@ -37,9 +37,12 @@ EFFECT = Effect(
     seam="load",
     equation="F = level (z + damping z'), z' = (v - alpha(z, v) |v| z) / displacement",
     source="Dupont, Hayward, Armstrong, Altpeter, IEEE TAC 47 (2002) 787",
-    parameters=(
+    parameters=(  # probes: what a diagnosis fits beside the level, and where it begins
         EffectParameter("level", "N", 0.0, 0.0, 1e4, "friction while it slides", typical=4.0),
-        EffectParameter("displacement", "m", 1e-4, 1e-9, 1.0, "deflection at that friction", 1e-4, shape=True),
+        EffectParameter(
+            "displacement", "m", 1e-4, 1e-9, 1.0, "deflection at that friction", 1e-4, shape=True,
+            probes=(0.1, 0.3, 1.0),
+        ),
         EffectParameter("damping", "s", 1e-3, 0.0, 10.0, "damping of the contact over stiffness", 1e-3, shape=True),
         EffectParameter("breakaway", "1", 0.7, 0.0, 0.99, "share of it up to which nothing slips", 0.7, shape=True),
     ),
@@ -48,4 +51,4 @@ EFFECT = Effect(
     hooks={"load": friction},
     validity="plants that move straight",
     experiment="a force that swings below breakaway for long: the load must not creep away",
-)
+)  # fmt: skip

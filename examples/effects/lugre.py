@@ -34,16 +34,23 @@ EFFECT = Effect(
     seam="load",
     equation="F = level (z + damping z'), z' = (v - |v| z / (1 + excess e^-(v / stribeck)^2)) / displacement",
     source="Canudas de Wit, Olsson, Astrom, Lischinsky, IEEE TAC 40 (1995) 419",
-    parameters=(
+    parameters=(  # probes: what a diagnosis fits beside the level, and where it begins; the damping keeps its default
         EffectParameter("level", "N", 0.0, 0.0, 1e4, "friction at high speed", typical=4.0),
-        EffectParameter("displacement", "m", 1e-4, 1e-9, 1.0, "deflection at that friction", 1e-4, shape=True),
+        EffectParameter(
+            "displacement", "m", 1e-4, 1e-9, 1.0, "deflection at that friction", 1e-4, shape=True,
+            probes=(0.1, 0.3, 1.0),
+        ),
         EffectParameter("damping", "s", 1e-3, 0.0, 10.0, "damping of the bristles over stiffness", 1e-3, shape=True),
-        EffectParameter("excess", "1", 0.5, 0.0, 10.0, "friction at v = 0 above level, over it", 0.5, shape=True),
-        EffectParameter("stribeck", "m/s", 2e-3, 1e-6, 10.0, "speed at which it has fallen to 1/e", 2e-3, shape=True),
+        EffectParameter(
+            "excess", "1", 0.5, 0.0, 10.0, "friction at v = 0 above level, over it", 0.5, shape=True, probes=(1.0,)
+        ),
+        EffectParameter(
+            "stribeck", "m/s", 2e-3, 1e-6, 10.0, "speed at which it has fallen to 1/e", 2e-3, shape=True, probes=(1.0,)
+        ),
     ),
     states=(EffectState("bent", "1", 0.0, "mean deflection of the bristles over displacement"),),
     advance={"bent": bend},
     hooks={"load": friction},
     validity="plants that move straight",
     experiment="small reversals, then constant speeds",
-)
+)  # fmt: skip

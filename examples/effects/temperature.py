@@ -30,7 +30,9 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("slope", "1/K", 0.0, -1.0, 1.0, "friction coefficient for one kelvin", -5e-3),
         EffectParameter("resistance", "K/W", 10.0, 0.0, 1e6, "temperature for one watt", 10.0, shape=True),
-        EffectParameter("constant", "s", 60.0, 1e-3, 1e6, "time constant of the contact", 60.0, shape=True),
+        EffectParameter(
+            "constant", "s", 60.0, 1e-3, 1e6, "time constant of the contact", 60.0, shape=True, probes=(0.1, 1.0)
+        ),
     ),
     states=(EffectState("excess", "K", 0.0, "temperature of the contact above that of the room"),),
     advance={"excess": warmed},

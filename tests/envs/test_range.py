@@ -4,7 +4,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
+import cable_envs
 from cable_envs import load_rig
+from cable_envs.core.config import config_names
 from cable_envs.core.errors import ConfigurationError
 
 ID = "cable_envs/CableHole-Position-Sine-v1"
@@ -69,3 +71,28 @@ def test_the_circuit_says_it_of_a_slack_cable_and_of_a_rigs_range_alike():
 def test_ranges_that_make_no_sense_are_refused(valid, message):
     with pytest.raises(ConfigurationError, match=message):
         load_rig({**load_rig("gu-inferred").content(), "valid": valid})
+
+
+@pytest.mark.parametrize("name", config_names("rigs"))
+def test_every_rig_that_is_shipped_says_where_it_holds_and_why(name):
+    rig = load_rig(name)
+    holds = rig.holds(rig.simulated_by())
+    assert rig.valid and holds
+    assert all(len(rig.sources[signal]) > 20 for signal in rig.valid)
+    for low, high in holds.values():
+        assert low < 0.0 < high  # at rest it holds
+
+
+@pytest.mark.slow  # a kernel of every plant and version
+@pytest.mark.parametrize("env_id", sorted({*cable_envs.ENV_IDS, *cable_envs.V1_IDS}))
+def test_every_environment_says_it(env_id):
+    """A range that leaves out where the episode is, and one that does not: nothing else moves."""
+    plain = gym.make(env_id).unwrapped.setup.rig
+    output = next(iter(plain.valid))
+    seen = []
+    for low, high in ((-1e6, 1e6), (1e5, 1e6)):
+        ranges = {output: {"low": low, "high": high}}
+        env = gym.make(env_id, rig=load_rig({**plain.content(), "valid": ranges}))
+        infos = [env.reset(seed=0)[1], *(env.step(np.zeros(1, np.float32))[4] for _ in range(3))]
+        seen.append([info["out_of_range"] for info in infos[1:]])
+    assert seen == [[0.0] * 3, [1.0] * 3]

@@ -9,6 +9,7 @@ pytest.importorskip("matplotlib")
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.render import Renderer
+from cable_envs.sim.rigs import load_rig
 
 HANGING = {"load_mass": 5.0, "gravity": 9.81, "wrap_angle": math.pi / 3, "tension_limit": 100.0}
 ANCHORED = {"load_mass": 1.0, "load_gravity": 0.0, "load_stiffness": 2600.0, "wrap_angle": 1.0}
@@ -293,3 +294,22 @@ def test_users_matplotlib_style_changes_nothing():
         styled = picture(hole(), HOLE)
         assert matplotlib.rcParams["lines.linewidth"] == 9.0
     np.testing.assert_array_equal(plain, styled)
+
+
+@pytest.mark.parametrize(("plant", "ideal", "currents"), [
+    ("cable_hole", "gu-steel-1mm", ("motor_current",)), ("tendon_sheath", "bowden-1m-20", ("motor_current",)),
+    ("pulley_circuit", "zou-table2", ("motor_current",)),
+    ("wrist", "wrist-8mm", ("motor_current", "pitch_motor_current")),
+    ("antagonistic_joint", "finger-joint", ("motor_a_current", "motor_b_current")),
+])  # fmt: skip
+def test_a_motor_is_shown_with_its_current_and_an_ideal_drive_is_not(plant, ideal, currents):
+    for rig in (load_rig(ideal), load_rig(f"{ideal}-motor")):
+        simulated = rig.simulated_by()
+        rest = simulated.rest(simulated.prepare(rig.column(simulated)), np.zeros(1))[:, 0]
+        signals = dict(zip([s.name for s in simulated.signals], rest, strict=False))
+        renderer = Renderer(plant, rig.values, "test", "m" if plant in ("cable_hole", "tendon_sheath") else "rad")
+        first = picture(renderer, signals)
+        for current in currents:
+            other = picture(renderer, signals, **{current: 1.25})
+            shows = np.count_nonzero((other != first).any(axis=2)) > 20
+            assert shows == (current in signals), (rig.name, current)

@@ -1,6 +1,7 @@
 """Action modes with two actions: spaces, batch, delays, copies, replays, errors, agents; one action goes on."""
 
 import copy
+import itertools
 
 import gymnasium as gym
 import numpy as np
@@ -128,21 +129,53 @@ def test_a_copy_and_a_saved_state_go_on_to_the_bit():
     assert all(np.array_equal(a, env.step(action)[0]) for a, action in zip(first, given[10:], strict=True))
 
 
-def test_a_replay_of_both_commands_is_the_episode():
-    env = made()
+WRIST = "cable_envs/Wrist-Position-Sine-v1"
+DRIVEN = [
+    (ENV, MODE, "finger-joint", "joint_angle"),
+    (ENV, MODE, "finger-joint-motor", "joint_angle"),
+    (ENV, "torque_and_co_contraction", "finger-joint-motor", "joint_angle"),
+    (WRIST, "position_and_pitch", "wrist-8mm", "yaw_angle"),
+    (WRIST, "position_and_pitch", "wrist-8mm-motor", "yaw_angle"),
+]
+"""Environment, mode with two actions, rig, and the signal that says where an episode begins."""
+slow_beyond_one = [pytest.param(*case, marks=[pytest.mark.slow] if k > 1 else []) for k, case in enumerate(DRIVEN)]
+
+
+@pytest.mark.parametrize(("env_id", "mode", "rig", "output"), slow_beyond_one)
+def test_a_replay_of_both_commands_is_the_episode(env_id, mode, rig, output):
+    """Ideal drives and motors: the episode, encoders and currents included, comes out again."""
+    env = gym.make(env_id, action_mode=mode, rig=rig, duration=2.0)
     (_, first), *steps = rolled(env, actions(50))
     infos = [step[4] for step in steps]
     setup, rows = (
         env.unwrapped.setup,
         [s.name for s in env.unwrapped.setup.plant.signals if s.name != OUT_OF_RANGE.name],
     )
-    told = {name: np.array([info[name] for info in (first, *infos)]) for name in ("command", "co_contraction_command")}
+    both = "command", f"{mode.split('_and_')[1]}_command"
+    one, two = (np.array([info[name] for info in (first, *infos)]) for name in both)
     again = replay(
-        setup.plant, setup.rig.column(setup.plant), told["command"][1:], 0.01, drive=MODE, hold="step", signals=rows,
-        start=first["joint_angle"], substeps=setup.substeps, rate=np.diff(told["command"]) / 0.01,
-        second=told["co_contraction_command"][1:], second_rate=np.diff(told["co_contraction_command"]) / 0.01,
+        setup.plant, setup.rig.column(setup.plant), one[1:], 0.01, drive=mode, hold="step", signals=rows,
+        start=first[output], substeps=setup.substeps, rate=np.diff(one) / 0.01, second=two[1:],
+        second_rate=np.diff(two) / 0.01,
     )[:, :, 0]  # fmt: skip
     assert again == pytest.approx(np.array([[info[name] for name in rows] for info in infos]), rel=1e-12, abs=1e-12)
+    assert rig.endswith("motor") == any("current" in name for name in rows)
+
+
+@pytest.mark.slow  # five kernels to compile where none is kept
+@pytest.mark.parametrize(("env_id", "mode", "rig", "output"), DRIVEN)
+def test_pictures_show_both_actions_with_motors_too(env_id, mode, rig, output):
+    pytest.importorskip("matplotlib")
+    env = gym.make(env_id, action_mode=mode, rig=rig, duration=2.0, render_mode="rgb_array")
+    env.reset(seed=1)
+    frames = [env.render()]
+    for action in ([0.3, 0.0], [0.3, 0.0], [0.3, 0.8], [0.3, 0.8]):
+        for _ in range(10):
+            env.step(np.array(action, np.float32))
+        frames.append(env.render())
+    assert all(f.shape == frames[0].shape and f.dtype == np.uint8 and f.shape[2] == 3 for f in frames)
+    changed = [np.count_nonzero((a != b).any(axis=2)) for a, b in itertools.pairwise(frames)]
+    assert min(changed) > 200  # pixels, of the mechanism and its traces
 
 
 @pytest.mark.parametrize(("action", "message"), [

@@ -7,7 +7,7 @@ import pytest
 from cable_envs import load_rig
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.hole.statics import EXACT, hole_ratio
-from tests.reference.motor_reference import Motor, stuck_or_sliding
+from tests.reference.motor_reference import HolesWithMotor, Motor, stuck_or_sliding
 
 HOLE, SHEATH = "gu-steel-1mm-motor", "bowden-1m-motor"
 PERIOD = 0.01
@@ -77,6 +77,34 @@ def test_the_hole_moves_as_its_equations_in_short_explicit_steps(mode, command):
             paths["load"].append(y)
     agree(seen, "drive_position", paths["drive_position"])
     agree(seen, "load_position", paths["load"])
+
+
+@pytest.mark.parametrize("holes", [2, 3])
+@pytest.mark.parametrize(
+    ("mode", "command"),
+    [
+        ("tension", lambda t: 30.0 + 15.0 * np.sin(4.0 * t)),
+        ("speed", lambda t: 0.01 * np.cos(6.0 * t)),
+    ],
+)
+def test_holes_in_series_move_as_their_equations_in_short_explicit_steps(mode, command, holes):
+    """Motor and load in 20 us steps; which inner holes slip, and how far, from dense equations for each step."""
+    series = {**SERIES, "holes": holes}
+    changes = {"encoder_counts": 0.0, "cogging_torque": 2e-3, "extrusion_gain": 0.0, "cable_damping": 0.0}
+    changes |= {f"friction_coefficient{one}": 0.283 for one in ("", *(f"_{h}" for h in range(2, holes + 1)))}
+    q, seen = driven(series, changes, command, mode, substeps=40, steps=100)
+    ratio = hole_ratio(EXACT, 0.0, q["wrap_angle"], q["radius_ratio"], q["friction_coefficient"], q["extrusion_delta"],
+                       0.0, 1.0, 0.0, 1.0, 1.0, 1.0)  # fmt: skip
+    _, fine = driven(series, changes, command, mode, substeps=400, steps=100)
+    other = HolesWithMotor(q, ratio, holes, 2e-5)
+    told = np.array([other.advance(mode, command(PERIOD * k), 0.0, PERIOD) for k in range(100)]).T
+    names = "drive_tension", f"span_tension_{holes - 1}", "drive_position", "load_position"
+    coarse, finer = (
+        [np.sqrt(np.mean((one[n] - path) ** 2)) / np.ptp(one[n]) for n, path in zip(names, told, strict=True)]
+        for one in (seen, fine)
+    )
+    assert max(coarse[2:]) < 2e-4 and max(finer[2:]) < 5e-5  # the reference's own steps make 2e-5
+    assert max(coarse[:2]) < 0.01 and max(finer[:2]) < 1e-3
 
 
 @pytest.mark.parametrize(

@@ -190,3 +190,37 @@ class ContactsWithMotor:
             self.places[0], self.places[-1] = self.motor.at, y + h * self.v
             self.slip()
         return self.tension(0), self.tension(self.n), self.places[0], self.places[-1]
+
+
+class HolesWithMotor(ContactsWithMotor):
+    """A motor that hauls a load through holes in series; the load is at the last one, the others have no inertia.
+
+    Without extrusion and without damping of the cable, so that the ratio of each hole is one number.
+    """
+
+    def __init__(self, rig, ratio, holes, step):
+        self.rig, self.n, self.step, self.ratio = rig, holes - 1, step, ratio
+        self.spans = np.array([rig["cable_stiffness"], *[rig["span_stiffness"]] * (holes - 1)])
+        self.weight = rig["load_mass"] * rig["gravity"] * rig["load_gravity"]
+        self.places = np.append(np.cumsum((self.weight / self.spans)[::-1])[::-1], 0.0)
+        self.motor = Motor(rig, self.places[0], self.weight, "tension_command_limit")
+        self.v, self.ways, self.inverses = 0.0, np.zeros(self.n, int), {}
+
+    def advance(self, mode, command, rate, period):
+        """One control period; (T_0, T_{N-1}, x, y) behind it."""
+        rig, h, motor = self.rig, self.step, self.motor
+        most = h * rig["drive_acceleration_limit"]
+        for _ in range(round(period / h)):
+            if mode == "tension":
+                motor.ask(max(command, 0.0))
+                motor.move(self.tension(0), h)
+            else:
+                motor.follow(motor.target, motor.pace, self.tension(0), h)
+                motor.target += h * motor.pace
+                motor.pace += min(max(command - motor.pace, -most), most)
+            above = self.tension(self.n)
+            up, down = above / self.ratio - self.weight, above * self.ratio - self.weight
+            self.v = stuck_or_sliding(self.v, up, down, rig["load_mass"], h)
+            self.places[0], self.places[-1] = motor.at, self.places[-1] + h * self.v
+            self.slip()
+        return self.tension(0), self.tension(self.n), self.places[0], self.places[-1]

@@ -1,4 +1,4 @@
-"""A tendon in a sheath in plain Python, twice: small explicit steps, and a distributed tendon at rest in every moment.
+"""A tendon in a sheath in plain Python: small explicit steps, a distributed tendon at rest in every moment, and a nut.
 
 No code is shared with the plant; the tension from the stretch is found by bisection from the capstan profile itself.
 """
@@ -6,6 +6,7 @@ No code is shared with the plant; the tension from the stretch is found by bisec
 import math
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 
 def mean_tension(t1, t2):
@@ -91,7 +92,8 @@ class Sheath:
         self.vx = min(max(self.vx, -r["drive_speed_limit"]), r["drive_speed_limit"])
         self.x += h * self.vx
         half, before = 0.5 * r["backlash.gap"], self.end
-        self.end = min(max(self.end, self.x - half), self.x + half)
+        held = min(max(self.end, self.x - half), self.x + half)
+        self.end = held if mode == "position" else self.x
         self.end_speed = (self.end - before) / h
 
     def advance(self, command, rate, mode, seconds):
@@ -122,6 +124,45 @@ class Sheath:
             self.creep += h / r["viscoelastic_creep.time"] * (r["viscoelastic_creep.share"] * elastic - self.creep)
             fast = 1 / r["friction_drift.time"] + abs(new) / r["friction_drift.travel"]
             self.worn += h * (1 - self.worn) * fast
+
+
+def nut_in_a_gap(rig, gap, commands, start, period, stiff=2e6, drag=0.1):
+    """(drive position, load position, tension at the nut), [T] each, of a drive told its force, held for a period each.
+
+    Nothing is said of where the nut is: it has no mass and hardly any drag, the tendon pulls it, and it meets the edges
+    of a gap in the drive as springs of 2 MN/m that push and never pull. The tendon has no friction in its sheath.
+    """
+    k, c = 1 / (1 / rig["tendon_stiffness"] + 1 / rig["sheath_stiffness"]), rig["tendon_damping"]
+    tension = rig["load_preload"] + rig["load_stiffness"] * start
+    nut = start + tension / k
+    z = [nut + 0.5 * gap + tension / stiff, 0.0, nut, start, 0.0]
+
+    def pushed(x, nut):
+        return stiff * max(x - 0.5 * gap - nut, 0.0) - stiff * max(nut - x - 0.5 * gap, 0.0)
+
+    def pulled(nut, speed, y, v):
+        return max(k * (nut - y) + c * (speed - v), 0.0) if nut > y else 0.0
+
+    def crawls(x, nut, y, v):
+        """Speed of the nut: drag balances push less pull, which falls with the speed by c where it is taut."""
+        free = pushed(x, nut) / drag
+        taut = (pushed(x, nut) - k * (nut - y) + c * v) / (drag + c)
+        return taut if nut > y and k * (nut - y) + c * (taut - v) > 0 else free
+
+    def rates(t, z, command):
+        x, vx, nut, y, v = z
+        speed = crawls(x, nut, y, v)
+        resist = rig["load_preload"] + rig["load_stiffness"] * y + rig["load_damping"] * v
+        drive = (command - pushed(x, nut) - rig["drive_damping"] * vx) / rig["drive_mass"]
+        return [vx, drive, speed, v, (pulled(nut, speed, y, v) - resist) / rig["load_mass"]]
+
+    out = []
+    for command in commands:
+        run = solve_ivp(rates, (0.0, period), z, "Radau", args=(command,), rtol=1e-7, atol=1e-10)
+        z = run.y[:, -1]
+        x, _, nut, y, v = z
+        out.append((x, y, pulled(nut, crawls(x, nut, y, v), y, v)))
+    return np.array(out).T
 
 
 def distributed(rig, drive, start, points=400):

@@ -39,7 +39,7 @@ other half: order 2 but for the steps in which a contact or the joint stops. One
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sign, sine_cosine
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, actuate_second, begin, begin_friction, end, slide
 from cable_envs.effects.stiffness_hardening import hardened, linear
@@ -118,11 +118,11 @@ def _balance(x, p, w, e, s, i, q, end_a, end_b):
 
 
 @inline
-def _ends(x, p, e, s, g, i, at_a, at_b):
+def _ends(p, u, e, s, g, i, at_a, at_b):
     """Where the drives hold the tendons, with play between them."""
-    gap = p.moment_arm[i] * e.backlash_gap[i]
-    s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], at_a, gap), at_a)
-    s.gap_opposed[i] = select(gap > 0.0, play(s.gap_opposed[i], at_b, gap), at_b)
+    gap, by_force = p.moment_arm[i] * e.backlash_gap[i], (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
+    s.gap_position[i] = select(gap > 0.0, pulled_end(by_force, s.gap_position[i], at_a, gap), at_a)
+    s.gap_opposed[i] = select(gap > 0.0, pulled_end(by_force, s.gap_opposed[i], at_b, gap), at_b)
     return s.gap_position[i], s.gap_opposed[i]
 
 
@@ -168,7 +168,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     q_half = q + half * v
     half_a = select(follows, 0.5 * (xa + path_a), xa + half * x.drive_a_velocity[i])
     half_b = select(follows, 0.5 * (xb + path_b), xb + half * x.drive_b_velocity[i])
-    end_a, end_b = _ends(x, p, e, s, g, i, half_a, half_b)
+    end_a, end_b = _ends(p, u, e, s, g, i, half_a, half_b)
     _balance(x, p, w, e, s, i, q_half, end_a, end_b)
     new = _turned(x, p, u, e, s, g, i, q_half, dt)
     new_a, new_b = driven(x, p, u, w, e, g, i, dt)
@@ -177,7 +177,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     x.drive_a_position[i] = select(follows, path_a, half_a + half * new_a)
     x.drive_b_position[i] = select(follows, path_b, half_b + half * new_b)
     x.joint_angle[i], x.joint_velocity[i] = q_half + half * new, new
-    end_a, end_b = _ends(x, p, e, s, g, i, x.drive_a_position[i], x.drive_b_position[i])
+    end_a, end_b = _ends(p, u, e, s, g, i, x.drive_a_position[i], x.drive_b_position[i])
     _balance(x, p, w, e, s, i, x.joint_angle[i], end_a, end_b)
     long, left = e.viscoelastic_creep_share[i], g.creep_left[i]
     all_of = (p.drive_stiffness[i] + p.end_stiffness[i]) / (p.drive_stiffness[i] * p.end_stiffness[i])

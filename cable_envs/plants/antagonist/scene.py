@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
-from cable_envs.drawing.scene import FLAT, Scene, Wheels
+from cable_envs.drawing.scene import FLAT, DriveName, Scene, Wheels
 
 _JOINT, _RADIUS, _LINK = (390.0, 340.0), 58.0, 150.0
 _DRIVES, _SPOOL = {"a": (86.0, 460.0), "b": (86.0, 220.0)}, 30.0
@@ -21,7 +21,7 @@ class JointScene(Scene):
     title = "Joint with two tendons"
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
-        self.by_torque = reference_unit == "N m"
+        self.rig, self.by_torque = rig, reference_unit == "N m"
         self.arm, self.limit = rig.get("moment_arm", 0.01), rig.get("tension_limit", math.inf)
         self.first_tension = 2.0 * rig.get("co_contraction", 15.0)
         self.curves = (w.Curve("a at the joint", d.FIRST), w.Curve("b at the joint", d.SECOND))
@@ -31,9 +31,11 @@ class JointScene(Scene):
         """Put everything on the sheet for an end of the colours (N); ``motion`` is not used."""
         self.full = tension
         case = {"fc": d.BODY, "ec": d.METAL_EDGE, "lw": 1.0, "zorder": 0.8}
+        self.names = []
         for name, (x, y) in _DRIVES.items():
             sheet.add(d.block((x - 8.0, y), FLAT, 84.0, 84.0, **case))
-            w.Label(sheet, x - 8.0, y - 58.0, f"drive {name}", ha="center", va="center")
+            places = (x - 8.0, y - 58.0), (x - 8.0, y - 76.0)
+            self.names.append(DriveName(sheet, self.rig, f"drive {name}", *places, f"motor_{name}_current"))
         self.guides = {"a": (250.0, _JOINT[1] + _RADIUS + _GUIDE), "b": (250.0, _JOINT[1] - _RADIUS - _GUIDE)}
         self.wheels = Wheels(sheet, ((_JOINT, _RADIUS), *((at, _SPOOL) for at in _DRIVES.values())))
         for at in self.guides.values():
@@ -79,6 +81,8 @@ class JointScene(Scene):
             drive, joint = ends_of[name]
             tension = np.where(np.arange(len(path)) < 3, drive, joint)
             cable.set(path, tension, self.full, np.full(len(path), -_RADIUS * drives[name]))
+        for one in self.names:
+            one.show(signals)
         self.bar.set((ends_of["a"][1], ends_of["b"][1]), None)
         self.stiffness.set(f"stiffness {w.number(signals['joint_stiffness'], '.2f')} N m/rad")
         slack = min(min(pair) for pair in ends_of.values()) <= 1e-6 or signals.get("slack_fraction", 0.0) > 0.0

@@ -8,7 +8,7 @@ from matplotlib.patches import Circle
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
-from cable_envs.drawing.scene import Scene
+from cable_envs.drawing.scene import DriveName, Scene
 from cable_envs.plants.circuit.parameters import CIRCUIT, IDLERS, SIDES
 
 _MM = 4.1  # pixels per millimetre of pulley radius
@@ -33,7 +33,7 @@ class CircuitScene(Scene):
     mechanism = (160, 50, 960, 370)
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
-        self.rig = {p.name: rig.get(p.name, p.default) for p in CIRCUIT}
+        self.given, self.rig = rig, {p.name: rig.get(p.name, p.default) for p in CIRCUIT}
         self._full_torque = 0.5 * self.rig["drive_torque_limit"]
         self.by_angle = reference_unit == "rad"
         self.limit = self.rig["tension_limit"]
@@ -170,6 +170,8 @@ class CircuitScene(Scene):
         self.torques = w.TorqueArrow(sheet, _DRIVE, 46.0, 75.0), w.TorqueArrow(sheet, _OUTPUT, _JAW + 32.0, 32.0)
         self.goal = sheet.line(marker="D", ms=5, mfc="white", mec=d.REFERENCE, mew=1.3, zorder=5)
         self.in_text = w.Label(sheet, _DRIVE[0] + 66, _DRIVE[1] - 50, "", d.NORMAL, d.TORQUE, moving=True)
+        below = (_DRIVE[0] + 112, _DRIVE[1] - 64)
+        self.drive_name = DriveName(sheet, self.given, "", below, below)
         self.out_text = w.Label(sheet, 934, 296, "", d.NORMAL, d.TORQUE, ha="right", moving=True)
         for centre, name in ((_DRIVE, "0"), (_OUTPUT, "5")):
             sheet.add(Circle(d.pair(centre), 7.5, fc="white", ec=d.INK, lw=1.0, zorder=8.5), moving=True)
@@ -195,6 +197,7 @@ class CircuitScene(Scene):
         self.out_text.set(f"output torque {w.number(moments[1], '.3f')} N m")
         tensions = self.tensions(signals)
         self.bar.set(tensions, None)
+        self.drive_name.show(signals)
         self.pills[0].set(*_PHASES[int(np.clip(signals.get("phase", 0.0), 0, 3))])
         slack = min(tensions) <= 1e-6 or signals.get("slack_fraction", 0.0) > 0.0
         self.pills[1].set("slack" if slack else "", d.AMBER)

@@ -9,7 +9,7 @@ from matplotlib.patches import Polygon
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
-from cable_envs.drawing.scene import Scene
+from cable_envs.drawing.scene import DriveName, Scene
 
 _BOX = (24.0, 130.0, 572.0, 584.0)  # left, bottom, right, top of the mechanism in the frame
 _MOTOR = 58.0
@@ -25,7 +25,7 @@ class HoleScene(Scene):
     title = "Cable-hole"
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
-        self.by_tension = reference_unit == "N"
+        self.rig, self.by_tension = rig, reference_unit == "N"
         self.wraps = [rig.get("wrap_angle", math.pi / 3)]
         while f"wrap_angle_{len(self.wraps) + 1}" in rig:
             self.wraps.append(rig[f"wrap_angle_{len(self.wraps) + 1}"])
@@ -128,7 +128,8 @@ class HoleScene(Scene):
         sheet.add(d.block(motor, axis, _MOTOR, 36.0, fc=d.BODY, ec=d.METAL_EDGE, lw=1.0, zorder=3))
         turned = math.atan2(axis[1], axis[0])
         turned += math.pi if abs(turned) > math.radians(91.0) else 0.0
-        w.Label(sheet, *d.pair(motor), "drive", ha="center", va="center", turn=turned)
+        below = d.pair(motor - 32.0 * normal)
+        self.drive_name = DriveName(sheet, self.rig, "drive", d.pair(motor), below, turn=turned)
         self._ruler(sheet, self.drive_home, -axis, 25.0 * normal, d.SOFT)
 
     def _draw_hole(self, sheet: d.Sheet, arc: d.Piece, wrap: float) -> None:
@@ -210,6 +211,7 @@ class HoleScene(Scene):
         self._set_bodies(carriage, hook, reference)
         self._set_sliding(signals["sliding"])
         self.bar.set((t1, t2), reference if self.by_tension else None)
+        self.drive_name.show(signals)
         slack = t1 <= 1e-6 or signals.get("slack_fraction", 0.0) > 0.0
         self.pills[1].set("slack" if slack else "", d.AMBER)
         self.pills[2].set("overload" if signals.get("peak_tension", t1) > self.limit else "", d.WARN)

@@ -13,7 +13,7 @@ takes either way: F falls with T, and never jumps. The tendon's end goes by the 
 
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.plants.servo_stages import motor_shows, motor_torques, servo_reads
-from cable_envs.plants.sheath.contact_stages import end_share
+from cable_envs.plants.sheath.contact_stages import end_share, room
 
 SCRATCH = ("reach_down", "coast", "cogging")
 """``down`` and dt v / 2, m; the motor's cogging, N. ``up``, g and both limits are those of an ideal drive."""
@@ -39,7 +39,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         w.low[i], w.high[i] = select(follows, way, w.low[i]), select(follows, way, w.high[i])
         w.placed[i] = g.target_rate[i]
         nut = select(gap > 0.0, s.gap_position[i], at)
-        w.ahead[i], w.back[i] = nut + 0.5 * gap - at, at - nut + 0.5 * gap
+        w.ahead[i], w.back[i] = room((u.mode[i] > 0.5) & (g.follows[i] < 0.5), nut, at, gap)
     w.drive_state[i] = 0.0
 
 
@@ -67,7 +67,7 @@ def drive_end(x, w, e, s, i, c, r):
     if e is not None:
         still = _gone(w, i, maximum(r, 0.0) / c)
         side = select(still > w.ahead[i], 1.0, select(still < -w.back[i], -1.0, 0.0))
-        side = select(e.backlash_gap[i] > 0.0, side, 2.0)
+        side = select(w.ahead[i] + w.back[i] > 0.0, side, 2.0)
         moves = select(side == 0.0, 0.0, 1.0)
         off = select(side == 1.0, w.ahead[i], select(side == -1.0, -w.back[i], 0.0))
     up, down, give, rest = w.reach[i] - off, w.reach_down[i] - off, w.give[i], w.coast[i] - off

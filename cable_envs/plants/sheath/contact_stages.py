@@ -6,7 +6,7 @@ follows w is the scratch of both; e, s and g are None without effects.
 
 from cable_envs.core.kernels import clip, exp, inline, log, maximum, select, sign
 from cable_envs.core.lanes import Lanes
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.own import own_cable, own_contact, own_load
 from cable_envs.effects.seams import dry_friction
 from cable_envs.effects.stiffness_hardening import hardened
@@ -56,6 +56,13 @@ def end_share(mass, stiffness, dt):
 
 
 @inline
+def room(by_force, nut, position, gap):
+    """How far a drive goes either way before it takes the nut along, m; what the tendon pulls it takes at once."""
+    ahead, back = nut + 0.5 * gap - position, position - nut + 0.5 * gap
+    return select(by_force, 0.0, ahead), select(by_force, 0.0, back)
+
+
+@inline
 def drive_row(x, p, u, w, e, s, g, i, dt):
     """How far the drive goes: its servo's way, or that of an inertia which the tension holds back."""
     contacts = x.slip_position.shape[0]
@@ -75,7 +82,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         by_force = by_force & (g.follows[i] < 0.5)
         new, way = select(follows, g.target_rate[i], new), select(follows, g.target[i] - position, way)
         nut = select(gap > 0.0, s.gap_position[i], position)
-        w.ahead[i], w.back[i] = nut + 0.5 * gap - position, position - nut + 0.5 * gap
+        w.ahead[i], w.back[i] = room(by_force, nut, position, gap)
     w.placed[i] = new
     w.reach[i], w.give[i] = select(by_force, pulled, way), select(by_force, late * per, 0.0)
     w.low[i] = select(by_force, half * (speed - fastest), way)
@@ -91,7 +98,7 @@ def drive_end(x, w, e, s, i, c, r):
     if e is not None:
         still = reach - give * maximum(r, 0.0) / c
         side = select(still > w.ahead[i], 1.0, select(still < -w.back[i], -1.0, 0.0))
-        side = select(e.backlash_gap[i] > 0.0, side, 2.0)
+        side = select(w.ahead[i] + w.back[i] > 0.0, side, 2.0)
         moves = select(side == 0.0, 0.0, 1.0)
         off = select(side == 1.0, w.ahead[i], select(side == -1.0, -w.back[i], 0.0))
     free = reach - off
@@ -232,7 +239,9 @@ def moved(x, p, u, w, e, s, g, i, dt):
     x.drive_position[i] += d
     if e is not None:
         gap = e.backlash_gap[i]
-        s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], x.drive_position[i], gap), x.drive_position[i])
+        by_force = (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
+        nut = pulled_end(by_force, s.gap_position[i], x.drive_position[i], gap)
+        s.gap_position[i] = select(gap > 0.0, nut, x.drive_position[i])
     x.load_position[i] += w.slip[contacts + 1, i]
     x.load_velocity[i] = select(w.load_state[i] == 0.0, 0.0, 2.0 * w.slip[contacts + 1, i] / dt - x.load_velocity[i])
     x.drive_tension[i], x.load_tension[i] = before, behind

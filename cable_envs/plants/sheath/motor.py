@@ -19,7 +19,7 @@ def drive_speed(x, p, u, e, s, i, ahead, dt):
     """Speed of the drive after dt, in the place of `sheath.plant.drive_speed`."""
     at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
-    k, c = felt(x, p, e, s, i)
+    k, c = felt(x, p, u, e, s, i)
     pull = x.drive_tension[i] + k * half * (speed - ahead) + c * (x.load_velocity[i] - ahead)
     return motor_step(x, p, i, at, speed, pull, k, c, dt)
 

@@ -35,8 +35,9 @@ friction is that of the load's end.
 
 Valid for a bend that does not change, slow motion (no waves, no mass of the tendon), a tendon without bending
 stiffness that touches the sheath all along where it bends; curvature and pressure do not change mu. Backlash proper
-(the tendon's clearance in the sheath) is the effect ``backlash``: a play operator between drive and tendon, which is
-taken up under tension: the drive feels T1 in it too.
+(of the drive, in front of the tendon) is the effect ``backlash``. By position it is a play operator: the nut stays
+where its friction keeps it. By tension the drive's force and the tendon's pull keep it taken up
+(`cable_envs.effects.backlash.pulled_end`).
 
 Linearly implicit trapezoidal steps, the drive first: order 2, through reversals too. One kernel: it
 has the effects always.
@@ -45,7 +46,7 @@ has the effects always.
 from cable_envs.core.kernels import clip, inline, maximum, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import apart, pulled_end
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import (
@@ -105,12 +106,12 @@ def _resist(p, u, e, s, i, y, v, tension):
 
 
 @inline
-def felt(x, p, e, s, i):
+def felt(x, p, u, e, s, i):
     """How the tension at the drive grows with its motion: stiffness and damping, none in a gap or where it is slack."""
     r = x.mobilised[i]
     grows = select(x.sliding[i] == 0.0, stuck_growth(r), leaving(-r))
-    apart = abs(x.drive_position[i] - s.gap_position[i]) < 0.4999995 * e.backlash_gap[i]
-    held = select((x.drive_tension[i] > 0.0) & (not apart), grows, 0.0)
+    between = apart(u.mode[i] > 0.5, s.gap_position[i], x.drive_position[i], e.backlash_gap[i])
+    held = select((x.drive_tension[i] > 0.0) & (not between), grows, 0.0)
     return held * p.stiffness[i], held * p.tendon_damping[i]
 
 
@@ -121,7 +122,7 @@ def _pulled_speed(x, p, u, e, s, i, ahead, dt):
     How the tension grows with the drive's motion is solved with it: that is far quicker than a step.
     """
     speed, half = x.drive_velocity[i], 0.5 * dt
-    k, c = felt(x, p, e, s, i)
+    k, c = felt(x, p, u, e, s, i)
     net = u.command[i] - p.drive_damping[i] * speed - x.drive_tension[i]
     net += c * (ahead - x.load_velocity[i]) - k * half * (speed - ahead)
     return speed + dt * net / (p.drive_mass[i] + half * (p.drive_damping[i] + c + half * k))
@@ -151,7 +152,8 @@ def _drive(x, p, u, w, e, s, g, i, dt):
     new = select(follows, g.target_rate[i], new)
     gap, before = e.backlash_gap[i], select(e.backlash_gap[i] > 0.0, s.gap_position[i], position)
     w.end_before[i] = before
-    w.end_after[i] = select(gap > 0.0, play(before, after, gap), after)
+    by_force = (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
+    w.end_after[i] = select(gap > 0.0, pulled_end(by_force, before, after, gap), after)
     w.end_speed[i] = (w.end_after[i] - before) / dt
     w.end_speed_after[i] = select((gap > 0.0) & (w.end_after[i] == before), 0.0, new)
     s.gap_position[i] = w.end_after[i]

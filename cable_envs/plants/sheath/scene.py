@@ -7,7 +7,7 @@ import numpy as np
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
-from cable_envs.drawing.scene import RulerScene
+from cable_envs.drawing.scene import DriveName, RulerScene
 
 _LEVEL = 300.0  # height of both ends of the sheath in the frame; then places along it, of rulers by their middles
 _DRIVE, _MOUTH, _EXIT, _LOAD, _WALL = 132.0, 205.0, 385.0, 452.0, 566.0
@@ -28,7 +28,7 @@ class SheathScene(RulerScene):
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.by_tension = reference_unit == "N"
-        self.bend = rig.get("bend_angle", math.pi)
+        self.rig, self.bend = rig, rig.get("bend_angle", math.pi)
         self.coefficient = rig.get("friction_coefficient", 0.1)
         self.limit = rig.get("tension_limit", math.inf)
         self.first_tension = 2.0 * rig.get("load_preload", 10.0) + 10.0
@@ -76,7 +76,7 @@ class SheathScene(RulerScene):
         flat = np.array([1.0, 0.0])
         motor = {"fc": d.BODY, "ec": d.METAL_EDGE, "lw": 1.0, "zorder": 3}
         sheet.add(d.block((44.0, _LEVEL), flat, 44.0, 40.0, **motor))
-        w.Label(sheet, 44.0, _LEVEL, "drive", ha="center", va="center")
+        self.drive_name = DriveName(sheet, self.rig, "drive", (44.0, _LEVEL), (44.0, _LEVEL - 32.0))
         rail = {"fc": d.METAL, "ec": d.METAL_EDGE, "lw": 0.9}
         for middle, length in ((_DRIVE - 12.0, self.travel + 50.0), (_LOAD + 20.0, self.travel + 74.0)):
             sheet.add(d.block((middle, _LEVEL - 19.0), flat, length, 6.0, **rail))
@@ -121,6 +121,7 @@ class SheathScene(RulerScene):
             at = _LOAD + self.within(1e3 * reference)
             self.wanted.set_data([at, at], [_LEVEL - 62.0, _LEVEL + 40.0])
         self.bar.set((t1, t2), reference if self.by_tension else None)
+        self.drive_name.show(signals)
         middle, half, height = self.gauge
         friction = self.coefficient * signals.get("bend", self.bend)
         share = math.log(t1 / t2) / friction if min(t1, t2, friction) > 1e-9 else 0.0

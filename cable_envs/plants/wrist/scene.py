@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
-from cable_envs.drawing.scene import FLAT, Scene, Wheels
+from cable_envs.drawing.scene import FLAT, DriveName, Scene, Wheels
 
 _DRIVES = {"": (80.0, 430.0), "pitch_": (80.0, 210.0)}
 _SPOOL, _WHEEL, _LINK = 32.0, 42.0, 96.0
@@ -21,7 +21,7 @@ class WristScene(Scene):
     title = "Coupled wrist"
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
-        self.ratio = rig.get("coupling_radius", 2.2e-3) / rig.get("yaw_radius", 2.7e-3)
+        self.rig, self.ratio = rig, rig.get("coupling_radius", 2.2e-3) / rig.get("yaw_radius", 2.7e-3)
         self.limit = rig.get("tension_limit", math.inf)
         self.first_tension = 2.0 * rig.get("yaw_pretension", 15.0)
         self.curves = (w.Curve("yaw cable a", d.FIRST), w.Curve("yaw cable b", d.SECOND))
@@ -31,9 +31,12 @@ class WristScene(Scene):
         """Put everything on the sheet for an end of the colours (N); ``motion`` is not used."""
         self.full = tension
         case = {"fc": d.BODY, "ec": d.METAL_EDGE, "lw": 1.0, "zorder": 0.8}
+        self.names = []
         for name, (x, y) in _DRIVES.items():
             sheet.add(d.block((x - 6.0, y), FLAT, 88.0, 88.0, **case))
-            w.Label(sheet, x - 6.0, y - 60.0, "pitch drive" if name else "yaw drive", ha="center", va="center")
+            places = (x - 6.0, y - 60.0), (x - 6.0, y - 78.0)
+            called = "pitch drive" if name else "yaw drive"
+            self.names.append(DriveName(sheet, self.rig, called, *places, f"{name}motor_current"))
         for (x, y), text in ((_PITCH, "pulleys on the pitch axis"), (_YAW, "yaw"), (_PITCH_ALONE, "pitch")):
             w.Label(sheet, x, y - _WHEEL - 26.0, text, ha="center", va="center")
         at = ((_DRIVES[""], _SPOOL), (_DRIVES["pitch_"], _SPOOL))
@@ -76,6 +79,8 @@ class WristScene(Scene):
             moved = (signals["pitch_drive_angle"] if which else wound) * (1.0 if side == "a" else -1.0)
             tension = np.where(np.arange(len(path)) < 6, before, behind)
             cable.set(path, tension, self.full, np.full(len(path), -_WHEEL * moved))
+        for one in self.names:
+            one.show(signals)
         self.bar.set((signals["tension_end_a"], signals["tension_end_b"]), None)
         self.text.set(f"pitch {w.number(math.degrees(pitch), '.0f')}°, yaw {w.number(math.degrees(yaw), '.0f')}°")
         self.pills[0].set("slack" if signals.get("slack_fraction", 0.0) > 0.0 else "", d.AMBER)
