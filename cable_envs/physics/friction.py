@@ -55,15 +55,81 @@ def ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_d
     part = 0.5 * dt
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     onward, back = select(up, damping_up, damping_down), select(up, damping_down, damping_up)
-    held = ringing_mass(mass, part * part * stiffness)
-    gain, other = dt / (held + part * onward), dt / (held + part * back)
+    gain, other = dt / ringing_inertia(mass, onward, stiffness, dt), dt / ringing_inertia(mass, back, stiffness, dt)
     return _through_zero(v, force_up, force_down, part * stiffness * v, gain, other)
+
+
+@inline
+def stopping_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
+    """(velocity after `ringing_step`, how far less than dt (v + v_new) / 2 the mass goes, where it comes to rest).
+
+    A mass that stops at the share 1 - s of the step has gone (1 - s) dt v / 2 by then. Without the last it would stop
+    by up to a dt^2 / 8 too late, always to the same side, where a is what slows it down.
+    """
+    new = ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt)
+    damping = select(v > 0.0, damping_up, damping_down)
+    force = select(v > 0.0, force_up, force_down) - 0.5 * dt * stiffness * v
+    slower = -dt * force / ringing_inertia(mass, damping, stiffness, dt)
+    stops = (v != 0.0) & (new == 0.0)
+    return new, select(stops, 0.5 * dt * v * (1.0 - v / select(stops, slower, 1.0)), 0.0)
+
+
+@inline
+def stick_slip_whole(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
+    """In the place of `stopping_step` for the ids ``-v0``, which stop at the end of a step."""
+    return stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt), 0.0
 
 
 @inline
 def ringing_mass(mass, quarter):
     """What resists a change of speed in `ringing_step`, besides damping; ``quarter``: dt^2 / 4 times the stiffness."""
     return mass + maximum(quarter / 3.0, quarter - mass / 6.0)
+
+
+@inline
+def damped(held, damping, dt):
+    """What damping resists a change of speed in `ringing_step`, besides ``held``, the `ringing_mass`.
+
+    Half of it, as in a trapezoidal step, where it takes less than the whole speed within dt. Where it takes more it
+    counts as much more as keeps the speed from changing its sign by damping alone: friction that grows with the speed
+    as v^omega, omega >= 1, from its slope at the start of the step, then never throws the mass back.
+    """
+    return maximum(0.5 * dt * damping, dt * damping - held)
+
+
+@inline
+def ringing_inertia(mass, damping, stiffness, dt):
+    """What resists a change of speed in `ringing_step`: dt times a unit of force over this is the change."""
+    held = ringing_mass(mass, 0.25 * dt * dt * stiffness)
+    return held + damped(held, damping, dt)
+
+
+@inline
+def trapezoidal_inertia(mass, damping, stiffness, dt):
+    """In the place of `ringing_inertia` for trapezoidal steps."""
+    return mass + 0.5 * dt * (damping + 0.5 * dt * stiffness)
+
+
+@inline
+def ringing_way(change, dt):
+    """How far a change of speed within a step of `ringing_step` moves what it pulls at in the middle of the step.
+
+    There the place of a mass counts as x + dt v / 2 + dt change / 12. It must be the same 1/12 for both masses of a
+    spring, and for a place that is imposed: else their common vibrations are late by (w dt)^2 / 12 of every turn again.
+    """
+    return dt * change / 12.0
+
+
+@inline
+def ringing_lag(change, dt):
+    """How far that place is behind the middle between both ends of the step, x + dt v / 2 + dt change / 4."""
+    return dt * change / 6.0
+
+
+@inline
+def no_way(change, dt):
+    """In the place of `ringing_way` and `ringing_lag` for the ids ``-v0``, whose steps are trapezoidal."""
+    return 0.0
 
 
 @inline
