@@ -87,6 +87,13 @@ def ringing_mass(mass, quarter):
 
 
 @inline
+def in_time(mass, stiffness, dt):
+    """The mass with which a trapezoidal step on a spring is that of `ringing_step`."""
+    quarter = 0.25 * dt * dt * stiffness
+    return ringing_mass(mass, quarter) - quarter
+
+
+@inline
 def damped(held, damping, dt):
     """What damping resists a change of speed in `ringing_step`, besides ``held``, the `ringing_mass`.
 

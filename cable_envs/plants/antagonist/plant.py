@@ -45,6 +45,7 @@ from cable_envs.effects.seams import actuate, actuate_second, begin, begin_frict
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio
+from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
 from cable_envs.plants.antagonist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
@@ -137,7 +138,7 @@ def _turned(x, p, u, e, s, g, i, q, dt):
     c = maximum((resistance(p, u, e, s, i, q, v + STEP_V) - at) / STEP_V, 0.0)
     k += ra * ra * span_slope(p.end_stiffness[i], ta, hard) + rb * rb * span_slope(p.end_stiffness[i], tb, hard)
     torque = ra * ta - rb * tb + 0.5 * dt * k * v  # the torques are those of the middle already
-    return slide(e, s, g, i, v, p.joint_inertia[i], p.joint_friction[i], torque, at, k, c, dt)
+    return slide(e, s, g, i, v, in_time(p.joint_inertia[i], k, dt), p.joint_friction[i], torque, at, k, c, dt)
 
 
 @inline
