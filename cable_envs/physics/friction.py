@@ -41,7 +41,7 @@ def crossing_step(v, mass, force_up, force_down, stiffness, damping, dt):
     """
     part = 0.5 * dt
     gain = dt / (mass + part * (damping + part * stiffness))
-    return _through_zero(v, force_up, force_down, part * stiffness * v, gain, gain)
+    return _through_zero(v, force_up, force_down, part * stiffness * v, gain, gain)[0]
 
 
 @inline
@@ -51,32 +51,25 @@ def ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_d
     A trapezoidal step of dt is late by (w dt)^2 / 12 of every turn of a vibration w. Here the stiffness counts 1/12 in
     the place of 1/4 (Fox and Goodwin 1949; Newmark's method with beta = 1/12), which takes the same energy through a
     step. Where w dt exceeds 1 it counts as much more as keeps the step stable at any stiffness.
+
+    Returns
+    -------
+    v_new, short : float
+        Velocity after dt, and how far less than dt (v + v_new) / 2 the mass goes, where it comes to rest. A mass that
+        stops at the share 1 - s of the step has gone (1 - s) dt v / 2 by then. Without that it would stop by up to
+        a dt^2 / 8 too late, always to the same side, where a is what slows it down.
     """
     part = 0.5 * dt
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     onward, back = select(up, damping_up, damping_down), select(up, damping_down, damping_up)
     gain, other = dt / ringing_inertia(mass, onward, stiffness, dt), dt / ringing_inertia(mass, back, stiffness, dt)
-    return _through_zero(v, force_up, force_down, part * stiffness * v, gain, other)
-
-
-@inline
-def stopping_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
-    """(velocity after `ringing_step`, how far less than dt (v + v_new) / 2 the mass goes, where it comes to rest).
-
-    A mass that stops at the share 1 - s of the step has gone (1 - s) dt v / 2 by then. Without the last it would stop
-    by up to a dt^2 / 8 too late, always to the same side, where a is what slows it down.
-    """
-    new = ringing_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt)
-    damping = select(v > 0.0, damping_up, damping_down)
-    force = select(v > 0.0, force_up, force_down) - 0.5 * dt * stiffness * v
-    slower = -dt * force / ringing_inertia(mass, damping, stiffness, dt)
-    stops = (v != 0.0) & (new == 0.0)
-    return new, select(stops, 0.5 * dt * v * (1.0 - v / select(stops, slower, 1.0)), 0.0)
+    new, left = _through_zero(v, force_up, force_down, part * stiffness * v, gain, other)
+    return new, select(new == 0.0, part * v * left, 0.0)
 
 
 @inline
 def stick_slip_whole(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt):
-    """In the place of `stopping_step` for the ids ``-v0``, which stop at the end of a step."""
+    """In the place of `ringing_step` for the ids ``-v0``, which stop at the end of a step."""
     return stick_slip_step(v, mass, force_up, force_down, stiffness, damping_up, damping_down, dt), 0.0
 
 
@@ -141,11 +134,14 @@ def no_way(change, dt):
 
 @inline
 def _through_zero(v, force_up, force_down, late, gain, other):
-    """Velocity after a step that changes it by gain (force - late), or by other times the force after a reversal."""
+    """(velocity after a step that changes it by gain (force - late), share of the step that is left at a reversal).
+
+    After a reversal the velocity is the rest of the step times ``other`` times the force; without one nothing is left.
+    """
     up = (v > 0.0) | ((v == 0.0) & (force_up > 0.0))
     down = (v < 0.0) | ((v == 0.0) & (force_down < 0.0))
     straight = v + gain * (select(up, force_up, force_down) - late)
     turns = (up & (straight < 0.0)) | (down & (straight > 0.0))
     left = 1.0 - v / select(turns, v - straight, 1.0)
     back = select(up, select(force_down < 0.0, force_down, 0.0), select(force_up > 0.0, force_up, 0.0))
-    return select(up | down, select(turns, left * other * back, straight), 0.0)
+    return select(up | down, select(turns, left * other * back, straight), 0.0), select(turns, left, 0.0)

@@ -8,7 +8,7 @@ turning, rad, for one unit of that: N of a gear, N / r with a spool of radius r,
 from collections import namedtuple
 
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
-from cable_envs.physics.friction import stopping_step
+from cable_envs.physics.friction import ringing_step
 from cable_envs.physics.motor import behind_gear, current_range, shown
 
 Shown = namedtuple(
@@ -105,7 +105,7 @@ def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
     net = 0.5 * dt * stiffness * speed - pull - cogging - p.moved_damping[i] * speed
     rest, friction = own + damping, p.drive_friction[i]
     up, down = net + forward - friction, net + backward + friction
-    new, short = stopping_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
+    new, short = ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
     motor_shows(x, p, i, new, pull + cogging)
     return clip(new, -p.top_speed[i], p.top_speed[i]), short
 

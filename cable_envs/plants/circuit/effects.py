@@ -17,7 +17,7 @@ from cable_envs.effects.seams import (
     raised,
     resolved,
 )  # fmt: skip
-from cable_envs.physics.friction import stopping_step
+from cable_envs.physics.friction import ringing_step
 
 ACTING = Acting(
     effects={
@@ -130,7 +130,7 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
 @inline
 def output_slides(v, inertia, up, down, stiffness, damping_up, damping_down, dt):
     """Speed of the output after a step, which may turn round within it, and what it falls short where it stops."""
-    return stopping_step(v, inertia, up, down, stiffness, damping_up, damping_down, dt)
+    return ringing_step(v, inertia, up, down, stiffness, damping_up, damping_down, dt)
 
 
 @inline

@@ -11,7 +11,7 @@ from cable_envs.effects.seams import dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
-from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_way, stopping_step
+from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_step, ringing_way
 from cable_envs.plants.hole.spool import cable_end, moves_otherwise
 
 HOLE = Lanes("Hole", [
@@ -217,7 +217,7 @@ def any_stiff(p, lanes):
 @inline
 def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
     """Speed of the load after a step, which may turn round within it, and what it falls short where it stops."""
-    return stopping_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+    return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
 
 
 @inline

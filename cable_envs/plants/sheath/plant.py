@@ -61,7 +61,7 @@ from cable_envs.effects.seams import (
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.physics.friction import ringing_inertia, ringing_lag, stopping_step
+from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, rows_of
 from cable_envs.plants.peaks import peak_at_start
@@ -191,7 +191,7 @@ def load_ahead(x, i, dt):
 @inline
 def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
     """Speed of the load after a step, which may turn round within it, and what it falls short where it stops."""
-    return stopping_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+    return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
 
 
 @inline
