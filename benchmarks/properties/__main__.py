@@ -169,12 +169,14 @@ more than 10 000 are refused.
 | 20 g, 0.5 kg | the mass of the load is that |
 
 Differences are root mean squares of the worst signal, to steps that are {finer} times shorter: of positions relative to
-how much they move, of tensions and torques relative to those at the drive. Encoders have no steps here: which step an
+how much they move, of tensions and torques relative to those at the drive, of a servo's torque relative to itself.
+Encoders have no steps here: which step an
 encoder shows jumps, whatever the integration does.
 
 A rig *does not determine its motion* where the difference is above 1 %, and one whose parameters are 1e-4 larger or
-smaller moves more than 1 % differently too. That is so for limit cycles of an unstable loop, and for loads at the edge
-of breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
+smaller moves more than 1 % differently too, in one of eight random directions (or of four with changes of 1e-6 and
+1e-9, which move what is chaotic). That is so for limit cycles of an unstable loop, and for loads at the edge of
+breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
 
 The table is made by `make properties` ({rigs} rigs of the usual box, {few} of others, {loops} for a controller).
 
