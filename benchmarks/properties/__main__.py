@@ -170,8 +170,7 @@ more than 10 000 are refused.
 
 Differences are root mean squares of the worst signal, to steps that are {finer} times shorter: of positions relative to
 how much they move, of tensions and torques relative to those at the drive, of a servo's torque relative to itself.
-Encoders have no steps here: which step an
-encoder shows jumps, whatever the integration does.
+Encoders have no steps here: which step an encoder shows jumps, whatever the integration does.
 
 A rig *does not determine its motion* where the difference is above 1 %, and one whose parameters are 1e-4 larger or
 smaller moves more than 1 % differently too, in one of eight random directions (or of four with changes of 1e-6 and
