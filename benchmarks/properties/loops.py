@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import gymnasium as gym
 import numpy as np
 
-from benchmarks.properties.measures import MOST, compared, determined, nudged
+from benchmarks.properties.measures import MOST, compared, nudged, yardstick
 from benchmarks.properties.rigs import Box, drawn
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import Rig, load_rig
@@ -25,10 +25,6 @@ SECONDS = 6.0
 
 ROUNDING = 1e-9
 """What moves less, m or rad, does not move."""
-
-SIZES = {"m": ("drive_position",), "rad": ("drive_angle",), "N": ("drive_tension", "tension_drive_top"),
-         "N m": ("drive_torque",)}  # fmt: skip
-"""By unit, what a difference is compared with: forces to those at the drive."""
 
 
 def env_of(task: str) -> str:
@@ -66,7 +62,7 @@ def episode(setup: Setup, entrant: Entrant, env_id: str, options: dict, finer: i
 def loop_error(task: str, mode: str, controller: str, rig: Rig, period: float, finer: int) -> tuple[float, bool]:
     """(worst signal's difference to an episode with far shorter steps, whether the rig determines the episode).
 
-    Raises ConfigurationError where the rig is refused. `differs` and `determined` say what the two are.
+    Raises ConfigurationError where the rig is refused. `differs` and `measures.nudged` say what the two are.
     """
     env_id, entrant = env_of(task), reference_entrants((controller,))[0]
     options = {"action_mode": mode, "duration": SECONDS, "control_period": period}
@@ -76,9 +72,11 @@ def loop_error(task: str, mode: str, controller: str, rig: Rig, period: float, f
     if error <= MOST:
         return error, True
     plant = rig.simulated_by()
-    other = nudged(plant, rig.column(plant)[: len(plant.parameters)])[:, 0]
-    others = rig.replace(dict(zip(plant.parameters.names, other.tolist(), strict=True)))
-    return error, determined(differs(setup, episode(setup, entrant, env_id, {"rig": others, **options}, finer), fine))
+    for other in nudged(plant, rig.column(plant)[: len(plant.parameters)]):
+        others = rig.replace(dict(zip(plant.parameters.names, other[:, 0].tolist(), strict=True)))
+        if differs(setup, episode(setup, entrant, env_id, {"rig": others, **options}, finer), fine) > MOST:
+            return error, False
+    return error, True
 
 
 def differs(setup: Setup, coarse: Episode, fine: Episode) -> float:
@@ -89,18 +87,14 @@ def differs(setup: Setup, coarse: Episode, fine: Episode) -> float:
     """
     many, worst = min(len(coarse.time), len(fine.time)), 0.0
     for signal in setup.plant.signals:
-        name, of_drive = signal.name, SIZES.get(signal.unit)
-        if not compared(name) or of_drive is None or name not in fine.signals:
+        name = signal.name
+        if not compared(name) or name not in fine.signals:
             continue
         a, b = coarse.signals[name][:many], fine.signals[name][:many]
-        size = b - b.mean() if signal.unit in ("m", "rad") else _drive(fine, of_drive)[:many]
+        size = b - b.mean() if signal.unit in ("m", "rad") else fine.signals[yardstick(setup.plant, signal)][:many]
         whole = _rms(size)
         worst = max(worst, _rms(a - b) / whole) if whole > ROUNDING else worst
     return worst
-
-
-def _drive(of: Episode, names: tuple[str, ...]) -> np.ndarray:
-    return next(of.signals[name] for name in names if name in of.signals)
 
 
 def _rms(values: np.ndarray) -> float:

@@ -65,6 +65,8 @@ class Trial:
         Position of the output at rest, SI.
     command : ndarray, shape (T, n)
         Commands, in the unit of the mode.
+    second : ndarray, shape (T, n)
+        Second commands; 0 where the mode has none.
     substeps : int
         Integration steps in a control period.
     period : float
@@ -76,6 +78,7 @@ class Trial:
     values: np.ndarray
     start: np.ndarray
     command: np.ndarray
+    second: np.ndarray
     substeps: int
     period: float
 
@@ -84,18 +87,22 @@ class Trial:
         p = self.plant.prepare(self.values)
         x, n = self.plant.rest(p, self.start), self.values.shape[1]
         u = INPUTS.zeros(n)
-        u.mode[:] = self.plant.action_modes.index(self.mode)
+        u.mode[:] = self.plant.number_of(self.mode)
         out = np.empty((len(self.command), len(self.plant.signals), n))
-        last = self.command[0]
-        for k, command in enumerate(self.command):
+        last, before = self.command[0], self.second[0]
+        for k, (command, second) in enumerate(zip(self.command, self.second, strict=True)):
             u.command[:], u.command_rate[:], last = command, (command - last) / self.period, command
+            u.second[:], u.second_rate[:], before = second, (second - before) / self.period, second
             self.plant.advance(x, p, u.rows, 0, n, substeps, self.period / substeps)
             out[k] = x[: len(self.plant.signals)]
         return out
 
     def of(self, chosen: np.ndarray | slice) -> "Trial":
         """Some of the rigs alone."""
-        return replace(self, values=self.values[:, chosen], start=self.start[chosen], command=self.command[:, chosen])
+        return replace(
+            self, values=self.values[:, chosen], start=self.start[chosen], command=self.command[:, chosen],
+            second=self.second[:, chosen],
+        )  # fmt: skip
 
 
 def drawn(plant: Plant, nominal: np.ndarray, box: Box, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -116,6 +123,9 @@ def drawn(plant: Plant, nominal: np.ndarray, box: Box, count: int, rng: np.rando
             values[row] = 0.0
     safe, torn = (names.index(name) for name in LIMITS)
     values[torn] = np.maximum(values[torn], values[safe])
+    if "co_contraction" in names:
+        least, most = names.index("co_contraction"), names.index("co_contraction_limit")
+        values[most] = np.maximum(values[most], 1.01 * values[least])  # those that are a little larger are legal too
     if plant.drive == "motor":
         heavier = _inertia(plant, values) / _inertia(plant, nominal[:, None])
         for name in GAINS:
@@ -169,4 +179,17 @@ def _told(
     jumps = 0.4 * rng.uniform(-1.0, 1.0, (steps // held + 1, n)).repeat(held, axis=0)[:steps]
     command = rest * 1.2 + size * (wave + jumps + NOISE.get(mode.unit, 0.02) * rng.standard_normal((steps, n)))
     low = 0.0 if mode.one_sided else -bound
-    return Trial(plant, mode, values, np.zeros(n), np.clip(command, low, bound), substeps, period)
+    second = second_at_rest(plant, mode, x) * np.ones((steps, 1))
+    if mode.of and mode.second is not None:
+        most = values[plant.parameters.names.index(mode.second.bound)]
+        size = np.where(second[0] > 0.0, 0.5 * second[0], 0.3 * most)
+        second = second + size * np.sin(2 * np.pi * rng.uniform(0.2, 1.0, n) * t)
+        second = np.clip(second, 0.0 if mode.second.one_sided else -most, most)
+    return Trial(plant, mode, values, np.zeros(n), np.clip(command, low, bound), second, substeps, period)
+
+
+def second_at_rest(plant: Plant, mode: ActionMode, x: np.ndarray) -> np.ndarray:
+    """The second command that keeps mechanisms at rest with signals ``x``, shape (n,); 0 where the mode has none."""
+    if mode.second is None or not mode.second.rest_signal:
+        return np.zeros(x.shape[1])
+    return x[plant.row(mode.second.rest_signal)].copy()

@@ -1,6 +1,7 @@
 """An ideal position servo: a drive of second order that no cable pushes back."""
 
 from cable_envs.core.kernels import clip, inline
+from cable_envs.physics.friction import ringing_inertia
 
 
 @inline
@@ -9,7 +10,8 @@ def placed(position, speed, target, rate, stiffness, damping, most, limit, dt):
 
         x'' = w^2 (target - x) + 2 z w (rate - x')
 
-    Linearly implicit at the middle of the step: of order 2, stable for any step.
+    Linearly implicit at the middle of the step: of order 2, stable for any step; its swing is in time to order 4
+    (`cable_envs.physics.friction.ringing_step`).
 
     Parameters
     ----------
@@ -36,7 +38,7 @@ def placed(position, speed, target, rate, stiffness, damping, most, limit, dt):
     """
     half = 0.5 * dt
     asked = stiffness * (target - position - half * speed) + damping * (rate - speed)
-    asked = asked / (1.0 + half * (damping + half * stiffness))
+    asked = asked / ringing_inertia(1.0, damping, stiffness, dt)
     return clip(speed + dt * clip(asked, -most, most), -limit, limit)
 
 

@@ -129,6 +129,10 @@ ROWS = (
 """Coefficients, at the drive. cogging_turns: periods in a unit of its way over 2 pi; encoder_steps: in such a unit."""
 
 
+IDEAL = {"servo_stiffness", "servo_damping"}
+"""Coefficients of the ideal drive's servo, whose frequency is no mode of a drive with a motor: they are 0 there."""
+
+
 @dataclass(frozen=True)
 class Mount:
     """How a plant carries its drive with a motor.
@@ -184,6 +188,7 @@ class Mount:
             inertia = inertia + value["motor_inertia"] * turns**2
             if self.total:
                 rows[self.total] = inertia
+            rows |= dict.fromkeys(IDEAL & rows.keys(), 0.0)
             return {
                 **rows,
                 "moved_inertia": inertia, "moved_damping": damping, "top_speed": speed, "servo_limit": limit,

@@ -96,7 +96,7 @@ def motor_shows(x, p, i, new, against):
 
 @inline
 def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
-    """Speed of the drive after dt.
+    """Speed of the drive after dt, and how far it falls short of its mean speed where it stops.
 
     ``pull`` is what the cables take in the middle of the step if the drive keeps its speed and the load goes on,
     ``stiffness`` and ``damping`` are its slopes.
@@ -105,17 +105,17 @@ def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
     net = 0.5 * dt * stiffness * speed - pull - cogging - p.moved_damping[i] * speed
     rest, friction = own + damping, p.drive_friction[i]
     up, down = net + forward - friction, net + backward + friction
-    new = ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
+    new, short = ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
     motor_shows(x, p, i, new, pull + cogging)
-    return clip(new, -p.top_speed[i], p.top_speed[i])
+    return clip(new, -p.top_speed[i], p.top_speed[i]), short
 
 
 @inline
 def turned(x, p, u, g, i, torque, stiffness, damping, dt):
-    """Speed of a turning drive after dt, in the place of `circuit.ends.drive_step`; the command is angle or torque."""
+    """`motor_step` of a turning drive, in the place of `circuit.ends.drive_step`; the command is angle or torque."""
     at, speed = x.drive_angle[i], x.drive_velocity[i]
     servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
-    new = motor_step(x, p, i, at, speed, torque, stiffness, damping, dt)
+    new, short = motor_step(x, p, i, at, speed, torque, stiffness, damping, dt)
     if g is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
-    return new
+    return new, short

@@ -21,6 +21,7 @@ spans share what is missing.
 
 from cable_envs.core.kernels import clip, inline, maximum, select, sqrt
 from cable_envs.effects.stiffness_hardening import hardened
+from cable_envs.physics.friction import ringing_inertia
 
 
 @inline
@@ -93,6 +94,5 @@ def series(k1, k2, t1, t2, hard):
 @inline
 def pulled(speed, force, tension, mass, damping, stiffness, limit, dt):
     """Speed after dt of a drive that is told its force, against the tension in the middle of the step and its slope."""
-    half = 0.5 * dt
-    new = speed + dt * (force - tension - damping * speed) / (mass + half * (damping + half * stiffness))
+    new = speed + dt * (force - tension - damping * speed) / ringing_inertia(mass, damping, stiffness, dt)
     return clip(new, -limit, limit)

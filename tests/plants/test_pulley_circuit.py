@@ -139,9 +139,10 @@ def final_state(substeps: int) -> np.ndarray:
 def test_step_halving_is_second_order_where_smooth():
     exact = final_state(20480)
     errors = np.array([np.abs(final_state(n) - exact) for n in (20, 40, 80, 160)])
-    order = np.log2(errors[:-1] / errors[1:])
-    assert order[-1] == pytest.approx(2.0, abs=0.15)
-    assert (errors[0, [0, 3]] < 2e-4).all()  # rad, at 1 ms
+    order = np.log2(errors[0] / errors[-1]) / 3.0
+    assert order[[0, 1, 2, 3, 5]] == pytest.approx(2.0, abs=0.15)
+    assert order[4] > 1.5  # the output's speed still rings a little at the end, and its errors pass through zero
+    assert (errors[0, [0, 3]] < 2e-5).all()  # rad, at 1 ms: vibrations are in time to order 4
 
 
 def test_scalar_column_equals_batch_column_bit_by_bit():

@@ -27,16 +27,15 @@ def _hauled(d, p, i, at, speed, by_force, target, rate, tension, dt):
 
 @inline
 def driven(x, p, u, w, e, g, i, dt):
-    """Speeds of both drives after dt, in the place of `antagonist.plant.driven`."""
+    """Speeds of both drives after dt and what they fall short, in the place of `antagonist.plant.driven`."""
     to_a, to_b, rate_a, rate_b = asked_of(p, e, i, u.command[i], u.command_rate[i], w.second[i], w.second_rate[i])
     force_a, force_b = forces(p, i, u.command[i], w.second[i])
     by_force, ta, tb = u.mode[i] > 0.5, x.tension_drive_a[i], x.tension_drive_b[i]
     told_a, told_b = select(by_force, force_a, to_a), select(by_force, force_b, to_b)
     va, vb = x.drive_a_velocity[i], x.drive_b_velocity[i]
-    return (
-        _hauled(drive_of(x, 0), p, i, x.drive_a_position[i], va, by_force, told_a, rate_a, ta, dt),
-        _hauled(drive_of(x, 1), p, i, x.drive_b_position[i], vb, by_force, told_b, rate_b, tb, dt),
-    )
+    new_a, short_a = _hauled(drive_of(x, 0), p, i, x.drive_a_position[i], va, by_force, told_a, rate_a, ta, dt)
+    new_b, short_b = _hauled(drive_of(x, 1), p, i, x.drive_b_position[i], vb, by_force, told_b, rate_b, tb, dt)
+    return new_a, new_b, short_a, short_b
 
 
 @inline

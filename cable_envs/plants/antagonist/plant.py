@@ -45,6 +45,7 @@ from cable_envs.effects.seams import actuate, actuate_second, begin, begin_frict
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio
+from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
 from cable_envs.plants.antagonist.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves, settle
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
@@ -137,12 +138,12 @@ def _turned(x, p, u, e, s, g, i, q, dt):
     c = maximum((resistance(p, u, e, s, i, q, v + STEP_V) - at) / STEP_V, 0.0)
     k += ra * ra * span_slope(p.end_stiffness[i], ta, hard) + rb * rb * span_slope(p.end_stiffness[i], tb, hard)
     torque = ra * ta - rb * tb + 0.5 * dt * k * v  # the torques are those of the middle already
-    return slide(e, s, g, i, v, p.joint_inertia[i], p.joint_friction[i], torque, at, k, c, dt)
+    return slide(e, s, g, i, v, in_time(p.joint_inertia[i], k, dt), p.joint_friction[i], torque, at, k, c, dt)
 
 
 @inline
 def driven(x, p, u, w, e, g, i, dt):
-    """Speeds of both drives after dt; the tensions are those of its middle."""
+    """Speeds of both drives after dt, and what each falls short where it stops; tensions are those of the middle."""
     va, vb, limit, most = (
         x.drive_a_velocity[i], x.drive_b_velocity[i], p.drive_speed_limit[i], p.drive_acceleration_limit[i],
     )  # fmt: skip
@@ -156,7 +157,7 @@ def driven(x, p, u, w, e, g, i, dt):
     told_a = pulled(va, force_a, ta, mass, c, span_slope(k1, ta, hard), limit, dt)
     told_b = pulled(vb, force_b, tb, mass, c, span_slope(k1, tb, hard), limit, dt)
     by_force = u.mode[i] > 0.5
-    return select(by_force, told_a, servo_a), select(by_force, told_b, servo_b)
+    return select(by_force, told_a, servo_a), select(by_force, told_b, servo_b), 0.0, 0.0
 
 
 @inline
@@ -171,11 +172,11 @@ def _step(x, p, u, w, e, s, g, i, dt):
     end_a, end_b = _ends(p, u, e, s, g, i, half_a, half_b)
     _balance(x, p, w, e, s, i, q_half, end_a, end_b)
     new = _turned(x, p, u, e, s, g, i, q_half, dt)
-    new_a, new_b = driven(x, p, u, w, e, g, i, dt)
+    new_a, new_b, short_a, short_b = driven(x, p, u, w, e, g, i, dt)
     x.drive_a_velocity[i] = select(follows, r * g.target_rate[i], new_a)
     x.drive_b_velocity[i] = select(follows, -r * g.target_rate[i], new_b)
-    x.drive_a_position[i] = select(follows, path_a, half_a + half * new_a)
-    x.drive_b_position[i] = select(follows, path_b, half_b + half * new_b)
+    x.drive_a_position[i] = select(follows, path_a, half_a + half * new_a - short_a)
+    x.drive_b_position[i] = select(follows, path_b, half_b + half * new_b - short_b)
     x.joint_angle[i], x.joint_velocity[i] = q_half + half * new, new
     end_a, end_b = _ends(p, u, e, s, g, i, x.drive_a_position[i], x.drive_b_position[i])
     _balance(x, p, w, e, s, i, x.joint_angle[i], end_a, end_b)

@@ -40,6 +40,7 @@ from cable_envs.physics.chain import (
     stretch_ends,
     sweep,
 )  # fmt: skip
+from cable_envs.physics.friction import ringing_way
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.circuit.effects import ACTING, moves_otherwise, output_slides, output_step, pulley, spring
 from cable_envs.plants.circuit.ends import (
@@ -282,23 +283,26 @@ def _kick(x, p, u, w, e, s, g, i, dt):
         up, down = net - g.up[i], net + g.down[i]
     change = dt * moving(v, up, down) / (p.output_inertia[i] + 0.5 * dt * (damping + 0.5 * dt * stiffness))
     felt = p.drive_radius[i] * (top * w.tangent_0_top[i] + bottom * w.tangent_0_bottom[i])
-    torque -= 0.5 * p.stretch_damping[i] * felt * change
-    v_in_new = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)
+    firm = 0.5 * p.stretch_damping[i] + p.stretch_stiffness[i] * ringing_way(1.0, dt)
+    torque -= firm * felt * change
+    v_in_new, short_in = drive_step(x, p, u, g, i, torque, tangent, late * tangent, dt)
     felt = r5 * (top * w.tangent_4_top[i] + bottom * w.tangent_4_bottom[i])
-    net += 0.5 * p.stretch_damping[i] * p.gear[i] * felt * (v_in_new - v_in)
+    net += firm * p.gear[i] * felt * (v_in_new - v_in)
 
     net += 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
     if e is not None:
-        v_new = output_step(e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt)
+        v_new, short = output_step(
+            e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt
+        )
     else:
-        v_new = output_slides(
+        v_new, short = output_slides(
             v, p.output_inertia[i], net - p.brake_torque[i], net + p.brake_torque[i], stiffness, damping, damping, dt
         )
 
-    x.drive_angle[i] += 0.5 * dt * (v_in + v_in_new)
-    x.output_angle[i] += 0.5 * dt * (v + v_new)
+    x.drive_angle[i] += 0.5 * dt * (v_in + v_in_new) - short_in
+    x.output_angle[i] += 0.5 * dt * (v + v_new) - short
     x.drive_velocity[i], x.output_velocity[i] = v_in_new, v_new
-    w.turned_in[i], w.turned_out[i] = 0.5 * dt * v_in_new, 0.5 * dt * v_new
+    w.turned_in[i], w.turned_out[i] = 0.5 * dt * v_in_new - short_in, 0.5 * dt * v_new - short
     if e is not None:
         x.drive_angle[i] = select(g.follows[i] > 0.5, g.target[i], x.drive_angle[i])
         advance_memory(

@@ -31,6 +31,7 @@ from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_l
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.physics.friction import ringing_lag, ringing_way
 from cable_envs.plants.base import Plant, rows_of
 from cable_envs.plants.circuit.effects import ACTING, pulley, resolve_idlers, rise, spring
 from cable_envs.plants.circuit.ends import (
@@ -52,6 +53,7 @@ from cable_envs.plants.circuit.stages import (
     begin_step,
     cw_share,
     derive,
+    drive_slope,
     drive_torque,
     guess,
     held_by_flag,
@@ -122,17 +124,18 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
         resolve_idlers(e, g, i, ccw, cw, p.output_inertia[i], dt)
     change = guess(p, w, g, i, v, ccw - wanted, cw - wanted)
     share = share_with(e, s, g, i, mean_share(v, change, ccw, cw, wanted))
-    late = 0.5 * p.stretch_damping[i] * change
+    late = 0.5 * p.stretch_damping[i] * change + p.stretch_stiffness[i] * ringing_way(change, dt)
     m_in = drive_torque(p, i, maximum(top - late, 0.0), bottom + select(bottom > 0.0, late, 0.0), share)
-    stiff = p.drive_stiffness[i]
+    stiff = drive_slope(p, i, v, top, bottom, ccw, cw, wanted)
     if e is not None:
         m_in *= w.pulley_turns[i]
         stiff *= rise(e, i, maximum(top / p.length_top[i], bottom / p.length_bottom[i]))
-    new = drive_step(x, p, u, g, i, m_in, stiff, p.stretch_damping[i] * p.drive_slope[i], dt)
+    new, short = drive_step(x, p, u, g, i, m_in, stiff, p.stretch_damping[i] * p.drive_slope[i], dt)
     more = 0.5 * (new - v_in)
-    w.elongation_angle[i], w.elongation_rate[i] = d + 0.5 * dt * gear * more, rate + gear * more
+    w.elongation_angle[i] = d + 0.5 * dt * gear * more - gear * ringing_lag(new - v_in, dt)
+    w.elongation_rate[i] = rate + gear * more
     w.load_torque[i], w.load_stiffness[i], w.load_damping[i] = wanted, load_k, load_c
-    after = a + 0.5 * dt * (v_in + new)
+    after = a + 0.5 * dt * (v_in + new) - short
     if e is not None:
         after = select(g.follows[i] > 0.5, g.target[i], after)
     x.drive_angle[i], x.drive_velocity[i] = after, new
@@ -143,9 +146,11 @@ def _output_part(x, p, w, e, s, g, i, dt):
     """The output's step, with the drive's motion known."""
     v = x.output_velocity[i]
     top, bottom = _stretched(p, e, s, i, w.elongation_angle[i], w.elongation_rate[i])
-    new = output_velocity(p, e, s, g, i, v, top, bottom, w.load_torque[i], w.load_stiffness[i], w.load_damping[i], dt)
+    new, short = output_velocity(
+        p, e, s, g, i, v, top, bottom, w.load_torque[i], w.load_stiffness[i], w.load_damping[i], dt
+    )
     new = select(held_by_flag(p, i, x.drive_velocity[i], top, bottom), 0.0, new)
-    x.output_angle[i], x.output_velocity[i] = x.output_angle[i] + 0.5 * dt * (v + new), new
+    x.output_angle[i], x.output_velocity[i] = x.output_angle[i] + 0.5 * dt * (v + new) - short, new
     if e is not None:
         stretch, keep = p.stretch_stiffness[i] * w.elongation_angle[i], g.creep_left[i]
         elongation_t = maximum(stretch - s.creep_top[i], -p.preload_top[i])

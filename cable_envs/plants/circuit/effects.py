@@ -86,7 +86,7 @@ def rise(e, i, tension):
 
 @inline
 def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, damping_up, damping_down, dt):
-    """Output velocity after dt.
+    """Output velocity after dt, and how far the output falls short of its mean speed where it stops.
 
     ccw, cw: what the cables give moving either way; their difference, the idlers' friction, and the output's own dry
     friction in g are set-valued, or build up over a distance each. ``ahead`` is what the step will subtract too much.
@@ -117,19 +117,19 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     force_up = up - wanted + rising + ahead - c * v
     force_down = down - wanted + falling + ahead - c * v
     stiffness = stiffness + k
-    sliding = output_slides(v, inertia, force_up, force_down, stiffness, damping_up, damping_down, dt)
+    sliding, short = output_slides(v, inertia, force_up, force_down, stiffness, damping_up, damping_down, dt)
     gain = dt / (inertia + 0.5 * dt * (damping_up + 0.5 * dt * stiffness))
     smooth = v + gain * (force_up - 0.5 * dt * stiffness * v)
     v_new = select((force_up == force_down) & (partial | bent), smooth, sliding)
     moved = 0.5 * dt * (v + v_new)
     follow(s.partial, i, moved, angle)
     moved_on(e, s, i, moved, over)
-    return v_new
+    return v_new, select(v_new == 0.0, short, 0.0)
 
 
 @inline
 def output_slides(v, inertia, up, down, stiffness, damping_up, damping_down, dt):
-    """Speed of the output after a step, which may turn round within it: a light one rings through its friction."""
+    """Speed of the output after a step, which may turn round within it, and what it falls short where it stops."""
     return ringing_step(v, inertia, up, down, stiffness, damping_up, damping_down, dt)
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
+from cable_envs.physics.friction import ringing_inertia
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Signal
 from cable_envs.plants.circuit.effects import drive_at
@@ -174,7 +175,7 @@ def resolved(p, e, stiffness_in, stiffness_out, length_top, length_bottom) -> np
 
 @inline
 def drive_step(x, p, u, g, i, torque, stiffness, damping, dt):
-    """Drive velocity after dt.
+    """Drive velocity after dt, and how far the drive falls short of its mean speed where friction stops it.
 
     Position mode: a servo of second order with speed and acceleration limits, ``command_rate`` as feedforward, that the
     cables cannot push. Torque mode: J a = command - b v - M_in, where ``torque`` is M_in at the predicted middle of the
@@ -188,13 +189,13 @@ def drive_step(x, p, u, g, i, torque, stiffness, damping, dt):
     push = clip(u.command[i], -p.drive_torque_limit[i], p.drive_torque_limit[i]) - p.drive_damping[i] * v - torque
     by_torque = u.mode[i] > 0.5
     k, d = select(by_torque, stiffness, k), select(by_torque, p.drive_damping[i] + damping, d)
-    inertia = select(by_torque, p.drive_inertia[i], 1.0) + 0.5 * dt * d + 0.25 * dt * dt * k
+    inertia = ringing_inertia(select(by_torque, p.drive_inertia[i], 1.0), d, k, dt)
     most = select(by_torque, 2.0 * p.drive_speed_limit[i], p.drive_acceleration_limit[i] * dt)
     change = clip(dt * select(by_torque, push, pull) / inertia, -most, most)
     new = clip(v + change, -p.drive_speed_limit[i], p.drive_speed_limit[i])
     if g is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
-    return new
+    return new, 0.0
 
 
 @inline

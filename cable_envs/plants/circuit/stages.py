@@ -96,6 +96,21 @@ def drive_torque(p, i, top, bottom, share):
 
 
 @inline
+def drive_slope(p, i, v, top, bottom, ccw, cw, wanted):
+    """Slope of M_in over the drive's angle, N m/rad: on a branch, or at rest where M_out keeps its balance."""
+    r0, taut_t, taut_b = p.drive_radius[i], select(top > 0.0, 1.0, 0.0), select(bottom > 0.0, 1.0, 0.0)
+    share = cw_share(v, ccw, cw, wanted)
+    t, b = p.drive_top_ccw[i], p.drive_bottom_ccw[i]
+    more_t, more_b = p.drive_top_cw[i] - t, p.drive_bottom_cw[i] - b
+    straight = taut_t * (t + share * more_t) + taut_b * (b + share * more_b)
+    out_ccw = taut_t * p.output_top_ccw[i] + taut_b * p.output_bottom_ccw[i]
+    out_cw = taut_t * p.output_top_cw[i] + taut_b * p.output_bottom_cw[i]
+    grows = -p.output_radius[i] * mix(share, out_ccw, out_cw) / maximum(cw - ccw, 1e-12)
+    bends = select((v == 0.0) & (share > 0.0) & (share < 1.0), grows * (top * more_t - bottom * more_b), 0.0)
+    return p.stretch_stiffness[i] * p.gear[i] * r0 * maximum(straight + bends, 0.0)
+
+
+@inline
 def held_by_flag(p, i, v_in, top, bottom):
     """True where Z47 (with its lost minus) holds the output: `circuit_statics.hold_flag` on the drive's branch."""
     share = select(v_in > 0.0, 0.0, 1.0)
@@ -124,7 +139,10 @@ def guess(p, w, g, i, v, up, down):
 
 @inline
 def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
-    """Output velocity after dt, from the stretches and the load at the predicted middle of the step."""
+    """Output velocity after dt, and how far the output falls short of its mean speed where it stops.
+
+    The stretches and the load are those at the predicted middle of the step.
+    """
     r5 = p.output_radius[i]
     ccw, cw = output_torques(p, i, top, bottom)
     up, down = ccw - wanted - p.brake_torque[i], cw - wanted + p.brake_torque[i]

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.kernels import inline
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import no_way, stick_slip_whole
 from cable_envs.plants.base import Plant
 from cable_envs.plants.circuit.stages import cw_share
 from cable_envs.plants.family import coarse
@@ -23,12 +23,23 @@ def _share(v, change, ccw, cw, wanted):
 
 
 @inline
+def _trapezoidal(inertia, damping, stiffness, dt):
+    return inertia + 0.5 * dt * damping + 0.25 * dt * dt * stiffness
+
+
+@inline
+def _steepest(p, i, v, top, bottom, ccw, cw, wanted):
+    return p.drive_stiffness[i]
+
+
+@inline
 def _apart(slips, i):
     return 0.0
 
 
 _AS_BEFORE = {
-    "output_slides": stick_slip_step, "mean_share": _share, "passes": _apart, "peak_at_start": no_peak,
+    "output_slides": stick_slip_whole, "mean_share": _share, "passes": _apart, "peak_at_start": no_peak,
+    "ringing_inertia": _trapezoidal, "drive_slope": _steepest, "ringing_way": no_way, "ringing_lag": no_way,
 }  # fmt: skip
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.core.params import Parameter
 from cable_envs.effects.position_ripple import wave
+from cable_envs.physics.friction import ringing_way
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
@@ -80,9 +81,11 @@ def hauled(x, p, u, w, e, s, g, i, dt):
         end = select(apart, 0.0, 1.0 + steep)
         held = held & (g.imposes[i] < 0.5)
     k, c = select(held, w.stiffness[i], 0.0), select(held, w.damping[i], 0.0)
-    middle = maximum(tension + k * half * (end * old - ahead) + c * (x.load_velocity[i] - ahead), 0.0)
-    new = motor_step(x, p, i, at, old, middle, k * end, c * end, dt)
-    carried(x, w, e, s, g, i, new, dt)
+    speed = x.load_velocity[i]
+    stretched = half * (end * old - speed) - ringing_way(2.0 * (ahead - speed), dt)
+    middle = maximum(tension + k * stretched + c * (speed - ahead), 0.0)
+    new, short = motor_step(x, p, i, at, old, middle, k * end, c * end, dt)
+    carried(x, w, e, s, g, i, new, dt, short)
 
 
 @inline

@@ -118,7 +118,8 @@ def load_behind(x, p, u, w, e, s, i):
 @inline
 def pulled_midway(x, p, u, w, e, s, g, i, ahead):
     """Tension above once the cable's end has gone half its way, and the load by ``ahead``."""
-    stretch = w.end_before[i] + 0.5 * (w.end_after[i] - w.end_before[i]) - x.load_position[i] - ahead
+    end = w.end_before[i] + 0.5 * (w.end_after[i] - w.end_before[i]) - w.end_lag[i]
+    stretch = end - x.load_position[i] - ahead
     w.tension_middle[i] = pulled(p, w, e, s, i, stretch, w.end_speed[i] - x.load_velocity[i])
     if e is not None:
         imposed = g.imposes[i] > 0.5
@@ -168,7 +169,7 @@ def slipped(x, p, u, w, e, s, g, i, ahead, dt):
     """The load's step, and the tension above to which it leads; ``ahead`` as of `pulled_midway`."""
     y, v = x.load_position[i], x.load_velocity[i]
     v_new = slip_speed(x, p, w, e, s, g, i, ahead, dt)
-    y_new = y + dt * (v + 0.5 * (v_new - v))
+    y_new = y + dt * (v + 0.5 * (v_new - v)) - w.short[i]
     if e is not None:
         stretched = w.elongation[i]
     tension = pulled(p, w, e, s, i, w.end_after[i] - y_new, w.end_speed_after[i] - v_new)

@@ -11,17 +11,19 @@ from cable_envs.effects.seams import dry_friction, presliding_step
 from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
-from cable_envs.physics.friction import ringing_mass, ringing_step
+from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_step, ringing_way
 from cable_envs.plants.hole.spool import cable_end, moves_otherwise
 
 HOLE = Lanes("Hole", [
     "end_before", "end_after", "end_speed", "end_speed_after",  # the upper end of the cable: m, m/s
+    "end_lag",  # how far it counts as behind its mean in the middle of the step, m
     "resistance", "resistance_stiffness", "resistance_damping",  # of the load: N, N/m, N s/m
     "tension_middle",  # the tension above with which the step is made, N
     "stiffness", "damping",  # of the cable, with what hardens it or takes it away: N/m, N s/m
     "friction", "friction_growth",  # M = mu + K |v|^omega, and dM/d|v| (s/m)
     "wrap_in_contact", "ratio", "inverse", "ratio_slope", "steepest",  # rad; n, 1/n, dn/dM; the n that none exceeds
     "loop_gain", "loop_late", "loop_closed",  # gains of the drive's closed loop
+    "short",  # how far the load falls short of its mean speed where it stops, m
     "elongation",  # with effects: what of the stretch makes tension, m
 ])  # fmt: skip
 """Scratch of a step."""
@@ -78,8 +80,8 @@ def closed(x, p, w, e, g, i, wanted, dt):
     k, c, mass, gain = w.stiffness[i], w.damping[i], p.load_mass[i], w.loop_gain[i]
     apart = wanted + w.loop_late[i] * (v - old)
     alone = apart * w.loop_closed[i]  # where the load stands still
-    grows = 0.5 * (half * k + c)
-    fixed = x.drive_tension[i] + 0.5 * (half * k - c) * old  # of the tension in the middle: the rest is grows times a
+    grows = k * ringing_way(1.0, dt) + 0.5 * c
+    fixed = x.drive_tension[i] + (k * half - grows) * old  # of the tension in the middle: the rest is grows times a
     middle = fixed + grows * limited(p, i, old, alone, dt)
     above, below = w.resistance[i], w.resistance[i]
     if e is not None:
@@ -90,7 +92,7 @@ def closed(x, p, w, e, g, i, wanted, dt):
     steeper = x.drive_tension[i] * w.ratio_slope[i] * w.friction_growth[i] * select(up, inv_n * inv_n, 1.0)
     damping = maximum(w.resistance_damping[i] + c * passed + steeper, -mass / dt)
     stiffness = w.resistance_stiffness[i] + k * passed
-    inertia = ringing_mass(mass, half * half * stiffness) + half * damping  # b = (still + follows a) / inertia
+    inertia = ringing_inertia(mass, damping, stiffness, dt)  # b = (still + follows a) / inertia
     still = inertia * v + dt * (fixed * passed - held - half * stiffness * v)
     follows = dt * grows * passed
     together = (inertia * apart + gain * still) / (inertia + gain * (inertia - follows))
@@ -100,22 +102,27 @@ def closed(x, p, w, e, g, i, wanted, dt):
 
 
 @inline
-def carried(x, w, e, s, g, i, new, dt):
-    """The drive moves on with the speed ``new`` after the step, and the end of the cable with it."""
+def carried(x, w, e, s, g, i, new, dt, short=0.0):
+    """The drive moves on with the speed ``new`` after the step, and the end of the cable with it.
+
+    ``short``: how far it falls short of its mean speed where friction stops it, m.
+    """
     old, before = x.drive_velocity[i], x.drive_position[i]
     w.end_before[i] = before
     w.end_speed[i] = 0.5 * (old + new)
+    w.end_lag[i] = ringing_lag(new - old, dt)
     if e is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
         w.end_speed[i] = select(g.follows[i] > 0.5, (g.target[i] - before) / dt, w.end_speed[i])
     w.end_speed_after[i] = new
-    w.end_after[i] = before + dt * w.end_speed[i]
+    w.end_after[i] = before + dt * w.end_speed[i] - short
     if e is not None:
         w.end_after[i] = select(g.follows[i] > 0.5, g.target[i], w.end_after[i])
     x.drive_position[i], x.drive_velocity[i] = w.end_after[i], new
     if e is not None:
         at, after, mean, drawn = cable_end(e, s, i, w.end_before[i], w.end_after[i], new, dt)
         other = moves_otherwise(e, i)
+        w.end_lag[i] = select(other | (g.follows[i] > 0.5), 0.0, w.end_lag[i])
         w.end_before[i], w.end_after[i] = select(other, at, w.end_before[i]), select(other, after, w.end_after[i])
         w.end_speed[i], w.end_speed_after[i] = (
             select(other, mean, w.end_speed[i]),
@@ -209,7 +216,7 @@ def any_stiff(p, lanes):
 
 @inline
 def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
-    """Speed of the load after a step, which may turn round within it: a light one rings through its friction."""
+    """Speed of the load after a step, which may turn round within it, and what it falls short where it stops."""
     return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
 
 
@@ -235,7 +242,7 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
         damping_up, damping_down = damping_up + g.steep[i], damping_down + g.steep[i]
         stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, inv_n, n)
         damping_up, damping_down = maximum(damping_up, least), maximum(damping_down, least)
-    v_new = load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt)
+    v_new, w.short[i] = load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt)
     if e is not None:
         _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
         at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)
@@ -244,6 +251,7 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
             damping_down, dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),
             2.0 * g.excess[i] + middle * (n - inv_n) * g.contact_excess[i],
         )  # fmt: skip
+        w.short[i] = select(v_new == 0.0, w.short[i], 0.0)
     return v_new
 
 

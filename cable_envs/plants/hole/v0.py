@@ -18,7 +18,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import inline, maximum, select
 from cable_envs.effects.own import advance_memory, own_actuate
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, held_back
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import no_way, stick_slip_whole
 from cable_envs.plants.base import Plant
 from cable_envs.plants.hole.parameters import SIGNALS
 from cable_envs.plants.hole.plant import behind, load_behind, load_resistance, pulled_midway, rubbed, slipped
@@ -113,7 +113,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             end(e, s, g, i, x.load_position[i], substeps * dt)
 
 
-_SOLVE = specialised(_solve, extrapolated=_straight, load_slides=stick_slip_step)
+_SOLVE = specialised(_solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way)
 
 
 def as_v0(plant: Plant) -> Plant:

@@ -11,7 +11,7 @@ from cable_envs.plants.base import Plant
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_step, servo_reads
 from cable_envs.plants.sheath import contact_motor
-from cable_envs.plants.sheath.plant import felt
+from cable_envs.plants.sheath.plant import felt, load_onward
 
 
 @inline
@@ -20,7 +20,8 @@ def drive_speed(x, p, u, e, s, i, ahead, dt):
     at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
     k, c = felt(x, p, u, e, s, i)
-    pull = x.drive_tension[i] + k * half * (speed - ahead) + c * (x.load_velocity[i] - ahead)
+    v = x.load_velocity[i]
+    pull = x.drive_tension[i] + k * half * (speed - load_onward(v, ahead)) + c * (v - ahead)
     return motor_step(x, p, i, at, speed, pull, k, c, dt)
 
 

@@ -62,7 +62,7 @@ from cable_envs.effects.seams import (
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.physics.friction import ringing_step
+from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, rows_of
 from cable_envs.plants.peaks import peak_at_start
@@ -82,6 +82,8 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 
 TENDON = Lanes("Tendon", [
     "end_before", "end_after", "end_speed", "end_speed_after",  # where the drive holds the tendon: m, m/s
+    "end_lag",  # how far that counts as behind its mean in the middle of the step, m
+    "short",  # how far the load falls short of its mean speed where it stops, m
     "mean", "rise", "elongation",  # Tm in the middle of the step (N); slope over Hooke's; elastic stretch, m
     "friction", "friction_growth",  # mu Theta, and its growth with |y'| (s/m)
     "resistance", "resistance_stiffness", "resistance_damping",  # of the load: N, N/m, N s/m
@@ -116,6 +118,15 @@ def felt(x, p, u, e, s, i):
 
 
 @inline
+def load_onward(speed, ahead):
+    """Speed with which the load counts as moving on to the middle of a step, in what the drive feels of its place.
+
+    ``speed``: at the start; ``ahead``: in the middle.
+    """
+    return speed + (ahead - speed) / 3.0
+
+
+@inline
 def _pulled_speed(x, p, u, e, s, i, ahead, dt):
     """Speed after dt of a drive that is told its force; ``ahead`` is the load's speed in the middle of the step.
 
@@ -124,20 +135,20 @@ def _pulled_speed(x, p, u, e, s, i, ahead, dt):
     speed, half = x.drive_velocity[i], 0.5 * dt
     k, c = felt(x, p, u, e, s, i)
     net = u.command[i] - p.drive_damping[i] * speed - x.drive_tension[i]
-    net += c * (ahead - x.load_velocity[i]) - k * half * (speed - ahead)
-    return speed + dt * net / (p.drive_mass[i] + half * (p.drive_damping[i] + c + half * k))
+    net += c * (ahead - x.load_velocity[i]) - k * half * (speed - load_onward(x.load_velocity[i], ahead))
+    return speed + dt * net / ringing_inertia(p.drive_mass[i], p.drive_damping[i] + c, k, dt)
 
 
 @inline
 def drive_speed(x, p, u, e, s, i, ahead, dt):
-    """Speed of the drive after dt; ``ahead`` is the load's speed in the middle of the step."""
+    """Speed of the drive after dt, and what it falls short where it stops; ``ahead``: as of `_pulled_speed`."""
     fastest = p.drive_speed_limit[i]
     by_place = placed(
         x.drive_position[i], x.drive_velocity[i], u.command[i], u.command_rate[i], p.servo_stiffness[i],
         p.servo_damping[i], p.drive_acceleration_limit[i], fastest, dt,
     )  # fmt: skip
     by_force = clip(_pulled_speed(x, p, u, e, s, i, ahead, dt), -fastest, fastest)
-    return select(u.mode[i] > 0.5, by_force, by_place)
+    return select(u.mode[i] > 0.5, by_force, by_place), 0.0
 
 
 @inline
@@ -146,10 +157,11 @@ def _drive(x, p, u, w, e, s, g, i, dt):
     position, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     net = x.load_tension[i] - _resist(p, u, e, s, i, x.load_position[i], x.load_velocity[i], x.load_tension[i])
     ahead = x.load_velocity[i] + half * held_back(g, i, net, x.load_velocity[i]) / p.load_mass[i]
-    new = drive_speed(x, p, u, e, s, i, ahead, dt)
+    new, short = drive_speed(x, p, u, e, s, i, ahead, dt)
     follows = g.follows[i] > 0.5
-    after = select(follows, g.target[i], position + half * (speed + new))
+    after = select(follows, g.target[i], position + half * (speed + new) - short)
     new = select(follows, g.target_rate[i], new)
+    w.end_lag[i] = select(follows | (e.backlash_gap[i] > 0.0), 0.0, ringing_lag(new - speed, dt))
     gap, before = e.backlash_gap[i], select(e.backlash_gap[i] > 0.0, s.gap_position[i], position)
     w.end_before[i] = before
     by_force = (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
@@ -180,7 +192,7 @@ def load_ahead(x, i, dt):
 
 @inline
 def load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt):
-    """Speed of the load after a step, which may turn round within it."""
+    """Speed of the load after a step, which may turn round within it, and what it falls short where it stops."""
     return ringing_step(v, mass, up, down, stiffness, damping_up, damping_down, dt)
 
 
@@ -189,7 +201,8 @@ def _middle(x, p, u, w, e, s, g, i, dt):
     """Forces on the load once the drive has gone half its way, and the load with the speed that it has."""
     y, v = x.load_position[i], x.load_velocity[i]
     ahead = y + load_ahead(x, i, dt)
-    w.mean[i] = _tension(p, e, s, w, i, 0.5 * (w.end_before[i] + w.end_after[i]) - ahead, w.end_speed[i] - v)
+    end = 0.5 * (w.end_before[i] + w.end_after[i]) - w.end_lag[i]
+    w.mean[i] = _tension(p, e, s, w, i, end - ahead, w.end_speed[i] - v)
     at = _resist(p, u, e, s, i, y, v, x.load_tension[i])
     k = (_resist(p, u, e, s, i, y + STEP_Y, v, x.load_tension[i]) - at) / STEP_Y
     c = (_resist(p, u, e, s, i, y, v + STEP_V, x.load_tension[i]) - at) / STEP_V
@@ -213,7 +226,7 @@ def _slide(x, p, w, e, s, g, i, dt):
     damping_up = maximum(damping + c * low - grows_up * w.friction_growth[i], least)
     damping_down = maximum(damping + c * high - grows_down * w.friction_growth[i], least)
     stiffness = w.resistance_stiffness[i] + k * select(select(v == 0.0, up, v) > 0.0, low, high)
-    sliding = load_slides(v, p.load_mass[i], up, down, stiffness, damping_up, damping_down, dt)
+    sliding, w.short[i] = load_slides(v, p.load_mass[i], up, down, stiffness, damping_up, damping_down, dt)
     part = share(s.presliding, i)
     r = (2.0 * part - 1.0) * a
     beside, steeper = tm * (leaving(r) - high + part * a), tm * (2.0 * a * leaving_slope(r) + a)
@@ -247,7 +260,8 @@ def _step(x, p, u, w, e, s, g, i, dt):
     _middle(x, p, u, w, e, s, g, i, dt)
     v, elastic = x.load_velocity[i], w.elongation[i]
     new = _slide(x, p, w, e, s, g, i, dt)
-    x.load_position[i], x.load_velocity[i] = x.load_position[i] + 0.5 * dt * (v + new), new
+    short = select(new == 0.0, w.short[i], 0.0)
+    x.load_position[i], x.load_velocity[i] = x.load_position[i] + 0.5 * dt * (v + new) - short, new
     w.friction[i] = maximum(w.friction[i] + w.friction_growth[i] * (abs(new) - abs(v)), 0.0)
     s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elastic, g.creep_left[i])
     _report(x, p, u, w, e, s, g, i)

@@ -11,7 +11,7 @@ from dataclasses import replace
 from cable_envs.core.compiling.templates import specialised
 from cable_envs.core.kernels import inline
 from cable_envs.effects.backlash import play
-from cable_envs.physics.friction import stick_slip_step
+from cable_envs.physics.friction import no_way, stick_slip_whole, trapezoidal_inertia
 from cable_envs.plants.base import Plant
 from cable_envs.plants.peaks import no_peak
 from cable_envs.plants.sheath.plant import PLANT
@@ -32,9 +32,15 @@ def _still(x, i, dt):
     return 0.0
 
 
+@inline
+def _ahead(speed, ahead):
+    return ahead
+
+
 _SOLVE = specialised(
-    PLANT.solve, load_ahead=_still, load_slides=stick_slip_step, peak_at_start=no_peak, pulled_end=_nut, apart=_apart
-)
+    PLANT.solve, load_ahead=_still, load_onward=_ahead, load_slides=stick_slip_whole, peak_at_start=no_peak,
+    ringing_inertia=trapezoidal_inertia, ringing_lag=no_way, pulled_end=_nut, apart=_apart,
+)  # fmt: skip
 
 
 def as_v0(plant: Plant) -> Plant:

@@ -43,28 +43,32 @@ def go_half(x, p, u, w, g, i, dt):
 
 @inline
 def _hauled(d, p, i, radius, wound, speed, target, rate, ta, tb, stiffness, dt):
-    """Speed of one drive after dt, rad/s; ``d`` are its rows, the tensions those of the middle of the step."""
+    """Speed of one drive after dt, rad/s, and what it falls short where it stops, rad.
+
+    ``d`` are its rows, the tensions those of the middle of the step.
+    """
     at, v, fastest = radius * wound, radius * speed, radius * p.drive_speed_limit[i]
     servo_reads(d, p, i, at, v, False, radius * target, radius * rate, dt)
     steep = span_slope(stiffness, ta, 0.0) + span_slope(stiffness, tb, 0.0)
-    return clip(motor_step(d, p, i, at, v, ta - tb, steep, 0.0, dt), -fastest, fastest) / radius
+    new, short = motor_step(d, p, i, at, v, ta - tb, steep, 0.0, dt)
+    return clip(new, -fastest, fastest) / radius, short / radius
 
 
 @inline
 def go_on(x, p, u, w, g, i, dt):
     """Takes both drives on with the tensions there, in the place of the ideal ones."""
     half, follows = 0.5 * dt, g.follows[i] > 0.5
-    new = _hauled(
+    new, short = _hauled(
         drive_of(x, 0), p, i, p.yaw_radius[i], x.drive_angle[i], x.drive_velocity[i], u.command[i], u.command_rate[i],
         x.tension_drive_a[i], x.tension_drive_b[i], p.drive_stiffness[i], dt,
     )  # fmt: skip
-    pitch_new = _hauled(
+    pitch_new, pitch_short = _hauled(
         drive_of(x, 1), p, i, p.pitch_radius[i], x.pitch_drive_angle[i], x.pitch_drive_velocity[i], w.second[i],
         w.second_rate[i], x.pitch_tension_drive_a[i], x.pitch_tension_drive_b[i], p.pitch_drive_stiffness[i], dt,
     )  # fmt: skip
-    w.after[i] = select(follows, g.target[i], w.middle[i] + half * new)
+    w.after[i] = select(follows, g.target[i], w.middle[i] + half * new - short)
     w.speed_after[i] = select(follows, g.target_rate[i], new)
-    w.pitch_after[i], w.pitch_speed_after[i] = w.pitch_middle[i] + half * pitch_new, pitch_new
+    w.pitch_after[i], w.pitch_speed_after[i] = w.pitch_middle[i] + half * pitch_new - pitch_short, pitch_new
 
 
 @inline

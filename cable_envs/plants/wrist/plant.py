@@ -36,7 +36,7 @@ from cable_envs.effects.backlash import play
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, actuate_second, begin, begin_friction, end, slide
 from cable_envs.physics.contact import tension_ratio
-from cable_envs.physics.friction import crossing_step
+from cable_envs.physics.friction import crossing_step, in_time
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand, rows_of
 from cable_envs.plants.peaks import peak_at_start
@@ -123,7 +123,7 @@ def _turn_yaw(x, p, u, w, e, s, g, i, y, dt):
     c = maximum((_resist(p, u, e, s, i, y, v + STEP_V) - at) / STEP_V, 0.0)
     k += r * r * (span_slope(p.end_stiffness[i], ta, 0.0) + span_slope(p.end_stiffness[i], tb, 0.0))
     torque = r * (ta - tb) + 0.5 * dt * k * v  # the torques are those of the middle already
-    w.yaw_new[i] = slide(e, s, g, i, v, p.yaw_inertia[i], p.yaw_friction[i], torque, at, k, c, dt)
+    w.yaw_new[i] = slide(e, s, g, i, v, in_time(p.yaw_inertia[i], k, dt), p.yaw_friction[i], torque, at, k, c, dt)
 
 
 @inline
@@ -135,7 +135,7 @@ def _turn_pitch(x, p, w, i, dt):
     k += rc * rc * (span_slope(p.end_stiffness[i], ta, 0.0) + span_slope(p.end_stiffness[i], tb, 0.0))
     net = rp * (pa - pb) + rc * (ta - tb) - b * v + 0.5 * dt * k * v
     dry = p.pitch_friction[i] + p.bearing_arm[i] * (ta + tb + pa + pb)
-    w.pitch_new[i] = crossing_step(v, p.pitch_inertia[i], net - dry, net + dry, k, b, dt)
+    w.pitch_new[i] = crossing_step(v, in_time(p.pitch_inertia[i], k, dt), net - dry, net + dry, k, b, dt)
 
 
 @inline
