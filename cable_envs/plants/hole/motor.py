@@ -92,7 +92,7 @@ def hauled(x, p, u, w, e, s, g, i, dt):
 def drive_row(x, p, u, w, e, s, g, i, dt):
     """The drive's speed before the step, in the place of the ideal drive of holes in series."""
     w.rate[0, i] = x.drive_velocity[i]
-    w.wanted[i], w.low[i], w.high[i] = 0.0, 0.0, 0.0
+    w.wanted[i], w.low[i], w.high[i], w.told[i] = 0.0, 0.0, 0.0, 0.0
 
 
 @inline

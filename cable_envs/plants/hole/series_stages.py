@@ -37,7 +37,9 @@ def scratch(holes: int) -> Lanes:
         # the step, m; where the drive is without its speed, and how far that takes it, m and s
         "grip", "held", "end_before", "reach", "lever",
         "straight",  # base of the first span where the cable's end is where the drive is, N
-        "lands",  # whether a drive within its limits ends a step with its mean speed
+        # whether the drive's speed is told, and what it is after the step, m/s; whether a drive within its limits ends
+        # a step with its mean speed
+        "told", "goal", "lands",
     ])  # fmt: skip
 
 
@@ -137,11 +139,13 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     told = u.mode[i] > 0.5
     target = clip(u.command[i], low, high)
     wanted = p.inner_kp[i] * u.command[i] + p.inner_kd[i] * u.command_rate[i]
+    way = target - 0.5 * (target - old) * abs(target - old) / most  # on average, with the target reached on the way
     if e is not None:
-        told, target = told | (g.follows[i] > 0.5), select(g.follows[i] > 0.5, g.target_rate[i], target)
-        told, target = told | (g.imposes[i] > 0.5), select(g.imposes[i] > 0.5, 0.0, target)
-    w.wanted[i] = wanted
-    w.low[i], w.high[i] = 0.5 * (old + select(told, target, low)), 0.5 * (old + select(told, target, high))
+        moves = (g.follows[i] > 0.5) | (g.imposes[i] > 0.5)
+        target = select(moves, select(g.imposes[i] > 0.5, 0.0, g.target_rate[i]), target)
+        told, way = told | moves, select(moves, target, way)
+    w.wanted[i], w.told[i], w.goal[i] = wanted, select(told, 1.0, 0.0), target
+    w.low[i], w.high[i] = select(told, way, 0.5 * (old + low)), select(told, way, 0.5 * (old + high))
     w.rate[0, i], w.lands[i] = old, 1.0
 
 
@@ -266,7 +270,8 @@ def moved(x, p, u, w, e, s, g, i, dt):
         drive, gap = select(g.follows[i] > 0.5, g.target[i], drive), e.backlash_gap[i]
         s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], drive, gap), drive)
     x.drive_position[i] = drive
-    x.drive_velocity[i] = select((w.lands[i] > 0.5) & (w.state[0, i] == 0.0), way, way + (way - old))
+    ends = select((w.lands[i] > 0.5) & (w.state[0, i] == 0.0), way, way + (way - old))
+    x.drive_velocity[i] = select(w.told[i] > 0.5, w.goal[i], ends)
     mean, v = w.rate[holes, i], w.speed[i]
     x.load_position[i] += dt * mean
     x.load_velocity[i] = select(w.theta[i] < 1.0, v + (mean - v) / w.theta[i], mean)
