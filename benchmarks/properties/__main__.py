@@ -118,7 +118,7 @@ def _steps(where: tuple[str, ...], groups: list[Trial], asked: int) -> Iterator[
     count = sum(g.values.shape[1] for g in groups)
     if groups:
         steps = np.concatenate([np.full(g.values.shape[1], g.substeps) for g in groups])
-        yield (*where, "integration steps in a control period", f"{count}", *_shown(steps, "{:.0f}"))
+        yield (*where, STEPS, f"{count}", *_shown(steps, "{:.0f}"))
     if count < asked:
         yield (*where, "rigs refused", f"{asked - count} of {asked}", "", "", "")
 
@@ -141,16 +141,28 @@ def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
     return tuple("0" if v == 0.0 else form.format(v) for v in found)  # type: ignore[return-value]
 
 
+STEPS = "integration steps in a control period"
+"""Of a line that stands in a column of the next one in the page."""
+
+
 def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
-    """A table for every rig and simulator, as Markdown; what is as in the line above is left out."""
-    title, above = "", ("", "", "")
+    """A table for every rig and simulator, as Markdown; what is as in the line above is left out.
+
+    How many integration steps the rigs of a box take, half of them at most and the most, is a column beside the box.
+    """
+    title, above, steps = "", ("", "", ""), ""
     for line in lines:
         if f"{line[0]}, {line[1]}" != title:
             title, above = f"{line[0]}, {line[1]}", ("", "", "")
-            yield f"\n## {title}\n\n| {' | '.join(HEAD[2:])} |\n|{'---|' * len(HEAD[2:])}\n"
+            head = (*HEAD[2:5], "steps", *HEAD[5:])
+            yield f"\n## {title}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n"
+        if line[5] == STEPS:
+            steps = line[7] if line[7] == line[9] else f"{line[7]} to {line[9]}"
+            continue
         told = tuple("" if now == before else now for now, before in zip(line[2:5], above, strict=True))
         above = line[2:5]
-        yield f"| {' | '.join((*told, *line[5:]))} |\n"
+        yield f"| {' | '.join((*told, steps, *line[5:]))} |\n"
+        steps = ""
 
 
 PAGE = """# Properties of the plants, over random rigs
@@ -176,6 +188,8 @@ A rig *does not determine its motion* where the difference is above 1 %, and one
 smaller moves more than 1 % differently too, in one of eight random directions (or of four with changes of 1e-6 and
 1e-9, which move what is chaotic). That is so for limit cycles of an unstable loop, and for loads at the edge of
 breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
+
+*Steps* are the integration steps in a control period: the median of the rigs, and the most.
 
 The table is made by `make properties` ({rigs} rigs of the usual box, {few} of others, {loops} for a controller).
 

@@ -6,6 +6,10 @@ TURN = 0.25
 """Most that a vibration may turn in a step, rad. A cable that becomes taut within a step is noticed late and pushes too
 hard, by up to the square of this over four of the energy; trapezoidal steps are then 1 % late in a turn."""
 
+COUPLED = 0.5
+"""Share of such a step for mechanisms whose ends feel each other's change of speed at the end of the step only: their
+vibrations are in time to order 2, not 4."""
+
 DECAY = 1.0
 """Most decay times that a step may last."""
 

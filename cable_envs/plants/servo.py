@@ -31,7 +31,7 @@ from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.servo_stages import SHOWN, Shown, turned
 
 SMALL = "chosen: the size of a 16 mm DC motor of 12 V"
-FLAT = "maxon EC 45 flat 70 W, 24 V: catalogue 2022, page of 651615"
+FLAT = "chosen: the size of a maxon EC 45 flat, 70 W, 24 V"
 
 
 def motor_parameters(

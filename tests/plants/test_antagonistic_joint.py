@@ -259,9 +259,9 @@ def test_without_friction_the_motion_is_that_of_an_adaptive_integrator():
 
 
 def test_the_step_fits_a_light_joint_or_the_rig_is_refused():
-    assert gym.make(ENV).unwrapped.setup.substeps == 20
+    assert gym.make(ENV).unwrapped.setup.substeps == 22
     light = gym.make(ENV, rig={"joint_inertia": 2e-6}).unwrapped.setup.substeps
-    assert 50 < light < 200
+    assert 100 < light < 400
     with pytest.raises(ConfigurationError, match=f"substeps={light} or more"):
         gym.make(ENV, rig={"joint_inertia": 2e-6}, substeps=20)
     with pytest.raises(ConfigurationError, match="too quick"):

@@ -232,8 +232,8 @@ def test_out_of_range_is_that_of_the_published_file():
 
 
 def test_the_step_fits_light_jaws_or_the_rig_is_refused():
-    assert gym.make(ENV).unwrapped.setup.substeps == 27
+    assert gym.make(ENV).unwrapped.setup.substeps == 54
     light = gym.make(ENV, rig={"yaw_inertia": 1e-7}).unwrapped.setup.substeps
-    assert 60 < light < 200
+    assert 120 < light < 400
     with pytest.raises(ConfigurationError, match=f"substeps={light} or more"):
         gym.make(ENV, rig={"yaw_inertia": 1e-7}, substeps=20)

@@ -6,7 +6,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
-from cable_envs.physics.modes import longest_step
+from cable_envs.physics.modes import COUPLED, longest_step
 from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
 _TYPICAL = "chosen: the base joint of a tendon-driven finger"
@@ -127,14 +127,14 @@ def derive(value, e) -> dict[str, np.ndarray]:
 
 
 def resolves(p, e) -> np.ndarray:
-    """Longest steps, s: of the joint while both contacts hold, at the tension limit, and of a drive."""
+    """Longest steps, s: half of those of the joint while both contacts hold, at the tension limit, and of a drive."""
     hard = np.sqrt(1.0 + 2.0 * p.tendon_hardening * p.tension_limit)
     arm = p.moment_arm + np.abs(p.moment_arm_growth) * p.angle_limit
     turning = 2.0 * arm**2 * p.end_stiffness * hard + p.spring_stiffness + np.abs(p.weight_torque)
     turning = turning + 2.0 * np.abs(p.moment_arm_growth) * p.tension_limit
     joint = longest_step(p.joint_inertia, p.joint_damping, turning)
     drive = longest_step(p.drive_mass, p.drive_damping, p.drive_stiffness * hard)
-    return np.minimum(np.minimum(joint, drive), longest_step(1.0, p.servo_damping, p.servo_stiffness))
+    return COUPLED * np.minimum(np.minimum(joint, drive), longest_step(1.0, p.servo_damping, p.servo_stiffness))
 
 
 def needed_torque(p, position):

@@ -19,7 +19,7 @@ from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
-from cable_envs.plants.hole.stages import carried, limited
+from cable_envs.plants.hole.stages import carried, limited, reached_early
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_shows, motor_step, motor_torques, servo_reads
 
@@ -46,7 +46,8 @@ def told(x, p, u, i, at, old, dt):
     servo_reads(x, p, i, at, old, by_force, select(by_force, u.command[i], goal), select(by_force, 0.0, pace), dt)
     leash = p.servo_limit[i] / maximum(p.servo_kp[i], 1e-9)
     new = limited(p, i, pace, u.command[i], dt)
-    onward = clip(goal + 0.5 * dt * (pace + new), x.encoder_angle[i] - leash, x.encoder_angle[i] + leash)
+    ahead = goal + 0.5 * dt * (pace + new) + reached_early(p, i, pace, new, dt)
+    onward = clip(ahead, x.encoder_angle[i] - leash, x.encoder_angle[i] + leash)
     x.servo_target[i] = select(by_force, goal, onward)
     x.servo_pace[i] = select(by_force, pace, new)
 

@@ -55,6 +55,7 @@ from cable_envs.plants.hole.stages import (
     mobilised,
     open_loop,
     ratio,
+    reached_early,
     record,
     slip_speed,
     span,
@@ -160,8 +161,9 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
     if e is not None:
         idle = idle_share(e, s, i, x.drive_position[i], wanted, dt)
         loop = loop + idle * (wanted - loop)
-    asked = select(u.mode[i] > 0.5, u.command[i], loop)
-    carried(x, w, e, s, g, i, limited(p, i, x.drive_velocity[i], asked, dt), dt)
+    old, told = x.drive_velocity[i], u.mode[i] > 0.5
+    new = limited(p, i, old, select(told, u.command[i], loop), dt)
+    carried(x, w, e, s, g, i, new, dt, select(told, -reached_early(p, i, old, new, dt), 0.0))
 
 
 @inline

@@ -19,6 +19,7 @@ from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
 from cable_envs.plants.hole.spool import moves_otherwise
+from cable_envs.plants.hole.stages import reached_early
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
@@ -139,7 +140,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     told = u.mode[i] > 0.5
     target = clip(u.command[i], low, high)
     wanted = p.inner_kp[i] * u.command[i] + p.inner_kd[i] * u.command_rate[i]
-    way = target - 0.5 * (target - old) * abs(target - old) / most  # on average, with the target reached on the way
+    way = 0.5 * (old + target) + reached_early(p, i, old, target, dt) / dt
     if e is not None:
         moves = (g.follows[i] > 0.5) | (g.imposes[i] > 0.5)
         target = select(moves, select(g.imposes[i] > 0.5, 0.0, g.target_rate[i]), target)

@@ -102,10 +102,17 @@ def closed(x, p, w, e, g, i, wanted, dt):
 
 
 @inline
+def reached_early(p, i, old, new, dt):
+    """How far a drive that is told its speed gets beyond the mean of both, m: it reaches the new one on the way."""
+    most = p.acceleration_limit[i] * dt
+    return 0.5 * dt * (new - old) * (1.0 - minimum(abs(new - old) / most, 1.0))
+
+
+@inline
 def carried(x, w, e, s, g, i, new, dt, short=0.0):
     """The drive moves on with the speed ``new`` after the step, and the end of the cable with it.
 
-    ``short``: how far it falls short of its mean speed where friction stops it, m.
+    ``short``: how far it falls short of its mean speed where friction stops it, m; negative: how far it gets beyond.
     """
     old, before = x.drive_velocity[i], x.drive_position[i]
     w.end_before[i] = before

@@ -41,6 +41,7 @@ from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate
 from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.physics import sweeps
+from cable_envs.physics.modes import COUPLED
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.sheath.contact_stages import (
@@ -140,7 +141,7 @@ def _resolves(p, e) -> np.ndarray:
 
     Here all tensions are solved with the end of the step, so that they are in time to order 2.
     """
-    return 0.5 * resolves(p, e)
+    return COUPLED * resolves(p, e)
 
 
 @cache

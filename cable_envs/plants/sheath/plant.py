@@ -161,10 +161,10 @@ def _drive(x, p, u, w, e, s, g, i, dt):
     follows = g.follows[i] > 0.5
     after = select(follows, g.target[i], position + half * (speed + new) - short)
     new = select(follows, g.target_rate[i], new)
-    w.end_lag[i] = select(follows | (e.backlash_gap[i] > 0.0), 0.0, ringing_lag(new - speed, dt))
     gap, before = e.backlash_gap[i], select(e.backlash_gap[i] > 0.0, s.gap_position[i], position)
-    w.end_before[i] = before
     by_force = (u.mode[i] > 0.5) & (g.follows[i] < 0.5)
+    w.end_lag[i] = select(follows | (select(by_force, 0.0, gap) > 0.0), 0.0, ringing_lag(new - speed, dt))
+    w.end_before[i] = before
     w.end_after[i] = select(gap > 0.0, pulled_end(by_force, before, after, gap), after)
     w.end_speed[i] = (w.end_after[i] - before) / dt
     w.end_speed_after[i] = select((gap > 0.0) & (w.end_after[i] == before), 0.0, new)

@@ -12,7 +12,7 @@ import numpy as np
 
 from cable_envs.core.kernels import clip, inline, select
 from cable_envs.core.params import Parameter
-from cable_envs.physics.modes import longest_step
+from cable_envs.physics.modes import COUPLED, longest_step
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.servo import ALONG, Mount, along, mounted, servo_signals
 from cable_envs.plants.servo_stages import drive_of, motor_step, servo_reads
@@ -96,7 +96,7 @@ def _on_cables(plain: Callable) -> Callable:
 
     def resolved(p, e) -> np.ndarray:
         stiffness = 2.0 * np.maximum(p.drive_stiffness, p.pitch_drive_stiffness)
-        return np.minimum(plain(p, e), longest_step(p.moved_inertia, p.moved_damping, stiffness))
+        return np.minimum(plain(p, e), COUPLED * longest_step(p.moved_inertia, p.moved_damping, stiffness))
 
     return resolved
 

@@ -8,7 +8,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
-from cable_envs.physics.modes import longest_step
+from cable_envs.physics.modes import COUPLED, longest_step
 from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
 _TYPICAL = "chosen: an instrument of 8 mm"
@@ -135,7 +135,7 @@ def derive(value, e) -> dict[str, np.ndarray]:
 
 
 def resolves(p, e) -> np.ndarray:
-    """Longest steps, s: of both joints together while all contacts hold, and of a servo.
+    """Longest steps, s: half of those of both joints together while all contacts hold, and of a servo.
 
     The square of the fastest of two coupled modes is at most the sum of those of the joints alone.
     """
@@ -143,7 +143,7 @@ def resolves(p, e) -> np.ndarray:
     pitch = 2.0 * (p.pitch_radius**2 * p.pitch_end_stiffness + p.coupling_radius**2 * p.end_stiffness)
     both = yaw / p.yaw_inertia + pitch / p.pitch_inertia
     joints = longest_step(1.0, np.maximum(p.yaw_damping / p.yaw_inertia, p.pitch_damping / p.pitch_inertia), both)
-    return np.minimum(joints, longest_step(1.0, p.servo_damping, p.servo_stiffness))
+    return COUPLED * np.minimum(joints, longest_step(1.0, p.servo_damping, p.servo_stiffness))
 
 
 def pair(torque, radius, take_up, stiffness):
