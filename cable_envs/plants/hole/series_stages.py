@@ -171,9 +171,12 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     grip = maximum(share * k - c / dt, select(taut, 0.5, 1.0) * k) + c / dt
     held = select(taut, pull, grip * stretch)
     w.base[0, i], w.draws[i], w.steep[0, i] = held, dt * grip, dt * grip
-    # the inner loop holds at the end of the step; the rate of the tension that it takes is k (x' - s_1'), of a slack
-    # span what it is then over dt
-    by_rate = p.inner_kd[i] * select(taut, k, 0.0) + p.inner_kp[i] * (dt * (k - grip) + c)
+    # the inner loop is in time to order 2, or damped where it is quicker than the step; the rate of the tension that it
+    # takes is k (x' - s_1'), of a slack span what it is at the end over dt
+    by_rate = p.inner_kd[i] * select(taut, k, 0.0)
+    quick = dt * p.inner_kp[i] * k / (1.0 + by_rate)
+    when = select(taut, maximum(0.5, 1.0 - 1.0 / maximum(quick, 1e-9)), 1.0)
+    by_rate += p.inner_kp[i] * (dt * (when * k - grip) + c)
     w.by_end[i], w.by_first[i] = by_rate, by_rate
     w.by_tension[i] = p.inner_kp[i] + select(taut, 0.0, p.inner_kd[i] * k / (grip * dt))
     w.pull[0, i] = x.drive_tension[i]
