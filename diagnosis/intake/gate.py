@@ -2,7 +2,8 @@
 
 A fault of the data must never end as a physical effect, so what a simulator cannot be held against is refused: gaps,
 a clock that jumps, dead, stuck and saturated sensors, outliers, units that are off by a power of ten
-(`cable_envs.diagnosis.intake.scales`), and more rows than memory holds. What can be left out of the sums is left out
+(`cable_envs.diagnosis.intake.scales`), what no rig does (`cable_envs.diagnosis.intake.forbidden`), and more rows than
+memory holds. What can be left out of the sums is left out
 and noted.
 """
 
@@ -14,7 +15,9 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.intake.forbidden import CHECKS
 from cable_envs.diagnosis.intake.scales import wrong_units
+from cable_envs.diagnosis.intake.tracks import tracks_of
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -107,8 +110,31 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
                 faults += [_at_edge(record, fault, look) for fault in _channel(record, channel)]
     if not any(f.fatal for f in faults):
         faults += [Fault(*found) for found in wrong_units(recording)]
+    faults += _by_physics(recording, look) if not any(f.fatal for f in faults) else []
     fatal = any(f.fatal for f in faults)
     return Quality(tuple(faults), {} if fatal else visited(recording))
+
+
+def _by_physics(recording: Recording, look: Look) -> list[Fault]:
+    """What no rig does, without the ends that the model leaves out: all notes, and the first check's fatal faults."""
+    inner, first = _without_ends(recording, look.edge)
+    tracks, found = tracks_of(inner), []
+    for check in CHECKS:
+        found += [Fault(f.record, f.channel, f.row + first[f.record], f.text, f.fatal) for f in check(inner, tracks)]
+        if any(f.fatal for f in found):
+            break
+    return found
+
+
+def _without_ends(recording: Recording, edge: float) -> tuple[Recording, dict[str, int]]:
+    """(the recording less ``edge`` s at either end of each record, rows that are left out before each)."""
+    records, first = [], {}
+    for record in recording.records:
+        kept = (record.time >= record.time[0] + edge) & (record.time <= record.time[-1] - edge)
+        kept |= kept.sum() < FEWEST_HELDOUT or record.use == "rest"
+        first[record.name] = int(np.argmax(kept))
+        records.append(replace(record, data={name: values[kept] for name, values in record.data.items()}))
+    return replace(recording, records=tuple(records)), first
 
 
 def _used(record: Record, look: Look) -> int:
