@@ -21,7 +21,8 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import diagnose
+from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.real.sets import FOLDERS, imported
 from cable_envs.diagnosis.systems import looked_at
@@ -75,9 +76,20 @@ def said_of(recording: Recording) -> tuple[str, ...]:
     """("refused", the faults), or ("noted", the notes), or ("passes",)."""
     quality = gate(recording, looked_at(recording))
     fatal = [str(fault) for fault in quality.faults if fault.fatal]
+    if not fatal:
+        fatal = _off_claims(recording)
     if fatal:
         return (REFUSED, *fatal)
     return (NOTED, *quality.notes) if quality.notes else (PASSES,)
+
+
+def _off_claims(recording: Recording) -> list[str]:
+    """What the simulator with the stated numbers says; nothing where the recording states too little to be asked."""
+    try:
+        question = ask(recording, request_of(recording))
+    except ConfigurationError:
+        return []
+    return [str(fault) for fault in off_claims(recording, question)]
 
 
 def simulated(system: str, seed: int, noise: str = "white, unstated") -> Recording:

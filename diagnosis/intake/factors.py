@@ -22,19 +22,19 @@ from cable_envs.diagnosis.systems.common import smooth_speed
 
 GRAVITY = 9.81
 """N/kg."""
-_HALF = float(np.sqrt(GRAVITY))
+HALF = float(np.sqrt(GRAVITY))
 _CLOCK = float(np.sqrt(2.0))
 _TOGETHER = 0.7
 """Correlation from which two channels share half of their variance."""
-_ALIKE = 0.9
+ALIKE = 0.9
 """Correlation from which a force has the course that the stated numbers make of the motion: four fifths of it."""
 _TURN = 0.05
 """Of the fastest speed, over which the sign of friction turns."""
-_OF_RATES = {
+OF_RATES = {
     1000.0: "'milli' or 'kilo'", 180.0 / np.pi: "degrees and radians", 30.0 / np.pi: "turns a minute and rad/s",
     25.4: "inches and millimetres", 2.0: "a right clock and one that is off by 2",
 }  # fmt: skip
-_OF_FORCES = {
+OF_FORCES = {
     1000.0: "'milli' or 'kilo'", GRAVITY: "kilograms and newtons", 4.448: "pounds and newtons",
     4.0: "accelerations by a clock that is off by 2",
 }  # fmt: skip
@@ -88,7 +88,7 @@ def _rates(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         elif slope < 0.0:
             yield Found(tracks[0].name, place, 1, f"{rate} grows where it should fall: turn the sign of one of them")
         elif not 1.0 / _CLOCK < slope < _CLOCK:
-            text = f"{rate} is {slope:.3g} times its slope over time: {hint(slope, _OF_RATES)}"
+            text = f"{rate} is {slope:.3g} times its slope over time: {hint(slope, OF_RATES)}"
             yield Found(tracks[0].name, place, 1, text)
         else:
             late = _late_rate(tracks, place, rate)
@@ -155,9 +155,9 @@ def _tensions(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
             yield Found(tracks[0].name, channel, 1, text)
         elif recording.system == "cable_hole" and (weight := _weight(recording, tracks)):
             ratio = _carried(tracks, channel) / weight
-            if not 1.0 / _HALF < ratio < _HALF:
+            if not 1.0 / HALF < ratio < HALF:
                 carried = f"up and down it carries {ratio:.3g} times the load's weight of {weight:.3g} N"
-                text = f"{carried}: {hint(ratio, _OF_FORCES)}"
+                text = f"{carried}: {hint(ratio, OF_FORCES)}"
                 yield Found(tracks[0].name, channel, 1, text)
 
 
@@ -197,9 +197,9 @@ def _forces(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         friction = viscous * speed + coulomb * np.tanh(speed / max(turn, 1e-300))
         needs.append((mass + motor) * smooth_speed(speed, track.period) + friction)
     ratio = _in_course([track.channels["force"] for track in tracks], needs)
-    if ratio is not None and not 1.0 / _HALF < ratio < _HALF:
+    if ratio is not None and not 1.0 / HALF < ratio < HALF:
         text = f"{ratio:.3g} times what the stated mass and friction make of the motion, in the same course"
-        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, _OF_FORCES)}")
+        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
 
 
 def _band(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
@@ -207,15 +207,15 @@ def _band(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         return
     pulls = [track.channels["band_tension_2"] - track.channels["band_tension_1"] for track in tracks]
     ratio = _in_course([track.channels["force"] for track in tracks], pulls)
-    if ratio is not None and not 1.0 / _HALF < ratio < _HALF:
+    if ratio is not None and not 1.0 / HALF < ratio < HALF:
         text = f"{ratio:.3g} times the difference of the band's tensions, in the same course"
-        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, _OF_FORCES)}")
+        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
 
 
 def _in_course(ones: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> float | None:
     """Size of series over that of others, without the means of the records; None where they differ in their course."""
     one, other = (np.concatenate([values - np.mean(values) for values in series]) for series in (ones, others))
     over = float(np.sqrt((one @ one) * (other @ other)))
-    if over == 0.0 or float(one @ other) / over < _ALIKE:
+    if over == 0.0 or float(one @ other) / over < ALIKE:
         return None
     return float(np.sqrt((one @ one) / (other @ other)))

@@ -77,12 +77,12 @@ class Track:
         return smooth_speed(self.channels[place], self.period)
 
 
-def track_of(recording: Recording, record: Record) -> Track:
+def track_of(record: Record) -> Track:
     """All channels of a record, bridged by straight lines where samples are missing."""
     period = float(np.median(np.diff(record.time)))
-    return Track(record.name, record.time, period, {n: series_of(record, n) for n in recording.channels if n != "time"})
+    return Track(record.name, record.time, period, {n: series_of(record, n) for n in record.data if n != "time"})
 
 
 def tracks_of(recording: Recording) -> list[Track]:
     """Of all records in which something moves."""
-    return [track_of(recording, record) for record in recording.records if record.use != "rest"]
+    return [track_of(record) for record in recording.records if record.use != "rest"]

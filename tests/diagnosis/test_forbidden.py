@@ -1,18 +1,23 @@
 """What no rig does: each check finds its fault, and is silent on good logs, at rest, and on what physics may do."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors
-from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.intake.gate import _still, gate
 from cable_envs.diagnosis.intake.jumps import jumps, lone_jump, lone_samples, mixed_units, spikes
 from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run
 from cable_envs.diagnosis.intake.timing import late_channels, shift_of
 from cable_envs.diagnosis.intake.tracks import tracks_of
+from cable_envs.proof.cases import Case
+from cable_envs.proof.logs.cases import make
 
 MASS, COULOMB, VISCOUS = 6.0, 8.0, 20.0
 PERIOD, ROWS = 0.01, 2800
@@ -275,6 +280,39 @@ def test_a_rig_at_rest_is_no_held_sensor():
             table[name][-300:] = table[name][-300]  # finer than its noise, and nothing moves
 
     assert _found(held, _drive(change=rest)) == []
+
+
+def test_a_rig_that_stops_for_a_while_is_not_refused_and_one_whose_sensor_stops_is():
+    rng = np.random.default_rng(5)
+    t = PERIOD * np.arange(ROWS)
+    way = np.where(np.mod(t, 7.0) < 5.0, np.sin(2.0 * np.pi * np.mod(t, 7.0) / 5.0) ** 3, 0.0)  # 2 s of rest in 7
+    speed = np.gradient(way, PERIOD)
+    force = MASS * np.gradient(speed, PERIOD) + VISCOUS * speed + COULOMB * np.tanh(speed / 1e-2)
+
+    def recording(place):
+        table = {"time": t, "position": place, "velocity": speed + 1e-2 * rng.standard_normal(ROWS)}
+        table["force"] = force + 0.2 * rng.standard_normal(ROWS)
+        return Recording.from_arrays("linear_drive", table)
+
+    fine = 0.1 + way + np.where(speed == 0.0, 0.0, 2e-3 * rng.standard_normal(ROWS))  # its noise is seen in motion only
+    assert any("equal samples" in fault.text for fault in _still("", "position", fine, np.ones(ROWS, bool)))
+    assert _fatal(recording(fine)) == []
+    fine[120:160] = fine[120]
+    assert any("stuck" in str(fault) for fault in _fatal(recording(fine)))
+
+
+def test_a_torque_in_another_unit_is_told_by_the_simulator_as_stated(tmp_path):
+    make(Case("one", 12, "pulley_circuit", "nothing", noise="white, unstated"), tmp_path)
+    good = load_recording(tmp_path)
+
+    def said(recording):
+        return off_claims(recording, ask(recording, request_of(recording)))
+
+    assert said(good) == []
+    data = [{**r.data, "drive_torque": 9.81 * r.data["drive_torque"]} for r in good.records]
+    wrong = replace(good, records=tuple(replace(r, data=d) for r, d in zip(good.records, data, strict=True)))
+    (fault,) = said(wrong)
+    assert fault.channel == "drive_torque" and "kilograms" in fault.text
 
 
 def test_runs_of_a_coarse_sensor_are_its_own():
