@@ -22,7 +22,8 @@ from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
-from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.intake.claims import off_claims
+from cable_envs.diagnosis.intake.gate import Quality, gate
 from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from cable_envs.diagnosis.model.verdict import Diagnosis
@@ -148,6 +149,7 @@ def examine(
     quality.require_usable()
     request = request_of(recording, effects, without, effect_file, rig, variant)
     question = told_at_rest(recording, ask(recording, request))
+    Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
     options = (request.only, request.without, taken, effect_file, variant, judge, seed)

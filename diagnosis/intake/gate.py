@@ -2,7 +2,8 @@
 
 A fault of the data must never end as a physical effect, so what a simulator cannot be held against is refused: gaps,
 a clock that jumps, dead, stuck and saturated sensors, outliers, units that are off by a power of ten
-(`cable_envs.diagnosis.intake.scales`), and more rows than memory holds. What can be left out of the sums is left out
+(`cable_envs.diagnosis.intake.scales`), what no rig does (`cable_envs.diagnosis.intake.forbidden`), and more rows than
+memory holds. What can be left out of the sums is left out
 and noted.
 """
 
@@ -14,7 +15,10 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.intake.forbidden import CHECKS
+from cable_envs.diagnosis.intake.repeats import moves
 from cable_envs.diagnosis.intake.scales import wrong_units
+from cable_envs.diagnosis.intake.tracks import track_of, tracks_of
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -34,6 +38,8 @@ _STILL = 8
 """Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
 _STIRS, _CALM = 0.05, 50
 """Of the range of the records to fit, that a position at rest may wander, as a mean of so many samples."""
+_RESUMES = 0.5
+"""Of the greatest way in a sample, within which a rig starts again: from rest, mass takes more than one sample."""
 _OUTLIER = 30.0
 """Times the step that 99 % of all steps stay below."""
 _ALL = Look()
@@ -107,8 +113,31 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
                 faults += [_at_edge(record, fault, look) for fault in _channel(record, channel)]
     if not any(f.fatal for f in faults):
         faults += [Fault(*found) for found in wrong_units(recording)]
+    faults += _by_physics(recording, look) if not any(f.fatal for f in faults) else []
     fatal = any(f.fatal for f in faults)
     return Quality(tuple(faults), {} if fatal else visited(recording))
+
+
+def _by_physics(recording: Recording, look: Look) -> list[Fault]:
+    """What no rig does, without the ends that the model leaves out: all notes, and the first check's fatal faults."""
+    inner, first = _without_ends(recording, look.edge)
+    tracks, found = tracks_of(inner), []
+    for check in CHECKS:
+        found += [Fault(f.record, f.channel, f.row + first[f.record], f.text, f.fatal) for f in check(inner, tracks)]
+        if any(f.fatal for f in found):
+            break
+    return found
+
+
+def _without_ends(recording: Recording, edge: float) -> tuple[Recording, dict[str, int]]:
+    """(the recording less ``edge`` s at either end of each record, rows that are left out before each)."""
+    records, first = [], {}
+    for record in recording.records:
+        kept = (record.time >= record.time[0] + edge) & (record.time <= record.time[-1] - edge)
+        kept |= kept.sum() < FEWEST_HELDOUT or record.use == "rest"
+        first[record.name] = int(np.argmax(kept))
+        records.append(replace(record, data={name: values[kept] for name, values in record.data.items()}))
+    return replace(recording, records=tuple(records)), first
 
 
 def _used(record: Record, look: Look) -> int:
@@ -178,7 +207,28 @@ def _channel(record: Record, channel: str) -> list[Fault]:
         return found
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
-    return found + _still(record.name, channel, values, good) + _outlier(record.name, channel, values, good)
+    still = _still(record.name, channel, values, good)
+    while still and (length := _stop(record, channel, still[0])):  # the next run may be a sensor's
+        good = good & ~np.isin(np.arange(len(values)), still[0].row - 1 + np.arange(length))
+        still = _still(record.name, channel, values, good) if good.sum() > FEWEST_HELDOUT else []
+    return found + still + _outlier(record.name, channel, values, record.usable(channel))
+
+
+def _stop(record: Record, channel: str, fault: Fault) -> int:
+    """Samples for which a position stands still because the rig does; 0 where a sensor was held.
+
+    At a stop no other channel moves, and the motion goes on from there. A sensor that was held takes it up where it has
+    gone meanwhile, farther than the rig starts in one sample.
+    """
+    if channel not in POSITIONS:
+        return 0
+    track = track_of(record)
+    values, first = track.channels[channel], fault.row - 1
+    length = int(np.argmax(np.r_[values[first:] != values[first], True]))
+    fastest = float(np.max(np.abs(np.gradient(track.even(channel)))))
+    behind = values[first + length : first + length + 1] - values[first]
+    stops = bool(np.all(np.abs(behind) <= _RESUMES * fastest)) and not moves(track, channel, first, length)
+    return length if stops else 0
 
 
 def _at_rest(recording: Recording, record: Record, channel: str) -> list[Fault]:

@@ -1,0 +1,88 @@
+"""What channels of one rig have to do with each other, and a record's channels on one clock."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.systems.common import smooth_speed
+from cable_envs.diagnosis.systems.units import series_of
+
+WORKS = {
+    "force": "position", "voltage": "position", "drive_tension": "drive_position", "drive_torque": "drive_angle",
+}  # fmt: skip
+"""Effort -> the position on which it works."""
+PASSED_ON = {
+    ("drive_tension", "drive_position"): ("load_tension", "load_position"),
+    ("drive_torque", "drive_angle"): ("output_torque", "output_angle"),
+}  # fmt: skip
+"""Effort and position of a drive -> those of the end that it drives."""
+RATES = {"position": "velocity", "drive_position": "drive_velocity"}
+"""Position -> its speed."""
+DRIVEN = {"drive_position": "load_position", "drive_angle": "output_angle", "motor_position": "position"}
+"""Position of a drive -> the position that it moves."""
+ASKED = {
+    "position_reference": ("position", "load_position"), "drive_angle_command": ("drive_angle",),
+    "angle_reference": ("output_angle",), "drive_velocity_command": ("drive_velocity",),
+}  # fmt: skip
+"""Command -> channels that obey it."""
+EFFORTS = (
+    "force", "drive_tension", "load_tension", "drive_torque", "output_torque", "drive_current", "tension_top",
+    "tension_bottom", "band_tension_1", "band_tension_2",
+)  # fmt: skip
+"""Channels that sensors of force, torque or current give."""
+LAG = 0.06
+"""s, the longest lag of an actuator or sensor that a rig may have: twice what `cable_envs.effects.actuator_lag` calls
+typical. What is later than this did not happen in the rig, but in the logger."""
+
+
+class Found(NamedTuple):
+    """A fault of one channel; ``row`` counts data rows from 1. ``fatal``: it cannot be used, else it is noted."""
+
+    record: str
+    channel: str
+    row: int
+    text: str
+    fatal: bool = True
+
+
+def is_told(channel: str) -> bool:
+    """Whether a channel is what somebody asked for, that no sensor measured."""
+    return channel.endswith(("_command", "_reference")) or channel == "voltage"
+
+
+@dataclass(frozen=True)
+class Track:
+    """A record's channels [T], SI, without gaps, and the time between its samples, s."""
+
+    name: str
+    time: np.ndarray
+    period: float
+    channels: Mapping[str, np.ndarray]
+
+    def even(self, channel: str) -> np.ndarray:
+        """A channel on an even clock from the record's start, by straight lines: lost rows leave no jump."""
+        count = round((self.time[-1] - self.time[0]) / self.period) + 1
+        return np.interp(self.time[0] + self.period * np.arange(count), self.time, self.channels[channel])
+
+    def row(self, sample: int) -> int:
+        """Data row, from 1, of a sample of the even clock."""
+        at = self.time[0] + (sample - 0.5) * self.period
+        return min(int(np.searchsorted(self.time, at)), len(self.time) - 1) + 1
+
+    def speed(self, place: str) -> np.ndarray:
+        """Slope of a position over time [T]."""
+        return smooth_speed(self.channels[place], self.period)
+
+
+def track_of(record: Record) -> Track:
+    """All channels of a record, bridged by straight lines where samples are missing."""
+    period = float(np.median(np.diff(record.time)))
+    return Track(record.name, record.time, period, {n: series_of(record, n) for n in record.data if n != "time"})
+
+
+def tracks_of(recording: Recording) -> list[Track]:
+    """Of all records in which something moves."""
+    return [track_of(record) for record in recording.records if record.use != "rest"]

@@ -1,0 +1,341 @@
+"""What no rig does: each check finds its fault, and is silent on good logs, at rest, and on what physics may do."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.intake.claims import off_claims
+from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
+from cable_envs.diagnosis.intake.factors import wrong_factors
+from cable_envs.diagnosis.intake.gate import _still, gate
+from cable_envs.diagnosis.intake.jumps import jumps, lone_jump, lone_samples, mixed_units, spikes
+from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run
+from cable_envs.diagnosis.intake.timing import late_channels, shift_of
+from cable_envs.diagnosis.intake.tracks import tracks_of
+from cable_envs.proof.cases import Case
+from cable_envs.proof.logs.cases import make
+
+MASS, COULOMB, VISCOUS = 6.0, 8.0, 20.0
+PERIOD, ROWS = 0.01, 2800
+
+
+def _motion(rng):
+    """A multisine's position, speed and acceleration [ROWS], with its exact derivatives, at rest for its first 2 s."""
+    t = PERIOD * np.arange(ROWS)
+    w = 2.0 * np.pi * np.array([0.1, 0.25, 0.4])
+    phase = rng.uniform(0.0, 2.0 * np.pi, 3)
+    size = 0.05 / (1.0 + w)
+    angle = np.outer(t, w) + phase
+    x, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * w), -np.sin(angle) @ (size * w**2)
+    return t, x, v, a
+
+
+def _drive(seed=3, change=lambda table, number: None, friction=1.0):
+    """A drive with friction by its equation of motion and white noise; two records; ``change`` damages a table."""
+    rng = np.random.default_rng(seed)
+    records = {}
+    for number, name in enumerate(("one", "two")):
+        t, x, v, a = _motion(rng)
+        force = MASS * a + friction * (VISCOUS * v + COULOMB * np.tanh(v / 1e-3))
+        noise = {"position": 1e-5, "velocity": 2e-3, "force": 0.2}
+        table = {"time": t, "position": x, "velocity": v, "force": force}
+        table |= {n: table[n] + std * rng.standard_normal(ROWS) for n, std in noise.items()}
+        change(table, number)
+        records[name] = table
+    return Recording.from_arrays(
+        "linear_drive", records, nominal={"mass": MASS, "coulomb": COULOMB, "viscous": VISCOUS}
+    )  # fmt: skip
+
+
+def _circuit(seed=4, change=lambda table, number: None):
+    """A drive that turns an output behind an elastic transmission: the output follows by torque over stiffness."""
+    rng = np.random.default_rng(seed)
+    records = {}
+    for number, name in enumerate(("one", "two")):
+        t, x, v, _ = _motion(rng)
+        out = 10.0 * x
+        given = 0.05 * out + 2e-3 * np.tanh(v / 1e-3)
+        torque = given + 0.02 * np.tanh(v / 1e-3)
+        table = {"time": t, "drive_angle": out + torque / 2.0, "drive_torque": torque, "output_angle": out,
+                 "output_torque": given}  # fmt: skip
+        noise = {"drive_angle": 5e-4, "drive_torque": 1e-3, "output_angle": 1e-3, "output_torque": 1e-3}
+        table |= {n: table[n] + std * rng.standard_normal(ROWS) for n, std in noise.items()}
+        change(table, number)
+        records[name] = table
+    return Recording.from_arrays("pulley_circuit", records)
+
+
+def _found(check, recording):
+    return list(check(recording, tracks_of(recording)))
+
+
+def _fatal(recording):
+    return [fault for fault in gate(recording).faults if fault.fatal]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_good_logs_pass_without_a_note(seed):
+    for made in (_drive, _circuit):
+        assert gate(made(seed)).faults == ()
+
+
+def test_a_rig_without_friction_takes_nothing_and_is_not_refused():
+    for seed in range(6):
+        assert _found(against_nature, _drive(seed, friction=0.0)) == []
+
+
+def test_the_loss_factor_of_dry_friction_is_one_and_of_a_spring_nought():
+    def bare(spring):
+        def change(table, number):
+            table["force"] = (0.0 if spring else 5.0) * np.sign(table["velocity"]) + spring * table["position"]
+
+        return tracks_of(_drive(change=change))[0]
+
+    dry, _ = losses(bare(0.0), "force", "position")
+    elastic, least = losses(bare(300.0), "force", "position")
+    # of dry friction every bit of work is lost; the force is taken about its mean, here over unequal speeds
+    assert np.all(dry > 0.95)
+    assert np.all(np.abs(elastic) < 0.01) and np.mean(elastic) > least
+
+
+def _times(channel, factor):
+    def change(table, number):
+        table[channel] = factor * table[channel]
+
+    return change
+
+
+def _swapped(one, other):
+    def change(table, number):
+        table[one], table[other] = table[other], table[one]
+
+    return change
+
+
+def _late(channel, seconds):
+    def change(table, number):
+        table[channel] = np.interp(table["time"] - seconds, table["time"], table[channel])
+
+    return change
+
+
+@pytest.mark.parametrize("channel", ["force", "position"])
+def test_a_sign_that_is_turned_gives_energy(channel):
+    def change(table, number):
+        table[channel] *= -1.0
+        if channel == "position":
+            table["velocity"] *= -1.0  # else it is their rate that tells
+
+    (fault,) = _found(against_nature, _drive(change=change))
+    assert fault.channel == "force" and "sign" in fault.text
+
+
+def test_effort_and_position_in_each_others_column_give_energy():
+    assert any(
+        "exchange" in f.text for f in _found(against_nature, _circuit(change=_swapped("drive_angle", "drive_torque")))
+    )
+
+
+def test_a_driven_end_follows_and_does_not_lead():
+    assert np.all(lags(tracks_of(_circuit())[0], "drive_angle", "output_angle") > 0.0)
+    (fault,) = _found(against_nature, _circuit(change=_swapped("drive_angle", "output_angle")))
+    assert fault.channel == "output_angle" and "ahead of drive_angle" in fault.text
+
+
+def test_an_output_does_no_more_work_than_its_drive():
+    (fault,) = _found(against_nature, _circuit(change=_swapped("drive_torque", "output_torque")))
+    assert fault.channel == "output_torque" and "drive_torque puts in" in fault.text
+
+
+@pytest.mark.parametrize(
+    ("channel", "factor", "said"),
+    [("force", 9.81, "kilograms"), ("force", 1.0 / 9.81, "kilograms"), ("velocity", -1.0, "sign"),
+     ("velocity", 2.0, "clock"), ("position", 180.0 / np.pi, "degrees"), ("force", 1e3, "kilo")],
+)  # fmt: skip
+def test_a_wrong_unit_is_named_with_what_would_be_right(channel, factor, said):
+    (fault,) = _found(wrong_factors, _drive(change=_times(channel, factor)))
+    assert said in fault.text
+
+
+@pytest.mark.parametrize("factor", [0.75, 1.3])
+def test_a_scale_that_a_sensor_may_have_is_no_unit(factor):
+    assert _found(wrong_factors, _drive(change=_times("force", factor))) == []
+    assert _found(wrong_factors, _drive(change=_times("velocity", factor))) == []
+
+
+def test_friction_that_is_twice_what_is_stated_is_no_unit():
+    assert _found(wrong_factors, _drive(friction=2.0)) == []
+
+
+def test_a_cable_only_pulls():
+    t = PERIOD * np.arange(ROWS)
+    place = 0.02 * np.sin(2.0 * np.pi * 0.2 * t)
+    weight = 5.0 * 9.81
+    pull = weight * np.exp(0.6 * np.tanh(np.gradient(place) / 1e-5))
+
+    def said(factor):
+        table = {"time": t, "drive_position": place, "drive_tension": factor * pull}
+        recording = Recording.from_arrays("cable_hole", table, known={"load_mass": 5.0})
+        return [fault.text for fault in _found(wrong_factors, recording)]
+
+    assert said(1.0) == []
+    assert "only pulls" in said(-1.0)[0]
+    # the median alone would be off by e^0.6, their geometric mean is the weight
+    assert "9.81 times the load's weight" in said(9.81)[0]
+
+
+@pytest.mark.parametrize(("channel", "seconds"), [("force", 0.15), ("force", -0.15)])
+def test_a_late_channel_is_found_with_its_time(channel, seconds):
+    recording = _drive(change=_late(channel, seconds))
+    (fault,) = _found(late_channels, recording)
+    assert fault.channel == channel and ("late" if seconds > 0.0 else "early") in fault.text
+    # shifts are tried in steps of 10 ms
+    assert shift_of(tracks_of(recording), channel)[0] == pytest.approx(seconds, abs=0.02)
+
+
+def test_a_late_position_is_found_by_its_speed():
+    (fault,) = _found(wrong_factors, _drive(change=_late("position", 0.15)))
+    assert fault.channel == "position" and fault.text.endswith("early: bring them to one clock")
+    said = float(re.search(r"is (\d+) ms", fault.text)[1])
+    assert said == pytest.approx(150.0, abs=10.0)  # the period
+
+
+def test_a_lag_that_a_rig_may_have_is_none_of_the_loggers():
+    for channel in ("force", "velocity"):
+        recording = _drive(change=_late(channel, 0.02))
+        assert _found(late_channels, recording) == [] and _found(wrong_factors, recording) == []
+
+
+def _once(channel, act, at=1500):
+    def change(table, number):
+        if number == 0:
+            act(table[channel], at)
+
+    return change
+
+
+def test_counts_that_are_lost_are_found_at_their_row():
+    def lose(values, at):
+        values[at:] -= 0.04 * np.ptp(values)
+
+    (fault,) = _found(jumps, _drive(change=_once("position", lose)))
+    assert (fault.record, fault.channel, fault.row, fault.fatal) == ("one", "position", 1501, True)
+
+
+def test_lost_rows_are_no_jump():
+    def change(table, number):
+        kept = np.ones(ROWS, bool)
+        kept[1500:1504] = False
+        for name in table:
+            table[name] = table[name][kept]
+
+    assert _found(jumps, _drive(change=change)) == []
+
+
+def test_an_effort_in_two_units_is_refused_and_its_jump_noted():
+    def mix(values, at):
+        values[at:] *= 9.81
+
+    def jump(values, at):
+        values[at:] += 60.0
+
+    (mixed,) = _found(mixed_units, _drive(change=_once("force", mix)))
+    (jumped,) = _found(jumps, _drive(change=_once("force", jump)))
+    assert mixed.fatal and "one unit" in mixed.text and abs(mixed.row - 1501) < 60  # a place of 50
+    assert not jumped.fatal and jumped.row == 1501
+
+
+def test_friction_that_turns_at_every_reversal_is_no_jump():
+    values = np.sign(np.sin(0.01 * np.arange(3000))) + 0.01 * np.random.default_rng(0).standard_normal(3000)
+    assert lone_jump(values) is None
+
+
+def test_spikes_are_noted_and_noise_is_not():
+    def spike(values, at):
+        values[[at, at + 200, at + 411]] += 0.5 * np.ptp(values)
+
+    (fault,) = _found(spikes, _drive(change=_once("force", spike)))
+    assert not fault.fatal and fault.row == 1501 and fault.text.startswith("3 samples")
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        assert len(lone_samples(rng.standard_normal(3000))[0]) == 0
+        assert len(lone_samples(np.round(rng.standard_normal(3000)))[0]) == 0
+
+
+def test_a_sensor_that_is_held_while_the_rig_moves_is_refused():
+    def hold(values, at):
+        values[at : at + 10] = values[at]
+
+    (fault,) = _found(held, _drive(change=_once("force", hold)))
+    assert fault.channel == "force" and fault.row == 1501 and "held" in fault.text
+
+
+def test_a_rig_at_rest_is_no_held_sensor():
+    def rest(table, number):
+        for name in ("position", "velocity", "force"):
+            table[name][-300:] = table[name][-300]  # finer than its noise, and nothing moves
+
+    assert _found(held, _drive(change=rest)) == []
+
+
+def test_a_rig_that_stops_for_a_while_is_not_refused_and_one_whose_sensor_stops_is():
+    rng = np.random.default_rng(5)
+    t = PERIOD * np.arange(ROWS)
+    way = np.where(np.mod(t, 7.0) < 5.0, np.sin(2.0 * np.pi * np.mod(t, 7.0) / 5.0) ** 3, 0.0)  # 2 s of rest in 7
+    speed = np.gradient(way, PERIOD)
+    force = MASS * np.gradient(speed, PERIOD) + VISCOUS * speed + COULOMB * np.tanh(speed / 1e-2)
+
+    def recording(place):
+        table = {"time": t, "position": place, "velocity": speed + 1e-2 * rng.standard_normal(ROWS)}
+        table["force"] = force + 0.2 * rng.standard_normal(ROWS)
+        return Recording.from_arrays("linear_drive", table)
+
+    fine = 0.1 + way + np.where(speed == 0.0, 0.0, 2e-3 * rng.standard_normal(ROWS))  # its noise is seen in motion only
+    assert any("equal samples" in fault.text for fault in _still("", "position", fine, np.ones(ROWS, bool)))
+    assert _fatal(recording(fine)) == []
+    fine[120:160] = fine[120]
+    assert any("stuck" in str(fault) for fault in _fatal(recording(fine)))
+
+
+def test_a_torque_in_another_unit_is_told_by_the_simulator_as_stated(tmp_path):
+    make(Case("one", 12, "pulley_circuit", "nothing", noise="white, unstated"), tmp_path)
+    good = load_recording(tmp_path)
+
+    def said(recording):
+        return off_claims(recording, ask(recording, request_of(recording)))
+
+    assert said(good) == []
+    data = [{**r.data, "drive_torque": 9.81 * r.data["drive_torque"]} for r in good.records]
+    wrong = replace(good, records=tuple(replace(r, data=d) for r, d in zip(good.records, data, strict=True)))
+    (fault,) = said(wrong)
+    assert fault.channel == "drive_torque" and "kilograms" in fault.text
+
+
+def test_runs_of_a_coarse_sensor_are_its_own():
+    rng = np.random.default_rng(1)
+    for std in (0.2, 0.5, 1.0, 3.0):
+        assert longest_run(100.0 + np.round(std * rng.standard_normal(3000))) is None
+
+
+def test_a_block_that_is_written_twice_is_found_and_a_period_is_not():
+    rng = np.random.default_rng(2)
+    table = rng.standard_normal((1000, 3))
+    twice = np.concatenate([table[:430], table[400:]])
+    assert block_twice(twice) == (430, 30)
+    assert block_twice(table) is None
+    assert block_twice(np.tile(table[:50], (20, 1))) is None
+
+
+def test_a_buffer_that_is_written_twice_is_refused():
+    def change(table, number):
+        order = np.r_[np.arange(1000), np.arange(970, ROWS - 30)]
+        for name in ("position", "velocity", "force"):
+            table[name] = table[name][order]
+
+    (fault,) = _found(blocks_twice, _drive(change=change))
+    assert fault.row == 1001 and "30 rows" in fault.text
+    assert any("written twice" in f.text for f in _fatal(_drive(change=change)))
