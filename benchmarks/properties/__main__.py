@@ -141,6 +141,8 @@ def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
     return tuple("0" if v == 0.0 else form.format(v) for v in found)  # type: ignore[return-value]
 
 
+NONE = ("most negative tension", "motion in a minute at rest", "energy made")
+"""Beginnings of lines that the page leaves out where all is 0."""
 STEPS = "integration steps in a control period"
 """Of a line that stands in a column of the next one in the page."""
 
@@ -149,6 +151,7 @@ def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
     """A table for every rig and simulator, as Markdown; what is as in the line above is left out.
 
     How many integration steps the rigs of a box take, half of them at most and the most, is a column beside the box.
+    What is 0 for every rig is left out.
     """
     title, above, steps = "", ("", "", ""), ""
     for line in lines:
@@ -158,6 +161,8 @@ def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
             yield f"\n## {title}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n"
         if line[5] == STEPS:
             steps = line[7] if line[7] == line[9] else f"{line[7]} to {line[9]}"
+            continue
+        if line[5].startswith(NONE) and line[7:] == ("0", "0", "0"):
             continue
         told = tuple("" if now == before else now for now, before in zip(line[2:5], above, strict=True))
         above = line[2:5]
@@ -189,7 +194,8 @@ smaller moves more than 1 % differently too, in one of eight random directions (
 1e-9, which move what is chaotic). That is so for limit cycles of an unstable loop, and for loads at the edge of
 breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
 
-*Steps* are the integration steps in a control period: the median of the rigs, and the most.
+*Steps* are the integration steps in a control period: the median of the rigs, and the most. Left out is what is 0 for
+every rig: negative tensions, motion at rest, energy made.
 
 The table is made by `make properties` ({rigs} rigs of the usual box, {few} of others, {loops} for a controller).
 
