@@ -416,4 +416,4 @@ def packed_json(value: Any) -> bytes:
     >>> packed_json({"rms": 0.5}) == packed_json({"rms": 0.5})
     True
     """
-    return gzip.compress((json.dumps(value, indent=1, allow_nan=False) + "\n").encode(), 9, mtime=0)
+    return gzip.compress((json.dumps(value, separators=(",", ":"), allow_nan=False) + "\n").encode(), 9, mtime=0)
