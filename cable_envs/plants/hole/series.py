@@ -14,9 +14,10 @@ The cable has no mass, so the slips s_h of the inner holes have no inertia: all 
 loop, which is far quicker than a step, are solved together (`cable_envs.physics.series`).
 
 Within a step of length dt a taut span acts at the share theta = 1/2 + SETTLING dt of it, so that what does not fit the
-laws at its start dies out as ((1 - theta) / theta)^n; a slack span acts at its end. The inner loop gives the
-drive's mean speed, with which the drive then goes on, from the tension in the middle of the step, or as much later as
-it must be not to ring where the loop is quicker than the step. A drive at its limit of acceleration moves as one that accelerates does.
+laws at its start dies out as ((1 - theta) / theta)^n; a slack span acts at its end. The inner loop gives the drive's
+mean speed, with which the drive then goes on, from the tension in the middle of the step, or as much later as it must
+be not to ring where the loop is quicker than the step. A drive at its limit of acceleration moves as one that
+accelerates does.
 Tensions after the step follow from that of the first span by the law of every hole.
 
 Signs: x > 0 hauls in, s > 0 and y > 0 lift. SI units throughout.
