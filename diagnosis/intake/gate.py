@@ -18,7 +18,7 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.intake.forbidden import CHECKS
 from cable_envs.diagnosis.intake.repeats import moves
 from cable_envs.diagnosis.intake.scales import wrong_units
-from cable_envs.diagnosis.intake.tracks import track_of, tracks_of
+from cable_envs.diagnosis.intake.tracks import RATES, track_of, tracks_of
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -40,6 +40,8 @@ _STIRS, _CALM = 0.05, 50
 """Of the range of the records to fit, that a position at rest may wander, as a mean of so many samples."""
 _RESUMES = 0.5
 """Of the greatest way in a sample, within which a rig starts again: from rest, mass takes more than one sample."""
+_STEADY = 0.2
+"""Of its way, that a position may be off a steady speed: it has gone a few counts only."""
 _OUTLIER = 30.0
 """Times the step that 99 % of all steps stay below."""
 _ALL = Look()
@@ -207,7 +209,7 @@ def _channel(record: Record, channel: str) -> list[Fault]:
         return found
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
-    still = _still(record.name, channel, values, good)
+    still = [fault for fault in _still(record.name, channel, values, good) if not _counted(record, channel, fault)]
     while still and (length := _stop(record, channel, still[0])):  # the next run may be a sensor's
         good = good & ~np.isin(np.arange(len(values)), still[0].row - 1 + np.arange(length))
         still = _still(record.name, channel, values, good) if good.sum() > FEWEST_HELDOUT else []
@@ -229,6 +231,19 @@ def _stop(record: Record, channel: str, fault: Fault) -> int:
     behind = values[first + length : first + length + 1] - values[first]
     stops = bool(np.all(np.abs(behind) <= _RESUMES * fastest)) and not moves(track, channel, first, length)
     return length if stops else 0
+
+
+def _counted(record: Record, channel: str, fault: Fault) -> bool:
+    """Whether a speed stands still because its position goes on at that speed, from count to count."""
+    place = next((p for p, rate in RATES.items() if rate == channel and p in record.data), None)
+    if place is None:
+        return False
+    values, way = record.data[channel], record.data[place]
+    first = max(fault.row - 1, 0)
+    length = int(np.argmax(np.r_[values[first:] != values[first], True]))
+    seconds = float(record.time[first + length - 1] - record.time[first])
+    gone = float(way[first + length - 1] - way[first])
+    return abs(gone - values[first] * seconds) < _STEADY * abs(values[first]) * seconds
 
 
 def _at_rest(recording: Recording, record: Record, channel: str) -> list[Fault]:

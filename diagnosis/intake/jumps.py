@@ -5,6 +5,9 @@ curvature, which the rest of the record shows: a gap between them that is far be
 by the logger. Tails of gaps are taken to fall no slower than an exponential. Then the largest of n is about s ln n, it
 is beyond the largest elsewhere by more than s ln(1/p) with a chance of p, and their ratio by more than
 1 + ln(1/p) / ln(n) likewise.
+
+Stick and slip, and an impact, are sudden too, but all of a rig feels them: what one channel alone shows, while every
+other goes on as it does most of the time, was made by the logger.
 """
 
 from collections.abc import Iterator, Sequence
@@ -24,6 +27,8 @@ _TAIL = 0.02
 """Of the samples, whose lone steps show how the tail falls."""
 _SPLITS = 50
 """Places in a record where its unit may change."""
+_CALM, _NEAR = 0.99, 2
+"""Share of a channel's gaps up to which it goes on as usual, and samples about a jump of another in which it does."""
 _FACTOR = np.sqrt(9.81)
 """Half way, in logarithms, between the same unit and kilograms for newtons, the two units that are nearest."""
 
@@ -36,7 +41,7 @@ def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         for track in tracks:
             values = track.even(channel)
             sample = lone_jump(values)
-            if sample is None:
+            if sample is None or not _others_calm(track, channel, sample):
                 continue
             place = channel.endswith(("position", "angle"))
             if place and abs(_step(values, sample)) <= np.max(np.abs(track.speed(channel))) * track.period:
@@ -59,6 +64,17 @@ def lone_jump(values: np.ndarray) -> int | None:
     if len(rest) < 100 or gaps[sample] <= least * float(np.max(rest)):
         return None
     return sample + _SIDE + 1
+
+
+def _others_calm(track: Track, channel: str, sample: int) -> bool:
+    """Whether there are other sensors, and they and what the rig is told go on as usual about a sample."""
+    others = [n for n in track.channels if n not in (channel, "time")]
+    for name in others:
+        gaps = _gaps(track.even(name))
+        at = sample - _SIDE - 1
+        if np.max(gaps[max(at - _NEAR, 0) : at + _NEAR + 1]) > np.quantile(gaps, _CALM):
+            return False
+    return not all(is_told(name) for name in others)
 
 
 def _step(values: np.ndarray, sample: int) -> float:

@@ -12,8 +12,10 @@ import numpy as np
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.tracks import EFFORTS, Found, Track, is_told
 
-_CHANCE = 1e-3
-"""Of a false alarm, a channel of a record: what is held may still be marked, and used."""
+_CHANCE, _SURE = 1e-3, 1e-6
+"""Of a run by chance, a channel of a record: below which it is noted, and below which it cannot be used."""
+_PILED = 0.01
+"""Share of an effort's samples at each of two opposite ends from which they are no peaks of a motion."""
 _BLOCK = 8
 """Rows, and different ones, from which a repetition is none by chance."""
 
@@ -37,26 +39,41 @@ def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         for track, record in zip(tracks, records, strict=True):
             values = np.where(record.usable(channel), track.channels[channel], np.nan)
             run = longest_run(values)
-            if run is not None and moves(track, channel, *run):
+            if run is not None and moves(track, channel, *run[:2]):
+                fatal = run[2] < _SURE
                 if values[run[0]] in (np.nanmax(values), np.nanmin(values)):
                     text = f"{run[1]} samples in a row at its end of {values[run[0]]:.6g}: saturated"
-                    yield Found(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'")
+                    yield Found(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'", fatal)
                     break
                 text = (
                     f"{run[1]} equal samples in a row, {values[run[0]]:.6g}, while the rig moves, and its noise makes "
                     f"no such run: held; mark them under 'quality'"
                 )
-                yield Found(track.name, channel, run[0] + 1, text)
+                yield Found(track.name, channel, run[0] + 1, text, fatal)
                 break
 
 
-def longest_run(values: np.ndarray) -> tuple[int, int] | None:
-    """(first sample, number) of the longest run of equal values [T], where chance makes none so long.
+def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+    """Efforts with many samples at exactly opposite ends: a limit. Of the sensor it is a fault, of the drive none."""
+    for channel in recording.channels:
+        if channel not in EFFORTS:
+            continue
+        for track in tracks:
+            values = track.channels[channel]
+            high, low = float(np.max(values)), float(np.min(values))
+            least = min(float(np.mean(values == high)), float(np.mean(values == low)))
+            if high == -low and least > _PILED:
+                text = f"{least:.0%} of its samples or more are at {high:.6g}, and as many at {low:.6g}: a limit"
+                yield Found(track.name, channel, 1, f"{text}; where it is the sensor's, mark them", False)
+                break
 
-    Runs at 0, where nothing pulls, are not looked at. Noise that remembers, and
-    noise that comes and goes, make a run the likelier the longer it is: q is the larger of the share of all samples
-    that are repeated and the share of all repetitions that go on (a tenth where there are none), the longest run left
-    out.
+
+def longest_run(values: np.ndarray) -> tuple[int, int, float] | None:
+    """(first sample, number, chance) of the longest run of equal values [T], where chance makes it below `_CHANCE`.
+
+    Runs at 0, where nothing pulls, are not looked at. Noise that remembers, and noise that comes and goes, make a run
+    the likelier the longer it is: q is the larger of the share of all samples that are repeated and the share of all
+    repetitions that go on (a tenth where there are none), the longest run left out.
     """
     first, count = runs(values)
     level = values[first]
@@ -67,8 +84,8 @@ def longest_run(values: np.ndarray) -> tuple[int, int] | None:
     others = np.delete(count, k)
     repeated, gone_on = (int(np.sum(np.maximum(others - n, 0))) for n in (1, 2))
     share = max((repeated + 1) / len(values), (gone_on + 1) / (repeated + 10))
-    likely = len(values) * share ** float(count[k] - 1)
-    return (int(first[k]), int(count[k])) if likely < _CHANCE else None
+    likely = float(len(values) * share ** float(count[k] - 1))
+    return (int(first[k]), int(count[k]), likely) if likely < _CHANCE else None
 
 
 def moves(track: Track, channel: str, first: int, length: int) -> bool:

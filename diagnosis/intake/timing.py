@@ -2,9 +2,10 @@
 
 What belongs together is looked for among the shifts of one channel against all others: it is regressed on them, on
 their slopes, curvatures and directions of motion (what mass, damping, springs and friction make of motion), for every
-shift. A shift counts if it is longer than `LAG`, leaves less than every shorter one and every one to the other side,
-and does so in block after block (the test of equal predictions of Diebold and Mariano, J. Bus. Econ. Stat. 13 (1995)
-253, on the logarithm of the squares left in blocks).
+shift. A shift counts if it is longer than `LAG`, is the best of each record by itself, and none of the longest that are
+tried (where more is better still, the others do not tell this channel's time). It must leave less than every shorter
+one and every one to the other side, and do so in block after block (the test of equal predictions of Diebold and
+Mariano, J. Bus. Econ. Stat. 13 (1995) 253, on the logarithm of the squares left in blocks).
 """
 
 from collections.abc import Iterator, Sequence
@@ -65,6 +66,9 @@ def shift_of(tracks: Sequence[Track], channel: str) -> tuple[float, float]:
     blocks = np.concatenate([part / np.min(np.sum(part, axis=1)) for part in left], axis=1)
     total = np.sum(blocks, axis=1)
     best = int(np.argmin(total))
+    alone = [float(shifts[int(np.argmin(np.sum(part, axis=1)))]) for part in left]
+    if best in (0, _SHIFTS - 1) or any(abs(one - shifts[best]) > LAG for one in alone):
+        return float(shifts[best]), 0.0
     others = (np.abs(shifts) <= LAG) | (shifts * shifts[best] < 0.0)
     near = int(np.flatnonzero(others)[np.argmin(total[others])])
     if abs(shifts[best]) <= LAG or total[near] <= total[best]:

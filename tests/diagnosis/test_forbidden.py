@@ -13,7 +13,7 @@ from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors
 from cable_envs.diagnosis.intake.gate import _still, gate
 from cable_envs.diagnosis.intake.jumps import jumps, lone_jump, lone_samples, mixed_units, spikes
-from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run
+from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run, piled
 from cable_envs.diagnosis.intake.timing import late_channels, shift_of
 from cable_envs.diagnosis.intake.tracks import tracks_of
 from cable_envs.proof.cases import Case
@@ -224,6 +224,38 @@ def test_counts_that_are_lost_are_found_at_their_row():
 
     (fault,) = _found(jumps, _drive(change=_once("position", lose)))
     assert (fault.record, fault.channel, fault.row, fault.fatal) == ("one", "position", 1501, True)
+
+
+def test_a_jump_that_the_whole_rig_feels_is_no_lost_count():
+    def bump(table, number):
+        if number == 0:  # against a stop: the position goes on from elsewhere, and the force knows it
+            table["position"][1500:] -= 0.04 * np.ptp(table["position"])
+            table["force"][1500:1503] += 400.0
+
+    assert _found(jumps, _drive(change=bump)) == []
+
+
+def test_a_speed_that_its_position_keeps_is_not_stuck():
+    def steady(held):
+        def change(table, number):
+            if number == 0:
+                table["velocity"][1500:1560] = table["velocity"][1500] if held else 0.25
+                if not held:
+                    table["position"][1500:1560] = table["position"][1500] + 0.25 * 0.01 * np.arange(60)
+
+        return [f for f in _fatal(_drive(change=change)) if "stuck" in f.text]
+
+    assert steady(held=True) and not steady(held=False)
+
+
+def test_opposite_ends_of_an_effort_that_hold_many_samples_are_noted():
+    def clip(table, number):
+        most = 0.3 * np.max(np.abs(table["force"]))
+        table["force"] = np.clip(table["force"], -most, most)
+
+    (limit,) = _found(piled, _drive(change=clip))
+    assert not limit.fatal and limit.channel == "force" and "a limit" in limit.text
+    assert _found(piled, _drive()) == []
 
 
 def test_lost_rows_are_no_jump():
