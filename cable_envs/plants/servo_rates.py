@@ -11,10 +11,11 @@ only. What the gear takes of the power is a friction too.
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from typing import Any
 
 from cable_envs.core.kernels import clip
-from cable_envs.plants.continuous import Equations, Law, Values, along, limited, rubbed
+from cable_envs.plants.continuous import Equations, Values, along, limited, rubbed
 from cable_envs.plants.servo_stages import motor_shows, motor_torques
 
 
@@ -68,30 +69,44 @@ def driven_by(d, p, u, at, v, way, pull, servo: Sequence[Any]):
     return hauled(d, p, at, v, way, torque, pull), rates
 
 
-def with_motor(ideal: Equations, law: Law, value: Values, closed: bool, force: str = "force") -> Equations:
-    """The equations of a plant with one drive, with a motor in the place of the ideal one.
+def with_motors(
+    ideal: Equations, value: Values, closed: bool, drives: tuple[str, ...] = ("{}_{}",), force: str = "force"
+) -> Equations:
+    """The equations of a plant with motors in the place of its ideal drives.
 
     Parameters
     ----------
     ideal : Equations
-        With the ideal drive.
-    law : callable
-        (state, rows, *ways) -> (rates, outputs), where the states of the servo, the current and the torque of the motor
-        and the direction of the drive come last.
+        With the ideal drives, and the law of those with motors: (state, rows, *ways) -> (rates, outputs), where the
+        states of the servos, currents and torques of the motors and the directions of the drives come last.
     value : mapping of str to float
         Every parameter of the rig.
     closed : bool
-        Whether the command goes to a servo; else it is the torque.
+        Whether the commands go to servos; else they are the torques.
+    drives : tuple of str
+        Pattern of the names of each drive's signals, as of `cable_envs.plants.servo.servo_signals`.
     force : str
-        What its torque is called.
+        What their torque is called.
 
     Returns
     -------
     Equations
-        Of the plant with the motor.
+        Of the plant with the motors.
+
+    Examples
+    --------
+    >>> from cable_envs.plants.continuous import Equations
+    >>> ideal = Equations(("drive_velocity",), (), (), lambda state, rows, *ways: ((), ()), "drive_velocity")
+    >>> motor = with_motors(ideal, {"servo_filter": 0.0}, True, ("{}_{}",), "torque")
+    >>> motor.states, motor.outputs, motor.slides
+    (('drive_velocity', 'servo_integral'), ('motor_current', 'motor_torque'), ('drive_velocity',))
     """
-    servo = servo_states(value, "servo_integral", "encoder_velocity") if closed else ()
+    servos = [
+        servo_states(value, of.format("servo", "integral"), of.format("encoder", "velocity")) for of in drives if closed
+    ]
+    shown = [(of.format("motor", "current"), of.format("motor", force)) for of in drives]
     return replace(
-        ideal, states=(*ideal.states, *servo), outputs=(*ideal.outputs, "motor_current", f"motor_{force}"), law=law,
-        slides=(*ideal.slides, "drive_velocity"),
+        ideal, states=(*ideal.states, *chain.from_iterable(servos)),
+        outputs=(*ideal.outputs, *chain.from_iterable(shown)),
+        slides=(*ideal.slides, *(of.format("drive", "velocity") for of in drives)),
     )  # fmt: skip

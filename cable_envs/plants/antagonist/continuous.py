@@ -10,7 +10,6 @@ symbols. When the joint moves its positive way, tendon a slides to its drive and
 """
 
 from dataclasses import replace
-from itertools import chain
 
 from cable_envs.core.kernels import select
 from cable_envs.effects.seams import dry_friction
@@ -19,7 +18,7 @@ from cable_envs.physics.servo import placing
 from cable_envs.plants.antagonist.plant import _report, arms, asked_of, forces, pulled_in, resistance
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed, rubs
-from cable_envs.plants.servo_rates import hauled, served, servo_states
+from cable_envs.plants.servo_rates import hauled, served, with_motors
 from cable_envs.plants.servo_stages import drive_of
 from cable_envs.plants.tendon import spanned
 from cable_envs.plants.tendon_rates import rubbing, slid
@@ -121,9 +120,4 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
     )  # fmt: skip
     if plant.drive == "ideal":
         return ideal
-    servos = [servo_states(value, f"servo_{k}_integral", f"encoder_{k}_velocity") for k in "ab" if closed]
-    return replace(
-        ideal, states=(*ideal.states, *chain.from_iterable(servos)),
-        outputs=(*ideal.outputs, "motor_a_current", "motor_a_force", "motor_b_current", "motor_b_force"),
-        slides=(*ideal.slides, "drive_a_velocity", "drive_b_velocity"), against=("drive_b_velocity",),
-    )  # fmt: skip
+    return with_motors(replace(ideal, against=("drive_b_velocity",)), value, closed, ("{}_a_{}", "{}_b_{}"))

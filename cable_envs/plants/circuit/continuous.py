@@ -16,7 +16,7 @@ from cable_envs.plants.circuit.drive_rates import turned
 from cable_envs.plants.circuit.ends import cosine, load_torque
 from cable_envs.plants.circuit.stages import cw_share, drive_torque, mix, output_torques
 from cable_envs.plants.continuous import Equations, Rows, Values, driven, rubbed
-from cable_envs.plants.servo_rates import with_motor
+from cable_envs.plants.servo_rates import with_motors
 
 
 def _law(state, rows: Rows, way, *drive_way):
@@ -77,4 +77,4 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         )
     if plant.drive == "ideal":
         return ideal
-    return with_motor(ideal, ideal.law, value, mode.name == "position", "torque")
+    return with_motors(ideal, value, mode.name == "position", force="torque")

@@ -19,7 +19,7 @@ from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, confined, driven, engaged, rubbed
 from cable_envs.plants.hole.series_continuous import slips, taut
 from cable_envs.plants.hole.stages import span, transmitted
-from cable_envs.plants.servo_rates import hauled, served, with_motor
+from cable_envs.plants.servo_rates import hauled, served, with_motors
 
 PASSES = 8
 """Of the wrap in contact, which depends on the tension behind the hole (G1): each leaves a few percent of the error."""
@@ -156,7 +156,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         ideal = _in_series(ideal, plant, value)
     if plant.drive == "ideal":
         return ideal
-    motor, moving = with_motor(ideal, ideal.law, value, mode.name == "speed"), len(ideal.states)
+    motor, moving = with_motors(ideal, value, mode.name == "speed"), len(ideal.states)
     if mode.name == "tension":
         return motor
     return replace(motor, states=(*ideal.states, "servo_target", *motor.states[moving:]))

@@ -20,7 +20,7 @@ from cable_envs.effects.seams import dry_friction
 from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Input, Rows, Values, along, driven, limited, rubbed, rubs
-from cable_envs.plants.servo_rates import driven_by, with_motor
+from cable_envs.plants.servo_rates import driven_by, with_motors
 from cable_envs.plants.sheath.capstan import leaving, mobilised
 from cable_envs.plants.sheath.contact_continuous import carried, slid, unrolled
 from cable_envs.plants.sheath.plant import _resist, _rub, _tension
@@ -117,4 +117,4 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
     ideal = _with_contacts(one, plant, value) if plant.posture else one
     if plant.drive == "ideal":
         return ideal
-    return with_motor(ideal, ideal.law if plant.posture else _motor_law, value, mode.name == "position")
+    return with_motors(ideal if plant.posture else replace(ideal, law=_motor_law), value, mode.name == "position")

@@ -11,15 +11,12 @@ of the pitch. When a joint turns its positive way, its cable a slides to the dri
 the yaw joint is held, its cables slide with the pitch.
 """
 
-from dataclasses import replace
-from itertools import chain
-
 from cable_envs.core.kernels import select
 from cable_envs.effects.seams import dry_friction
 from cable_envs.physics.servo import placing
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, driven, limited, nudged, rubbed, rubs
-from cable_envs.plants.servo_rates import hauled, served, servo_states
+from cable_envs.plants.servo_rates import hauled, served, with_motors
 from cable_envs.plants.servo_stages import drive_of
 from cable_envs.plants.tendon import spanned
 from cable_envs.plants.tendon_rates import rubbing, slid
@@ -130,9 +127,4 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
     )  # fmt: skip
     if plant.drive == "ideal":
         return ideal
-    servos = (servo_states(value, f"{of}servo_integral", f"{of}encoder_velocity") for of in ("", "pitch_"))
-    return replace(
-        ideal, states=(*ideal.states, *chain.from_iterable(servos)),
-        outputs=(*ideal.outputs, "motor_current", "motor_force", "pitch_motor_current", "pitch_motor_force"),
-        slides=(*ideal.slides, "drive_velocity", "pitch_drive_velocity"),
-    )  # fmt: skip
+    return with_motors(ideal, value, True, ("{}_{}", "pitch_{}_{}"))
