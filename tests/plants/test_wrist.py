@@ -79,6 +79,24 @@ def test_tension_of_the_yaw_cables_holds_the_pitch_joint_back():
     assert x["pitch_torque"] == pytest.approx(-x["coupling_torque"])
 
 
+@pytest.mark.parametrize("rig", ["wrist-8mm", "wrist-8mm-motor"])
+def test_at_rest_beside_the_middle_nothing_moves_without_friction(rig):
+    """Where a spring pulls on the yaw joint: the pitch drive is told its place, and the joint stands beside it."""
+    none = dict.fromkeys(("friction_coefficient", "yaw_friction", "pitch_friction", "bearing_arm"), 0.0)
+    none.update(dict.fromkeys(("drive_friction", "encoder_counts"), 0.0) if rig.endswith("motor") else {})
+    rig = load_rig(rig).replace({**none, "pitch_angle": 0.3, "yaw_stiffness": 0.1})
+    plant, values = plant_for("wrist", drive=rig.drive), rig.column(plant_for("wrist", drive=rig.drive))
+    names = [s.name for s in plant.signals]
+    first = dict(zip(names, plant.rest(plant.prepare(values), np.array([0.5]))[:, 0], strict=False))
+    assert first["pitch_drive_angle"] == first["pitch_command"] == 0.3
+    told = np.full(30, first["drive_angle"]), np.full(30, 0.3)
+    out = replay(plant, values, told[0], PERIOD, drive=MODE, second=told[1], hold="step", signals=names, start=0.5)
+    for name in ("yaw_angle", "pitch_angle", "drive_angle", "pitch_drive_angle"):
+        assert out[:, names.index(name), 0] == pytest.approx(first[name], abs=1e-9), name
+    sag = first["coupling_torque"] / (2.0 * rig.values["pitch_radius"] ** 2 * rig.values["pitch_cable_stiffness"])
+    assert first["pitch_angle"] - 0.3 == pytest.approx(sag, rel=1e-9) and sag > 0.01
+
+
 def test_the_friction_of_pitch_grows_with_the_tension_of_the_yaw_cables():
     """Torque at which a pitch joint with a held yaw breaks away: bearing_arm times the sum of all tensions."""
 

@@ -160,9 +160,10 @@ def pair(torque, radius, take_up, stiffness):
 
 
 def settle(x, s, p, e, position: np.ndarray) -> None:
-    """At rest with the yaw joint at ``position`` (rad, [n]) and the pitch joint where the rig holds it.
+    """At rest with the yaw joint at ``position`` (rad, [n]) and the pitch drive where the rig holds it.
 
-    Nothing of the friction is mobilised; the pitch cables hold what the yaw cables do to the pitch joint.
+    Nothing of the friction is mobilised. The pitch cables hold what the yaw cables do to the pitch joint: where a
+    spring pulls on the yaw joint, the pitch joint stands beside its drive by what its cables stretch for that.
     """
     k, kp = (1.0 / (1.0 / a + 1.0 / b) for a, b in (
         (p.drive_stiffness, p.end_stiffness), (p.pitch_drive_stiffness, p.pitch_end_stiffness)
@@ -172,10 +173,10 @@ def settle(x, s, p, e, position: np.ndarray) -> None:
     taken = p.take_up - p.yaw_radius * e.slack_length
     a, b, long_a, long_b = pair(torque, p.yaw_radius, taken, k)
     pa, pb, pitch_a, pitch_b = pair(-coupling, p.pitch_radius, p.pitch_take_up, kp)
-    x.yaw_angle[:], x.pitch_angle[:], x.pitch_command[:] = position, p.pitch_angle, p.pitch_angle
-    passed = p.coupling_radius / p.yaw_radius * p.pitch_angle
+    x.pitch_drive_angle[:], x.pitch_command[:] = p.pitch_angle, p.pitch_angle
+    x.yaw_angle[:], x.pitch_angle[:] = position, p.pitch_angle - 0.5 * (pitch_a - pitch_b) / p.pitch_radius
+    passed = p.coupling_radius / p.yaw_radius * x.pitch_angle
     x.drive_angle[:] = position + passed + 0.5 * (long_a - long_b) / p.yaw_radius
-    x.pitch_drive_angle[:] = p.pitch_angle + 0.5 * (pitch_a - pitch_b) / p.pitch_radius
     x.yaw_torque[:], x.pitch_torque[:], x.coupling_torque[:] = torque, -coupling, coupling
     x.tension_drive_a[:] = x.tension_end_a[:] = a
     x.tension_drive_b[:] = x.tension_end_b[:] = b
