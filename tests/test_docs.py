@@ -1,5 +1,6 @@
 """The docs hold: the commands in them exist with their options, the examples run, the links lead somewhere."""
 
+import doctest
 import re
 import shlex
 from pathlib import Path
@@ -134,6 +135,11 @@ def example(tmp_path):
     (tmp_path / "weight_pid.py").write_text(source)
     (tmp_path / "weight_pid.yaml").write_text(file)
     return tmp_path
+
+
+def test_the_examples_of_joint_and_wrist_give_what_they_say():
+    failed, tried = doctest.testfile(str(ROOT / "docs" / "cable-mechanisms.md"), module_relative=False)
+    assert failed == 0 and tried > 10
 
 
 def error_of(controller: str, env_id: str) -> float:

@@ -54,16 +54,16 @@ def blocks(axes: Any) -> None:
         )
         axes.add_patch(box)
         axes.text(left + 0.625, 0.0, name, ha="center", va="center")
-        axes.text(left + 0.625, -0.5, under, ha="center", va="top", fontsize=7, color="#555")
+        axes.text(left + 0.625, -0.5, under, ha="center", va="top", fontsize=8, color="#555")
         arrow = {"arrowstyle": "-|>", "color": "#43566b", "shrinkA": 0, "shrinkB": 0}
         axes.annotate("", (left - 0.07, 0.0), (left - 0.65, 0.0), arrowprops=arrow)
-        axes.text(left - 0.35, 0.5, flow, ha="center", fontsize=7)
-    axes.text(5.5, 0.85, "supply: U - R_s i", ha="center", fontsize=7, color="#555")
+        axes.text(left - 0.35, 0.5, flow, ha="center", fontsize=8)
+    axes.text(5.5, 0.85, "supply: U - R_s i", ha="center", fontsize=8, color="#555")
     axes.annotate("", (5.5, 0.42), (5.5, 0.78), arrowprops=arrow)
     axes.plot([7.475, 7.475], [-1.0, -1.4], color="#43566b", lw=1)
     axes.plot([7.475, 1.625], [-1.4, -1.4], color="#43566b", lw=1)
     axes.annotate("", (1.625, -0.75), (1.625, -1.4), arrowprops=arrow)
-    axes.text(4.5, -1.35, "encoder: steps, at its own rate", ha="center", va="bottom", fontsize=7)
+    axes.text(4.5, -1.35, "encoder: steps, at its own rate", ha="center", va="bottom", fontsize=8)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The pictures of the page on the joint and the wrist: both commands of each in motion, drawn once.
+"""The pictures of joint and wrist in docs/cable-mechanisms.md: both commands of each in motion, drawn once.
 
 Run ``python docs/pictures/joints.py`` with the extra render; it writes joint.webp and wrist.webp beside itself.
 """

@@ -1,4 +1,4 @@
-"""The picture of docs/sheath.md: what a tendon in a sheath loses, and how a reversal gets through it.
+"""Of docs/cable-mechanisms.md: what a tendon in a sheath loses, and how a reversal gets through it.
 
 Run ``python docs/pictures/sheath.py`` (under a minute); it writes sheath.svg beside itself.
 """

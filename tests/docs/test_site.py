@@ -29,6 +29,7 @@ KINDS = (
     "recordings/index.html", "mismatches/extrusion-ratio.html", "mismatches/index.html", "glossary.html", "cite.html",
     "changelog.html", "contributing.html", "commands.html", "your-own-recording.html", "physics.html",
     "identification.html", "interop.html", "read-the-board.html", "plants/linear-drive.html", "mismatches/load.html",
+    "cable-mechanisms.html",
     "reports/board-quick.html", "reports/board-full.html", "reports/proof.html", "reports/recordings.html",
     "reports/reproduction.html",
 )  # fmt: skip
