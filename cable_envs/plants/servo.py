@@ -159,6 +159,9 @@ class Mount:
         Rows of further signals, which begin at rest with those of ``start``.
     start : mapping of str to str
         Row of ``more`` -> signal whose value at rest it has; others begin at 0.
+    gaps : int
+        How many drives, from the first on, may stand in the middle of a gap at rest, where the nut holds what the
+        cables pull and the servo's integral nothing.
     """
 
     parameters: tuple[Parameter, ...]
@@ -171,6 +174,7 @@ class Mount:
     plain: Mapping[str, float] | None = None
     more: tuple[str, ...] = ()
     start: Mapping[str, str] | None = None
+    gaps: int = 0
 
     @property
     def rows(self) -> list[str | tuple[str, int]]:
@@ -216,6 +220,8 @@ class Mount:
                 shown.encoder_angle[k], shown.servo_age[k] = at, p.encoder_period
                 shown.servo_integral[k] = shown.servo_torque[k] = shown.motor_torque[k] = pull
                 shown.motor_current[k] = pull / (p.torque_constant * p.gear_ratio)
+            for k in range(self.gaps):
+                shown.servo_integral[k] = np.where(e.backlash_gap > 0.0, 0.0, shown.servo_integral[k])
             for row, signal in (self.start or {}).items():
                 getattr(x, row)[:] = getattr(x, signal)
 

@@ -111,6 +111,20 @@ def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
 
 
 @inline
+def motor_step_in_gap(x, p, i, at, speed, pull, stiffness, damping, lead, gap, dt):
+    """`motor_step` of a drive that moves in a gap of the width ``gap``, and is ``lead`` ahead of the middle of its nut.
+
+    A nut that is held by its friction holds the cables as well: while the drive crosses to an edge it feels nothing of
+    them. How much of the step that is follows from where it would go without them.
+    """
+    free, missed = motor_step(x, p, i, at, speed, 0.0, 0.0, 0.0, dt)
+    way = 0.5 * dt * (speed + free) - missed
+    left = maximum(0.5 * gap - select(way < 0.0, -lead, lead), 0.0)
+    felt = 1.0 - select(gap > 0.0, minimum(left / maximum(abs(way), 1e-300), 1.0), 0.0)
+    return motor_step(x, p, i, at, speed, felt * pull, felt * stiffness, felt * damping, dt)
+
+
+@inline
 def turned(x, p, u, g, i, torque, stiffness, damping, dt):
     """`motor_step` of a turning drive, in the place of `circuit.ends.drive_step`; the command is angle or torque."""
     at, speed = x.drive_angle[i], x.drive_velocity[i]

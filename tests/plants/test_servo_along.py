@@ -18,7 +18,8 @@ def driven(rig, changes: dict, command, mode: str, substeps: int = 20, steps: in
     """(values by name, signals by name [T]) of a rig that follows a command of the time, at the control period."""
     made = load_rig(rig).replace(changes)
     plant = made.simulated_by()
-    p = plant.prepare(made.column(plant)[: len(plant.parameters)])
+    values = made.column(plant)
+    p = plant.prepare(values if made.effects else values[: len(plant.parameters)])
     x, u = plant.rest(p, np.zeros(1)), INPUTS.zeros(1)
     u.mode[:] = [one.name for one in plant.action_modes].index(mode)
     seen = []
@@ -33,6 +34,28 @@ def driven(rig, changes: dict, command, mode: str, substeps: int = 20, steps: in
 def agree(seen, name: str, path) -> None:
     apart = np.sqrt(np.mean((np.array(path) - seen[name]) ** 2)) / np.ptp(seen[name])
     assert apart < 0.01, (name, apart)
+
+
+def test_a_drive_within_its_gap_moves_as_without_a_cable():
+    """The nut is held by its friction, and with it the cable. That of the other rig pulls with a millinewton."""
+    weak = {"cable_stiffness": 1.0, "cable_damping": 0.0, "load_gravity": 0.0, "load_stiffness": 1.0}
+    smooth, paths = {"encoder_counts": 0.0}, []
+    for changes in (weak, {"backlash.gap": 3e-3}):
+        _, seen = driven(HOLE, smooth | changes, lambda t: 2e-3 * np.pi * np.cos(2.0 * np.pi * t), "speed", steps=100)
+        paths.append(seen["drive_position"] - seen["drive_position"][0])
+    assert paths[1] == pytest.approx(paths[0], abs=2e-7) and np.ptp(paths[1]) > 1.9e-3
+    assert np.ptp(seen["load_position"]) == np.ptp(seen["drive_tension"]) == 0.0 and seen["drive_tension"][0] > 40.0
+
+
+def test_a_drive_that_is_told_its_force_has_its_gap_taken_up():
+    """The cable can only pull: it draws the nut to one edge, and the motion is that without a gap, to the bit."""
+    without, taken_up = (
+        driven(HOLE, {"backlash.gap": gap, "slack.length": 1e-9}, lambda t: 49.0 + 25.0 * np.sin(4.0 * t), "tension")[1]
+        for gap in (0.0, 2e-3)
+    )
+    assert np.ptp(without["load_position"]) > 1e-3
+    for name in without.keys() - {"servo_integral"}:  # told its force, the drive has no use for it
+        np.testing.assert_array_equal(taken_up[name], without[name], err_msg=name)
 
 
 @pytest.mark.parametrize(

@@ -37,7 +37,8 @@ class Run:
     def __init__(self, rig, changes, mode, command, second=None, substeps=20, period=PERIOD, start=0.0):
         made = load_rig(rig).replace(changes)
         plant = made.simulated_by()
-        p = plant.prepare(made.column(plant)[: len(plant.parameters)])
+        column = made.column(plant)
+        p = plant.prepare(column if made.effects else column[: len(plant.parameters)])
         x, u = plant.rest(p, np.full(1, start)), INPUTS.zeros(1)
         names = [s.name for s in plant.signals]
         self.values, self.first = made.values, dict(zip(names, x[: len(names), 0].copy(), strict=True))
@@ -194,15 +195,14 @@ def stored(rig, v, x):
     return held
 
 
-@pytest.mark.parametrize("changes", [LOSSLESS, {}], ids=["lossless", "as it is"])
-@pytest.mark.parametrize("rig", RIGS)
-def test_what_the_supply_puts_in_is_heat_or_stored(rig, changes):
-    """Electrical energy less that of the resistances is never less than what is stored more; lossless, it is that."""
-    undamped = {
-        SHEATH: {"load_damping": 0.0, "tendon_damping": 0.0}, JOINT: {"joint_damping": 0.0},
-        WRIST: {"yaw_damping": 0.0, "pitch_damping": 0.0, "bearing_arm": 0.0},
-    }[rig]  # fmt: skip
-    changes = changes | (undamped | {"drive_damping": 0.0} if changes else {})
+UNDAMPED = {
+    SHEATH: {"load_damping": 0.0, "tendon_damping": 0.0}, JOINT: {"joint_damping": 0.0},
+    WRIST: {"yaw_damping": 0.0, "pitch_damping": 0.0, "bearing_arm": 0.0},
+}  # fmt: skip
+
+
+def spent(rig, changes):
+    """(what supply and resistances leave over what is stored more, after every step; energy that passed; the run)."""
     fine = 40
     command, second = waves(rig, MODES[rig], 60)
     many = None if second is None else np.repeat(second, fine)
@@ -220,13 +220,32 @@ def test_what_the_supply_puts_in_is_heat_or_stored(rig, changes):
         joule = ohm * current**2 * PERIOD / fine
         put_in = put_in + joule + v["motor_constant"] * turns * current * scale * np.diff(x[place])
         heat = heat + joule
-    passed = np.cumsum(np.abs(put_in - heat))[-1]
-    lost = np.cumsum(put_in - heat) - (held[1:] - held[0])
+    return np.cumsum(put_in - heat) - (held[1:] - held[0]), np.cumsum(np.abs(put_in - heat))[-1], run
+
+
+@pytest.mark.parametrize("changes", [LOSSLESS, {}], ids=["lossless", "as it is"])
+@pytest.mark.parametrize("rig", RIGS)
+def test_what_the_supply_puts_in_is_heat_or_stored(rig, changes):
+    """Electrical energy less that of the resistances is never less than what is stored more; lossless, it is that."""
+    lost, passed, _ = spent(rig, changes | (UNDAMPED[rig] | {"drive_damping": 0.0} if changes else {}))
     assert np.diff(lost).min() > -2e-3 * passed and lost.min() > -2e-3 * passed
     if changes:
         assert np.abs(lost).max() < 0.01 * passed
     else:
         assert lost[-1] > 0.05 * passed
+
+
+def test_a_drive_gains_nothing_while_it_crosses_its_gap():
+    """Lossless, against a spring at the yaw joint: at no time is more there than the supply has put in.
+
+    A drive that felt its cables within the gap would have the torque times the gap from nowhere at every reversal.
+    """
+    lossless = LOSSLESS | UNDAMPED[WRIST] | {"drive_damping": 0.0, "yaw_stiffness": 0.2}
+    for gap in (0.0, 0.1):
+        lost, _, run = spent(WRIST, lossless | {"backlash.gap": gap})
+        missing = (np.maximum.accumulate(lost) - lost).max()
+        torque = np.abs(run.seen["yaw_torque"]).max()
+        assert torque > 0.05 and missing < 0.2 * torque * 0.1, (gap, missing, torque)
 
 
 # -- what it goes over into -------------------------------------------------------------------------------------------
@@ -346,6 +365,18 @@ def test_lanes_are_single_environments_to_the_bit_and_a_replay_is_the_episode(ri
     place = next(name for name in ("drive_position", "drive_angle") if name in channels)
     seen = steps[0][0][channels.index(place)] * alone[0].unwrapped.channels[channels.index(place)].scale
     assert seen == pytest.approx(infos[-1][shown], rel=1e-5, abs=1e-6)
+
+
+def test_a_wrist_drive_within_its_gap_moves_as_without_cables():
+    """The nut is held by its friction, and with it the cables, which a spring at the yaw joint pulls."""
+    told, paths = 0.1 * np.sin(2 * np.pi * 1.5 * PERIOD * np.arange(1, 61)), []
+    for changes in ({"yaw_pretension": 0.0, "slack.length": 1.0}, {"backlash.gap": 0.3, "yaw_stiffness": 0.1}):
+        start = 0.5 if "yaw_stiffness" in changes else 0.0
+        first = Run(WRIST, SMOOTH | changes, MODES[WRIST], [0.0], start=start).first
+        seen = Run(WRIST, SMOOTH | changes, MODES[WRIST], first["drive_angle"] + told, start=start).seen
+        paths.append(seen["drive_angle"] - first["drive_angle"])
+    assert np.abs(first["yaw_torque"]) > 0.04 and np.ptp(seen["tension_drive_a"]) < 1e-9
+    assert paths[1] == pytest.approx(paths[0], abs=1e-9) and np.ptp(paths[1]) > 0.15
 
 
 @pytest.mark.slow

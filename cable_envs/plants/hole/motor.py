@@ -21,7 +21,7 @@ from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.stages import carried, limited, reached_early
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
-from cable_envs.plants.servo_stages import motor_shows, motor_step, motor_torques, servo_reads
+from cable_envs.plants.servo_stages import motor_shows, motor_step_in_gap, motor_torques, servo_reads
 
 PARAMETERS = (
     *ALONG,
@@ -72,21 +72,23 @@ def hauled(x, p, u, w, e, s, g, i, dt):
     at, old, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     told(x, p, u, i, at, old, dt)
     ahead = _load_ahead(x, p, w, e, g, i, dt)
-    tension, end = x.drive_tension[i], 1.0
+    tension, end, gap, lead = x.drive_tension[i], 1.0, 0.0, 0.0
     held = tension > 0.0
+    by_force = u.mode[i] < 0.5
     if e is not None:
         gap = e.backlash_gap[i]
         nut = select(gap > 0.0, s.gap_position[i], at)
         _, steep = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-        apart = abs(at - nut) < 0.4999995 * gap
-        end = select(apart, 0.0, 1.0 + steep)
+        end, lead = 1.0 + steep, at - nut
         held = held & (g.imposes[i] < 0.5)
     k, c = select(held, w.stiffness[i], 0.0), select(held, w.damping[i], 0.0)
     speed = x.load_velocity[i]
     stretched = half * (end * old - speed) - ringing_way(2.0 * (ahead - speed), dt)
     middle = maximum(tension + k * stretched + c * (speed - ahead), 0.0)
-    new, short = motor_step(x, p, i, at, old, middle, k * end, c * end, dt)
-    carried(x, w, e, s, g, i, new, dt, short)
+    new, short = motor_step_in_gap(
+        x, p, i, at, old, middle, k * end, c * end, lead, select(by_force, 0.0, gap), dt
+    )  # fmt: skip
+    carried(x, w, e, s, g, i, new, dt, short, by_force)
 
 
 @inline
@@ -150,6 +152,7 @@ def with_motor(plant: Plant) -> Plant:
         plain={"inner_kp": 0.0, "inner_kd": 0.0},
         more=("servo_target", "servo_pace"),
         start={"servo_target": "drive_position"},
+        gaps=1,
     )
     assert plant.resolves is not None
     return mounted(replace(plant, resolves=_on_cable(plant.resolves)), mount)

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.kernels import inline, maximum, minimum, select
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.position_ripple import wave
 
 _TAU = 2.0 * np.pi
@@ -28,11 +28,11 @@ def idle_share(e, s, i, position, speed, dt):
 
 
 @inline
-def cable_end(e, s, i, old, new, speed, dt):
+def cable_end(e, s, i, old, new, speed, dt, by_force):
     """(position before, position after, mean speed, speed after) of the cable's end; PLAY is moved on."""
     gap, a = e.backlash_gap[i], e.position_ripple_amplitude[i]
     before = select(gap > 0.0, s.gap_position[i], old)
-    after = select(gap > 0.0, play(before, new, gap), new)
+    after = select(gap > 0.0, pulled_end(by_force, before, new, gap), new)
     s.gap_position[i] = after
     w0, _ = wave(before, a, e.position_ripple_period[i], e.position_ripple_phase[i])
     w1, steep = wave(after, a, e.position_ripple_period[i], e.position_ripple_phase[i])
@@ -42,9 +42,9 @@ def cable_end(e, s, i, old, new, speed, dt):
 
 
 @inline
-def moves_otherwise(e, i):
-    """Whether the cable's end is not simply where the drive is."""
-    return (e.backlash_gap[i] > 0.0) | (e.position_ripple_amplitude[i] != 0.0)
+def moves_otherwise(e, i, by_force=False):
+    """Whether the cable's end is not simply where the drive is; told its force, a drive has its gap taken up."""
+    return ((e.backlash_gap[i] > 0.0) & (not by_force)) | (e.position_ripple_amplitude[i] != 0.0)
 
 
 def spool_at(end: np.ndarray, e: Any) -> np.ndarray:

@@ -109,10 +109,11 @@ def reached_early(p, i, old, new, dt):
 
 
 @inline
-def carried(x, w, e, s, g, i, new, dt, short=0.0):
+def carried(x, w, e, s, g, i, new, dt, short=0.0, by_force=False):
     """The drive moves on with the speed ``new`` after the step, and the end of the cable with it.
 
     ``short``: how far it falls short of its mean speed where friction stops it, m; negative: how far it gets beyond.
+    ``by_force``: whether it is told its force (`cable_envs.effects.backlash.pulled_end`).
     """
     old, before = x.drive_velocity[i], x.drive_position[i]
     w.end_before[i] = before
@@ -127,8 +128,9 @@ def carried(x, w, e, s, g, i, new, dt, short=0.0):
         w.end_after[i] = select(g.follows[i] > 0.5, g.target[i], w.end_after[i])
     x.drive_position[i], x.drive_velocity[i] = w.end_after[i], new
     if e is not None:
-        at, after, mean, drawn = cable_end(e, s, i, w.end_before[i], w.end_after[i], new, dt)
-        other = moves_otherwise(e, i)
+        taken_up = by_force & (g.follows[i] < 0.5)
+        at, after, mean, drawn = cable_end(e, s, i, w.end_before[i], w.end_after[i], new, dt, taken_up)
+        other = moves_otherwise(e, i, taken_up)
         w.end_lag[i] = select(other | (g.follows[i] > 0.5), 0.0, w.end_lag[i])
         w.end_before[i], w.end_after[i] = select(other, at, w.end_before[i]), select(other, after, w.end_after[i])
         w.end_speed[i], w.end_speed_after[i] = (

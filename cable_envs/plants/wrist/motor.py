@@ -15,7 +15,7 @@ from cable_envs.core.params import Parameter
 from cable_envs.physics.modes import COUPLED, longest_step
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.servo import ALONG, Mount, along, mounted, servo_signals
-from cable_envs.plants.servo_stages import drive_of, motor_step, servo_reads
+from cable_envs.plants.servo_stages import drive_of, motor_step_in_gap, servo_reads
 from cable_envs.plants.tendon import span_slope
 
 PARAMETERS = (
@@ -42,29 +42,30 @@ def go_half(x, p, u, w, g, i, dt):
 
 
 @inline
-def _hauled(d, p, i, radius, wound, speed, target, rate, ta, tb, stiffness, dt):
+def _hauled(d, p, i, radius, wound, speed, target, rate, ta, tb, stiffness, lead, gap, dt):
     """Speed of one drive after dt, rad/s, and what it falls short where it stops, rad.
 
-    ``d`` are its rows, the tensions those of the middle of the step.
+    ``d`` are its rows, the tensions those of the middle of the step; ``lead`` as of `wrist.plant.go_on`.
     """
     at, v, fastest = radius * wound, radius * speed, radius * p.drive_speed_limit[i]
     servo_reads(d, p, i, at, v, False, radius * target, radius * rate, dt)
     steep = span_slope(stiffness, ta, 0.0) + span_slope(stiffness, tb, 0.0)
-    new, short = motor_step(d, p, i, at, v, ta - tb, steep, 0.0, dt)
+    new, short = motor_step_in_gap(d, p, i, at, v, ta - tb, steep, 0.0, radius * lead, radius * gap, dt)
     return clip(new, -fastest, fastest) / radius, short / radius
 
 
 @inline
-def go_on(x, p, u, w, g, i, dt):
+def go_on(x, p, u, w, e, g, i, lead, dt):
     """Takes both drives on with the tensions there, in the place of the ideal ones."""
     half, follows = 0.5 * dt, g.follows[i] > 0.5
     new, short = _hauled(
         drive_of(x, 0), p, i, p.yaw_radius[i], x.drive_angle[i], x.drive_velocity[i], u.command[i], u.command_rate[i],
-        x.tension_drive_a[i], x.tension_drive_b[i], p.drive_stiffness[i], dt,
+        x.tension_drive_a[i], x.tension_drive_b[i], p.drive_stiffness[i], lead, e.backlash_gap[i], dt,
     )  # fmt: skip
     pitch_new, pitch_short = _hauled(
         drive_of(x, 1), p, i, p.pitch_radius[i], x.pitch_drive_angle[i], x.pitch_drive_velocity[i], w.second[i],
-        w.second_rate[i], x.pitch_tension_drive_a[i], x.pitch_tension_drive_b[i], p.pitch_drive_stiffness[i], dt,
+        w.second_rate[i], x.pitch_tension_drive_a[i], x.pitch_tension_drive_b[i], p.pitch_drive_stiffness[i], 0.0, 0.0,
+        dt,
     )  # fmt: skip
     w.after[i] = select(follows, g.target[i], w.middle[i] + half * new - short)
     w.speed_after[i] = select(follows, g.target_rate[i], new)
@@ -116,5 +117,6 @@ def with_motor(plant: Plant) -> Plant:
         own=_own,
         more=("shown_angle", "shown_rate", "pitch_shown_angle"),
         start={"shown_angle": "drive_angle", "pitch_shown_angle": "pitch_drive_angle"},
+        gaps=1,
     )  # fmt: skip
     return mounted(replace(plant, resolves=_on_cables(plant.resolves)), mount)

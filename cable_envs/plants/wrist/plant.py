@@ -156,8 +156,11 @@ def go_half(x, p, u, w, g, i, dt):
 
 
 @inline
-def go_on(x, p, u, w, g, i, dt):
-    """Takes both drives on from there, with the tensions there; ideal ones know already."""
+def go_on(x, p, u, w, e, g, i, lead, dt):
+    """Takes both drives on from there, with the tensions there; ideal ones know already.
+
+    ``lead``: by how much the yaw drive was ahead of the middle of its gap's nut before the step, rad.
+    """
 
 
 @inline
@@ -167,14 +170,14 @@ def encoders(x, p, i):
 
 @inline
 def _step(x, p, u, w, e, s, g, i, dt):
-    half, gap = 0.5 * dt, e.backlash_gap[i]
+    half, gap, lead = 0.5 * dt, e.backlash_gap[i], x.drive_angle[i] - s.gap_position[i]
     y_half, pitch_half = x.yaw_angle[i] + half * x.yaw_velocity[i], x.pitch_angle[i] + half * x.pitch_velocity[i]
     go_half(x, p, u, w, g, i, dt)
     s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], w.middle[i], gap), w.middle[i])
     _balance(x, p, w, e, i, y_half, pitch_half, s.gap_position[i], w.pitch_middle[i])
     _turn_yaw(x, p, u, w, e, s, g, i, y_half, dt)
     _turn_pitch(x, p, w, i, dt)
-    go_on(x, p, u, w, g, i, dt)
+    go_on(x, p, u, w, e, g, i, lead, dt)
     x.yaw_angle[i], x.yaw_velocity[i] = y_half + half * w.yaw_new[i], w.yaw_new[i]
     x.pitch_angle[i], x.pitch_velocity[i] = pitch_half + half * w.pitch_new[i], w.pitch_new[i]
     x.drive_angle[i], x.drive_velocity[i] = w.after[i], w.speed_after[i]
