@@ -367,16 +367,28 @@ def test_lanes_are_single_environments_to_the_bit_and_a_replay_is_the_episode(ri
     assert seen == pytest.approx(infos[-1][shown], rel=1e-5, abs=1e-6)
 
 
-def test_a_wrist_drive_within_its_gap_moves_as_without_cables():
-    """The nut is held by its friction, and with it the cables, which a spring at the yaw joint pulls."""
-    told, paths = 0.1 * np.sin(2 * np.pi * 1.5 * PERIOD * np.arange(1, 61)), []
-    for changes in ({"yaw_pretension": 0.0, "slack.length": 1.0}, {"backlash.gap": 0.3, "yaw_stiffness": 0.1}):
-        start = 0.5 if "yaw_stiffness" in changes else 0.0
-        first = Run(WRIST, SMOOTH | changes, MODES[WRIST], [0.0], start=start).first
-        seen = Run(WRIST, SMOOTH | changes, MODES[WRIST], first["drive_angle"] + told, start=start).seen
-        paths.append(seen["drive_angle"] - first["drive_angle"])
-    assert np.abs(first["yaw_torque"]) > 0.04 and np.ptp(seen["tension_drive_a"]) < 1e-9
-    assert paths[1] == pytest.approx(paths[0], abs=1e-9) and np.ptp(paths[1]) > 0.15
+@pytest.mark.parametrize("rig", RIGS)
+def test_within_its_gap_a_drive_moves_the_same_whatever_the_tendons_pull(rig):
+    """The nut is held by its friction, and with it the tendons: none moves, and none is felt."""
+    pulls = {
+        SHEATH: ({"load_preload": 5.0}, {"load_preload": 30.0}), JOINT: ({"co_contraction": 10.0}, {}),
+        WRIST: ({"yaw_stiffness": 0.0}, {"yaw_stiffness": 0.1}),
+    }[rig]  # fmt: skip
+    gap, size, start = {SHEATH: (6e-3, 2e-3, 5e-3), JOINT: (0.3, 0.1, 0.0), WRIST: (0.3, 0.1, 0.5)}[rig]
+    rest_of, place = "drive_position" if rig == SHEATH else "drive_angle", DRIVES[rig][0][1]
+    tension = "tension_drive_a" if rig != SHEATH else "drive_tension"
+    told, paths, held = size * np.sin(2 * np.pi * 1.5 * PERIOD * np.arange(1, 61)), [], []
+    for pull in pulls:
+        changes = SMOOTH | pull | {"backlash.gap": gap}
+        first = Run(rig, changes, MODES[rig], [0.0], start=start).first
+        run = Run(rig, changes, MODES[rig], first[rest_of] + told, start=start)
+        assert np.ptp(run.from_rest(tension)) < 1e-9
+        paths.append(run.seen[place] - first[place])
+        held.append(first[tension])
+    assert abs(held[1] - held[0]) > 1.0
+    assert paths[1] == pytest.approx(paths[0], abs=1e-9 * gap) and np.ptp(paths[1]) > 1.5 * size * (
+        load_rig(rig).values["moment_arm"] if rig == JOINT else 1.0
+    )
 
 
 @pytest.mark.slow

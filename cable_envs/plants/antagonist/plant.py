@@ -142,8 +142,11 @@ def _turned(x, p, u, e, s, g, i, q, dt):
 
 
 @inline
-def driven(x, p, u, w, e, g, i, dt):
-    """Speeds of both drives after dt, and what each falls short where it stops; tensions are those of the middle."""
+def driven(x, p, u, w, e, g, i, lead_a, lead_b, dt):
+    """Speeds of both drives after dt, and what each falls short where it stops; tensions are those of the middle.
+
+    ``lead_a``, ``lead_b``: by how much the drives were ahead of the middles of their nuts before the step, m.
+    """
     va, vb, limit, most = (
         x.drive_a_velocity[i], x.drive_b_velocity[i], p.drive_speed_limit[i], p.drive_acceleration_limit[i],
     )  # fmt: skip
@@ -164,6 +167,7 @@ def driven(x, p, u, w, e, g, i, dt):
 def _step(x, p, u, w, e, s, g, i, dt):
     half, follows, r = 0.5 * dt, g.follows[i] > 0.5, p.moment_arm[i]
     q, v, xa, xb = x.joint_angle[i], x.joint_velocity[i], x.drive_a_position[i], x.drive_b_position[i]
+    lead_a, lead_b = xa - s.gap_position[i], xb - s.gap_opposed[i]
     both = 0.5 * (xa + xb)  # a drive that follows a path keeps what it takes up
     path_a, path_b = both + r * g.target[i], both - r * g.target[i]
     q_half = q + half * v
@@ -172,7 +176,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     end_a, end_b = _ends(p, u, e, s, g, i, half_a, half_b)
     _balance(x, p, w, e, s, i, q_half, end_a, end_b)
     new = _turned(x, p, u, e, s, g, i, q_half, dt)
-    new_a, new_b, short_a, short_b = driven(x, p, u, w, e, g, i, dt)
+    new_a, new_b, short_a, short_b = driven(x, p, u, w, e, g, i, lead_a, lead_b, dt)
     x.drive_a_velocity[i] = select(follows, r * g.target_rate[i], new_a)
     x.drive_b_velocity[i] = select(follows, -r * g.target_rate[i], new_b)
     x.drive_a_position[i] = select(follows, path_a, half_a + half * new_a - short_a)

@@ -8,10 +8,12 @@ The drive obeys, like the load, an inertia with set-valued friction. In a step o
     g (2 J / dt + b) / dt = the share of the step's end in T
 
 with T the tension at its end behind the step. ``up`` and ``down`` differ by twice the friction and by what the gear
-takes either way: F falls with T, and never jumps. The tendon's end goes by the same, or by less where there is a gap.
+takes either way: F falls with T, and never jumps. The tendon's end goes by the same, or by less where there is a gap:
+within it the drive feels no tendon, neither at the start of a step nor at its end.
 """
 
-from cable_envs.core.kernels import clip, inline, maximum, select
+from cable_envs.core.kernels import clip, inline, maximum, minimum, select
+from cable_envs.effects.backlash import apart
 from cable_envs.plants.servo_stages import motor_shows, motor_torques, servo_reads
 from cable_envs.plants.sheath.contact_stages import end_share, room
 
@@ -28,18 +30,22 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     friction, mass = p.drive_friction[i], p.moved_inertia[i] / dt
     late = end_share(p.moved_inertia[i], 2.0 * x.slip_position.shape[0] * p.stiffness[i], dt)
     per = half / (mass + 0.5 * damping)
-    net = (2.0 * mass + damping - p.moved_damping[i]) * speed - (1.0 - late) * x.drive_tension[i] - cogging
+    began = (1.0 - late) * x.drive_tension[i]
+    w.ahead[i], w.back[i] = 0.0, 0.0
+    if e is not None:
+        by_force, gap = (u.mode[i] > 0.5) & (g.follows[i] < 0.5), e.backlash_gap[i]
+        nut = select(gap > 0.0, s.gap_position[i], at)
+        w.ahead[i], w.back[i] = room(by_force, nut, at, gap)
+        began = select(apart(by_force, nut, at, gap), 0.0, began)
+    net = (2.0 * mass + damping - p.moved_damping[i]) * speed - began - cogging
     w.reach[i], w.reach_down[i] = (net + forward - friction) * per, (net + backward + friction) * per
     w.give[i], w.coast[i], w.cogging[i], w.placed[i] = late * per, half * speed, cogging, 0.0
     fastest = p.top_speed[i]
     w.low[i], w.high[i] = half * (speed - fastest), half * (speed + fastest)
     if e is not None:
-        follows, gap = g.follows[i] > 0.5, e.backlash_gap[i]
-        way = g.target[i] - at
+        follows, way = g.follows[i] > 0.5, g.target[i] - at
         w.low[i], w.high[i] = select(follows, way, w.low[i]), select(follows, way, w.high[i])
         w.placed[i] = g.target_rate[i]
-        nut = select(gap > 0.0, s.gap_position[i], at)
-        w.ahead[i], w.back[i] = room((u.mode[i] > 0.5) & (g.follows[i] < 0.5), nut, at, gap)
     w.drive_state[i] = 0.0
 
 
@@ -65,8 +71,8 @@ def drive_end(x, w, e, s, i, c, r):
     """The drive's end against T_0 c = r + d_0, in the place of `contact_stages.drive_end`."""
     off, moves, side = 0.0, 1.0, 0.0
     if e is not None:
-        still = _gone(w, i, maximum(r, 0.0) / c)
-        side = select(still > w.ahead[i], 1.0, select(still < -w.back[i], -1.0, 0.0))
+        free, still = _gone(w, i, 0.0), _gone(w, i, maximum(r, 0.0) / c)
+        side = select(still > w.ahead[i], 1.0, select(free < -w.back[i], -1.0, 0.0))
         side = select(w.ahead[i] + w.back[i] > 0.0, side, 2.0)
         moves = select(side == 0.0, 0.0, 1.0)
         off = select(side == 1.0, w.ahead[i], select(side == -1.0, -w.back[i], 0.0))
@@ -86,7 +92,9 @@ def drive_end(x, w, e, s, i, c, r):
 @inline
 def drive_way(x, w, g, i, tension, dt):
     """(way of the drive, its speed behind the step), in the place of `contact_stages.drive_way`."""
-    d = _gone(w, i, tension)
+    free, d = _gone(w, i, 0.0), _gone(w, i, tension)
+    crosses = (w.ahead[i] + w.back[i] > 0.0) & (free >= -w.back[i])  # the tension holds it at the edge ahead only
+    d = select(crosses, minimum(free, maximum(d, w.ahead[i])), d)
     speed = select(d == w.coast[i], 0.0, 2.0 * d / dt - x.drive_velocity[i])
     return d, select(w.low[i] < w.high[i], speed, w.placed[i])
 

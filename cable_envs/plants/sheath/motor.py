@@ -6,10 +6,10 @@ with contacts has its pieces in `cable_envs.plants.sheath.contact_motor`.
 
 from dataclasses import replace
 
-from cable_envs.core.kernels import inline
+from cable_envs.core.kernels import inline, select
 from cable_envs.plants.base import Plant
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
-from cable_envs.plants.servo_stages import motor_step, servo_reads
+from cable_envs.plants.servo_stages import motor_step_in_gap, servo_reads
 from cable_envs.plants.sheath import contact_motor
 from cable_envs.plants.sheath.plant import felt, load_onward
 
@@ -18,11 +18,13 @@ from cable_envs.plants.sheath.plant import felt, load_onward
 def drive_speed(x, p, u, e, s, i, ahead, dt):
     """Speed of the drive after dt, in the place of `sheath.plant.drive_speed`."""
     at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
+    by_force = u.mode[i] > 0.5
+    servo_reads(x, p, i, at, speed, by_force, u.command[i], u.command_rate[i], dt)
+    gap = select(by_force, 0.0, e.backlash_gap[i])
     k, c = felt(x, p, u, e, s, i)
     v = x.load_velocity[i]
     pull = x.drive_tension[i] + k * half * (speed - load_onward(v, ahead)) + c * (v - ahead)
-    return motor_step(x, p, i, at, speed, pull, k, c, dt)
+    return motor_step_in_gap(x, p, i, at, speed, pull, k, c, at - s.gap_position[i], gap, dt)
 
 
 CONTACTS = {
@@ -44,5 +46,6 @@ def with_motor(plant: Plant) -> Plant:
         pieces=CONTACTS if several else {"drive_speed": drive_speed},
         own=lambda value: along(value, value["drive_speed_limit"], value["tension_command_limit"]),
         total="drive_mass",
+        gaps=1,
     )
     return mounted(plant, mount)
