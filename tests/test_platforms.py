@@ -1,5 +1,6 @@
 """What other systems than Linux lack must not be needed: run here with the modules of Windows' absence gone."""
 
+import json
 import os
 import subprocess
 import sys
@@ -29,32 +30,53 @@ for name in ("fork", "setpgid", "killpg", "setsid", "sched_getaffinity", "geteui
 """
 
 
-def _as_windows(code: str, folder) -> subprocess.CompletedProcess:
-    return subprocess.run(
-        [sys.executable, "-c", LIKE_WINDOWS + code], capture_output=True, text=True, timeout=300, cwd=folder,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
+TRIED = {
+    "environment": (
         "import cable_envs\n"
         "env = gymnasium.make('cable_envs/CableHole-Position-Sine-v0', duration=0.1)\n"
-        "env.reset(seed=0); env.step(env.action_space.sample())",
+        "env.reset(seed=0); env.step(env.action_space.sample())"
+    ),
+    "run": (
         "from cablebench.cli import main\n"
-        "main(['run', 'CableHole-Position-Sine', '--controller', 'pid', '-o', 'duration=0.1'])",
-        "from cablebench.cli import main\n"
-        "try: main(['new', 'recording', 'cart'])\nexcept SystemExit as end: assert not end.code\n"
-        "main(['inspect', 'cart'])",
-        "from cable_envs.diagnosis import diagnose\nimport cablebench.jobs.local, cablebench.tune.study",
-        "from cablebench.cli import main\nmain(['submit', '--help'])",
-    ],
-    ids=["environment", "run", "inspect", "diagnosis and jobs", "submit"],
-)
-def test_nothing_needs_what_windows_lacks(code, tmp_path):
-    done = _as_windows(code, tmp_path)
-    assert done.returncode == 0, done.stderr
+        "main(['run', 'CableHole-Position-Sine', '--controller', 'pid', '-o', 'duration=0.1'])"
+    ),
+    "new recording": "from cablebench.cli import main\nmain(['new', 'recording', 'cart'])",
+    "inspect": "from cablebench.cli import main\nmain(['inspect', 'cart'])",
+    "diagnosis and jobs": (
+        "from cable_envs.diagnosis import diagnose\nimport cablebench.jobs.local, cablebench.tune.study"
+    ),
+    "submit": "from cablebench.cli import main\nmain(['submit', '--help'])",
+}
+ONE_AFTER_THE_OTHER = """
+import json, traceback
+
+failed = {}
+for name, code in json.loads(sys.argv[1]).items():
+    try:
+        exec(code)
+    except SystemExit as end:
+        if end.code:
+            failed[name] = f"exit code {end.code}"
+    except BaseException:
+        failed[name] = traceback.format_exc()
+print("FAILED", json.dumps(failed))
+"""
+
+
+@pytest.fixture(scope="module")
+def failed(tmp_path_factory):
+    """What failed of `TRIED`, all in one process in this order, by name."""
+    done = subprocess.run(
+        [sys.executable, "-c", LIKE_WINDOWS + ONE_AFTER_THE_OTHER, json.dumps(TRIED)], capture_output=True, text=True,
+        timeout=600, cwd=tmp_path_factory.mktemp("windows"), env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )  # fmt: skip
+    assert done.returncode == 0 and "FAILED " in done.stdout, done.stderr
+    return json.loads(done.stdout.split("FAILED ")[-1])
+
+
+@pytest.mark.parametrize("name", TRIED)
+def test_nothing_needs_what_windows_lacks(failed, name):
+    assert name not in failed, failed[name]
 
 
 def test_a_strangers_file_is_refused_where_there_is_no_sandbox(monkeypatch):
