@@ -36,8 +36,7 @@ def test_away_from_rest_the_smooth_equations_are_the_exact_ones(case, way):
 
     which the exponent 2 of the extrusion doubles.
     """
-    m, rng = case.model(), np.random.default_rng(5)
-    smooth = m.casadi()
+    m, smooth, rng = case.made, case.smooth, np.random.default_rng(5)
     for _ in range(10):
         x, u = point(m, case, way, rng)
         exact, found = both(m, smooth, x, u)
@@ -51,7 +50,7 @@ def test_away_from_rest_the_smooth_equations_are_the_exact_ones(case, way):
 
 @CASES
 def test_a_smaller_smoothing_is_nearer(case):
-    m, rng = case.model(), np.random.default_rng(6)
+    m, rng = case.made, np.random.default_rng(6)
     x, u = point(m, case, 1, rng)
     apart = []
     for speed, tension in ((1.0, 1.0), (0.25, 0.25)):
@@ -84,8 +83,7 @@ def test_slack_is_rounded_off_within_the_stated_tension(rig, mode, place):
 
 @SLIDING
 def test_slopes_are_those_of_the_exact_equations(case):
-    m, rng = case.model(), np.random.default_rng(7)
-    smooth = m.casadi()
+    m, smooth, rng = case.made, case.smooth, np.random.default_rng(7)
     x, u = point(m, case, 1, rng)
     for place, way in zip(m.places, asked(m.equations, 1)):
         if place >= 0:
@@ -100,8 +98,8 @@ def test_slopes_are_those_of_the_exact_equations(case):
 
 @pytest.mark.parametrize("name", ["hole-tension", "circuit-torque", "sheath-tension", "drive-belt", "coupled"])
 def test_slopes_are_finite_at_rest(name):
-    m = EVERY[name].model()
-    smooth, (x, u) = m.casadi(), m.rest(EVERY[name].position)
+    m = EVERY[name].made
+    smooth, (x, u) = EVERY[name].smooth, m.rest(EVERY[name].position)
     assert all(np.isfinite(np.array(part)).all() for part in smooth.f.jacobian()(x, u, 0.0))
 
 

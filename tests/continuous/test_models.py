@@ -23,7 +23,7 @@ FINE = {"rtol": 1e-9, "atol": 1e-13}
 
 @CASES
 def test_at_rest_nothing_moves(case):
-    m = case.model()
+    m = case.made
     x, u = m.rest(case.position)
     at = m.f(x, u)
     largest = np.abs(m.f(x + 1e-4, u, 1)).max()
@@ -32,7 +32,7 @@ def test_at_rest_nothing_moves(case):
 
 @COMMANDED
 def test_friction_holds_within_its_limits_and_not_beyond(case):
-    m = case.model()
+    m = case.made
     x, u = m.rest(case.position)
     top, bottom = (m.rest(case.position, way) for way in (1, -1))
     assert m.sliding(x, u) == told(asked(m.equations, 0))
@@ -47,7 +47,7 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     """Substeps of 10 us. The largest difference seen is 2.0e-4 of the range with ideal drives, 5.1e-4 with a servo that
     is read every 10 us, 9e-5 with holes in series."""
-    m = case.model()
+    m = case.made
     x0, u0 = m.rest(case.position)
     u, given = moved(m, case, u0, 100, PERIOD)
     names = [s.name for s in (*m.states, *m.outputs)]
@@ -157,7 +157,7 @@ def test_a_motor_that_is_told_more_than_its_saturator_takes_no_more(way):
 
 @pytest.mark.parametrize("way", [1, -1])
 def test_the_transmission_is_that_of_its_kernel(way):
-    m = TRANSMISSION.model()
+    m = TRANSMISSION.made
     k = np.arange(1, 21)
     torque = 0.3 * np.sin(0.7 * k)
     path = way * 0.01 * k
@@ -171,7 +171,7 @@ def test_the_transmission_is_that_of_its_kernel(way):
 
 
 def test_the_band_slips_as_in_its_kernel():
-    m = BRAKE.model()
+    m = BRAKE.made
     t = np.arange(401) * PERIOD
     path, speed = 0.02 * np.sin(3.0 * t), 0.06 * np.cos(3.0 * t)
     seen = replay(
@@ -187,7 +187,7 @@ def test_the_band_slips_as_in_its_kernel():
 @pytest.mark.parametrize("way", [1, -1])
 def test_the_linear_system_is_the_slope_of_the_equations(case, way):
     """Contacts without a mass follow to their limits: where they do not, they hold, and the equations are others."""
-    m, rng = case.model(), np.random.default_rng(3)
+    m, rng = case.made, np.random.default_rng(3)
     ways = asked(m.equations, way)
     for _ in range(3):
         x, u = point(m, case, way, rng)
@@ -248,7 +248,7 @@ def test_a_plant_without_equations_says_so():
 
 @CASES
 def test_the_equations_name_signals_of_the_plant(case):
-    m = case.model()
+    m = case.made
     assert len(m.f(*m.rest(case.position))) == len(m.states)
     assert len(m.h(*m.rest(case.position))) == len(m.outputs) == len(m.equations.outputs)
     assert all(s.unit for s in (*m.states, *m.inputs, *m.outputs))
@@ -260,7 +260,7 @@ def test_the_page_about_it_holds():
     failed, tried = doctest.testfile(str(page), module_relative=False)
     assert failed == 0 and tried > 10
     rows = {row.split("`")[1]: row for row in page.read_text(encoding="utf-8").splitlines() if row.startswith("| `")}
-    models = [case.model() for case in EVERY.values()]
+    models = [case.made for case in EVERY.values()]
     assert {m.rig.plant for m in models} == {name for name, one in families().items() if one.continuous} == set(rows)
     said = {plant: row.split("|")[2] for plant, row in rows.items()}
     assert [
@@ -274,7 +274,7 @@ def test_the_page_about_it_holds():
 def test_the_range_of_the_command_is_that_of_the_action_mode():
     assert model("gu-inferred", "tension").command_range == (0.0, 120.0)
     assert model("gu-inferred", "speed").command_range == (-0.1, 0.1)
-    assert TRANSMISSION.model().command_range == (-np.inf, np.inf)
+    assert TRANSMISSION.made.command_range == (-np.inf, np.inf)
 
 
 @pytest.mark.parametrize(("name", "speed", "ahead"), [
@@ -285,7 +285,7 @@ def test_the_range_of_the_command_is_that_of_the_action_mode():
 def test_a_small_change_of_the_command_grows_in_the_kernel_as_in_the_linear_system(name, speed, ahead):
     """On a motion that goes on one way for 150 ms, for 10 ms from there: what a change of the command adds."""
     case = EVERY[name]
-    m, ms, steps = case.model(), 1e-3, 150
+    m, ms, steps = case.made, 1e-3, 150
     _, u = m.rest(case.position, 1)
     names, rows, change = [s.name for s in m.states], [i.row for i in m.equations.inputs], 1e-5 * case.size
     command = u[0] + ahead + speed * ms * np.arange(1, steps + 11)

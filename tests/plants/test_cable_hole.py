@@ -200,7 +200,7 @@ def test_load_without_support_is_refused():
         PLANT.prepare(table.pack({"breaking_tension": 50.0})[:, None])
 
 
-@pytest.mark.parametrize("holes", [2, 3])
+@pytest.mark.parametrize("holes", [3, pytest.param(2, marks=pytest.mark.slow)])
 def test_holes_in_series_multiply_their_ratios(holes):
     rig = Rig(holes=holes, wrap_angle=0.35, **{f"wrap_angle_{h}": 0.35 for h in range(2, holes + 1)})
     rig.move(0.0108, 1.0, 2.0)
@@ -213,13 +213,13 @@ def test_holes_in_series_multiply_their_ratios(holes):
 
 
 def test_a_hole_without_wrap_changes_nothing_in_steady_motion():
-    one, two = Rig(), Rig(holes=2, wrap_angle=0.0)
+    one, three = Rig(), Rig(holes=3, wrap_angle=0.0, wrap_angle_2=0.0)
     a = one.move(0.0108, 1.0, 1.5)[-1, ROW["drive_tension"]]
-    b = two.move(0.0108, 1.0, 1.5)[-1, ROW["drive_tension"]]
+    b = three.move(0.0108, 1.0, 1.5)[-1, ROW["drive_tension"]]
     assert b == pytest.approx(a, rel=1e-5)
 
 
-@pytest.mark.parametrize("holes", [1, 2])
+@pytest.mark.parametrize("holes", [1, 3])
 def test_columns_of_a_batch_equal_single_runs_bit_for_bit(holes):
     rng = np.random.default_rng(3)
     n = 70  # more than one tile, and a remainder
@@ -259,12 +259,12 @@ def test_gu_eq1_bending_stiffness_takes_wrap_away(dt):
 @pytest.mark.parametrize("dt", [pytest.param(2e-3, marks=pytest.mark.slow), 1e-3])
 def test_series_of_stiff_spans_is_steady_whatever_the_step(dt):
     """The spans' vibration is far above what the step resolves: it must die out, not ring."""
-    rig = Rig(holes=4, span_stiffness=1e6)
+    rig = Rig(holes=3, span_stiffness=1e6)
     rig.move(0.01, 1.0, 3.0, dt)
     n = ratio(1.5 * 1.02, 0.43 + 6574.0 * 0.01**2.03, math.pi / 3)
-    # three seconds leave a ten-thousandth of the slow approach that the speed-dependent friction of four holes makes
-    assert rig.get("drive_tension") == pytest.approx(WEIGHT * n**4, rel=2e-4)
-    assert [rig.get(f"slip_velocity_{h}") for h in (1, 2, 3)] == pytest.approx([0.01] * 3, rel=2e-4)
+    # three seconds leave a ten-thousandth of the slow approach that the speed-dependent friction of three holes makes
+    assert rig.get("drive_tension") == pytest.approx(WEIGHT * n**3, rel=2e-4)
+    assert [rig.get(f"slip_velocity_{h}") for h in (1, 2)] == pytest.approx([0.01] * 2, rel=2e-4)
 
 
 def test_disturbance_lifts_the_load():

@@ -156,7 +156,7 @@ def _hangs(holes: int) -> None:
     assert np.array_equal(bench.X.slip_velocity, np.zeros_like(bench.X.slip_velocity))
 
 
-@pytest.mark.parametrize("holes", [2, 3])
+@pytest.mark.parametrize("holes", [3, pytest.param(2, marks=pytest.mark.slow)])
 def test_hangs_still_to_the_bit(holes):
     _hangs(holes)
 

@@ -102,7 +102,7 @@ def test_the_hole_moves_as_its_equations_in_short_explicit_steps(mode, command):
     agree(seen, "load_position", paths["load"])
 
 
-@pytest.mark.parametrize("holes", [2, 3])
+@pytest.mark.parametrize("holes", [3, pytest.param(2, marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     ("mode", "command"),
     [
