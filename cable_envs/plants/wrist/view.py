@@ -1,5 +1,6 @@
 """The coupled wrist as the reference controllers know it: coupling, friction of the yaw cables, and their stretch."""
 
+import math
 from collections.abc import Mapping
 from typing import ClassVar
 
@@ -8,7 +9,7 @@ from cable_envs.plants.view import Gains, Reference, View
 
 
 class WristView(View):
-    """The command is the angle of the yaw drive, the output that of the joint; the pitch is where the rig holds it."""
+    """The command is the angle of the yaw drive, the output that of the joint; the rig holds the pitch drive."""
 
     pid: ClassVar[Mapping[tuple[str, str], Gains]] = {
         ("position", "position"): {
@@ -35,7 +36,14 @@ class WristView(View):
             apart = long + 2.0 * b * pull
         else:
             apart = a * (low + pull) - b * low
-        return y + rig["coupling_radius"] / r * rig["pitch_angle"] + 0.5 * apart / r
+        return y + rig["coupling_radius"] / r * self._pitch(pull) + 0.5 * apart / r
+
+    def _pitch(self, pull: float) -> float:
+        """Where the pitch joint stands beside its drive, while the yaw cables pull it by a difference of tensions."""
+        rig = self.rig
+        half = 0.5 * rig["coupling_radius"] * pull / rig["pitch_radius"]  # of the difference that its own cables hold
+        stretch = max(abs(half), 2.0 * abs(half) - rig["pitch_pretension"])  # beyond the pretension one is slack
+        return rig["pitch_angle"] + math.copysign(stretch, half) / (rig["pitch_cable_stiffness"] * rig["pitch_radius"])
 
     def _per_tension(self, cable: float, way: float) -> float:
         """Stretch of a cable over that of one without friction, for its tension at the joint."""
