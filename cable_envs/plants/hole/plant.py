@@ -61,6 +61,7 @@ from cable_envs.plants.hole.stages import (
     span,
     steepest_ratio,
     stiffness_now,
+    take_hole,
     transmitted,
     wrapped,
 )  # fmt: skip
@@ -133,7 +134,7 @@ def rubbed(x, p, w, e, s, g, i, v, tension):
     """M = mu + K |v|^omega and dM/d|v| at a speed and a tension above the hole.  G17"""
     speed = abs(v)
     steep = p.extrusion_gain[i] * power(maximum(speed, 1e-12), p.extrusion_exponent[i] - 1.0)
-    mu = p.friction_coefficient[0, i]
+    mu = w.mu[i]
     if e is not None:
         extra, growth = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], v)
         exponent, over = (
@@ -207,7 +208,7 @@ def _reported(x, p, u, w, e, s, g, lanes, bends):
     for _ in range(REPORTED if bends else 1):
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
-            ratio(p, w, i)
+            ratio(w, i)
         for i in range(lanes):
             behind(x, p, u, w, e, s, g, i)
 
@@ -220,6 +221,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     dependent operations of a whole step would prevent.
     """
     bends = any_stiff(p, lanes)
+    for i in range(lanes):
+        take_hole(p, w, i)
     for i in range(lanes):
         closed_loop(p, w, i, p.cable_stiffness[i], dt)
         x.slack_fraction[i] = 0.0
@@ -248,7 +251,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             rubbed(x, p, w, e, s, g, i, x.load_velocity[i], x.drive_tension[i])
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
-            ratio(p, w, i)
+            ratio(w, i)
         for i in range(lanes):
             _hauled(x, p, u, w, e, s, g, i, dt)
         for i in range(lanes):

@@ -15,6 +15,7 @@ from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_st
 from cable_envs.plants.hole.spool import cable_end, moves_otherwise
 
 HOLE = Lanes("Hole", [
+    "mu", "rho", "wrap",  # of the hole, as `take_hole` has them: 1, 1, rad
     "end_before", "end_after", "end_speed", "end_speed_after",  # the upper end of the cable: m, m/s
     "end_lag",  # how far it counts as behind its mean in the middle of the step, m
     "resistance", "resistance_stiffness", "resistance_damping",  # of the load: N, N/m, N s/m
@@ -140,9 +141,15 @@ def carried(x, w, e, s, g, i, new, dt, short=0.0, by_force=False):
 
 
 @inline
-def ratio(p, w, i):
+def take_hole(p, w, i):
+    """The hole's numbers in rows of their own: out of a row of a matrix the processor takes one column at a time."""
+    w.mu[i], w.rho[i], w.wrap[i] = p.friction_coefficient[0, i], p.radius_ratio[0, i], p.wrap_angle[0, i]
+
+
+@inline
+def ratio(w, i):
     """n and dn/dM with the exact solution of section 1 in docs/physics.md.  G9, G17."""
-    w.ratio[i], w.ratio_slope[i] = tension_ratio_and_slope(p.radius_ratio[0, i], w.friction[i], w.wrap_in_contact[i])
+    w.ratio[i], w.ratio_slope[i] = tension_ratio_and_slope(w.rho[i], w.friction[i], w.wrap_in_contact[i])
     w.inverse[i] = 1.0 / w.ratio[i]
 
 
@@ -207,11 +214,11 @@ def wrapped(x, p, w, lanes, bends):
     if bends:
         for i in range(lanes):
             w.wrap_in_contact[i] = wrap_in_contact(
-                p.wrap_angle[0, i], p.bending_rigidity[i], p.edge_radius[0, i], x.drive_tension[i], x.load_tension[i]
+                w.wrap[i], p.bending_rigidity[i], p.edge_radius[0, i], x.drive_tension[i], x.load_tension[i]
             )
     else:
         for i in range(lanes):
-            w.wrap_in_contact[i] = p.wrap_angle[0, i]
+            w.wrap_in_contact[i] = w.wrap[i]
 
 
 @inline

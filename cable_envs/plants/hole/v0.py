@@ -31,6 +31,7 @@ from cable_envs.plants.hole.stages import (
     open_loop,
     ratio,
     stiffness_now,
+    take_hole,
     wrapped,
 )
 
@@ -72,6 +73,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, stage by stage."""
     bends = any_stiff(p, lanes)
     for i in range(lanes):
+        take_hole(p, w, i)
+    for i in range(lanes):
         closed_loop(p, w, i, p.cable_stiffness[i], dt)
         x.slack_fraction[i] = 0.0
         x.peak_tension[i] = 0.0
@@ -98,7 +101,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             rubbed(x, p, w, e, s, g, i, x.load_velocity[i], w.tension_middle[i])
         wrapped(x, p, w, lanes, bends)
         for i in range(lanes):
-            ratio(p, w, i)
+            ratio(w, i)
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.0, dt)
             behind(x, p, u, w, e, s, g, i)
