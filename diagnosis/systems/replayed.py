@@ -12,6 +12,7 @@ import numpy as np
 
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.systems.common import mean_over_samples
 from cable_envs.plants.base import Plant
 from cable_envs.sim.replay import replay
 
@@ -30,6 +31,7 @@ class Run:
     given         | parameters that only this record has (its load, its wrap angle), SI
     offset        | signals whose zero means nothing in this record
     hold          | "ramp": the command goes from sample to sample; "step": each is held over the step that ends there
+    mean          | whether samples are means over the control step around them
     """
 
     command: np.ndarray
@@ -40,6 +42,7 @@ class Run:
     given: Mapping[str, float] = field(default_factory=dict)
     offset: tuple[str, ...] = ()
     hold: str = "ramp"
+    mean: bool = False
 
 
 class ReplayModel:
@@ -90,16 +93,28 @@ class ReplayModel:
         """
         waits = np.any(late > 0.0, axis=0)
         if not waits.any():
-            return self._replay(run, columns, run.start)
+            return self._prompt(run, columns, run.start)
         out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
         if not waits.all():
-            out[:, :, ~waits] = self._replay(run, columns[:, ~waits], run.start)
-        fine = 1 if self.drive == "follow" else min(d for d in range(1, self.substeps + 1) if self._divides(d))
+            out[:, :, ~waits] = self._prompt(run, columns[:, ~waits], run.start)
+        fine = self._fine()
         series = self._replay(run, columns[:, waits], run.start, fine)
         for j in range(len(run.blocks)):
             steps = late[j, waits] * fine / self.period
-            out[:, j, waits] = delayed(series[:, j], steps)[fine - 1 :: fine]
+            seen = delayed(series[:, j], steps)
+            out[:, j, waits] = mean_over_samples(seen, fine) if run.mean else seen[fine - 1 :: fine]
         return out
+
+    def _prompt(self, run: Run, columns: np.ndarray, start: float) -> np.ndarray:
+        """Signals [T, blocks, n] as sensors that are not late show them."""
+        if not run.mean:
+            return self._replay(run, columns, start)
+        fine = self._fine()
+        return mean_over_samples(self._replay(run, columns, start, fine), fine)
+
+    def _fine(self) -> int:
+        """Parts of a control step in which signals are computed where the step's end alone does not do."""
+        return 1 if self.drive == "follow" else min(d for d in range(1, self.substeps + 1) if self._divides(d))
 
     def _divides(self, parts: int) -> bool:
         """Whether a control step may be cut into so many: at least `FINE` if it has as many steps of integration."""
@@ -131,7 +146,7 @@ class ReplayModel:
         found = []
         if step > 0.0:
             base = self._base[:, None]
-            change = self._replay(run, base, run.start + step) - self._replay(run, base, run.start)
+            change = self._prompt(run, base, run.start + step) - self._prompt(run, base, run.start)
             found.append(change[:, :, 0] / step)
         for j, signal in enumerate(run.signals):
             if signal in run.offset:

@@ -17,6 +17,7 @@ from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.gate import _still, gate
 from cable_envs.diagnosis.model.model import Coordinate
 from cable_envs.diagnosis.model.verdict import from_json
+from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.systems.question import Question
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
@@ -158,7 +159,7 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     recording, out = drive.write(tmp_path / "recording", spring), tmp_path / "out"
 
     def stop(text):
-        if text.startswith("refitting the best"):
+        if text == stages.COMPARING:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -262,7 +263,7 @@ def test_single_empty_cells_are_left_out_and_noted(tmp_path):
 
 def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr("cable_envs.diagnosis.intake.gate.MOST", 2000)
-    with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 samples"):
+    with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 rows make 2400 samples"):
         diagnose(drive.write(tmp_path / "recording"))
 
 
