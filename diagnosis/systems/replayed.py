@@ -14,7 +14,7 @@ from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import mean_over_samples
 from cable_envs.plants.base import Plant
-from cable_envs.sim.replay import replay
+from cable_envs.sim.replay import distort, replay
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -65,6 +65,7 @@ class ReplayModel:
         self._base = plant.table.pack(values)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
         self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
+        self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifts = [self._responses(run, shifted) for run in runs]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
@@ -135,11 +136,27 @@ class ReplayModel:
         if self.lead:
             command = np.concatenate([np.full(self.lead * fine, command[0]), command])
             rate = None if rate is None else np.concatenate([np.zeros(self.lead), rate])
+        alone, place = self._without_sensors(columns)
         out = replay(
-            self.plant, columns, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
-            start=start, substeps=self.substeps // fine, hold=run.hold,
+            self.plant, alone, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
+            start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False,
         )  # fmt: skip
+        rows = [self.plant.row(name) for name in run.signals]
+        first = self.plant.rest(self.plant.prepare(alone), np.full(alone.shape[1], start))[rows]
+        p = self.plant.prepare(columns)
+        out = np.take(out, place, axis=2)
+        out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
         return out[self.lead * fine :]
+
+    def _without_sensors(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(columns that differ by more than their sensors, which of them each column [n] is).
+
+        A sensor changes what is shown and not the motion, which is simulated once for all of them.
+        """
+        moved = np.delete(columns, self._sensors, axis=0)
+        _, first, place = np.unique(moved, axis=1, return_index=True, return_inverse=True)
+        kept = np.sort(first)  # in the order in which they came
+        return columns[:, kept], np.searchsorted(kept, first)[place.ravel()]
 
     def _responses(self, run: Run, step: float) -> np.ndarray:
         """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
