@@ -431,20 +431,27 @@ def test_an_effect_that_costs_little_is_said_to():
     )
 
 
+RULES = {"left_p": 1e-4, "alone_p": 1e-6}
+
+
 def test_an_unknown_mismatch_says_what_helped_and_how_far():
     rmse = {"nominal": 5.44, "refit": 5.02, "augmented": 5.02, "suspected": 0.186}
     gap = {"value": 5.01e-4, "unit": "m", "ci95": [4.6e-4, 5.4e-4]}
     record = {
         "verdict": "unknown", "effects": [], "location": [], "hypotheses": [{}] * 35, "absorbed": {}, "steps": [],
-        "notes": [], "about": {"judge": "noise"},
+        "notes": [], "about": {"judge": "noise", "rules": RULES}, "test": {"p_left": 2e-7},
         "suspected": [{"name": "backlash", "hypothesis": "backlash", "equation": "play", "parameters": {"gap": gap}}],
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
-    assert headline(record) == "Something is missing. The fit improves with backlash, but the rest is not noise."
+    assert headline(record) == (
+        "Something is missing. The fit improves with backlash, but what is left is not noise (p = 2e-07)."
+    )
+    drift = {**record, "test": {"p_left": 0.3}}  # refused for another reason
+    assert headline(drift) == "Something is missing. The fit improves with backlash, but the rest is not noise."
     assert "and 0.186 N with backlash" in cost(record)
     assert "--judge unseen" in advice(record) and "--effect-file" in advice(record)
     assert "    gap = 0.501 mm (95 %: 0.46 mm to 0.54 mm)" in lines(record)
-    unseen = {**record, "about": {"judge": "unseen"}}
+    unseen = {**record, "about": {**record["about"], "judge": "unseen"}}
     assert "--judge unseen" not in advice(unseen)
     nothing = {**record, "suspected": []}
     assert "none of the 35 effects" in headline(nothing) and "--judge unseen" not in advice(nothing)
