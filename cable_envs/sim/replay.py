@@ -23,7 +23,7 @@ from cable_envs.plants.base import Plant
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
 
-LANES, ALONE = 8, 2
+ABREAST, ALONE = 8, 2
 """Columns that a processor takes at once, and how many of a rest are quicker one by one: 3 take as long as 8."""
 
 DRIVES = ("follow", "imposed", "observed")
@@ -153,7 +153,7 @@ def replay(
         raise ConfigurationError(f"values: expected [{len(plant.table)}, n], got {np.shape(values)}")
     if not is_number(period) or period <= 0.0:
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
-    idle = -n % LANES if n % LANES > ALONE else 0
+    idle = -n % ABREAST if n % ABREAST > ALONE else 0
     p = plant.prepare(_widened(np.asarray(values, dtype=np.float64), idle))
     plant.raise_to(p, period / substeps)
     if state is None:

@@ -13,7 +13,7 @@ SPECTRA = "comparing spectra"
 LOCATING = "looking where the mismatch is"
 
 USUAL: Mapping[str, float] = {
-    CHECKING: 0.0, REFITTING: 1.0, LEFT: 0.4, SPECTRA: 1.0, LOCATING: 0.2, COMPARING: 2.5, EXCHANGING: 4.0,
+    CHECKING: 0.0, REFITTING: 1.0, LEFT: 0.3, SPECTRA: 1.0, LOCATING: 0.15, COMPARING: 2.0, EXCHANGING: 4.0,
     TESTING: 0.5,
 }  # fmt: skip
 """Step -> its usual time over that of the refit of the stated parameters, on two minutes of a drive, a hole and a
