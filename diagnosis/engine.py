@@ -151,7 +151,7 @@ def examine(
     look = looked_at(recording)
     quality = gate(recording, look)
     quality.require_usable()
-    recording, averaged = (recording, None) if look.spacing else _averaged(recording)
+    recording, averaged = _averaged(recording) if look.averages else (recording, None)
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)

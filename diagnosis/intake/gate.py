@@ -147,7 +147,7 @@ def _too_many(recording: Recording, look: Look) -> Fault | None:
     rows = sum(len(r.time) for r in moving)
     if rows <= MOST:
         return None
-    every = 1 if look.spacing else thinning(recording, POSITIONS).every
+    every = thinning(recording, POSITIONS).every if look.averages else 1
     used = sum(_used(r, look) for r in moving) // every
     if used <= MOST:
         return None

@@ -207,6 +207,16 @@ def test_a_hole_under_held_commands_is_predicted_as_it_was_averaged():
         assert np.sqrt(np.mean(off**2)) < 0.1 * sizes[block.channel], block.channel
 
 
+def test_only_what_is_predicted_as_a_mean_is_averaged(long):
+    from cable_envs.diagnosis.systems import looked_at
+
+    assert looked_at(long).averages and looked_at(recording(holes(seconds=1.0))).averages
+    t = 1e-3 * np.arange(20_000)
+    data = {"time": t, "voltage": np.sin(t), "speed_reading": np.abs(np.sin(t))}
+    coupled = Recording.from_arrays("linear_drive", [data])
+    assert not looked_at(coupled).averages  # a model of its own, of samples of a moment
+
+
 def test_sixty_thousand_rows_are_answered_and_the_answer_says_how(long):
     said = []
     found = diagnose(long, effects=["position_dependent_load", "actuator_lag"], tell=said.append)
