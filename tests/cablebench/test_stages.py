@@ -72,7 +72,7 @@ def test_a_terminal_has_one_line_that_is_drawn_anew(capsys, monkeypatch):
     monkeypatch.setenv("TERM", "xterm")
     raw = work(capsys)
     text = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", raw)
-    assert "refitting the stated parameters, round 4 of at most 4" in text
+    assert "refitting the stated parameters (round 4 of at most 4)" in text
     assert re.search(r"testing 21 effects; about \d+ s left", text)
     lines = [line for line in text.split("\n") if line.strip()]
     assert [line for line in lines if "averaging" in line.rsplit("\r", 1)[-1]], "a remark stays"

@@ -120,12 +120,12 @@ class _Rewritten:
         self._bar.refresh()
 
     def hear(self, done: int, most: int) -> None:
-        self._round = f", round {done + 1} of at most {most}"
+        self._round = f" (round {done + 1} of at most {most})"
         self._bar.refresh()
 
     def _line(self) -> str:
         left = in_words(self._left.seconds())
-        return f"{self._clock() - self._began:5.0f} s  {self._text}{self._round}{f'; {left}' if left else ''}"
+        return f"{self._clock() - self._began:5.0f} s  {self._text}{f'; {left}' if left else ''}{self._round}"
 
     def end(self) -> None:
         self._bar.stop()
