@@ -27,7 +27,7 @@ PRESET, LAG = "zou-table2", 0.015
 LOAD = {"contact_stiffness": 0.2, "contact_angle": 0.0, "contact_damping": 2e-3, "output_damping": 2e-4}
 """A spring of rubber that the joint presses on, N m/rad and N m s: the preset's output is free."""
 LACKS = {"actuator_lag.time": LAG}
-PERIOD, SECONDS, AT_REST = 0.01, {"fit": 10.0, "heldout": 6.0}, 20.0
+PERIOD, SECONDS, AT_REST = 0.01, {"fit": 8.0, "heldout": 5.0}, 20.0
 DESIGNS = {"fit": "multisine", "heldout": "triangle"}
 USES = ("fit", "heldout", "rest")
 AMPLITUDE = 0.7
@@ -64,7 +64,7 @@ def sensed(of: dict[str, np.ndarray], at: np.ndarray, rng: np.random.Generator) 
 def table(columns: dict[str, np.ndarray]) -> str:
     """A log as text: time in s, command in rad, counts."""
     rows = zip(*columns.values(), strict=True)
-    lines = [f"{t:.2f},{command:.5g},{torque:d},{angle:d}" for t, command, torque, angle in rows]
+    lines = [f"{t:.2f},{command:.4g},{torque:d},{angle:d}" for t, command, torque, angle in rows]
     return "\n".join(["t,command,torque,encoder", *lines]) + "\n"
 
 
