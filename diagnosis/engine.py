@@ -20,21 +20,24 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
+from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
-from cable_envs.diagnosis.intake.gate import Quality, gate
+from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
+from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.detectable import limited_by_the_model
 from cable_envs.diagnosis.search.heldout import select_heldout
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
 from cable_envs.diagnosis.systems import looked_at, plant_of, prepare
-from cable_envs.diagnosis.systems.common import resample, sample_period
+from cable_envs.diagnosis.systems.common import resample
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.effects import Effect
 from cable_envs.plants import plant_for, variants
@@ -143,10 +146,14 @@ def examine(
     """
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
-    tell("checking the data")
+    tell(stages.CHECKING)
     require_known("judge", [judge], JUDGES)
-    quality = gate(recording, looked_at(recording))
+    look = looked_at(recording)
+    quality = gate(recording, look)
     quality.require_usable()
+    recording, averaged = _averaged(recording) if look.averages else (recording, None)
+    if averaged:
+        tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
     question = told_at_rest(recording, ask(recording, request))
     Quality(tuple(off_claims(recording, question))).require_usable()
@@ -157,19 +164,30 @@ def examine(
     given = request.rig and judge == "noise"
     plain = steps("plain", partial(without_its_effects, recording, request)) if given else None
     selection = selected(recording, question, judge, rng, steps, tell, plain)
-    tell("locating the mismatch")
+    tell(stages.LOCATING)
     about = {
         "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
-        "rig": _name_of(rig), "variant": variant or None,
+        "rig": _name_of(rig), "variant": variant or None, "averaged": averaged,
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
     hint = limited_by_the_model(question.fit, selection, recording.noise) if judge == "noise" else ""
-    notes = (*found.notes, hint) if hint else found.notes
+    notes = (*((averaged["why"],) if averaged else ()), *found.notes, *((hint,) if hint else ()))
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
+
+
+def _averaged(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
+    """(a long recording with fewer samples, what an answer says of that); a short one as it is, and None."""
+    how = thinning(recording, POSITIONS)
+    if how.every == 1:
+        return recording, None
+    fewer = thinned(recording, how)
+    rows, samples = (sum(len(r.time) for r in one.records if r.use != "rest") for one in (recording, fewer))
+    said = {"rows": rows, "period_s": how.period, "samples": samples, "every": how.every}
+    return fewer, {**said, "why": statement(recording, fewer, how)}
 
 
 def request_of(

@@ -23,6 +23,9 @@ from cable_envs.plants.base import Plant
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
 
+ABREAST, ALONE = 8, 2
+"""Columns that a processor takes at once, and how many of a rest are quicker one by one: 3 take as long as 8."""
+
 DRIVES = ("follow", "imposed", "observed")
 HOLDS = ("step", "ramp")
 
@@ -150,10 +153,14 @@ def replay(
         raise ConfigurationError(f"values: expected [{len(plant.table)}, n], got {np.shape(values)}")
     if not is_number(period) or period <= 0.0:
         raise ConfigurationError(f"period: expected seconds above 0, got {period!r}")
-    p = plant.prepare(np.asarray(values, dtype=np.float64))
+    idle = -n % ABREAST if n % ABREAST > ALONE else 0
+    p = plant.prepare(_widened(np.asarray(values, dtype=np.float64), idle))
     plant.raise_to(p, period / substeps)
     if state is None:
-        state = plant.rest(p, np.broadcast_to(np.asarray(start, dtype=np.float64), (n,)))
+        start = np.broadcast_to(np.asarray(start, dtype=np.float64), (n,))
+        state, gone_on = plant.rest(p, _widened(start, idle)), None
+    else:
+        state, gone_on = _widened(state, idle), state
     held = _held(plant, drive, state)
     if second is not None and held is None:
         raise ConfigurationError(f"{plant.name} has no second command; leave out 'second'")
@@ -161,23 +168,33 @@ def replay(
         "command": command, "rate": rate, "disturbance": disturbance, "posture": posture, "second": second,
         "second_rate": second_rate,
     }  # fmt: skip
-    inputs = _inputs(plant, n, {k: v for k, v in given.items() if v is not None}, period, drive, hold, held)
+    columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
+    columns = {k: _widened(v, idle) if v.shape[1] > 1 else v for k, v in columns.items()}
+    inputs = _inputs(plant, columns, period, drive, hold, held)
     names = [s.name for s in plant.signals]
     for name in signals:
         if name not in names:
             raise ConfigurationError(f"unknown signal '{name}'; {nearest(name, names)}")
     rows = np.array([plant.row(name) for name in signals])
-    out = np.empty((len(inputs), len(rows), n))
+    out = np.empty((len(inputs), len(rows), n + idle))
     first = state[rows].copy()
     kernel = _kernel(plant, max(plant.kernel_needed(p), 1))
     arguments = (state, p, inputs, rows, substeps, period / substeps, out)
     if threads > 1 and n > BLOCK:
-        team = Team(kernel, arguments, n, threads, BLOCK)
+        team = Team(kernel, arguments, n + idle, threads, BLOCK)
         team()
         team.close()
     else:
-        kernel(*arguments, 0, n)
-    return distort(plant, p, signals, out, period, first) if sensors else out
+        kernel(*arguments, 0, n + idle)
+    if gone_on is not None and idle:
+        gone_on[:] = state[:, :n]
+    shown = distort(plant, p, signals, out, period, first) if sensors else out
+    return shown[:, :, :n]
+
+
+def _widened(columns: np.ndarray, idle: int) -> np.ndarray:
+    """The same with the last column ``idle`` times more: a processor's lanes that would be empty cost nothing."""
+    return np.concatenate([columns, np.repeat(columns[..., -1:], idle, axis=-1)], axis=-1) if idle else columns
 
 
 def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:
@@ -202,10 +219,9 @@ def _check_drive(plant: Plant, drive: str, hold: str, given: dict) -> None:
         raise ConfigurationError(f"{plant.name} has no posture")
 
 
-def _inputs(plant: Plant, n: int, given: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
-    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n]."""
-    _check_drive(plant, drive, hold, given)
-    columns = {k: _column(k, v, n) for k, v in given.items()}
+def _inputs(plant: Plant, columns: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
+    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n], from what is given, each [T, 1] or [T, n]."""
+    _check_drive(plant, drive, hold, columns)
     if held is not None and "second" not in columns:
         one = held[:1] if np.all(held == held[0]) else held
         columns["second"] = np.repeat(one[None], len(columns["command"]), axis=0)

@@ -27,12 +27,13 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         "errors": Markup(figures.errors(record["fit"], named)), "maps": Markup(figures.maps(last, record["fit"])),
         "spectra": Markup(figures.spectra(record["spectra"])),
         "top": max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
+        "not_noise": words.not_noise(record), "limit": words.limit(record),
     }  # fmt: skip
     return pages.render(
         "cablebench.pages",
         "templates/diagnosis.html.j2",
         content,
-        filters={"plain": words.plain, "number": words.number, "interval": words.interval},
+        filters={"plain": words.plain, "number": words.number, "interval": words.interval, "p_value": words.p_value},
         helpers={"shown": words.shown},
     )
 

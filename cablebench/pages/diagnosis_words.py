@@ -43,21 +43,44 @@ def interval(parameter: Mapping[str, Any]) -> str:
     return f"{shown(parameter['value'], unit)} (95 %: {shown(low, unit)} to {shown(high, unit)})"
 
 
+def p_value(value: float) -> str:
+    """``p = 7e-39``; what a double cannot hold is ``p < 1e-300``."""
+    return "p < 1e-300" if value < 1e-300 else f"p = {value:.1g}"
+
+
+def limit(record: Mapping[str, Any]) -> float:
+    """The p-value below which what is left is not noise, where an effect was accepted and where none was."""
+    return record["about"]["rules"]["left_p" if record["effects"] else "alone_p"]
+
+
+def not_noise(record: Mapping[str, Any]) -> bool:
+    """Whether the answer's own test says that what is left is no noise."""
+    return record["test"]["p_left"] < limit(record)
+
+
 def headline(record: Mapping[str, Any]) -> str:
-    """What is missing and how sure, in one sentence."""
+    """What is missing, how sure that is and whether something is left, in one sentence."""
     verdict, effects = record["verdict"], record["effects"]
+    left = f"what is left is not noise ({p_value(record['test']['p_left'])})" if not_noise(record) else ""
     if verdict == "no_detectable_mismatch":
+        itself = " It oscillates by itself, as the recording does." if record.get("spectra") else ""
+        if left:
+            little = f"but {left}: too little to be asked about"
+            return f"No effect is missing that this recording could show, {little}.{itself}"
         return (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
-        ) + (" It oscillates by itself, as the recording does." if record.get("spectra") else "")
+        ) + itself
     if verdict == "unknown":
         places = record["location"]
         where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
+        rest = f", and {left}" if left else ""
         if record.get("suspected"):
-            return f"Something is missing. The fit improves with {_suspects(record)}, but the rest is not noise.{where}"
-        return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it.{where}"
+            but = f"but {left}" if left else "but the rest is not noise"
+            return f"Something is missing. The fit improves with {_suspects(record)}, {but}.{where}"
+        tried = len(record["hypotheses"])
+        return f"Something is missing, and none of the {tried} effects tried explains it{rest}.{where}"
     several = " and ".join(_one(effect) for effect in effects)
-    return f"The simulator lacks {several}."
+    return f"The simulator lacks {several}{f', and something more: {left}' if left else ''}."
 
 
 def _one(effect: Mapping[str, Any]) -> str:

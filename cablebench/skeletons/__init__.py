@@ -1,4 +1,4 @@
-"""Files to begin with: a controller, an effect, a plant, a recording, the examples; all commented and working.
+"""Files to begin with: a controller, an effect, a plant, a recording, a sample rig, the examples; all work as they are.
 
 CONTRIBUTING.md shows what is written here (`tests/test_contributing.py` holds the two equal).
 """
@@ -13,6 +13,8 @@ from cable_envs.core.errors import ConfigurationError, require_known
 TEMPLATES = Path(__file__).with_name("templates")
 EXAMPLES = "examples"
 """Kind, and the folder of the examples: in a checkout at its top, in an installation beside the configuration."""
+SAMPLE = "sample"
+"""Kind: three small logs of a rig (``examples/sample_rig``), to try the diagnosis on."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,9 @@ KINDS = {
         (("{{ name }}/recording.yaml", "recording.yaml.j2"),),
         ("cablebench inspect {{ folder }}", "cablebench diagnose {{ folder }} --out {{ folder }}-found"),
     ),
+    SAMPLE: Skeleton(
+        (), ("cablebench inspect {{ folder }}", "cablebench diagnose {{ folder }} --out {{ folder }}-found")
+    ),
     EXAMPLES: Skeleton((), ("python {{ folder }}/gym_loop.py", "python {{ folder }}/own_recording.py --out sample")),
 }
 """What can be begun, by name."""
@@ -79,13 +84,19 @@ def examples() -> dict[str, str]:
     return {p.relative_to(folder).as_posix(): p.read_text(encoding="utf-8") for p in paths}
 
 
+def sample_rig() -> dict[str, str]:
+    """The sample rig: name of a file, text."""
+    folder = config_root().parent / EXAMPLES / "sample_rig"
+    return {p.name: p.read_text(encoding="utf-8") for p in sorted(folder.iterdir()) if p.suffix in (".csv", ".yaml")}
+
+
 def skeleton(kind: str, name: str, out: Path | str = ".") -> tuple[dict[str, str], tuple[str, ...]]:
     """The files of a new controller, effect, plant or recording, or the examples, and what to do with them.
 
     Parameters
     ----------
     kind : str
-        "controller", "effect", "plant", "recording" or "examples".
+        "controller", "effect", "plant", "recording", "sample" or "examples".
     name : str
         Letters, digits, "-" and "_", a letter first. Modules are called so with "_", classes in capitals; the examples
         lie in a folder of this name.
@@ -132,6 +143,8 @@ def skeleton(kind: str, name: str, out: Path | str = ".") -> tuple[dict[str, str
     }
     if kind == "recording":
         files |= {f"{name}/{record}.csv": text for record, text in sample_tables().items()}
+    if kind == SAMPLE:
+        files |= {f"{name}/{path}": text for path, text in sample_rig().items()}
     if kind == EXAMPLES:
         files = {f"{name}/{path}": text for path, text in examples().items()}
     return files, tuple(made.from_string(step).render(names | paths) for step in chosen.next_steps)

@@ -37,6 +37,8 @@ class Record:
         In SI too; the offsets are in the data already.
     quality : tuple of Doubt
         Spans of time that are no measurements.
+    over : float
+        s around each sample of which it is the mean (`cable_envs.diagnosis.data.thinning`); 0: it is of the moment.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Record:
     conditions: Mapping[str, float | str] = field(default_factory=dict)
     offsets: Mapping[str, float] = field(default_factory=dict)
     quality: tuple[Doubt, ...] = ()
+    over: float = 0.0
 
     @property
     def time(self) -> np.ndarray:

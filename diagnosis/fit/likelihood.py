@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import qmc
 
-from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.fit.refit import Fit, Look, Start, look, refit
 from cable_envs.diagnosis.model.model import Block, Model, Whitener, learn_whitener, residuals
 from cable_envs.diagnosis.model.noise import PRICE
 
@@ -37,7 +37,7 @@ class Judged:
     deviance: float
 
 
-def raw_residuals(model: Model, fit: Fit) -> list[np.ndarray]:
+def raw_residuals(model: Model, fit: Fit | Look) -> list[np.ndarray]:
     """Measured less predicted [T] of every block, in the channels' units."""
     values = np.array([[fit.values[p.name]] for p in model.parameters])
     return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]
@@ -81,7 +81,7 @@ def refit_nominals(model: Model, nominals: tuple[str, ...]) -> Judged:
         for row in places.tolist():
             there = {p.name: p.clip(p.start + by * p.std) for p, by in zip(claims, row, strict=True)}
             starts.append(Start("about it", nominals, there))
-        looks = refit(model, _without_colour(model, starts[0]), starts, _LOOK, central=False)
+        looks = look(model, _without_colour(model, starts[0]), starts, _LOOK)
         starts = [Start(f.label, nominals, f.values) for f in sorted(looks, key=lambda f: f.cost)[:_KEPT]]
     return refit_and_learn(model, starts)
 

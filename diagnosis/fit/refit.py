@@ -62,8 +62,34 @@ def refit(
 ) -> list[Fit]:
     """Refit from every start, all together. Raises KeyError where a start names no parameter of the model.
 
-    central: slopes from both sides; from one side they cost half, and do for finding out who leads.
+    central: slopes from both sides; from one side they cost half.
     """
+    runs = _refitted(model, whitener, starts, iterations, central)
+    for run in runs:
+        run.done = False
+    _slopes(model, whitener, runs, central)
+    return [run.fit() for run in runs]
+
+
+@dataclass(frozen=True)
+class Look:
+    """Where a refit has come after a few iterations: values by name (SI), and its cost."""
+
+    label: str
+    free: tuple[str, ...]
+    values: dict[str, float]
+    cost: float
+
+
+def look(model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int) -> list[Look]:
+    """A few iterations of `refit` with slopes from one side: enough to find out who leads, without intervals."""
+    runs = _refitted(model, whitener, starts, iterations, central=False)
+    return [Look(run.start.label, run.start.free, run.named(), run.cost) for run in runs]
+
+
+def _refitted(
+    model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int, central: bool
+) -> list["_Run"]:
     runs = [_Run(model, start) for start in starts]
     for _ in rounds(iterations):
         _slopes(model, whitener, runs, central)
@@ -71,13 +97,11 @@ def refit(
         if not active:
             break
         trials = [(run, damping, run.step(damping)) for run in active for damping in _DAMPINGS]
-        costs = _costs(model, whitener, [values for _, _, values in trials], [run for run, _, _ in trials])
-        for run in active:
-            run.take([(cost, d, v) for cost, (r, d, v) in zip(costs, trials, strict=True) if r is run])
-    for run in runs:
-        run.done = False
-    _slopes(model, whitener, runs, central)
-    return [run.fit() for run in runs]
+        white = _whitened(model, whitener, [values for _, _, values in trials])
+        for k, run in enumerate(active):
+            mine = slice(len(_DAMPINGS) * k, len(_DAMPINGS) * (k + 1))
+            run.take([(d, values) for _, d, values in trials[mine]], white[:, mine])
+    return runs
 
 
 class _Run:
@@ -91,6 +115,8 @@ class _Run:
         self.values = np.array([p.clip(given[p.name]) for p in self.parameters])
         self.damping, self.done, self.failed, self.evaluations = 1e-2, False, False, 0
         self.residual = self.jacobian = np.empty(0)
+        self.known = False
+        """whether the residual is that of the values"""
 
     def prior(self, values: np.ndarray) -> float:
         """Sum of squared priors."""
@@ -105,7 +131,10 @@ class _Run:
         return np.inf if self.failed else float(self.residual @ self.residual + self.prior(self.values))
 
     def columns(self, central: bool) -> tuple[np.ndarray, list[tuple[int, int]]]:
-        """(columns, of each free parameter the two between which its slope is taken); the first are the values."""
+        """(columns, of each free parameter the two between which its slope is taken); the first are the values.
+
+        Where their residual is known, the first column is none of a simulation: see `_slopes`.
+        """
         columns, pairs = [self.values], []
         for k in self.rows:
             p, ends = self.parameters[k], []
@@ -153,16 +182,27 @@ class _Run:
             held[pinned] = True
         return values
 
-    def take(self, trials: list[tuple[float, float, np.ndarray]]) -> None:
-        """Go to the best trial, if it is better."""
-        cost, factor, values = min(trials, key=lambda trial: trial[0])
-        gain = self.cost - cost
+    def take(self, trials: Sequence[tuple[float, np.ndarray]], white: np.ndarray) -> None:
+        """Go to the best of trials (factor of the damping, values), if it is better; white: residuals [samples, k]."""
+        self.evaluations += len(trials)
+        squares = np.sum(white**2, axis=0)
+        costs = [
+            float(s + self.prior(v)) if np.isfinite(s) else np.inf for s, (_, v) in zip(squares, trials, strict=True)
+        ]
+        best = int(np.argmin(costs))
+        gain = self.cost - costs[best]
         if gain > 0.0:
-            self.values, self.damping = values, max(self.damping * factor * 0.3, 1e-9)
+            factor, self.values = trials[best]
+            self.residual, self.known = white[:, best].copy(), True
+            self.damping = max(self.damping * factor * 0.3, 1e-9)
             self.done = gain < SETTLED
         else:
             self.damping *= 100.0
             self.done = self.damping > 1e4
+
+    def named(self) -> dict[str, float]:
+        """The values by name."""
+        return {p.name: float(v) for p, v in zip(self.parameters, self.values, strict=True)}
 
     def fit(self) -> Fit:
         """The result."""
@@ -172,9 +212,8 @@ class _Run:
             for k in self.rows
             if self.values[k] in (self.parameters[k].low, self.parameters[k].high)
         ]
-        values = {p.name: float(v) for p, v in zip(self.parameters, self.values, strict=True)}
         return Fit(
-            self.start.label, self.start.free, values, self.cost, self.residual, self.jacobian,
+            self.start.label, self.start.free, self.named(), self.cost, self.residual, self.jacobian,
             _inverse(matrix), tuple(bounds), self.evaluations,
         )  # fmt: skip
 
@@ -193,29 +232,27 @@ def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: boo
     if not runs:
         return
     groups = [run.columns(central) for run in runs]
-    predictions = model.predict(np.concatenate([columns for columns, _ in groups], axis=1))
-    white = whitener.flat(model.blocks, residuals(model.blocks, predictions))
+    for run in runs:
+        run.known = run.known and bool(run.rows)
+    simulated = [columns[:, int(run.known) :] for run, (columns, _) in zip(runs, groups, strict=True)]
+    white = _whitened(model, whitener, list(np.concatenate(simulated, axis=1).T))
     first = 0
-    for run, (columns, pairs) in zip(runs, groups, strict=True):
-        mine = white[:, first : first + columns.shape[1]]
-        first += columns.shape[1]
-        run.evaluations += columns.shape[1]
+    for run, (columns, pairs), new in zip(runs, groups, simulated, strict=True):
+        mine = white[:, first : first + new.shape[1]]
+        first += new.shape[1]
+        run.evaluations += new.shape[1]
+        if run.known:
+            mine = np.column_stack([run.residual, mine])
         low, high = [a for a, _ in pairs], [b for _, b in pairs]
         widths = np.array([columns[k, b] - columns[k, a] for k, (a, b) in zip(run.rows, pairs, strict=True)])
-        run.residual = mine[:, 0].copy()
+        run.residual, run.known = mine[:, 0].copy(), True
         slopes = (mine[:, low] - mine[:, high]) / np.where(widths == 0.0, 1e-300, widths)
         run.jacobian = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0)
         if not np.isfinite(run.residual).all():  # a simulation that runs away: this start leads nowhere
-            run.residual, run.done, run.failed = np.zeros(len(mine)), True, True
+            run.residual, run.known, run.done, run.failed = np.zeros(len(mine)), False, True, True
 
 
-def _costs(model: Model, whitener: Whitener, columns: Sequence[np.ndarray], runs: Sequence[_Run]) -> list[float]:
-    """Cost of every column; infinite where the simulation is not finite."""
+def _whitened(model: Model, whitener: Whitener, columns: Sequence[np.ndarray]) -> np.ndarray:
+    """Whitened residuals [samples, n] of columns of values."""
     predictions = model.predict(np.stack(columns, axis=1))
-    white = whitener.flat(model.blocks, residuals(model.blocks, predictions))
-    squares = np.sum(white**2, axis=0)
-    for run in runs:
-        run.evaluations += 1
-    return [
-        float(s + run.prior(v)) if np.isfinite(s) else np.inf for s, v, run in zip(squares, columns, runs, strict=True)
-    ]
+    return whitener.flat(model.blocks, residuals(model.blocks, predictions))

@@ -15,6 +15,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.data.thinning import thinning
 from cable_envs.diagnosis.intake.forbidden import CHECKS
 from cable_envs.diagnosis.intake.repeats import moves
 from cable_envs.diagnosis.intake.scales import wrong_units
@@ -97,11 +98,9 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
     Quality
         All faults, and what the recording visited; `Quality.require_usable` raises for the fatal ones.
     """
-    total = sum(len(r.time) for r in recording.records)
-    if sum(_used(r, look) for r in recording.records if r.use != "rest") > MOST:
-        last = recording.records[-1]
-        text = f"{total} samples in all records; at most {MOST} are diagnosed: cut the records, or average to fewer"
-        return Quality((Fault(last.name, "time", len(last.time), text),))
+    too_many = _too_many(recording, look)
+    if too_many:
+        return Quality((too_many,))
     faults: list[Fault] = []
     period = float(np.median(np.concatenate([np.diff(r.time) for r in recording.records])))
     for record in recording.records:
@@ -140,6 +139,21 @@ def _without_ends(recording: Recording, edge: float) -> tuple[Recording, dict[st
         first[record.name] = int(np.argmax(kept))
         records.append(replace(record, data={name: values[kept] for name, values in record.data.items()}))
     return replace(recording, records=tuple(records)), first
+
+
+def _too_many(recording: Recording, look: Look) -> Fault | None:
+    """More samples than a refit can hold, even where rows are averaged (`cable_envs.diagnosis.data.thinning`)."""
+    moving = [r for r in recording.records if r.use != "rest"]
+    rows = sum(len(r.time) for r in moving)
+    if rows <= MOST:
+        return None
+    every = thinning(recording, POSITIONS).every if look.averages else 1
+    used = sum(_used(r, look) for r in moving) // every
+    if used <= MOST:
+        return None
+    last = recording.records[-1]
+    text = f"{rows} rows make {used} samples that a model compares; at most {MOST} are diagnosed: cut the records"
+    return Fault(last.name, "time", len(last.time), text)
 
 
 def _used(record: Record, look: Look) -> int:

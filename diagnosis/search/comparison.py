@@ -6,11 +6,12 @@ Hypotheses are ranked by the fall of the deviance less a charge for every furthe
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
-from cable_envs.diagnosis.fit.likelihood import Judged, judge
-from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit, Look, Start, look, refit
 from cable_envs.diagnosis.fit.score_tests import Score, ScoreTests
 from cable_envs.diagnosis.model.model import Model, learn_whitener
 from cable_envs.diagnosis.model.verdict import EffectGain
@@ -32,6 +33,7 @@ EQUAL = 1e-3
 """Difference of penalised gains that is rounding: two effects that are one on a recording differ by less, and which of
 them is ahead would depend on the processor."""
 _FIRST, _LAST = 4, 6
+AnyFit = TypeVar("AnyFit", Fit, Look)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +79,13 @@ def compare(
     starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
     if not starts:
         return []
-    first = refit(model, scored.whitener, starts, _FIRST, central=False)
+    first = look(model, scored.whitener, starts, _FIRST)
     best = _best_of(first)
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
     top = best[max(kept, key=lambda name: gains[name])]
-    whitener = learn_whitener(model.blocks, judge(model, top).raw)
+    whitener = learn_whitener(model.blocks, raw_residuals(model, top))
     again = [Start(name, best[name].free, best[name].values) for name in kept]
     hypotheses = {score.hypothesis.name: score.hypothesis for score in chosen}
     found = []
@@ -120,8 +122,8 @@ def refits(model: Model, base: Fit, scored: ScoreTests, most: int | None = RIVAL
     return _best_of(refit(model, scored.whitener, starts, _FIRST + _LAST + 2))
 
 
-def _best_of(fits: Sequence[Fit]) -> dict[str, Fit]:
-    best: dict[str, Fit] = {}
+def _best_of(fits: Sequence[AnyFit]) -> dict[str, AnyFit]:
+    best: dict[str, AnyFit] = {}
     for fit in fits:
         if fit.label not in best or fit.cost < best[fit.label].cost:
             best[fit.label] = fit

@@ -15,6 +15,7 @@ from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.model.verdict import EffectGain, Estimate
+from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.rules import Rules
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.stepwise import MARGIN, MOST, Step, heldout_error, inside, stepwise
@@ -36,7 +37,7 @@ def select_heldout(
 ) -> Selection:
     """The stepwise selection as a `Selection`; arguments as of `diagnosis.search.select.select`, units by parameter."""
     steps = stepwise(fit, heldout, nominals, hypotheses, tell=tell, keep=keep)
-    tell("looking at what is left")
+    tell(stages.LEFT)
     null, final = (_judged(fit, step.refit, steps[0].refit) for step in (steps[0], steps[-1]))
     before = adequacy(fit, null, dict(stated or {}))
     after = adequacy(fit, final, dict(stated or {})) if len(steps) > 1 else before

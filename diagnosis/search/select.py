@@ -31,7 +31,7 @@ from cable_envs.diagnosis.fit.score_tests import score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import EffectGain
-from cable_envs.diagnosis.search import limit_cycles
+from cable_envs.diagnosis.search import limit_cycles, stages
 from cable_envs.diagnosis.search.comparison import Candidate, compare
 from cable_envs.diagnosis.search.objections import bounded, held_cost, momentary, objection, unstable
 from cable_envs.diagnosis.search.rules import Rules
@@ -91,7 +91,7 @@ def select(
     rules, stated = rules or Rules(), dict(stated or {})
     at_rest = any(b.noise is not None for b in fit.blocks)
     rules = rules.under(at_rest, bool(stated))
-    tell("refitting the nominal parameters")
+    tell(stages.REFITTING)
     spectra = Spectra(fit, stated)
     by_itself = limit_cycles.oscillates(spectra, rules.gain)
     if by_itself:
@@ -108,10 +108,10 @@ def select(
         left = [h for h in hypotheses if h.name not in {c.name for c, _ in chosen}]
         if not left:
             break
-        tell(f"scoring {len(left)} hypotheses")
+        tell(stages.testing(len(left)))
         tests = keep("score_tests", partial(score_tests, fit, best, left, rng))
         scored.append(tests)
-        tell("refitting the best of them")
+        tell(stages.COMPARING)
         found, compared = _compared(fit, heldout, best, tests, rules, bare - best.deviance, refused, keep)
         tried += compared
         if found is None:
@@ -121,10 +121,10 @@ def select(
         if (at_rest or stated) and rules.nothing_left(adequacy(fit, best, stated)):
             break  # nothing is left that a further effect could gain by; a learnt colour may hide one
     if len(chosen) > 1:
-        tell("exchanging each effect for every other")
+        tell(stages.EXCHANGING)
         chosen, best, swapped = _exchanged(fit, heldout, null, chosen, hypotheses, rng, rules, keep, bare)
         tried += swapped
-    tell("looking at what is left")
+    tell(stages.LEFT)
     also = heldout if at_rest else None
     after = adequacy(fit, best, stated, also)
     before = adequacy(fit, null, stated, also) if chosen else after
@@ -139,7 +139,7 @@ def select(
     )  # fmt: skip
     if by_itself or (adequate and accepted):
         return smooth
-    tell("comparing spectra")
+    tell(stages.SPECTRA)
     asked = (spectra, Spectra(heldout, stated), null.fit, hypotheses, rules.gain, rng)
     cycles = keep("spectra", partial(limit_cycles.search, *asked))
     return _or_limit_cycle(smooth, limit_cycles.explaining(spectra, null, cycles, rules))

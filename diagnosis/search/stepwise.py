@@ -26,6 +26,7 @@ from cable_envs.diagnosis.fit.weights import autocorrelation_time, multistart, r
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import NOMINAL, EffectGain
+from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import refits
 from cable_envs.diagnosis.search.objections import bounded
 
@@ -166,12 +167,13 @@ def stepwise(
         The first is the refit without effects; it ends where none is accepted.
     """
     rng = np.random.default_rng(0)
+    tell(stages.REFITTING)
     best, whitener = keep("null", partial(reweighted_refit, fit, start or Start("", nominals, {})))
     steps = [Step(NOMINAL, fit=rmse(fit, best), heldout=rmse(heldout, best), refit=best)]
     taken: list[Hypothesis] = []
     left = list(hypotheses)
     while left and len(taken) < most:
-        tell(f"scoring {len(left)} hypotheses, refitting the best of them")
+        tell(stages.testing(len(left)))
         step = keep("forward", partial(_forward, fit, heldout, best, whitener, left, rng))
         if not step.hypothesis.name:
             last = steps[-1]

@@ -28,6 +28,9 @@ from cable_envs.plants import family
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
 
+_AVERAGE = ("cable_hole", "general", "linear_drive", "pulley_circuit")
+"""Modules whose models average what they predict of samples that are means."""
+
 
 def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
@@ -74,7 +77,9 @@ def looked_at(recording: Recording) -> Look:
     chosen = _chosen(recording)
     if chosen is transmission:
         return Look(transmission.PERIOD, transmission.EDGE)
-    return Look(1.0 / chosen.RATE) if hasattr(chosen, "RATE") else Look()
+    if hasattr(chosen, "RATE"):
+        return Look(1.0 / chosen.RATE)
+    return Look(averages=chosen.__name__.rpartition(".")[2] in _AVERAGE)
 
 
 def _of_plant(name: str) -> ModuleType | None:

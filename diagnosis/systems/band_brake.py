@@ -10,10 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
-from cable_envs.diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample, sample_period
+from cable_envs.diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.band_brake.effects import FORMS
 from cable_envs.plants.band_brake.plant import PLANT

@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Coordinate, Free
@@ -28,7 +29,6 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     plant_values,
     resample,
-    sample_period,
     smoothed,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
@@ -149,7 +149,7 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     along = _coordinates(time, seen, period)
     sensors = SENSORS if rate is None else dict.fromkeys(signals, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
-    return Run(command, rate, start, tuple(signals), blocks, given, hold=hold)
+    return Run(command, rate, start, tuple(signals), blocks, given, hold=hold, mean=record.over > 0.0)
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:

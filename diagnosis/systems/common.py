@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import savgol_filter
 
+from cable_envs.diagnosis.data.clock import zero
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
@@ -31,33 +32,13 @@ class Sampled:
     good: np.ndarray
 
 
-def sample_period(records: Sequence[Record]) -> float:
-    """The period of the records' clock, s: the slope of time over the number of the sample, gaps counted.
-
-    The median of the differences alone would be off by 1e-6 s with a jittery clock: half a sample after a minute.
-    """
-    median = float(np.median(np.concatenate([np.diff(record.time) for record in records])))
-    numbers = [_numbers(record.time, median) for record in records]
-    over = sum(float(np.sum((k - k.mean()) * (r.time - r.time.mean()))) for k, r in zip(numbers, records, strict=True))
-    under = sum(float(np.sum((k - k.mean()) ** 2)) for k in numbers)
-    return over / under
-
-
-def _numbers(time: np.ndarray, period: float) -> np.ndarray:
-    """Number of each sample on a clock of that period; a gap skips numbers, jitter does not add up."""
-    return np.cumsum(np.r_[0.0, np.maximum(np.round(np.diff(time) / period), 1.0)])
-
-
 def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
     """(time [T] s, channel -> its samples) on an even clock, by straight lines between usable samples.
 
     A sample is good where usable ones lie around it no further apart than one and a half periods, or one is just there.
     Raises KeyError for a channel that the record does not have.
     """
-    numbers = _numbers(record.time, period)
-    first = float(np.mean(record.time - period * numbers)) if numbers[-1] else float(record.time[0])
-    if abs(first - record.time[0]) > period:  # the clock is too uneven for a mean phase
-        first = float(record.time[0])
+    first = zero(record.time, period)
     count = int(np.floor((record.time[-1] - first) / period + 0.5)) + 1
     time = first + period * np.arange(count)
     found = {}
@@ -88,6 +69,28 @@ def held_command(record: Record, channel: str, time: np.ndarray, period: float, 
     usable = record.usable(channel)
     stamps, values = record.time[usable], record.data[channel][usable]
     return np.r_[before, values][np.searchsorted(stamps, time - 0.5 * period)]
+
+
+def mean_over_samples(series: np.ndarray, fine: int) -> np.ndarray:
+    """What a sensor shows [T, n] whose samples are means over a period, from a signal [T fine, n] within the periods.
+
+    The last of each ``fine`` values is of the sample's moment, in the middle of its mean. With one value for each the
+    signal is taken for a parabola through three of them.
+    """
+    if fine == 1:
+        bend = np.zeros_like(series)
+        bend[1:-1] = series[2:] - 2.0 * series[1:-1] + series[:-2]
+        return series + bend / 24.0
+    half = fine // 2
+    weights = np.ones(2 * half + 1)
+    if fine % 2 == 0:
+        weights[[0, -1]] = 0.5
+    beyond = series[-1] + (series[-1] - series[-2]) * np.arange(1, half + 1).reshape(-1, *[1] * (series.ndim - 1))
+    whole = np.concatenate([series, beyond])
+    found = np.zeros_like(series[fine - 1 :: fine])
+    for k, weight in enumerate(weights):
+        found += weight / fine * whole[fine - 1 - half + k :: fine][: len(found)]
+    return found
 
 
 SETTLING = 0.5

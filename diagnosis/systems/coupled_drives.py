@@ -16,12 +16,13 @@ from itertools import product
 
 import numpy as np
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
 from cable_envs.diagnosis.model.noise import Noise
-from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample, sample_period
+from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.base import Plant
 from cable_envs.plants.coupled_drives.plant import PLANT

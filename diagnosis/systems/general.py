@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Coordinate, Free
@@ -23,7 +24,6 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     plant_values,
     resample,
-    sample_period,
     smoothed,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
@@ -117,7 +117,7 @@ def _run(
     blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(told.signals.get(n, n) for n in names if recording.channels[n].offset_free)
     signals = tuple(told.signals.get(n, n) for n in names)
-    return Run(command, rate, start, signals, blocks, given, offset=free, hold=hold)
+    return Run(command, rate, start, signals, blocks, given, offset=free, hold=hold, mean=record.over > 0.0)
 
 
 def _at_rest(plant: Plant, values, signal: str, wanted: float) -> float:

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Free
@@ -29,10 +30,10 @@ from cable_envs.diagnosis.systems.common import (
     at_first,
     augmented_rig,
     free_parameters,
+    mean_over_samples,
     motion_coordinates,
     plant_values,
     resample,
-    sample_period,
     smooth_speed,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
@@ -46,6 +47,9 @@ from cable_envs.sim.replay import distort, replay
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
 had nothing wrong were answered with a Stribeck curve as wide as the motion (gains of 57 and 74; 2 and 0 with 10)."""
+AT_ONCE = 64
+"""Columns at a time: the inputs of a fine step are each column's own, 2.5 MB of them for 45 s at 100 Hz, and what is
+larger than the processor's cache takes twice as long."""
 EXPLAINED = 3.0
 """What a controller may leave of the effort, over what the sensors' noise makes of it, for the loop to be replayed. On
 266 drives under such a controller 0.6 to 1.6: of coloured noise, the jitter between samples is the smaller part."""
@@ -80,6 +84,8 @@ class _Run:
     """the same, m/s"""
     start: float
     speed: float
+    mean: bool
+    """whether samples are means over the period around them"""
 
 
 class DriveModel:
@@ -107,7 +113,8 @@ class DriveModel:
     def _add(self, record: Record) -> None:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
         time, series = resample(record, self.period, sorted(needs))
-        self._runs.append(_run(time, series, self.period, None if self.closed else self.effort))
+        effort = None if self.closed else self.effort
+        self._runs.append(_run(time, series, self.period, effort, record.over > 0.0))
         along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
@@ -116,6 +123,10 @@ class DriveModel:
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
+        parts = [self._predicted(values[:, k : k + AT_ONCE]) for k in range(0, values.shape[1], AT_ONCE)]
+        return [np.concatenate(series, axis=1) for series in zip(*parts, strict=True)] if len(parts) > 1 else parts[0]
+
+    def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         for k, row in self._inside:
             columns[row] = values[k]
@@ -177,7 +188,10 @@ class DriveModel:
             signals=signals, rate=np.broadcast_to(rate, (steps, n)), state=state, substeps=self.substeps,
             disturbance=np.broadcast_to(force, (steps, n)), sensors=False,
         )  # fmt: skip
-        whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
+        if run.mean:
+            whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
+        else:
+            whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
         return whole[:, 0], whole[:, 1], whole[:, 2], first
 
     def _seen(self, columns: np.ndarray, signals: dict[str, np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
@@ -209,7 +223,9 @@ def _middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, 
     return curve(at), curve(at, 1), curve(np.arange(len(values)) * period, 1)
 
 
-def _run(time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None) -> _Run:
+def _run(
+    time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool
+) -> _Run:  # fmt: skip
     position = series["position"].values
     samples = series["position_reference"].values if effort is None else position
     path, rate, rates = _middle(samples, period)
@@ -219,7 +235,9 @@ def _run(time: np.ndarray, series: Mapping[str, Sampled], period: float, effort:
     moving = smooth_speed(position, period)[0]
     still = abs(moving) * early * period < 4.0 * max(float(np.std(np.diff(first))) if early > 2 else 0.0, 1e-12)
     start = float(first.mean()) if still else float(position[0])
-    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving))
+    if mean:  # what the effort is computed from is averaged as the effort is
+        samples, rates = mean_over_samples(samples, 1), mean_over_samples(rates, 1)
+    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean)
 
 
 def _halfway(values: np.ndarray) -> np.ndarray:

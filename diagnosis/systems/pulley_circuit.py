@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Coordinate, Free
@@ -33,7 +34,6 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     plant_values,
     resample,
-    sample_period,
     smoothed,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
@@ -156,7 +156,16 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
     sensors = SENSORS if rate is None else dict.fromkeys(names, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(SIGNALS[name] for name in names if recording.channels[name].offset_free)
-    return Run(command, rate, start, tuple(SIGNALS[name] for name in names), blocks, offset=free, hold=hold)
+    return Run(
+        command,
+        rate,
+        start,
+        tuple(SIGNALS[name] for name in names),
+        blocks,
+        offset=free,
+        hold=hold,
+        mean=record.over > 0.0,
+    )
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:

@@ -34,10 +34,14 @@ class Request:
 
 @dataclass(frozen=True)
 class Look:
-    """What of a record a model uses: ``spacing``, s between samples (0: all), less ``edge`` s at either end."""
+    """What of a record a model uses: ``spacing``, s between samples (0: all), less ``edge`` s at either end.
+
+    averages: whether it averages its predictions where samples are means (`cable_envs.diagnosis.data.record.Record`).
+    """
 
     spacing: float = 0.0
     edge: float = 0.0
+    averages: bool = False
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,9 @@ import numpy as np
 
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
+from cable_envs.diagnosis.systems.common import mean_over_samples
 from cable_envs.plants.base import Plant
-from cable_envs.sim.replay import replay
+from cable_envs.sim.replay import distort, replay
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -30,6 +31,7 @@ class Run:
     given         | parameters that only this record has (its load, its wrap angle), SI
     offset        | signals whose zero means nothing in this record
     hold          | "ramp": the command goes from sample to sample; "step": each is held over the step that ends there
+    mean          | whether samples are means over the control step around them
     """
 
     command: np.ndarray
@@ -40,6 +42,7 @@ class Run:
     given: Mapping[str, float] = field(default_factory=dict)
     offset: tuple[str, ...] = ()
     hold: str = "ramp"
+    mean: bool = False
 
 
 class ReplayModel:
@@ -62,6 +65,7 @@ class ReplayModel:
         self._base = plant.table.pack(values)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
         self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
+        self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifts = [self._responses(run, shifted) for run in runs]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
@@ -90,16 +94,28 @@ class ReplayModel:
         """
         waits = np.any(late > 0.0, axis=0)
         if not waits.any():
-            return self._replay(run, columns, run.start)
+            return self._prompt(run, columns, run.start)
         out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
         if not waits.all():
-            out[:, :, ~waits] = self._replay(run, columns[:, ~waits], run.start)
-        fine = 1 if self.drive == "follow" else min(d for d in range(1, self.substeps + 1) if self._divides(d))
+            out[:, :, ~waits] = self._prompt(run, columns[:, ~waits], run.start)
+        fine = self._fine()
         series = self._replay(run, columns[:, waits], run.start, fine)
         for j in range(len(run.blocks)):
             steps = late[j, waits] * fine / self.period
-            out[:, j, waits] = delayed(series[:, j], steps)[fine - 1 :: fine]
+            seen = delayed(series[:, j], steps)
+            out[:, j, waits] = mean_over_samples(seen, fine) if run.mean else seen[fine - 1 :: fine]
         return out
+
+    def _prompt(self, run: Run, columns: np.ndarray, start: float) -> np.ndarray:
+        """Signals [T, blocks, n] as sensors that are not late show them."""
+        if not run.mean:
+            return self._replay(run, columns, start)
+        fine = self._fine()
+        return mean_over_samples(self._replay(run, columns, start, fine), fine)
+
+    def _fine(self) -> int:
+        """Parts of a control step in which signals are computed where the step's end alone does not do."""
+        return 1 if self.drive == "follow" else min(d for d in range(1, self.substeps + 1) if self._divides(d))
 
     def _divides(self, parts: int) -> bool:
         """Whether a control step may be cut into so many: at least `FINE` if it has as many steps of integration."""
@@ -120,18 +136,34 @@ class ReplayModel:
         if self.lead:
             command = np.concatenate([np.full(self.lead * fine, command[0]), command])
             rate = None if rate is None else np.concatenate([np.zeros(self.lead), rate])
+        alone, place = self._without_sensors(columns)
         out = replay(
-            self.plant, columns, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
-            start=start, substeps=self.substeps // fine, hold=run.hold,
+            self.plant, alone, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
+            start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False,
         )  # fmt: skip
+        rows = [self.plant.row(name) for name in run.signals]
+        first = self.plant.rest(self.plant.prepare(alone), np.full(alone.shape[1], start))[rows]
+        p = self.plant.prepare(columns)
+        out = np.take(out, place, axis=2)
+        out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
         return out[self.lead * fine :]
+
+    def _without_sensors(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(columns that differ by more than their sensors, which of them each column [n] is).
+
+        A sensor changes what is shown and not the motion, which is simulated once for all of them.
+        """
+        moved = np.delete(columns, self._sensors, axis=0)
+        _, first, place = np.unique(moved, axis=1, return_index=True, return_inverse=True)
+        kept = np.sort(first)  # in the order in which they came
+        return columns[:, kept], np.searchsorted(kept, first)[place.ravel()]
 
     def _responses(self, run: Run, step: float) -> np.ndarray:
         """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
         found = []
         if step > 0.0:
             base = self._base[:, None]
-            change = self._replay(run, base, run.start + step) - self._replay(run, base, run.start)
+            change = self._prompt(run, base, run.start + step) - self._prompt(run, base, run.start)
             found.append(change[:, :, 0] / step)
         for j, signal in enumerate(run.signals):
             if signal in run.offset:

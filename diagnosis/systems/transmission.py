@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import butter, filtfilt
 
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.first_look import FILTER_HZ, since_reversal
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
-from cable_envs.diagnosis.systems.common import motion_coordinates, plant_values, resample, sample_period, smooth_speed
+from cable_envs.diagnosis.systems.common import motion_coordinates, plant_values, resample, smooth_speed
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
 from cable_envs.plants.transmission.plant import PLANT

@@ -26,6 +26,11 @@ NOTEBOOKS = {
 steps = int(os.environ.get("EXAMPLE_STEPS", 500_000))
 print(1e3 * run(steps), "mm")""",
     "own_recording": 'main(["--out", "sample"])',
+    "from_logs_to_rig": """folder = Path("sample")
+logs(folder)
+found = ask(folder)
+draw(found)
+again(folder, found)""",
 }
 """Example -> its last cell."""
 

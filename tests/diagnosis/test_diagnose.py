@@ -17,6 +17,7 @@ from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.gate import _still, gate
 from cable_envs.diagnosis.model.model import Coordinate
 from cable_envs.diagnosis.model.verdict import from_json
+from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.systems.question import Question
 from cable_envs.sim.replay import replay
 from cable_envs.sim.rigs import load_rig
@@ -158,7 +159,7 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     recording, out = drive.write(tmp_path / "recording", spring), tmp_path / "out"
 
     def stop(text):
-        if text.startswith("refitting the best"):
+        if text == stages.COMPARING:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -262,7 +263,7 @@ def test_single_empty_cells_are_left_out_and_noted(tmp_path):
 
 def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr("cable_envs.diagnosis.intake.gate.MOST", 2000)
-    with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 samples"):
+    with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 rows make 2400 samples"):
         diagnose(drive.write(tmp_path / "recording"))
 
 
@@ -430,20 +431,27 @@ def test_an_effect_that_costs_little_is_said_to():
     )
 
 
+RULES = {"left_p": 1e-4, "alone_p": 1e-6}
+
+
 def test_an_unknown_mismatch_says_what_helped_and_how_far():
     rmse = {"nominal": 5.44, "refit": 5.02, "augmented": 5.02, "suspected": 0.186}
     gap = {"value": 5.01e-4, "unit": "m", "ci95": [4.6e-4, 5.4e-4]}
     record = {
         "verdict": "unknown", "effects": [], "location": [], "hypotheses": [{}] * 35, "absorbed": {}, "steps": [],
-        "notes": [], "about": {"judge": "noise"},
+        "notes": [], "about": {"judge": "noise", "rules": RULES}, "test": {"p_left": 2e-7},
         "suspected": [{"name": "backlash", "hypothesis": "backlash", "equation": "play", "parameters": {"gap": gap}}],
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
-    assert headline(record) == "Something is missing. The fit improves with backlash, but the rest is not noise."
+    assert headline(record) == (
+        "Something is missing. The fit improves with backlash, but what is left is not noise (p = 2e-07)."
+    )
+    drift = {**record, "test": {"p_left": 0.3}}  # refused for another reason
+    assert headline(drift) == "Something is missing. The fit improves with backlash, but the rest is not noise."
     assert "and 0.186 N with backlash" in cost(record)
     assert "--judge unseen" in advice(record) and "--effect-file" in advice(record)
     assert "    gap = 0.501 mm (95 %: 0.46 mm to 0.54 mm)" in lines(record)
-    unseen = {**record, "about": {"judge": "unseen"}}
+    unseen = {**record, "about": {**record["about"], "judge": "unseen"}}
     assert "--judge unseen" not in advice(unseen)
     nothing = {**record, "suspected": []}
     assert "none of the 35 effects" in headline(nothing) and "--judge unseen" not in advice(nothing)

@@ -8,6 +8,7 @@ import yaml
 from scipy.optimize import brentq
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, load_recording
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.common import (
@@ -16,7 +17,6 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     plant_values,
     resample,
-    sample_period,
     time_since_reversal,
 )
 from cable_envs.diagnosis.systems.question import Request

@@ -7,6 +7,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cable_envs.diagnosis.adequacy.bands import Averaged, Bands, Spectra
+from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import examine
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
@@ -14,7 +15,6 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search import limit_cycles
 from cable_envs.diagnosis.search.select import select
-from cable_envs.diagnosis.systems.common import sample_period
 from cable_envs.diagnosis.systems.linear_drive import controller
 from cable_envs.proof.cases import Case, make
 from cablebench.pages import diagnosis_words as words

@@ -21,7 +21,7 @@ def recording(tmp_path):
 def test_samples_count_as_the_model_takes_them(recording, monkeypatch):
     total = sum(len(r.time) for r in recording.records)
     monkeypatch.setattr(gate_module, "MOST", total // 2)
-    with pytest.raises(ConfigurationError, match=f"{total} samples in all records"):
+    with pytest.raises(ConfigurationError, match=f"{total} rows make {total} samples"):
         gate(recording).require_usable()
     period = float(np.median(np.diff(recording.records[0].time)))
     gate(recording, Look(spacing=4 * period)).require_usable()

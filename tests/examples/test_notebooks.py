@@ -15,7 +15,7 @@ SPEC.loader.exec_module(MAKE)
 def test_a_notebook_is_what_its_example_makes(name):
     written = (FOLDER / f"{name}.ipynb").read_text(encoding="utf-8")
     assert written == MAKE.notebook(name), "run `python examples/notebooks/make.py`"
-    assert len(MAKE.NOTEBOOKS) == 4
+    assert len(MAKE.NOTEBOOKS) == 5
 
 
 @pytest.mark.slow

@@ -11,13 +11,18 @@ from cablebench.cli.shared.output import console
 
 
 def new(
-    kind: Annotated[str, typer.Argument(metavar="KIND", help="controller, effect, plant, recording or examples.")],
+    kind: Annotated[
+        str, typer.Argument(metavar="KIND", help="controller, effect, plant, recording, sample or examples.")
+    ],
     name: Annotated[
         str | None, typer.Argument(help="Its name: letters, digits, - and _. Of examples that of their folder.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write to; of a plant the checkout it is for.")] = Path(),
 ) -> None:
-    """Write a commented controller, effect, plant or recording to begin with, or the examples: all work as they are."""
+    """Write a commented controller, effect, plant or recording to begin with, a sample rig's logs, or the examples.
+
+    All work as they are.
+    """
     from cable_envs.core.files import write_atomic
     from cablebench.skeletons import EXAMPLES, skeleton
 

@@ -6,7 +6,8 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.files import require_writable
-from cablebench.cli.shared.output import console, print_json, stages
+from cablebench.cli.shared.output import console, print_json
+from cablebench.cli.shared.progress import stages
 from cablebench.cli.shared.trust import Trusted
 from cablebench.pages.diagnosis_words import lines
 

@@ -10,7 +10,8 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import require_writable
-from cablebench.cli.shared.output import console, stages
+from cablebench.cli.shared.output import console
+from cablebench.cli.shared.progress import stages
 
 
 def real_data(

@@ -4,7 +4,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -79,46 +79,6 @@ def progress_bar() -> Iterator[Any]:
         yield write if bars is None else draw
     finally:
         if bars is not None and known:
-            bars.stop()
-
-
-@contextmanager
-def stages() -> Iterator[tuple[Callable[[str], None], Callable[[int, int], None]]]:
-    """Steps of one long work on standard error; yields ``tell(text)`` and ``hear(done, most)``.
-
-    ``tell`` begins a step: a line with the time since the start. ``hear`` says how many of at most so many rounds of
-    the step are done: on a terminal a bar shows that and the time that they may still take.
-    """
-    err, began = console(stderr=True), time.monotonic()
-    bars: Any = _bars(err) if err.is_terminal else None
-    tasks: list[Any] = []
-    step = ""
-
-    def clear() -> None:
-        while tasks:
-            bars.remove_task(tasks.pop())
-            bars.refresh()
-
-    def tell(text: str) -> None:
-        nonlocal step
-        step = text
-        clear()
-        err.print(f"{time.monotonic() - began:5.0f} s  {text} ...", markup=False)
-
-    def hear(done: int, most: int) -> None:
-        if bars is None:
-            return
-        if done == 0 or not tasks:  # a step may have several refits, one after the other
-            clear()
-            bars.start()
-            tasks.append(bars.add_task(step, total=most, text=f"of at most {most} rounds"))
-        bars.update(tasks[0], completed=done, total=most)
-
-    try:
-        yield tell, hear
-    finally:
-        if bars is not None:
-            clear()
             bars.stop()
 
 
