@@ -19,6 +19,7 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
 from cable_envs.diagnosis.model.model import Free, Model, residuals
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.model.verdict import Diagnosis, EffectGain, Estimate, Trace
+from cable_envs.diagnosis.report.fitted_range import fitted_range
 from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
 from cable_envs.diagnosis.search.select import LIKE_ANY
@@ -51,6 +52,8 @@ def answer(
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(question.ways, traces, selection, named, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
+    rig = question.rig(final.fit.values, accepted)
+    valid = fitted_range(recording, rig["plant"])
     return Diagnosis(
         verdict,
         found if named else (),
@@ -74,7 +77,7 @@ def answer(
         {**about, "version": cable_envs.__version__, "rules": vars(selection.rules)},
         steps=selection.steps,
         spectra=() if selection.bands is None else tuple(selection.bands.rows()),
-        rig=question.rig(final.fit.values, accepted),
+        rig=rig | ({"valid": valid} if valid else {}),
         traces=traces,
     )
 

@@ -36,7 +36,7 @@ from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.band_brake.effects import ACTING
-from cable_envs.plants.base import Plant, Signal, rows_of
+from cable_envs.plants.base import OUT_OF_RANGE, Plant, Signal, rows_of
 
 PARAMETERS = ParameterTable(
     Parameter("band_grip", "N", 3e3, 1.0, 1e6, "pull of the band at which the drum slips"),
@@ -52,6 +52,7 @@ SIGNALS = (
     Signal("position", "m", "position of the drum's surface"),
     Signal("velocity", "m/s", "its speed"),
     Signal("slip", "m", "how far the drum has slipped under the band"),
+    OUT_OF_RANGE,
 )
 
 COEFFICIENTS = Lanes("Coefficients", PARAMETERS.names)
@@ -124,7 +125,7 @@ def _step(x, p, u, e, s, g, i):
         + e.position_dependent_load_stiffness[i] * (at - e.position_dependent_load_neutral[i])
     )
     x.force[i], x.band_tension_difference[i] = force + p.force_offset[i], pull + p.tension_offset[i]
-    x.position[i], x.velocity[i], x.slip[i] = at, v, found
+    x.position[i], x.velocity[i], x.slip[i], x.out_of_range[i] = at, v, found, 0.0
     s.started[i] = 1.0
 
 

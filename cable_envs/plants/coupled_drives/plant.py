@@ -27,7 +27,7 @@ from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, end, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.plants.base import ActionMode, Plant, Signal, rows_of
+from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 from cable_envs.plants.coupled_drives.effects import ACTING
 
 _TYPICAL = "chosen: the size of the published rig, of which only ratios are known"
@@ -53,6 +53,7 @@ SIGNALS = (
     Signal("belt_force", "N", "force of the belt on the pulley"),
     Signal("voltage", "V", "voltage of the motors"),
     Signal("speed_reading", "V", "what the speed sensor of the pulley reads"),
+    OUT_OF_RANGE,
 )
 
 COEFFICIENTS = Lanes("Coefficients", PARAMETERS.names)
@@ -118,7 +119,7 @@ def _report(x, p, u, e, s, g, i):
     stretch, rate = x.pulley_position[i] - x.motor_position[i], x.pulley_velocity[i] - x.motor_velocity[i]
     pull, _, _, _ = sprung(e, s, i, p.belt_stiffness[i], p.belt_damping[i], stretch, rate)
     x.belt_force[i], x.voltage[i] = -pull, select(g.follows[i] > 0.5, 0.0, u.command[i])
-    x.speed_reading[i] = _reading(p, e, i, x.pulley_velocity[i])
+    x.speed_reading[i], x.out_of_range[i] = _reading(p, e, i, x.pulley_velocity[i]), 0.0
 
 
 @inline

@@ -31,7 +31,7 @@ from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.plants.base import ActionMode, Plant, Signal, rows_of
+from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 
 _TYPICAL = "chosen: a small belt axis"
 
@@ -64,6 +64,7 @@ SIGNALS = (
     Signal("sliding", "1", "direction in which the carriage moves: -1, 0 (stuck), 1"),
     Signal("slack_fraction", "1", "0: a belt pushes and pulls"),
     Signal("peak_tension", "N", "largest size of the belt's force within the last control step"),
+    OUT_OF_RANGE,
 )
 
 ACTING = Acting(
@@ -229,7 +230,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         g.force_left[i] = g.lag_left[i]
         g.force_late[i] = (1.0 - g.lag_left[i]) * e.actuator_lag_time[i] / dt  # mean share of the old force over a step
         g.lag_left[i] = select(observed, 0.0, g.lag_left[i])
-        x.slack_fraction[i], x.peak_tension[i] = 0.0, 0.0
+        x.slack_fraction[i], x.peak_tension[i], x.out_of_range[i] = 0.0, 0.0, 0.0
     for n in range(substeps):
         for i in range(lanes):
             actuate(e, s, g, u, i, n, substeps, dt)

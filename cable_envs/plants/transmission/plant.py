@@ -39,7 +39,7 @@ from cable_envs.effects.seams import actuate, begin, end
 from cable_envs.effects.stiffness_hardening import linear
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
-from cable_envs.plants.base import Plant, Signal, rows_of
+from cable_envs.plants.base import OUT_OF_RANGE, Plant, Signal, rows_of
 from cable_envs.plants.transmission.effects import ACTING
 
 PARAMETERS = ParameterTable(
@@ -57,6 +57,7 @@ SIGNALS = (
     Signal("direction", "1", "direction of the drive's motion: -1 closing, 1 opening"),
     Signal("play_drive", "N m", "where the play of the torque is at the contact at the drive"),
     Signal("play_output", "N m", "where the play of the torque is at the second contact"),
+    OUT_OF_RANGE,
 )
 
 COEFFICIENTS = Lanes("Coefficients", ["ratio", "torque_zero", "torque_constant"])
@@ -106,7 +107,7 @@ def _step(x, p, u, e, s, g, i):
     ripple = half_turn(angle, e.position_ripple_sine[i], e.position_ripple_cosine[i])
     path = p.ratio[i] * angle + ripple - (elastic + s.creep_top[i])
     s.gap_position[i] = select(fresh, path, play(s.gap_position[i], path, e.backlash_gap[i]))
-    x.output_angle[i], x.output_torque[i] = s.gap_position[i], out
+    x.output_angle[i], x.output_torque[i], x.out_of_range[i] = s.gap_position[i], out, 0.0
     x.drive_angle[i], x.drive_velocity[i], x.drive_torque[i], x.direction[i] = angle, v, torque, way
     s.started[i] = 1.0
 
