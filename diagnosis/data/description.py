@@ -158,6 +158,11 @@ def read_channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
     return found
 
 
+def told(channel: str) -> bool:
+    """Whether a channel is what somebody asked for, that no sensor measured."""
+    return channel.endswith(("_command", "_reference"))
+
+
 def offset_free(entry: Mapping[str, Any], name: str, where: str) -> str | None:
     """What says for which records a channel's zero is one; None: it is known. Raises ConfigurationError."""
     free = entry.get("offset_free")

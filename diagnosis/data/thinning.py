@@ -16,6 +16,7 @@ import numpy as np
 from scipy.signal import periodogram
 
 from cable_envs.diagnosis.data.clock import sample_period, zero
+from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
 
@@ -55,11 +56,6 @@ class Thinning:
     period: float
     fastest: float
     steps: int = 1
-
-
-def told(channel: str) -> bool:
-    """Whether a channel is what somebody asked for, that no sensor measured."""
-    return channel.endswith(("_command", "_reference"))
 
 
 def thinning(recording: Recording, places: Sequence[str]) -> Thinning:

@@ -19,7 +19,7 @@ from cable_envs.diagnosis.data.thinning import thinning
 from cable_envs.diagnosis.intake.forbidden import CHECKS
 from cable_envs.diagnosis.intake.repeats import moves
 from cable_envs.diagnosis.intake.scales import wrong_units
-from cable_envs.diagnosis.intake.tracks import RATES, track_of, tracks_of
+from cable_envs.diagnosis.intake.tracks import RATES, is_told, track_of, tracks_of
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -197,11 +197,6 @@ def _clock(record: Record, period: float) -> list[Fault]:
     return found
 
 
-def _told(channel: str) -> bool:
-    """Whether a channel is what somebody asked for, that no sensor measured."""
-    return channel.endswith(("_command", "_reference")) or channel == "voltage"
-
-
 def _channel(record: Record, channel: str) -> list[Fault]:
     values, good = record.data[channel], record.usable(channel)
     empty = ~good
@@ -211,7 +206,7 @@ def _channel(record: Record, channel: str) -> list[Fault]:
     found = []
     if empty.any():
         start, longest = _longest_run(np.isnan(values))
-        if _told(channel) and longest > LONGEST_GAP:
+        if is_told(channel) and longest > LONGEST_GAP:
             text = f"{longest} samples in a row are empty, so what drove the rig there is not known; cut the record"
             found.append(Fault(record.name, channel, start + 1, text))
         text = f"{int(empty.sum())} samples that are empty or marked in doubt are left out"
@@ -219,7 +214,7 @@ def _channel(record: Record, channel: str) -> list[Fault]:
     held = values[good]
     if channel == "voltage":
         return found + _flat_voltage(record.name, values, good)
-    if _told(channel) or channel == "wrap_angle":
+    if is_told(channel) or channel == "wrap_angle":
         return found
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]

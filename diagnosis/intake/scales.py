@@ -14,10 +14,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.intake.tracks import RATES
 from cable_envs.diagnosis.systems import off_balance
 from cable_envs.diagnosis.systems.units import OFF, hint, series_of, speed_of
 
-_RATES = {"position": "velocity", "drive_position": "drive_velocity"}
 _PAIRS = (
     ("position", "position_reference"), ("load_position", "position_reference"), ("load_position", "drive_position"),
     ("drive_angle", "drive_angle_command"), ("output_angle", "angle_reference"), ("output_angle", "drive_angle"),
@@ -70,7 +70,7 @@ def _clock(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
 
 
 def _rates(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
-    for place, rate in _RATES.items():
+    for place, rate in RATES.items():
         if place not in recording.channels or rate not in recording.channels:
             continue
         slope, seen = speed_of(record, place), series_of(record, rate)

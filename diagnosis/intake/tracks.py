@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems.common import smooth_speed
 from cable_envs.diagnosis.systems.units import series_of
@@ -49,8 +50,8 @@ class Found(NamedTuple):
 
 
 def is_told(channel: str) -> bool:
-    """Whether a channel is what somebody asked for, that no sensor measured."""
-    return channel.endswith(("_command", "_reference")) or channel == "voltage"
+    """Whether a channel is what somebody asked for, or the voltage that a drive was given."""
+    return told(channel) or channel == "voltage"
 
 
 @dataclass(frozen=True)
