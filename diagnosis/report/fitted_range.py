@@ -16,6 +16,7 @@ from cable_envs.plants.base import OUT_OF_RANGE
 
 MARGIN = 0.05
 """Of a range's width, on either side: sensors' noise, and what the same command does next time."""
+SOURCE = "the fitted records"
 SPEEDS = {
     **RATES, "load_position": "load_velocity", "motor_position": "motor_velocity",
     "drive_angle": "drive_velocity", "output_angle": "output_velocity",
@@ -56,11 +57,10 @@ def fitted_range(recording: Recording, plant: str) -> dict[str, dict[str, Any]]:
             seen[speed] = np.concatenate([seen.get(speed, rates[:0]), rates])
         if name in units and (channel.offset_free is None or name in FOLLOWED.get(plant, ())):
             seen[name] = np.concatenate([record.data[name][record.usable(name)] for record in records])
-    source = f"the fitted records of {recording.path.name}"
     found = {}
     for name, values in seen.items():
         low, high = float(np.min(values)), float(np.max(values))
         if low < high:
             more = MARGIN * (high - low)
-            found[name] = {"low": low - more, "high": high + more, "unit": units[name], "source": source}
+            found[name] = {"low": low - more, "high": high + more, "unit": units[name], "source": SOURCE}
     return found

@@ -57,7 +57,7 @@ def test_a_corrected_rig_says_when_it_is_outside(tmp_path):
     found = diagnose(replace(recording, records=tuple(records)), effects=["coulomb_friction"])
     rig = load_rig(found.rig)
     assert {"drive_velocity", "load_tension"} <= set(rig.valid)
-    assert all("the fitted records of" in rig.sources[name] for name in rig.valid)
+    assert all(rig.sources[name] == "the fitted records" for name in rig.valid)
     low, high = rig.valid["drive_velocity"]
     only = load_rig({**rig.content(), "valid": {"drive_velocity": {"low": low, "high": high}}})
     env = gym.make("cable_envs/CableHole-Position-Sine-v1", rig=only, action_mode="speed")
