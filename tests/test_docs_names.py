@@ -127,8 +127,8 @@ def _known_dotted(word: str, page: Path) -> bool:
 
 
 def _suffix(rest: str) -> bool:
-    """A file of data, as ``rig.yaml`` or ``board.json.gz``, not a name."""
-    return re.fullmatch(r"(?:yaml|json|jsonl|md|html|csv|npz|svg|zip|pt|webp|gz|\.)+", rest) is not None
+    """A file of data, as ``rig.yaml`` or ``board.json.xz``, not a name."""
+    return re.fullmatch(r"(?:yaml|json|jsonl|md|html|csv|npz|svg|zip|pt|webp|xz|\.)+", rest) is not None
 
 
 def _in_module(stem: str, rest: str) -> bool:

@@ -1,14 +1,12 @@
 """Files that are whole at any time, values as JSON has them, and Python files of somebody's: the one place for each."""
 
-import gzip
-import io
 import json
+import lzma
 import math
 import os
 import re
 import tempfile
 import types
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields, is_dataclass
@@ -337,6 +335,12 @@ def jsonable(value: Any) -> Any:
 LARGEST_JSON = 2**30
 """Bytes that a compressed JSON file may unpack to."""
 
+PACKED = ".xz"
+"""How the names of compressed files end."""
+
+_PACKING = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**23}]
+_LARGEST_WINDOW = 2**27  # bytes of memory that reading may take for what it looks back at
+
 
 def read_json(path: str | Path) -> Any:
     """The content of a JSON file.
@@ -344,7 +348,7 @@ def read_json(path: str | Path) -> Any:
     Parameters
     ----------
     path : str or Path
-        A ``.json`` file, or ``.json.gz``: by its name, what ends in ``.gz`` is compressed.
+        A ``.json`` file, or ``.json.xz``: by its name, what ends in ``.xz`` is compressed.
 
     Returns
     -------
@@ -359,15 +363,44 @@ def read_json(path: str | Path) -> Any:
         Where it is damaged, no text, or no JSON.
     """
     content = Path(path).read_bytes()
-    if Path(path).suffix == ".gz":
-        try:
-            with gzip.open(io.BytesIO(content)) as file:
-                content = file.read(LARGEST_JSON + 1)
-        except (OSError, EOFError, zlib.error) as problem:
-            raise ValueError(f"damaged: {problem}") from None
-        if len(content) > LARGEST_JSON:
-            raise ValueError(f"damaged: it unpacks to more than {LARGEST_JSON} bytes")
-    return json.loads(content)
+    return json.loads(unpacked(content, LARGEST_JSON) if Path(path).suffix == PACKED else content)
+
+
+def packed(content: bytes) -> bytes:
+    """Content of a ``.xz`` file: the same content gives the same bytes, as no time is in them."""
+    return lzma.compress(content, filters=_PACKING)
+
+
+def unpacked(content: bytes, largest: int) -> bytes:
+    """What `packed` was given.
+
+    Parameters
+    ----------
+    content : bytes
+        Of a ``.xz`` file.
+    largest : int
+        Bytes that it may unpack to: a few kilobytes of zeros must not fill the memory.
+
+    Returns
+    -------
+    bytes
+        The content before it was packed.
+
+    Raises
+    ------
+    ValueError
+        Where it is damaged, cut off, or larger.
+    """
+    decoder = lzma.LZMADecompressor(lzma.FORMAT_XZ, memlimit=_LARGEST_WINDOW)
+    try:
+        whole = decoder.decompress(content, largest + 1)
+    except (lzma.LZMAError, EOFError) as problem:
+        raise ValueError(f"damaged: {problem}") from None
+    if len(whole) > largest:
+        raise ValueError(f"damaged: it unpacks to more than {largest} bytes")
+    if not decoder.eof:
+        raise ValueError("damaged: its end is missing")
+    return whole
 
 
 def json_text(value: Any) -> str:
@@ -404,7 +437,7 @@ def packed_json(value: Any) -> bytes:
     Returns
     -------
     bytes
-        Content of a ``.json.gz`` file, without the time it was made.
+        Content of a ``.json.xz`` file, without the time it was made.
 
     Raises
     ------
@@ -416,4 +449,4 @@ def packed_json(value: Any) -> bytes:
     >>> packed_json({"rms": 0.5}) == packed_json({"rms": 0.5})
     True
     """
-    return gzip.compress((json.dumps(value, separators=(",", ":"), allow_nan=False) + "\n").encode(), 9, mtime=0)
+    return packed((json.dumps(value, separators=(",", ":"), allow_nan=False) + "\n").encode())

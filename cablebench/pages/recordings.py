@@ -35,7 +35,7 @@ def write_set(out: Path, name: str, numbers: Mapping[str, Any], figures: Mapping
 
 def numbers_of(out: Path, name: str) -> Path:
     """The file of a set's numbers."""
-    return out / f"{FILES.get(name, name)}.json.gz"
+    return out / f"{FILES.get(name, name)}.json.xz"
 
 
 def render(out: Path, names: Sequence[str]) -> str:

@@ -1,6 +1,5 @@
 """The results store: append-only JSON Lines, one record for each episode. A crash leaves it readable."""
 
-import gzip
 import io
 import json
 import os
@@ -17,7 +16,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import CannotWrite, flush_folder, jsonable, write_atomic
+from cable_envs.core.files import PACKED, CannotWrite, flush_folder, jsonable, packed, unpacked, write_atomic
 from cablebench.run.schema import SCHEMA, wrong_with
 
 LARGEST = 2**31
@@ -68,7 +67,7 @@ class ResultStore:
     left out and said (`StoreWarning`), so that one bad line costs nobody else's rows. A torn last line, as a crash
     leaves it, is closed with a newline before the next record is appended, so it never swallows that record.
 
-    A compressed part, ``<path>.gz``, may hold older records: it is read first, and only `pack` writes it.
+    A compressed part, ``<path>.xz``, may hold older records: it is read first, and only `pack` writes it.
 
     Any number of processes may write at once: whoever appends or packs holds the lock ``<path>.lock``, which the
     system takes from a process that dies. Reading needs no lock.
@@ -79,7 +78,7 @@ class ResultStore:
     def __init__(self, path: str | Path, base: "ResultStore | None" = None):
         self.path = Path(path)
         self.base = base
-        self.packed = self.path.with_name(self.path.name + ".gz")
+        self.packed = self.path.with_name(self.path.name + PACKED)
         """the compressed part, for committing"""
         self.folder = self.path.with_suffix("")
         """where the trajectories of median and worst episodes lie, one file for each run"""
@@ -226,7 +225,7 @@ class ResultStore:
         both parts, which the next `pack` puts right.
         """
         with self.locked():
-            path = write_atomic(self.packed, gzip.compress(self._whole(), 9, mtime=0))
+            path = write_atomic(self.packed, packed(self._whole()))
             self.path.unlink(missing_ok=True)
         return path
 
@@ -247,13 +246,9 @@ class ResultStore:
         if not self.packed.exists():
             return b""
         try:
-            with gzip.open(self.packed) as file:
-                content = file.read(LARGEST + 1)
-        except (OSError, EOFError, zlib.error) as error:
-            raise ConfigurationError(f"{self.packed} is damaged ({error}): restore it from version control") from None
-        if len(content) > LARGEST:
-            raise ConfigurationError(f"{self.packed} unpacks to more than {LARGEST} bytes: it is no store of records")
-        return content
+            return unpacked(self.packed.read_bytes(), LARGEST)
+        except ValueError as error:
+            raise ConfigurationError(f"{self.packed} is {error}: restore it from version control") from None
 
     def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
         """Save the trajectories of a run; they replace what was there.

@@ -1,7 +1,7 @@
 """Everything that is shown of the da Vinci jaw, as one dictionary of numbers: what `docs/recordings` keeps.
 
 cablebench import da-vinci-jaw ../shared/recordings/davinci_tool --out jaw
-python -m cable_envs.diagnosis.real.davinci_study jaw docs/recordings/davinci.json.gz
+python -m cable_envs.diagnosis.real.davinci_study jaw docs/recordings/davinci.json.xz
 """
 
 import sys

@@ -28,9 +28,9 @@ def pages() -> dict[str, str | bytes]:
         folder = ROOT / "boards" / name
         whole = kept(f"board-{name}.html", lambda n=name: _board_page(n), sorted(p for p in folder.glob("*.*")))
         made[f"{FOLDER}/board-{name}.html"] = _with_way_back(whole, "boards.html", "Boards")
-    proof = kept("proof.html", _proof_page, [PROOF / "proof.json.gz"])
+    proof = kept("proof.html", _proof_page, [PROOF / "proof.json.xz"])
     made[f"{FOLDER}/proof.html"] = _with_way_back(proof, "proof/proof.html", "Proof")
-    inputs = sorted([*RECORDINGS.glob("*.json.gz"), *(RECORDINGS / "figures").glob("*.svg")])
+    inputs = sorted([*RECORDINGS.glob("*.json.xz"), *(RECORDINGS / "figures").glob("*.svg")])
     recordings = kept("recordings.html", _recordings_page, inputs)
     made[f"{FOLDER}/recordings.html"] = _with_way_back(recordings, "recordings/index.html", "Recordings")
     made["reproduction.md"] = _reproduction()
@@ -92,7 +92,7 @@ def _boards() -> str:
 
 
 def _records(name: str) -> list[Path]:
-    return [ROOT / "boards" / name / "records.jsonl.gz", ROOT / "boards" / name / "NOTES.md"]
+    return [ROOT / "boards" / name / "records.jsonl.xz", ROOT / "boards" / name / "NOTES.md"]
 
 
 def _summary(name: str) -> str:
@@ -112,7 +112,7 @@ def _summary(name: str) -> str:
 def _proof_page() -> bytes:
     from cablebench.pages.proof import render
 
-    return render(read_json(PROOF / "proof.json.gz")).encode()
+    return render(read_json(PROOF / "proof.json.xz")).encode()
 
 
 def _recordings_page() -> bytes:

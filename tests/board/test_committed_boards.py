@@ -23,7 +23,7 @@ def test_a_board_is_what_its_records_say(name):
     protocol = load_protocol(name)
     records = _records(name)
     assert {r["protocol_hash"] for r in records} == {protocol.hash()}
-    board, written = build_board(protocol, records), read_json(BOARDS / name / "board.json.gz")
+    board, written = build_board(protocol, records), read_json(BOARDS / name / "board.json.xz")
     shown = {(t["task"], t["track"], r["entrant"]): r["score"] for t in written["tables"] for r in t["rows"]}
     rows = [(t, r) for t in board.tables for r in t.rows]
     assert len(shown) == len(rows)

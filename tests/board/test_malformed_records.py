@@ -1,13 +1,13 @@
 """One bad record costs its own line: readers name it and go on, and the board says what was left out."""
 
 import copy
-import gzip
 import json
 
 import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import packed
 from cablebench.board.board import build_board
 from cablebench.cli import main
 from cablebench.run import store as store_module
@@ -148,8 +148,8 @@ def test_an_episode_that_the_protocol_does_not_have_makes_nobody_incomplete(prot
 def test_a_compressed_bomb_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(store_module, "LARGEST", 10**6)
     store = ResultStore(tmp_path / "records.jsonl")
-    store.packed.write_bytes(gzip.compress(bytes(10**7)))
-    with pytest.raises(ConfigurationError, match=r"records\.jsonl\.gz unpacks to more than 1000000 bytes"):
+    store.packed.write_bytes(packed(bytes(10**7)))
+    with pytest.raises(ConfigurationError, match=r"records\.jsonl\.xz is damaged: it unpacks to more than 1000000"):
         store.read()
 
 

@@ -142,7 +142,7 @@ def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):
     store = ResultStore(tmp_path / "r.jsonl")
     store.append([record(1), record(2)])
     before = store.records()
-    assert store.pack() == tmp_path / "r.jsonl.gz" and not store.path.exists()
+    assert store.pack() == tmp_path / "r.jsonl.xz" and not store.path.exists()
     first = store.packed.read_bytes()
     assert store.records() == before
     store.append(record(3))
@@ -175,5 +175,5 @@ def test_a_damaged_compressed_part_is_named(tmp_path):
     store.append(record(1))
     store.pack()
     store.packed.write_bytes(store.packed.read_bytes()[:-6])
-    with pytest.raises(ConfigurationError, match=r"r\.jsonl\.gz is damaged"):
+    with pytest.raises(ConfigurationError, match=r"r\.jsonl\.xz is damaged"):
         store.records()

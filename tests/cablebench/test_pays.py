@@ -122,7 +122,7 @@ def test_page_command_and_figure_hold_the_numbers():
 
 def test_the_committed_page_is_that_of_its_numbers():
     docs = Path(__file__).parents[2] / "docs"
-    result = read_json(docs / "pays.json.gz")
+    result = read_json(docs / "pays.json.xz")
     assert (docs / "pays.md").read_text(encoding="utf-8") == pays_page.page(result)
     for name, found in result["rigs"].items():
         assert found["hidden"] == RIGS[name].effects

@@ -40,15 +40,15 @@ def test_the_protocol_holds_the_commitment_and_only_its_holder_can_read_the_secr
 def test_protocols_without_a_seal_keep_their_hash():
     # the boards in this repository were made under it
     assert load_protocol("quick").hash() == json.loads(
-        next(line for line in _packed("boards/quick/records.jsonl.gz"))
+        next(line for line in _packed("boards/quick/records.jsonl.xz"))
     )["protocol_hash"]  # fmt: skip
 
 
 def _packed(path):
-    import gzip
+    import lzma
     from pathlib import Path
 
-    with gzip.open(Path(__file__).parents[2] / path, "rt") as file:
+    with lzma.open(Path(__file__).parents[2] / path, "rt") as file:
         yield from reversed(file.readlines())
 
 

@@ -151,7 +151,7 @@ def test_a_board_that_was_moved_and_packed_still_replays(place, submitted, cli, 
     shutil.copytree(submitted, moved)
     flags = ("--results", moved, "--protocol", place / "tiny.yaml")
     assert cli("leaderboard", *flags, "--pack")[0] == 0
-    assert (moved / "records.jsonl.gz").exists() and not (moved / "records.jsonl").exists()
+    assert (moved / "records.jsonl.xz").exists() and not (moved / "records.jsonl").exists()
     shutil.move(submitted, hidden := submitted.with_name("hidden"))
     try:
         code, out, err = cli(*replay(place, moved, "mine", "--trust", "--json"))

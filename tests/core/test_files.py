@@ -11,16 +11,16 @@ VALUE = {"rows": [1, 2.5, None, "µm"], "nested": {"a": True}}
 
 def test_both_forms_hold_the_same(tmp_path):
     (tmp_path / "a.json").write_text(json.dumps(VALUE), encoding="utf-8")
-    (tmp_path / "a.json.gz").write_bytes(packed_json(VALUE))
-    assert read_json(tmp_path / "a.json") == read_json(tmp_path / "a.json.gz") == VALUE
+    (tmp_path / "a.json.xz").write_bytes(packed_json(VALUE))
+    assert read_json(tmp_path / "a.json") == read_json(tmp_path / "a.json.xz") == VALUE
     assert packed_json(VALUE) == packed_json(dict(VALUE))  # no time of day in it
 
 
 def test_damaged_files_are_refused(tmp_path):
-    (tmp_path / "cut.json.gz").write_bytes(packed_json(VALUE)[:-9])
-    (tmp_path / "plain.json.gz").write_text("{}")
+    (tmp_path / "cut.json.xz").write_bytes(packed_json(VALUE)[:-9])
+    (tmp_path / "plain.json.xz").write_text("{}")
     (tmp_path / "half.json").write_text("{")
-    for name, said in (("cut.json.gz", "damaged"), ("plain.json.gz", "damaged"), ("half.json", "Expecting")):
+    for name, said in (("cut.json.xz", "damaged"), ("plain.json.xz", "damaged"), ("half.json", "Expecting")):
         with pytest.raises(ValueError, match=said):
             read_json(tmp_path / name)
     with pytest.raises(ValueError, match="not JSON compliant"):

@@ -1,6 +1,5 @@
 """The commands that are killed, each on a case of a second: how it starts, how it goes on, and what it comes to."""
 
-import gzip
 import hashlib
 import io
 import json
@@ -17,7 +16,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from cable_envs.core.files import jsonable
+from cable_envs.core.files import jsonable, read_json
 from cablebench.run.store import ResultStore
 from tests.crashes.killing import command
 from tests.support import drive_recording
@@ -167,9 +166,9 @@ BOARD = ("leaderboard", "--results", "r", "--protocol", "tiny.yaml")
 
 def _pages(folder: Path) -> Any:
     text = (folder / "r" / "board.md").read_text() + (folder / "r" / "board.html").read_text()
-    packed = folder / "r" / "board.json.gz"
-    content = gzip.decompress(packed.read_bytes()) if packed.exists() else (folder / "r" / "board.json").read_bytes()
-    return {**_board(folder), "json": same(json.loads(content)), "pages": hashlib.sha256(text.encode()).hexdigest()}
+    packed = folder / "r" / "board.json.xz"
+    content = read_json(packed if packed.exists() else folder / "r" / "board.json")
+    return {**_board(folder), "json": same(content), "pages": hashlib.sha256(text.encode()).hexdigest()}
 
 
 def _beside_a_writer(tell: Tell) -> None:
@@ -290,7 +289,7 @@ def _diagnosed(folder: Path) -> Any:
 
 
 def _proved(folder: Path) -> Any:
-    record = json.loads(gzip.decompress((folder / "proof" / "proof.json.gz").read_bytes()))
+    record = read_json(folder / "proof" / "proof.json.xz")
     recordings = _files("proof/recordings")(folder)
     for case in record["methods"].values():
         for line in case["cases"]:

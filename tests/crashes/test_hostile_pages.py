@@ -83,15 +83,15 @@ def answer(folder):
 
 def recordings_page(record, folder):
     shutil.copytree(DOCS / "recordings", folder, dirs_exist_ok=True)
-    (folder / "emps.json.gz").write_bytes(packed_json(record))
+    (folder / "emps.json.xz").write_bytes(packed_json(record))
     return recordings.render(folder, ["davinci", "band-brake", "emps", "coupled-drives"])
 
 
 PAGES = {
-    "proof": (lambda _: read_json(DOCS / "proof" / "proof.json.gz"), lambda r, _: proof.render(r)),
-    "pays": (lambda _: read_json(DOCS / "pays.json.gz"), lambda r, _: rendered_markdown(pays.page(r))),
-    "the figure of pays": (lambda _: read_json(DOCS / "pays.json.gz"), lambda r, _: pays.figure(r)),
-    "recordings": (lambda _: read_json(DOCS / "recordings" / "emps.json.gz"), recordings_page),
+    "proof": (lambda _: read_json(DOCS / "proof" / "proof.json.xz"), lambda r, _: proof.render(r)),
+    "pays": (lambda _: read_json(DOCS / "pays.json.xz"), lambda r, _: rendered_markdown(pays.page(r))),
+    "the figure of pays": (lambda _: read_json(DOCS / "pays.json.xz"), lambda r, _: pays.figure(r)),
+    "recordings": (lambda _: read_json(DOCS / "recordings" / "emps.json.xz"), recordings_page),
     "a diagnosis": (answer, lambda r, _: diagnosis.render(r)),
 }
 

@@ -117,7 +117,7 @@ def test_parts_join_to_the_whole(capsys, tmp_path, monkeypatch):
     for name, part in {"whole": (), "one": ("--first", "1"), "two": ("--after", "1")}.items():
         _, out, _ = _run(capsys, "--no-tool", "--out", str(tmp_path / name), *part, "--json")
         found[name] = json.loads(out)
-    files = [str(tmp_path / name / "proof.json.gz") for name in ("one", "two")]
+    files = [str(tmp_path / name / "proof.json.xz") for name in ("one", "two")]
     join = ["--join", files[0], "--join"]
     code, out, _ = _run(capsys, *join, files[1], "--out", str(tmp_path / "all"), "--json")
     joined = json.loads(out)

@@ -9,7 +9,7 @@ from cable_envs.proof.report import together
 from cable_envs.proof.summary import LINES, main, summary
 
 ROOT = Path(__file__).parents[2]
-RECORD = ROOT / "docs" / "proof" / "proof.json.gz"
+RECORD = ROOT / "docs" / "proof" / "proof.json.xz"
 
 
 @pytest.fixture(scope="module")

@@ -67,9 +67,9 @@ def test_a_page_of_one_set_shows_its_ladder_and_says_what_is_missing(tmp_path):
     assert "Not run yet: da-vinci-jaw, emps, coupled-drives." in page
     assert "4 [3.5, 4.5] mm" in page and "7\u202f780" in page
     assert page.count("<svg") == 1 and "cable elongation" in page and 'id="emps"' not in page
-    assert read_json(tmp_path / "band-brake.json.gz")["finding"]["named"] == ["backlash"]
-    (tmp_path / "emps.json.gz").write_text("{")
-    with pytest.raises(ConfigurationError, match=r"cannot read .*emps.json.gz"):
+    assert read_json(tmp_path / "band-brake.json.xz")["finding"]["named"] == ["backlash"]
+    (tmp_path / "emps.json.xz").write_text("{")
+    with pytest.raises(ConfigurationError, match=r"cannot read .*emps.json.xz"):
         render(tmp_path, list(SETS))
 
 
@@ -105,11 +105,11 @@ def test_the_page_of_the_committed_numbers_needs_nothing_else():
     page = render(COMMITTED, list(SETS))
     assert summary(COMMITTED, list(SETS)) == (COMMITTED / "README.md").read_text(encoding="utf-8")
     assert not re.search(r"<(?:script|link|img)\b|url\(\s*http", page)
-    coupled = read_json(COMMITTED / "coupled-drives.json.gz")
+    coupled = read_json(COMMITTED / "coupled-drives.json.xz")
     for finding in coupled["findings"].values():
         assert finding["named"][0] == "sensor_rectification"
     assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
-    brake = read_json(COMMITTED / "band-brake.json.gz")
+    brake = read_json(COMMITTED / "band-brake.json.xz")
     named = brake["finding"]["named"]
     assert brake["viscous_last"] < 6.0  # on top of the answer viscous friction gains less than is asked
     for name in SETS:  # the rig that corrects a real set leaves nothing that the library could name

@@ -31,7 +31,7 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses records and board.json (to records.jsonl.gz, board.json.gz), drops what the page does not draw of
+    --pack compresses records and board.json (to records.jsonl.xz, board.json.xz), drops what the page does not draw of
     the trajectories, and thins what it draws. board.html is no part of a packed folder: this command makes it again
     from what is there.
     """
@@ -61,7 +61,7 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
     store.forget_trajectories(shown)
     store.thin_trajectories(shown, is_drawn, DRAWN_POINTS)
     written = out / "board.json"
-    write_atomic(out / "board.json.gz", packed_json(read_json(written)))
+    write_atomic(out / "board.json.xz", packed_json(read_json(written)))
     written.unlink()
     console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
 

@@ -31,7 +31,7 @@ def blind_test(
     first: Annotated[int | None, typer.Option(help="Only this many cases; their order is random.", min=1)] = None,
     after: Annotated[int, typer.Option(help="Skip this many cases, to run a proof in parts.", min=0)] = 0,
     join: Annotated[
-        list[Path] | None, typer.Option(help="proof.json.gz of a part; repeatable: join the parts, run nothing.")
+        list[Path] | None, typer.Option(help="proof.json.xz of a part; repeatable: join the parts, run nothing.")
     ] = None,
     kind: Annotated[
         list[str] | None,
@@ -218,7 +218,7 @@ def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick:
     whole = jsonable(report.record(results, about))
     text = report.markdown(results, about)
     out.mkdir(parents=True, exist_ok=True)
-    write_atomic(out / "proof.json.gz", packed_json(whole))
+    write_atomic(out / "proof.json.xz", packed_json(whole))
     write_atomic(out / "proof.md", text)
     write_atomic(out / "proof.html", render(whole))
     for line in report.missing_words(about):
@@ -227,5 +227,5 @@ def _report(out: Path, results: Mapping[str, Any], about: dict[str, Any], quick:
         print_json(whole)
     else:
         typer.echo(text)
-        console(stderr=True).print(f"wrote proof.json.gz, proof.md and proof.html to {out}", markup=False)
+        console(stderr=True).print(f"wrote proof.json.xz, proof.md and proof.html to {out}", markup=False)
     return list(whole["broken_rules"])

@@ -137,7 +137,7 @@ def run(
 ) -> dict[str, Any]:
     """All of it, seed after seed, for studies that differ in their rigs only; the same call goes on.
 
-    Writes pays.json.gz, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
+    Writes pays.json.xz, pays.md and pays.svg to ``out`` and returns the first; each rig has a folder with all it made.
     """
     from cablebench.pays.page import FIGURE, command, figure, page
 
@@ -171,7 +171,7 @@ def run(
         "rigs": rigs,
     }  # fmt: skip
     result = json.loads(json.dumps(jsonable(result)))
-    write_atomic(out / "pays.json.gz", packed_json(result))
+    write_atomic(out / "pays.json.xz", packed_json(result))
     write_atomic(out / FIGURE, figure(result))
     write_atomic(out / "pays.md", page(result))
     return result
