@@ -1,6 +1,6 @@
 """What a proof says in a dozen lines: the table of README, from the proof's record.
 
-``python -m cable_envs.proof.summary docs/proof/proof.json.gz`` prints it.
+``python -m cable_envs.proof.summary docs/proof/proof.json.xz`` prints it.
 """
 
 import sys
