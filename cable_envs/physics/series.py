@@ -13,12 +13,16 @@ theta    | weight of the end of the step in the load's mean speed, in [1/2, 1]  
     spans    T_j = max(0, base_j + steep_j (w_j - w_{j+1})),  steep_0 w_0 replaced by draws w_0
     contact  T_{h-1} = n_h T_h  where w_h > 0,   T_h = n_h T_{h-1}  where w_h < 0,   in between where w_h = 0
     load     T_N = resist + (damper + theta dt spring) w_N + inertia (w_N - v) / (theta dt),  v' = v + (w_N - v) / theta
-    drive    w_0 + by_tension T_0 + by_end w_0 - by_first w_1 = wanted,  within [low, high]
+    drive    w_0 + by_tension T_0 + by_end w_0 - by_first w_1 = wanted,  within [low, high], or what `pace` makes of it
 
 Every residual rises with its own speed and falls with those of its neighbours, so the solution is unique but for
-contacts between two slack spans, which stay. It is found by Newton's method on the set of what slides (and which way),
-what is slack, and whether the drive is at a limit: one tridiagonal system a pass. What has not settled after `PASSES`
-is finished one contact after the other (`sweep`), which cannot go in circles.
+contacts between two slack spans, which stay. It is found by Newton's method on the set of what slides (and which way)
+and what is slack: one tridiagonal system a pass, eliminated from the load to the drive, whose row is then one equation
+in its own speed, solved with its limits. What has not settled after `PASSES` is finished one contact after the other
+(`sweep`), which cannot go in circles.
+
+`cable_envs.physics.sweeps` solves the contacts of a sheath, which are another problem: limits that do not depend on the
+speed, so that no Newton's method is needed, and a span behind the last contact, which here is the load itself.
 
 No step makes energy, whatever its length: the caller takes a span's tension in the middle of the step or later
 (``steep`` at least half its stiffness times dt), so that its energy grows by no more than T_j times its change of
@@ -32,7 +36,7 @@ A column that has settled is not touched again, whatever the others of its tile 
 from functools import cache
 from typing import Any
 
-from cable_envs.core.kernels import apart, inline, maximum, select
+from cable_envs.core.kernels import apart, clip, inline, maximum, select
 from cable_envs.core.lanes import Lanes
 
 PASSES = 12
@@ -47,6 +51,15 @@ LEAST = 1e-10
 LOOSE = 1e-13
 """A drag at every contact over the steepness of its spans: a taut span between slack ones has a place of its own."""
 
+
+@inline
+def within(q, i, asked, alone):
+    """The drive's speed within its limits."""
+    return clip(asked / alone, q.low[i], q.high[i])
+
+
+pace: Any = within
+"""(q, i, asked, alone) -> mean speed w of the drive that goes with what it is asked for, asked + (1 - alone) w."""
 law: Any = None
 """(p, q, e, s, h, i, speed, way) -> (n, its growth with the size of the speed) of contact h + 1; way: 1 to the drive,
 -1 to the load. p, e and s are handed on from the caller of `solve`."""
@@ -66,7 +79,7 @@ def series_fields(contacts: int) -> list:
         ("rate", contacts + 1), ("state", contacts + 1), ("taut", contacts + 1), ("base", contacts + 1),
         ("steep", contacts + 1), ("pull", contacts + 1), ("ratio", contacts), ("growth", contacts),
         ("rest_up", contacts), ("rest_down", contacts), ("before", contacts + 1),
-        ("upper", contacts + 1), ("known", contacts + 1),
+        ("follows", contacts + 1), ("known", contacts + 1), "stiff", "rest",
         "draws", "wanted", "by_tension", "by_end", "by_first", "low", "high",
         "speed", "inertia", "resist", "damper", "spring", "rub_up", "rub_down", "elastic",
         "theta", "pending", "again", "rough",
@@ -96,7 +109,6 @@ def _set_off(q, lanes, dt):
         q.theta[i] = maximum(0.5, 1.0 - q.inertia[i] / stiff)
         q.pending[i], q.rough[i] = 1.0, 0.0
         _behind(q, last, i, dt)
-        q.state[0, i] = select(q.low[i] < q.high[i], 0.0, 1.0)
         y = q.base[0, i] + q.draws[i] * q.rate[0, i] - q.steep[0, i] * q.rate[1, i]
         q.taut[0, i] = select((q.pull[0, i] > 0.0) | (q.rate[1, i] > 0.0), 1.0, 0.0)
         q.pull[0, i] = maximum(y, 0.0)
@@ -118,41 +130,38 @@ def _set_off(q, lanes, dt):
 
 
 @inline
-def _forward(q, lanes):
-    """The linear system of the present set, eliminated from the drive to the load."""
+def _eliminate(q, lanes):
+    """The linear system of the present set, from the load to the drive: what each contact does as the one before it.
+
+    A contact slips at known + follows times the speed before it.
+    """
     last = q.base.shape[0] - 1
     for i in range(lanes):
-        m, taut = q.state[0, i], q.taut[0, i]
-        diagonal = 1.0 + q.by_end[i] + taut * q.by_tension[i] * q.draws[i]
-        up = taut * q.by_tension[i] * q.steep[0, i] + q.by_first[i]
-        rest = q.wanted[i] - q.by_tension[i] * taut * q.base[0, i]
-        fixed = m != 0.0
-        over = 1.0 / select(fixed, 1.0, diagonal)
-        q.upper[0, i] = select(fixed, 0.0, up * over)
-        q.known[0, i] = select(fixed, select(m > 0.0, q.high[i], q.low[i]), rest * over)
-    for j in range(1, last + 1):
-        h = apart(j)
+        q.rest[i], q.stiff[i] = q.base[last, i] + _rub(q, q.state[last, i], i), q.steep[last, i]
+    for k in range(last):
+        h = apart(last - k)
         for i in range(lanes):
             m, n = q.state[h, i], q.ratio[h - 1, i]
             f, g = select(m > 0.0, 1.0, n), select(m > 0.0, n, 1.0)
             before, after = q.taut[h - 1, i], q.taut[h, i]
-            grown = q.growth[h - 1, i] * select(m > 0.0, q.pull[h, i], q.pull[h - 1, i])
-            a, b = f * before * q.steep[h - 1, i], g * after * q.steep[h, i]
-            low = select(h == 1, f * before * q.draws[i], a)
             rub = select(h == last, _rub(q, m, i), 0.0)
-            rest = f * before * q.base[h - 1, i] - g * after * (q.base[h, i] + rub) + grown * q.rate[h, i]
+            grown = q.growth[h - 1, i] * select(m > 0.0, q.pull[h, i] + rub, q.pull[h - 1, i])
+            steep = q.steep[h - 1, i]
+            drag = select(h == last, 0.0, LOOSE * (steep + q.steep[h, i]))
             loose = (m != 0.0) & (before + after == 0.0)
             idle = (m == 0.0) | loose
-            drag = select(h == last, 0.0, LOOSE * (q.steep[h - 1, i] + q.steep[h, i]))
-            pivot = a + b + grown + drag - low * q.upper[h - 1, i]
+            pivot = f * before * steep + g * after * q.stiff[i] + grown + drag
             over = select(idle, 0.0, 1.0 / select(idle, 1.0, pivot))
-            q.upper[h, i] = b * over
-            q.known[h, i] = select(loose, q.rate[h, i], (rest + low * q.known[h - 1, i]) * over)
+            known = (f * before * q.base[h - 1, i] - g * after * q.rest[i] + grown * q.rate[h, i]) * over
+            known = select(loose, q.rate[h, i], known)
+            follows = f * before * over * select(h == 1, q.draws[i], steep)
+            q.known[h, i], q.follows[h, i] = known, follows
+            q.rest[i], q.stiff[i] = q.base[h - 1, i] - steep * known, steep * (1.0 - follows)
 
 
 @inline
-def _backward(q, lanes):
-    """Speeds of the columns that have not settled, from the load to the drive.
+def _substitute(q, lanes):
+    """Speeds of the columns that have not settled, from the drive to the load.
 
     Where the tangent of a law would turn a contact round, the pass is repeated from the same speeds with the chord
     between rest and there, which meets the law where the contact stops (``rough``).
@@ -160,14 +169,25 @@ def _backward(q, lanes):
     last = q.base.shape[0] - 1
     for i in range(lanes):
         q.again[i] = 0.0
-    for k in range(last + 1):
-        h = apart(last - k)
+        taut, old = q.taut[0, i] * q.by_tension[i], q.rate[0, i]
+        over = q.by_first[i] + taut * q.steep[0, i]
+        per = 1.0 / (1.0 + q.by_end[i] + taut * q.draws[i])
+        asked, alone = (q.wanted[i] - taut * q.base[0, i] + over * q.known[1, i]) * per, over * q.follows[1, i] * per
+        q.before[0, i], q.rate[0, i] = old, select(q.pending[i] > 0.5, pace(q, i, asked, 1.0 - alone), old)
+    for j in range(1, last + 1):
+        h = apart(j)
         for i in range(lanes):
-            w = q.known[h, i] + (0.0 if h == last else q.upper[h, i] * q.rate[h + 1, i])
             old, m = q.rate[h, i], q.state[h, i]
-            w = select(q.pending[i] > 0.5, w, old)
+            w = select(q.pending[i] > 0.5, q.known[h, i] + q.follows[h, i] * q.rate[h - 1, i], old)
             q.before[h, i], q.rate[h, i] = old, w
-            q.again[i] = select((h > 0) & (m * w < 0.0) & (m * old > 0.0), 1.0, q.again[i])
+            q.again[i] = select((m * w < 0.0) & (m * old > 0.0), 1.0, q.again[i])
+    return _turned(q, lanes)
+
+
+@inline
+def _turned(q, lanes):
+    """Whether columns must repeat the pass, with the speeds that they had before it."""
+    last = q.base.shape[0] - 1
     turned = 0
     for i in range(lanes):
         repeat = (q.again[i] > 0.5) & (q.rough[i] < 0.5) & (q.pending[i] > 0.5) & (q.elastic[i] < 0.5)
@@ -228,15 +248,8 @@ def _check(q, p, e, s, lanes, dt):
     """The next set of each column, and whether it must be solved again."""
     last = q.base.shape[0] - 1
     for i in range(lanes):
-        w, m = q.rate[0, i], q.state[0, i]
-        rest = q.wanted[i] - w - q.by_tension[i] * q.pull[0, i] - q.by_end[i] * w + q.by_first[i] * q.rate[1, i]
-        free = select(w > q.high[i], 1.0, select(w < q.low[i], -1.0, 0.0))
-        held = select(m * rest >= 0.0, m, 0.0)
-        now = select(q.low[i] < q.high[i], select(m == 0.0, free, held), 1.0)
-        now = select(q.rough[i] > 0.5, m, now)
-        q.state[0, i] = now
         off = abs(lead(p, q, e, s, i)) > EVEN * q.pull[0, i] + LEAST
-        q.again[i] = select((now != m) | off, 1.0, q.again[i])
+        q.again[i] = select(off, 1.0, q.again[i])
     for j in range(1, last + 1):
         h = apart(j)
         for i in range(lanes):
@@ -332,14 +345,13 @@ def sweep(q, p, e, s, i, turns):
             h = k if turn % 2 == 0 else last - k
             if h > 0:
                 q.rate[h, i] = _alone(q, p, e, s, h, i)
-            elif q.low[i] < q.high[i]:
+            else:
                 first = q.rate[1, i]
                 rest, slope = q.wanted[i] + q.by_first[i] * first, 1.0 + q.by_end[i]
                 w, base = rest / slope, q.base[0, i] - q.steep[0, i] * first
                 if base + q.draws[i] * w > 0.0:
                     w = (rest - q.by_tension[i] * base) / (slope + q.by_tension[i] * q.draws[i])
-                q.rate[0, i] = min(max(w, q.low[i]), q.high[i])
-                q.state[0, i] = 1.0 if w > q.high[i] else -1.0 if w < q.low[i] else 0.0
+                q.rate[0, i] = pace(q, i, w, 1.0)
                 lead(p, q, e, s, i)
     for h in range(1, last + 1):
         w = q.rate[h, i]
@@ -364,8 +376,8 @@ def solve(q, p, e, s, lanes, dt, anew):
     while left and passes < ROUNDS * PASSES:
         if solves:
             passes += 1
-            _forward(q, lanes)
-            turned = _backward(q, lanes)
+            _eliminate(q, lanes)
+            turned = _substitute(q, lanes)
             _stretch(q, lanes)
         _laws(q, p, e, s, lanes)
         if turned:

@@ -26,6 +26,13 @@ does in the step. Most steps need none of that: a sweep from the load with what 
 and slips from the drive on, which contradict nothing. Should sweeps go on for `PATIENCE`, a sweep changes one contact
 only, the first that differs, which ends (least-index pivoting).
 
+`cable_envs.physics.series` solves contacts whose limits grow with the speed (extrusion), each with its own, with a load
+at the last one and a drive in a loop of its tension. It takes Newton's method with a law for each contact in each pass.
+Here all limits of a column are the same two numbers for a step, so that sweeps are exact without iterating on a law,
+twenty contacts cost little more than their spans, and a fixed number of sweeps is a function without a loop that ends
+early (CasADi). A span of its own is behind the last contact, and both ends have states: neither solver has the rows of
+the other.
+
 A slack span carries nothing, and then no other does. A column that has settled is not changed by further sweeps,
 whatever the others of its tile do.
 """

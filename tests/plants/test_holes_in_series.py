@@ -8,9 +8,10 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
+from cable_envs.core.kernels import LANES
 from cable_envs.physics.contact import tension_ratio
 from cable_envs.plants.hole.plant import cable_hole
-from cable_envs.plants.hole.series_stages import late
+from cable_envs.plants.hole.series_stages import NEAR, caught_up, late, scratch
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import load_rig, rig_from_mapping
 from cablebench.entrants.named import reference_entrants
@@ -203,6 +204,43 @@ def test_slack_and_taut_again():
     assert bench.X.load_velocity[0] == pytest.approx(0.05, rel=1e-3)
     assert bench.tensions()[-1, 0] == pytest.approx(bench.weight[0], rel=1e-3)
     assert np.all(np.diff(bench.tensions()[:, 0]) < 0.0)
+
+
+def _chases(old, line, rise, most, parts=20_000):
+    """(mean speed, speed at the end) of a drive that gets to a line at its limit of acceleration, in small parts."""
+    at, total = old, 0.0
+    for k in range(parts):
+        goal = line + rise * ((k + 0.5) / parts - 0.5)
+        at += np.clip(goal - at, -most / parts, most / parts)
+        total += at / parts
+    return total, at
+
+
+def test_a_drive_leaves_its_limit_of_acceleration_within_a_step():
+    """Stopped at the limit's mean, as by a clip, it would be off by an eighth of what it may change in a step."""
+    rng, most = np.random.default_rng(15), 2e-3
+    w = scratch(3).zeros(LANES)
+    w.most[:], w.fastest[:], w.alone[:] = most, 1.0, 0.3
+    w.rise[:], w.old[:] = rng.uniform(-0.9, 0.9, LANES) * most, rng.uniform(-0.1, 0.1, LANES)
+    far = rng.uniform(-1.5, 1.5, LANES) * most
+    for i in range(LANES):
+        mean, ends = caught_up(w, i, 0.3 * (w.old[i] + far[i]), 0.3)
+        exact, last = _chases(w.old[i], w.old[i] + far[i], w.rise[i], most)
+        assert mean == pytest.approx(exact, abs=0.03 * most)
+        assert ends == pytest.approx(last, abs=2.0 * NEAR * most)
+
+
+def test_what_a_drive_makes_of_its_loop_does_not_jump_where_a_contact_starts_to_slip():
+    """Asked for the same, in two ways to say it: alone, and with the share of its own speed that comes back to it."""
+    rng, w = np.random.default_rng(16), scratch(3).zeros(LANES)
+    w.most[:], w.fastest[:], w.alone[:] = 2e-3, 1.0, rng.uniform(0.1, 1.0, LANES)
+    w.rise[:], w.old[:] = rng.uniform(-1e-3, 1e-3, LANES), rng.uniform(-0.1, 0.1, LANES)
+    for i in range(LANES):
+        share = rng.uniform(0.05, 1.0)
+        asked = w.old[i] + rng.uniform(-3e-3, 3e-3)
+        alone, _ = caught_up(w, i, asked, 1.0)
+        slipping, _ = caught_up(w, i, asked - (1.0 - share) * alone, share)
+        assert slipping == pytest.approx(alone, abs=1e-12)
 
 
 EFFECTS = {

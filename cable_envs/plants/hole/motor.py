@@ -13,12 +13,12 @@ import numpy as np
 
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.core.params import Parameter
-from cable_envs.effects.position_ripple import wave
 from cable_envs.physics.friction import ringing_way
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
+from cable_envs.plants.hole.spool import nut_before, wound
 from cable_envs.plants.hole.stages import carried, limited, reached_early
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_shows, motor_step_in_gap, motor_torques, servo_reads
@@ -77,9 +77,9 @@ def hauled(x, p, u, w, e, s, g, i, dt):
     by_force = u.mode[i] < 0.5
     if e is not None:
         gap = e.backlash_gap[i]
-        nut = select(gap > 0.0, s.gap_position[i], at)
-        _, steep = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-        end, lead = 1.0 + steep, at - nut
+        nut = nut_before(e, s, i, at)
+        _, end = wound(e, i, nut)
+        lead = at - nut
         held = held & (g.imposes[i] < 0.5)
     k, c = select(held, w.stiffness[i], 0.0), select(held, w.damping[i], 0.0)
     speed = x.load_velocity[i]
@@ -95,7 +95,8 @@ def hauled(x, p, u, w, e, s, g, i, dt):
 def drive_row(x, p, u, w, e, s, g, i, dt):
     """The drive's speed before the step, in the place of the ideal drive of holes in series."""
     w.rate[0, i] = x.drive_velocity[i]
-    w.wanted[i], w.low[i], w.high[i], w.told[i] = 0.0, 0.0, 0.0, 0.0
+    w.told[i], w.loops[i], w.old[i] = 0.0, 0.0, x.drive_velocity[i]
+    w.most[i], w.alone[i], w.fastest[i] = 0.0, 0.0, 0.0
 
 
 @inline
@@ -110,7 +111,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     rises = (old > 0.0) | ((old == 0.0) & (up > x.drive_tension[i]))
     falls = (old < 0.0) | ((old == 0.0) & (down < x.drive_tension[i]))
     share = 0.5 * dt / (p.moved_inertia[i] + 0.5 * dt * damping)  # of the mean speed, in what moves the drive
-    w.by_tension[i], w.lands[i] = share, 0.0
+    w.by_tension[i] = share
     w.wanted[i] = old + share * select(rises, up, down)
     w.low[i], w.high[i] = select(falls, -p.top_speed[i], 0.0), select(rises, p.top_speed[i], 0.0)
     if e is not None:

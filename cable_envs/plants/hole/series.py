@@ -14,10 +14,10 @@ The cable has no mass, so the slips s_h of the inner holes have no inertia: all 
 loop, which is far quicker than a step, are solved together (`cable_envs.physics.series`).
 
 Within a step of length dt a taut span acts at the share theta = 1/2 + SETTLING dt of it, so that what does not fit the
-laws at its start dies out as ((1 - theta) / theta)^n; a slack span acts at its end. The inner loop gives the drive's
-mean speed, with which the drive then goes on, from the tension in the middle of the step, or as much later as it must
-be not to ring where the loop is quicker than the step. A drive at its limit of acceleration moves as one that
-accelerates does.
+laws at its start dies out as ((1 - theta) / theta)^n; a slack span acts at its end. The inner loop asks the drive for
+a speed, from the tension in the middle of the step, or as much later as it must be not to ring where the loop is
+quicker than the step. A drive that is not as fast gets there at its limit of acceleration, and from then on, within the
+step, does what it is asked for.
 Tensions after the step follow from that of the first span by the law of every hole.
 
 Signs: x > 0 hauls in, s > 0 and y > 0 lift. SI units throughout.
@@ -53,6 +53,7 @@ from cable_envs.plants.hole.series_stages import (
     inner_span,
     load_row,
     moved,
+    pace,
     rub,
     scratch,
     slipped,
@@ -63,7 +64,7 @@ from cable_envs.plants.hole.spool import settle_drive
 from cable_envs.plants.hole.stages import any_stiff
 from cable_envs.plants.peaks import peak_at_start
 
-solve_together = specialised(series.solve, law=friction, lead=end_row)
+solve_together = specialised(series.solve, law=friction, lead=end_row, pace=pace)
 
 PICK_UP = 0.02
 """Longest step, as a share of the time in which a drive that accelerates from rest takes the whole weight up."""
@@ -99,7 +100,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             for i in range(lanes):
                 inner_span(x, p, w, h, i, dt)
         for i in range(lanes):
-            load_row(x, p, u, w, e, s, g, i)
+            load_row(x, p, u, w, e, s, g, i, dt)
         if e is not None:
             solve_together(w, p, e, s, lanes, dt, True)
         else:

@@ -4,11 +4,9 @@
 follows w is the scratch of both; e, s and g are None without effects.
 """
 
-from cable_envs.core.kernels import clip, exp, inline, log, maximum, minimum, power, select, sign
+from cable_envs.core.kernels import clip, exp, inline, log, maximum, minimum, power, select, sign, sqrt
 from cable_envs.core.lanes import Lanes
-from cable_envs.effects.backlash import play
 from cable_envs.effects.own import own_cable, own_contact, own_load
-from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import begin as begin_elements
 from cable_envs.effects.presliding_hysteresis import damping as elastic_damping
 from cable_envs.effects.presliding_hysteresis import follow, share, slope
@@ -18,12 +16,14 @@ from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
-from cable_envs.plants.hole.spool import moves_otherwise
+from cable_envs.plants.hole.spool import moves_otherwise, nut_after, nut_before, wound
 from cable_envs.plants.hole.stages import reached_early
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
-SETTLING = 200.0
+NEAR = 0.1
+"""A drive counts as following its loop where it is nearer to it than this share of what it may change in a step."""
+SETTLING = 50.0
 """How much later than in the middle of a step its taut spans act, in shares of it per second of its length, 1/s."""
 
 
@@ -38,9 +38,12 @@ def scratch(holes: int) -> Lanes:
         # the step, m; where the drive is without its speed, and how far that takes it, m and s
         "grip", "held", "end_before", "reach", "lever",
         "straight",  # base of the first span where the cable's end is where the drive is, N
-        # whether the drive's speed is told, and what it is after the step, m/s; whether a drive within its limits ends
-        # a step with its mean speed
-        "told", "goal", "lands",
+        # whether the drive's speed is told, and what it is after the step, m/s
+        "told", "goal",
+        # whether a drive follows the inner tension loop; its speed before the step and its limit, by how much it may
+        # change in the step, by how much what the loop asks for does, and what it is after the step, m/s; the share of
+        # `caught_up` that the step keeps
+        "loops", "old", "fastest", "most", "rise", "ends", "alone",
     ])  # fmt: skip
 
 
@@ -77,6 +80,46 @@ def friction(p, w, e, s, h, i, speed, way):
 
 
 @inline
+def caught_up(w, i, asked, alone):
+    """(mean speed, speed after the step) of a drive that follows its inner tension loop within its limits.
+
+    Where the cable slips with the drive, the loop asks for more as the drive is faster: for asked + (1 - alone) times
+    its mean speed. If the drive were always as fast as it is asked to be, its speed would be a straight line over the
+    step, with asked / alone in its middle and w.rise more at its end than at its start. A drive that is not on that
+    line gets there as quick as it can, and then follows it. With y for how far it is from the line at the start, and f
+    for what of that is beyond what counts as near, it falls short by f^2 / (2 (reach - 2 near)) of its mean.
+    """
+    most, top = w.most[i], w.fastest[i]
+    whole = asked / alone
+    rise = select(abs(whole) < top, w.rise[i], 0.0)
+    start = w.old[i] + 0.5 * rise
+    apart = alone * (clip(whole, -top, top) - start)
+    way = select(apart < 0.0, -1.0, 1.0)
+    reach = most - way * rise
+    near = minimum(NEAR * most, 0.5 * reach)
+    wide, over = maximum(reach - 2.0 * near, 1e-300), maximum(abs(apart) - alone * near, 0.0)
+    meets = over < 0.5 * (alone + w.alone[i]) * wide
+    far = 2.0 * over / (alone + sqrt(maximum(alone * alone + 2.0 * (w.alone[i] - alone) * over / wide, 0.0)))
+    line = start + select(over > 0.0, way * (near + far), apart / alone)
+    mean, ends = line - 0.5 * way * far * far / wide, clip(line + 0.5 * rise, -top, top)
+    return select(meets, mean, w.old[i] + 0.5 * way * most), select(meets, ends, w.old[i] + way * most)
+
+
+@inline
+def pace(w, i, asked, alone):
+    """Mean speed of the drive over the step, and what it is after it.
+
+    The share in which the drive's speed comes back to it is that of the step's first set of contacts that slip.
+    """
+    w.alone[i] = select(w.alone[i] > 0.0, w.alone[i], alone)
+    mean, ends = caught_up(w, i, asked, alone)
+    loops, limited = w.loops[i] > 0.5, clip(asked / alone, w.low[i], w.high[i])
+    other = select(w.told[i] > 0.5, w.goal[i], limited + (limited - w.old[i]))
+    w.ends[i] = select(w.pending[i] > 0.5, select(loops, ends, other), w.ends[i])
+    return select(loops, mean, limited)
+
+
+@inline
 def end_row(p, w, e, s, i):
     """How the first span feels the drive at its present speed; by how much the tension differs from the row so far.
 
@@ -84,15 +127,12 @@ def end_row(p, w, e, s, i):
     """
     if e is not None:
         speed = w.rate[0, i]
-        drive, gap = w.reach[i] + w.lever[i] * speed, e.backlash_gap[i]
-        nut = select(gap > 0.0, play(s.gap_position[i], drive, gap), drive)
-        ripple, steep = wave(
-            nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i]
-        )
-        turns = select((gap > 0.0) & (nut == s.gap_position[i]), 0.0, 1.0 + steep)
+        nut = nut_after(e, s, i, w.reach[i] + w.lever[i] * speed, False)
+        at, steep = wound(e, i, nut)
+        turns = select((e.backlash_gap[i] > 0.0) & (nut == s.gap_position[i]), 0.0, steep)
         before = w.base[0, i] + w.draws[i] * speed
         w.draws[i] = w.grip[i] * turns * w.lever[i]
-        end = w.held[i] + w.grip[i] * (nut + ripple - w.end_before[i]) - w.draws[i] * speed
+        end = w.held[i] + w.grip[i] * (at - w.end_before[i]) - w.draws[i] * speed
         w.base[0, i] = select(moves_otherwise(e, i), end, w.straight[i])
         w.by_end[i] = w.by_first[i] * turns
         return w.base[0, i] + w.draws[i] * speed - before
@@ -135,10 +175,8 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     """The drive within its speed and acceleration limits; in tension mode the inner tension loop.  G35"""
     old = x.drive_velocity[i]
     most = p.acceleration_limit[i] * dt
-    low = clip(-p.speed_limit[i], old - most, old + most)
-    high = clip(p.speed_limit[i], old - most, old + most)
     told = u.mode[i] > 0.5
-    target = clip(u.command[i], low, high)
+    target = old + clip(clip(u.command[i], -p.speed_limit[i], p.speed_limit[i]) - old, -most, most)
     wanted = p.inner_kp[i] * u.command[i] + p.inner_kd[i] * u.command_rate[i]
     way = 0.5 * (old + target) + reached_early(p, i, old, target, dt) / dt
     if e is not None:
@@ -146,8 +184,9 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         target = select(moves, select(g.imposes[i] > 0.5, 0.0, g.target_rate[i]), target)
         told, way = told | moves, select(moves, target, way)
     w.wanted[i], w.told[i], w.goal[i] = wanted, select(told, 1.0, 0.0), target
-    w.low[i], w.high[i] = select(told, way, 0.5 * (old + low)), select(told, way, 0.5 * (old + high))
-    w.rate[0, i], w.lands[i] = old, 1.0
+    w.low[i], w.high[i] = select(told, way, -p.speed_limit[i]), select(told, way, p.speed_limit[i])
+    w.rate[0, i], w.old[i], w.loops[i], w.alone[i] = old, old, select(told, 0.0, 1.0), 0.0
+    w.most[i], w.fastest[i] = most, p.speed_limit[i]
 
 
 @inline
@@ -160,9 +199,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     stretch = x.drive_position[i] - x.slip_position[0, i]
     pull = k * stretch
     if e is not None:
-        nut = select(e.backlash_gap[i] > 0.0, s.gap_position[i], x.drive_position[i])
-        ripple, _ = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-        w.end_before[i] = nut + ripple
+        w.end_before[i], _ = wound(e, i, nut_before(e, s, i, x.drive_position[i]))
         stretch = w.end_before[i] - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
         pull, k = own_cable(pull, e, s, i), k * rise
@@ -202,7 +239,7 @@ def inner_span(x, p, w, h, i, dt):
 
 
 @inline
-def load_row(x, p, u, w, e, s, g, i):
+def load_row(x, p, u, w, e, s, g, i, dt):
     """What the load takes behind the last hole."""
     holes, v, above = w.ratio.shape[0], x.load_velocity[i], x.span_tension[w.ratio.shape[0] - 2, i]
     w.rate[holes, i], w.speed[i], w.inertia[i] = v, v, p.load_mass[i]
@@ -219,6 +256,9 @@ def load_row(x, p, u, w, e, s, g, i):
         _build_up(p, w, e, s, g, i, v, above, w.resist[i] + at)
         w.resist[i] += at - falling * v
         w.damper[i], w.spring[i] = w.damper[i] + falling, w.spring[i] + k
+    rub = select(v > 0.0, w.rub_up[i], -w.rub_down[i])
+    net = select(v != 0.0, x.load_tension[i] - w.resist[i] - w.damper[i] * v - rub, 0.0)
+    w.rise[i] = clip(dt * net / w.inertia[i], -w.most[i], w.most[i])
 
 
 @inline
@@ -267,15 +307,13 @@ def slipped(x, w, h, i, dt):
 def moved(x, p, u, w, e, s, g, i, dt):
     """Drive and load after the step, and the tension at the drive; the holes have moved on."""
     holes = w.ratio.shape[0]
-    old, way = x.drive_velocity[i], w.rate[0, i]
-    drive = x.drive_position[i] + dt * way
+    drive = x.drive_position[i] + dt * w.rate[0, i]
     stretched = drive - x.drive_position[i] - dt * w.rate[1, i]
     if e is not None:
-        drive, gap = select(g.follows[i] > 0.5, g.target[i], drive), e.backlash_gap[i]
-        s.gap_position[i] = select(gap > 0.0, play(s.gap_position[i], drive, gap), drive)
+        drive = select(g.follows[i] > 0.5, g.target[i], drive)
+        s.gap_position[i] = nut_after(e, s, i, drive, False)
     x.drive_position[i] = drive
-    ends = select((w.lands[i] > 0.5) & (w.state[0, i] == 0.0), way, way + (way - old))
-    x.drive_velocity[i] = select(w.told[i] > 0.5, w.goal[i], ends)
+    x.drive_velocity[i] = w.ends[i]
     mean, v = w.rate[holes, i], w.speed[i]
     x.load_position[i] += dt * mean
     x.load_velocity[i] = select(w.theta[i] < 1.0, v + (mean - v) / w.theta[i], mean)
@@ -284,10 +322,9 @@ def moved(x, p, u, w, e, s, g, i, dt):
     pull = k * stretch
     if e is not None:
         follow(s.presliding, i, dt * mean, e.presliding_hysteresis_displacement[i])
-        nut = s.gap_position[i]
-        ripple, _ = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-        stretch = nut + ripple - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
-        stretched = nut + ripple - w.end_before[i] - dt * w.rate[1, i]
+        end, _ = wound(e, i, s.gap_position[i])
+        stretch = end - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
+        stretched = end - w.end_before[i] - dt * w.rate[1, i]
         pull, _ = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
         pull = own_cable(pull, e, s, i)
     tension = select(stretch > 0.0, maximum(pull + p.cable_damping[i] * stretched / dt, 0.0), 0.0)
@@ -297,18 +334,15 @@ def moved(x, p, u, w, e, s, g, i, dt):
     x.slack_fraction[i] += select(tension <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], tension)
     if e is not None:
-        _stretched(x, p, w, e, s, g, i, dt)
+        _stretched(x, p, e, s, g, i, stretch, dt)
 
 
 @inline
-def _stretched(x, p, w, e, s, g, i, dt):
+def _stretched(x, p, e, s, g, i, stretch, dt):
     """Creep of the first span after the step; the drive where the tension is imposed."""
     imposed, hard = g.imposes[i] > 0.5, e.stiffness_hardening_coefficient[i]
-    nut = s.gap_position[i]
-    ripple, _ = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    lost = e.slack_length[i] + s.creep_top[i] + x.slip_position[0, i]
     whole = linear(x.drive_tension[i], hard) / p.cable_stiffness[i]
-    elongation = select(imposed, whole, maximum(nut + ripple - lost, 0.0))
+    elongation = select(imposed, whole, maximum(stretch, 0.0))
     s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])
     position = x.slip_position[0, i] + whole + e.slack_length[i] + s.creep_top[i]
     x.drive_velocity[i] = select(imposed, (position - x.drive_position[i]) / dt, x.drive_velocity[i])

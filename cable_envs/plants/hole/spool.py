@@ -28,16 +28,33 @@ def idle_share(e, s, i, position, speed, dt):
 
 
 @inline
+def nut_before(e, s, i, drive):
+    """Where the part behind the gap is before a step that begins with the drive there."""
+    return select(e.backlash_gap[i] > 0.0, s.gap_position[i], drive)
+
+
+@inline
+def nut_after(e, s, i, drive, by_force):
+    """Where the part behind the gap is after a step that ends with the drive there, which is told its force or not."""
+    gap = e.backlash_gap[i]
+    return select(gap > 0.0, pulled_end(by_force, s.gap_position[i], drive, gap), drive)
+
+
+@inline
+def wound(e, i, nut):
+    """(position of the cable's end, how far it moves with the nut) on an eccentric spool."""
+    ripple, steep = wave(nut, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
+    return nut + ripple, 1.0 + steep
+
+
+@inline
 def cable_end(e, s, i, old, new, speed, dt, by_force):
     """(position before, position after, mean speed, speed after) of the cable's end; PLAY is moved on."""
-    gap, a = e.backlash_gap[i], e.position_ripple_amplitude[i]
-    before = select(gap > 0.0, s.gap_position[i], old)
-    after = select(gap > 0.0, pulled_end(by_force, before, new, gap), new)
+    before, after = nut_before(e, s, i, old), nut_after(e, s, i, new, by_force)
     s.gap_position[i] = after
-    w0, _ = wave(before, a, e.position_ripple_period[i], e.position_ripple_phase[i])
-    w1, steep = wave(after, a, e.position_ripple_period[i], e.position_ripple_phase[i])
-    drawn = select(after != before, speed * (1.0 + steep), 0.0)
-    x0, x1 = before + w0, after + w1
+    x0, _ = wound(e, i, before)
+    x1, steep = wound(e, i, after)
+    drawn = select(after != before, speed * steep, 0.0)
     return x0, x1, (x1 - x0) / dt, drawn
 
 
