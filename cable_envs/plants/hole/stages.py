@@ -22,7 +22,7 @@ HOLE = Lanes("Hole", [
     "stiffness", "damping",  # of the cable, with what hardens it or takes it away: N/m, N s/m
     "friction", "friction_growth",  # M = mu + K |v|^omega, and dM/d|v| (s/m)
     "wrap_in_contact", "ratio", "inverse", "ratio_slope", "steepest",  # rad; n, 1/n, dn/dM; the n that none exceeds
-    "loop_gain", "loop_late", "loop_closed",  # gains of the drive's closed loop
+    "loop_gain", "loop_late", "loop_closed", "loop_rate", "loop_now",  # gains of the drive's closed loop
     "short",  # how far the load falls short of its mean speed where it stops, m
     "elongation",  # with effects: what of the stretch makes tension, m
 ])  # fmt: skip
@@ -42,6 +42,8 @@ def closed_loop(p, w, i, stiffness, dt):
     w.loop_gain[i] = by_position + by_speed + p.inner_kd[i] * stiffness
     w.loop_late[i] = by_position - by_speed
     w.loop_closed[i] = 1.0 / (1.0 + w.loop_gain[i])
+    w.loop_rate[i] = p.inner_kd[i] * stiffness
+    w.loop_now[i] = 1.0 / (1.0 + by_speed + w.loop_rate[i])
 
 
 @inline
@@ -66,15 +68,24 @@ def limited(p, i, old, wanted, dt):
 
 
 @inline
+def asked_at_start(x, p, w, i, wanted):
+    """The speed that G35 asks for at the start of the step, with the rate of the tension that goes with that speed."""
+    by_speed = p.inner_kp[i] * w.damping[i]
+    taut = (wanted + by_speed * x.drive_velocity[i] + w.loop_rate[i] * x.load_velocity[i]) * w.loop_now[i]
+    return select(x.drive_tension[i] > 0.0, taut, wanted)
+
+
+@inline
 def closed(x, p, w, e, g, i, wanted, dt):
-    """Speed of the drive after a step that obeys G35 with the tension that it leads to there.
+    """(speed of the drive after a step that obeys G35 with the tension that it leads to there, its slope by `early`).
 
     The algebraic loop through the cable's stiffness is solved, not sampled: with the gains of Table 3 it is 300 times
     faster than the step. The load takes part: its own step (`slip_speed`) gives its speed b at the end as a straight
     line in the drive's a, on the branch of friction on which it slides. At rest it slides on the branch on which the
     tension overcomes what resists, if there is one; it comes to rest where the line asks it to turn round.
 
-    wanted: `open_loop`. The tension grows by dT = k dt (old + a - v - b) / 2 + c (a - b - old + v) over the step.
+    wanted: `open_loop`. The tension grows by dT = k (dt (old + a - v - b) / 2 + early) + c (a - b - old + v) over the
+    step, early: how far the drive gets beyond its mean speed, m (`reached_early`); the speed is for none.
     """
     old, v, n, inv_n, half = x.drive_velocity[i], x.load_velocity[i], w.ratio[i], w.inverse[i], 0.5 * dt
     k, c, mass, gain = w.stiffness[i], w.damping[i], p.load_mass[i], w.loop_gain[i]
@@ -95,17 +106,28 @@ def closed(x, p, w, e, g, i, wanted, dt):
     inertia = ringing_inertia(mass, damping, stiffness, dt)  # b = (still + follows a) / inertia
     still = inertia * v + dt * (fixed * passed - held - half * stiffness * v)
     follows = dt * grows * passed
-    together = (inertia * apart + gain * still) / (inertia + gain * (inertia - follows))
+    per, earlier = 1.0 / (inertia + gain * (inertia - follows)), -p.inner_kp[i] * k
+    together = (inertia * apart + gain * still) * per
     ends = still + follows * together
     slides = (up & (ends > 0.0)) | (down & (ends < 0.0))
-    return select(slides, together, alone)
+    further = (inertia * earlier + gain * passed * (half * k + c)) * per
+    return select(slides, together, alone), select(slides, further, earlier * w.loop_closed[i])
+
+
+@inline
+def caught_early(p, i, jump, change, dt):
+    """How far a drive that is asked for another speed gets beyond the mean of the step, m: it is there on the way.
+
+    jump: how much faster it is to be at the start of the step. change: how much that changes within the step.
+    """
+    catches = p.acceleration_limit[i] * dt - select(jump < 0.0, -change, change)
+    return 0.5 * dt * jump * (1.0 - abs(jump) / maximum(catches, maximum(abs(jump), 1e-300)))
 
 
 @inline
 def reached_early(p, i, old, new, dt):
     """How far a drive that is told its speed gets beyond the mean of both, m: it reaches the new one on the way."""
-    most = p.acceleration_limit[i] * dt
-    return 0.5 * dt * (new - old) * (1.0 - minimum(abs(new - old) / most, 1.0))
+    return caught_early(p, i, new - old, 0.0, dt)
 
 
 @inline
@@ -116,13 +138,13 @@ def carried(x, w, e, s, g, i, new, dt, short=0.0):
     """
     old, before = x.drive_velocity[i], x.drive_position[i]
     w.end_before[i] = before
-    w.end_speed[i] = 0.5 * (old + new)
+    w.end_speed[i] = 0.5 * (old + new) - short / dt
     w.end_lag[i] = ringing_lag(new - old, dt)
     if e is not None:
         new = select(g.follows[i] > 0.5, g.target_rate[i], new)
         w.end_speed[i] = select(g.follows[i] > 0.5, (g.target[i] - before) / dt, w.end_speed[i])
     w.end_speed_after[i] = new
-    w.end_after[i] = before + dt * w.end_speed[i] - short
+    w.end_after[i] = before + dt * w.end_speed[i]
     if e is not None:
         w.end_after[i] = select(g.follows[i] > 0.5, g.target[i], w.end_after[i])
     x.drive_position[i], x.drive_velocity[i] = w.end_after[i], new
