@@ -44,8 +44,10 @@ from cable_envs.plants.hole.series import holes_in_series
 from cable_envs.plants.hole.spool import idle_share, settle_drive
 from cable_envs.plants.hole.stages import (
     HOLE,
+    any_of,
     any_stiff,
     asked_at_start,
+    begin_steep,
     carried,
     caught_early,
     closed,
@@ -61,14 +63,23 @@ from cable_envs.plants.hole.stages import (
     slip_speed,
     span,
     steepest_ratio,
+    steepness,
     stiffness_now,
+    tangent_there,
     transmitted,
+    try_speed,
     wrapped,
 )  # fmt: skip
 from cable_envs.plants.peaks import peak_at_start
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
+
+STEEP = 0.6
+"""How many times friction may take the load's speed within a step before its growth is no straight line there."""
+
+SOUGHT = 5
+"""Rounds in which the speed at the end of a step is found then."""
 
 REPORTED = 3
 """Rounds in which the tension behind the hole and the wrap of a stiff cable, each of which follows from the other, are
@@ -195,6 +206,21 @@ def slipped(x, p, u, w, e, s, g, i, ahead, dt):
 
 
 @inline
+def _against_steep_friction(x, p, u, w, e, s, g, lanes, bends, dt):
+    """Friction in a straight line that leads to the same speed at the end of the step as its law does."""
+    for i in range(lanes):
+        begin_steep(x, w, g, i)
+    for _ in range(SOUGHT):
+        for i in range(lanes):
+            try_speed(x, p, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
+            rubbed(x, p, w, e, s, g, i, w.way[i] * w.tried[i], x.drive_tension[i])
+        wrapped(x, p, w, lanes, bends)
+        for i in range(lanes):
+            ratio(p, w, i)
+            tangent_there(x, p, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
+
+
+@inline
 def behind(x, p, u, w, e, s, g, i):
     """The tension behind the hole, from the one above and the ratio."""
     v, above, n = x.load_velocity[i], x.drive_tension[i], w.ratio[i]
@@ -244,6 +270,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         else:
             w.stiffness[i] = p.cable_stiffness[i]
         w.damping[i], w.steepest[i] = p.cable_damping[i], steepest_ratio(p, i)
+        w.bends[i], w.sags[i], w.steep[i] = 0.0, 0.0, select(steepness(x, p, i, dt) > STEEP, 1.0, 0.0)
+    steep = any_of(w.steep, lanes)
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):
@@ -261,6 +289,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             _hauled(x, p, u, w, e, s, g, i, dt)
         for i in range(lanes):
             pulled_midway(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i])
+        if steep:
+            _against_steep_friction(x, p, u, w, e, s, g, lanes, bends, dt)
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
         if e is not None or bends:  # else the next step does not ask for it

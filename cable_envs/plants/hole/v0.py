@@ -68,6 +68,18 @@ def _straight(w, e, i, v, v_new):
 
 
 @inline
+def _moves_all_along(before, middle):
+    """In the place of `broken_away`: a mass moves from the start of the step, or not at all."""
+    return middle, 1.0
+
+
+@inline
+def _no_later(w, i, v, mass, damping, stiffness, share, k, c, early, dt):
+    """In the place of `later`: forces act in the middle of the step."""
+    return 0.0
+
+
+@inline
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, stage by stage."""
     bends = any_stiff(p, lanes)
@@ -113,7 +125,10 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             end(e, s, g, i, x.load_position[i], substeps * dt)
 
 
-_SOLVE = specialised(_solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way)
+_SOLVE = specialised(
+    _solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way, later=_no_later,
+    broken_away=_moves_all_along,
+)  # fmt: skip
 
 
 def as_v0(plant: Plant) -> Plant:
