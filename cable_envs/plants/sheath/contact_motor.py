@@ -13,6 +13,7 @@ takes either way: F falls with T, and never jumps. The tendon's end goes by the 
 
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.plants.servo_stages import motor_shows, motor_torques, servo_reads
+from cable_envs.plants.sheath.contact_stages import at_speeds as ideal_at_speeds
 from cable_envs.plants.sheath.contact_stages import end_share, room
 
 SCRATCH = ("reach_down", "coast", "cogging")
@@ -27,6 +28,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     forward, backward, cogging, damping = motor_torques(x, p, i, at, speed, dt)
     friction, mass = p.drive_friction[i], p.moved_inertia[i] / dt
     late = end_share(p.moved_inertia[i], 2.0 * x.slip_position.shape[0] * p.stiffness[i], dt)
+    late = maximum(late, w.weight[i])
     per = half / (mass + 0.5 * damping)
     net = (2.0 * mass + damping - p.moved_damping[i]) * speed - (1.0 - late) * x.drive_tension[i] - cogging
     w.reach[i], w.reach_down[i] = (net + forward - friction) * per, (net + backward + friction) * per
@@ -89,6 +91,13 @@ def drive_way(x, w, g, i, tension, dt):
     d = _gone(w, i, tension)
     speed = select(d == w.coast[i], 0.0, 2.0 * d / dt - x.drive_velocity[i])
     return d, select(w.low[i] < w.high[i], speed, w.placed[i])
+
+
+@inline
+def at_speeds(x, w, i, dt):
+    """Both ends go on at their speeds, in the place of `contact_stages.at_speeds`."""
+    ideal_at_speeds(x, w, i, dt)
+    w.reach_down[i] = w.coast[i] = w.reach[i]
 
 
 @inline

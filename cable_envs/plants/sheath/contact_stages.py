@@ -12,6 +12,7 @@ from cable_envs.effects.seams import dry_friction
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
 from cable_envs.physics.sweeps import sweep_fields
 
@@ -24,6 +25,8 @@ def scratch(contacts: int) -> Lanes:
     return Lanes("SheathWithContacts", [
         *sweep_fields(contacts),
         "stiffness", "damped",  # of an inner span, N/m; its damping over the step's length as a share of that
+        "instant",  # share of the step after which the tensions are those that are solved for
+        "weight",  # of these in the mean of the step, the rest is of those before
         "lost",  # slack and creep of the whole tendon, m
         "reach", "give", "low", "high", "placed",  # the drive's line and limits, m; its speed where it is at a place
         "ahead", "back",  # how far it moves within its gap before the tendon does, m
@@ -56,6 +59,24 @@ def end_share(mass, stiffness, dt):
 
 
 @inline
+def rings(mass, p, w, contact, i, dt):
+    """The inertia of an end with which its step is in time on its own span, where the contact next to it rests."""
+    contacts = w.way.shape[0]
+    stiffness = select(w.way[contact, i] == 0.0, 2.0 * contacts * p.stiffness[i], p.stiffness[i])
+    return in_time(mass, stiffness, dt)
+
+
+@inline
+def weigh(w, i, first):
+    """Weight in the mean of a step of tensions that are ``instant`` in it: the mean is what a straight line has amid it.
+
+    The line begins at the start of the step where that is the ``first`` of a control step, which knows the tensions
+    there, and else where the step before had them.
+    """
+    w.weight[i] = 0.5 / w.instant[i] if first else 1.5 - w.instant[i]
+
+
+@inline
 def room(by_force, nut, position, gap):
     """How far a drive goes either way before it takes the nut along, m; what the tendon pulls it takes at once."""
     ahead, back = nut + 0.5 * gap - position, position - nut + 0.5 * gap
@@ -72,7 +93,11 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         position, speed, u.command[i], u.command_rate[i], p.servo_stiffness[i], p.servo_damping[i],
         p.drive_acceleration_limit[i], fastest, dt,
     )  # fmt: skip
-    late, mass = end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt), p.drive_mass[i] / dt
+    late, mass = (
+        end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt),
+        rings(p.drive_mass[i], p, w, 0, i, dt) / dt,
+    )
+    late = maximum(late, w.weight[i])
     per = half / (mass + 0.5 * p.drive_damping[i])
     by_force = u.mode[i] > 0.5
     pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_tension[i]) * per
@@ -138,7 +163,9 @@ def load_row(x, p, u, w, e, s, g, i, dt):
         slowed = maximum(c + thick + g.steep[i], -p.load_mass[i] / dt)
         resist, k, c = resist + at - (slowed - c) * v, k + stiff, slowed
         up, down = g.up[i], g.down[i]
-    late, mass = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt), 2.0 * p.load_mass[i] / dt
+    late = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt)
+    mass = 2.0 * rings(p.load_mass[i], p, w, contacts - 1, i, dt) / dt
+    late = maximum(late, w.weight[i])
     per = 1.0 / ((mass + c) / dt + 0.5 * k)
     w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_tension[i] - resist) * per, late * per
     w.rub_up[i], w.rub_down[i], w.halfway[i] = up * per, down * per, 0.5 * dt * v
@@ -175,13 +202,18 @@ def load_stays(x, w, e, s, i):
 
 @inline
 def spans_of(x, p, w, e, s, i, dt):
-    """What all spans of a tendon have in common."""
+    """What all spans of a tendon have in common.
+
+    A span of stiffness k and damping c takes c / k to follow its tension. The tensions that are solved for are those
+    that much before the end of the step, but not before its middle: then what grows evenly is followed exactly, and the
+    step is of order 2 however short that time is.
+    """
     contacts = x.slip_position.shape[0]
     w.stiffness[i], w.damped[i] = contacts * p.stiffness[i], p.tendon_damping[i] / (p.stiffness[i] * dt)
-    w.lost[i] = 0.0
+    w.instant[i], w.lost[i] = maximum(1.0 - w.damped[i], 0.5), 0.0
     if e is None:
-        c = 1.0 / (w.stiffness[i] * (1.0 + w.damped[i]))
-        ends = 1.0 / (2.0 * w.stiffness[i] * (1.0 + w.damped[i]))
+        c = 1.0 / (w.stiffness[i] * (w.instant[i] + w.damped[i]))
+        ends = 1.0 / (2.0 * w.stiffness[i] * (w.instant[i] + w.damped[i]))
         for j in range(contacts + 1):
             w.compliance[j, i] = ends if (j == 0) | (j == contacts) else c
     else:
@@ -195,7 +227,7 @@ def _span(w, e, s, j, i, stretch, halves, contacts):
     if e is not None:
         stretch = stretch - w.lost[i] / (halves * contacts)
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
-        pull, c = own_cable(pull, e, s, i), 1.0 / (k * (rise + w.damped[i]))
+        pull, c = own_cable(pull, e, s, i), 1.0 / (k * (w.instant[i] * rise + w.damped[i]))
         w.compliance[j, i] = c
     else:
         pull, c = k * stretch, w.compliance[j, i]
@@ -248,6 +280,23 @@ def moved(x, p, u, w, e, s, g, i, dt):
     drive_shows(x, p, w, i)
     x.slack_fraction[i] += select(before <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], before)
+
+
+@inline
+def at_speeds(x, w, i, dt):
+    """Both ends go on at their speeds for dt, whatever pulls."""
+    drive, load = dt * x.drive_velocity[i], dt * x.load_velocity[i]
+    w.reach[i] = w.low[i] = w.high[i] = w.drive_reach[i] = drive
+    w.give[i] = w.drive_give[i] = 0.0
+    w.base[i] = w.load_reach[i] = load
+    w.held[i] = w.rub_up[i] = w.rub_down[i] = w.load_give[i] = w.halfway[i] = 0.0
+    w.drive_state[i], w.load_state[i] = 0.0, 1.0
+
+
+@inline
+def shown_tensions(x, w, i):
+    """The tensions at the ends are those that have been solved for."""
+    x.drive_tension[i], x.load_tension[i] = w.tension[0, i], w.tension[x.slip_position.shape[0], i]
 
 
 @inline

@@ -45,6 +45,7 @@ from cable_envs.physics.modes import COUPLED
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.sheath.contact_stages import (
+    at_speeds,
     drive_end,
     drive_row,
     first_span,
@@ -57,13 +58,18 @@ from cable_envs.plants.sheath.contact_stages import (
     moved,
     report,
     scratch,
+    shown_tensions,
     spans_of,
+    weigh,
 )
 from cable_envs.plants.sheath.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves
 from cable_envs.plants.sheath.plant import PLANT
 
 MOST = 50
 """Most contacts."""
+
+SHORT = 1e-6
+"""Length, over that of a step, of the step in which nothing moves: it shows the tensions at the end of a control step."""
 
 solve_together = specialised(
     sweeps.solve, first_span=first_span, inner_span=inner_span, last_span=last_span, drive_end=drive_end,
@@ -90,6 +96,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             w.way[h, i] = sign(x.slip_velocity[h, i])
     for n in range(substeps):
         for i in range(lanes):
+            weigh(w, i, n == 0)
             if e is not None:
                 actuate(e, s, g, u, i, n, substeps, dt)
                 u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
@@ -110,9 +117,16 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                     x.drive_tension[i], x.load_tension[i], e, s, i,
                 )  # fmt: skip
                 s.started[i] = 1.0
+    short = SHORT * dt
+    for i in range(lanes):
+        spans_of(x, p, w, e, s, i, short)
+        at_speeds(x, w, i, short)
+    solve_together(w, x, e, s, lanes)
+    for i in range(lanes):
+        shown_tensions(x, w, i)
     for h in range(contacts):
         for i in range(lanes):
-            x.slip_velocity[h, i] = w.slip[h + 1, i] / dt
+            x.slip_velocity[h, i] = w.slip[h + 1, i] / short
     for h in range(contacts - 1):
         for i in range(lanes):
             x.span_tension[h, i] = w.tension[h + 1, i]
