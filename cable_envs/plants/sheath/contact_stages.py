@@ -68,7 +68,7 @@ def rings(mass, p, w, contact, i, dt):
 
 @inline
 def weigh(w, i, first):
-    """Weight in the mean of a step of tensions that are ``instant`` in it: the mean is what a straight line has amid it.
+    """Weight in the mean of a step of tensions that are ``instant`` in it: a straight line has the mean amid the step.
 
     The line begins at the start of the step where that is the ``first`` of a control step, which knows the tensions
     there, and else where the step before had them.

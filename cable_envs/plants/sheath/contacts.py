@@ -28,6 +28,7 @@ Valid for slow motion (no waves, no mass of the tendon), a tendon without bendin
 its path keeps its length as the bend changes, and only its friction does. Curvature and pressure do not change mu.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -68,8 +69,11 @@ from cable_envs.plants.sheath.plant import PLANT
 MOST = 50
 """Most contacts."""
 
+SHAKES = 0.5
+"""Most that the vibration of an end on its own span may turn in a step, rad."""
+
 SHORT = 1e-6
-"""Length, over that of a step, of the step in which nothing moves: it shows the tensions at the end of a control step."""
+"""Length, over that of a step, of one in which nothing moves: it shows the tensions at the end of a control step."""
 
 solve_together = specialised(
     sweeps.solve, first_span=first_span, inner_span=inner_span, last_span=last_span, drive_end=drive_end,
@@ -150,12 +154,18 @@ _ACTING = replace(ACTING, effects={name: p for name, p in ACTING.effects.items()
 """Of the library all that acts on the sheath as one contact, but friction that is made to build up: here it does."""
 
 
-def _resolves(p, e) -> np.ndarray:
+def _resolves(contacts: int) -> Callable:
     """Longest steps, s: half of those of the sheath without contacts, whose vibrations are in time to order 4.
 
-    Here all tensions are solved with the end of the step, so that they are in time to order 2.
+    Here all tensions are solved together, so that they are in time to order 2. Where the contact next to it rests, an
+    end shakes on its own short span.
     """
-    return COUPLED * resolves(p, e)
+
+    def resolved(p, e) -> np.ndarray:
+        span = 2.0 * contacts * p.stiffness * np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_preload)
+        return np.minimum(COUPLED * resolves(p, e), SHAKES / np.sqrt(span / np.minimum(p.load_mass, p.drive_mass)))
+
+    return resolved
 
 
 @cache
@@ -180,7 +190,7 @@ def sheath_with_contacts(contacts: int) -> Plant:
         settle=_settle,
         solve=_solve,
         effects=Layout("tendon_sheath", PARAMETERS, _ACTING),
-        resolves=_resolves,
+        resolves=_resolves(contacts),
         plain=True,
         posture="bend",
     )
