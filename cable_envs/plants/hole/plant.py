@@ -10,7 +10,10 @@ Gu et al. 2024 (equations G), with the reading of docs/physics.md: friction is d
     load       m y'' = T2 - m g - k_l y - c_l y' + disturbance, rigidly behind the hole (v = y')          G28
 
 The load's and the drive's speeds at the end of a step are solved together: the drive's inner loop through the cable's
-stiffness is far faster than a step, and so is a light load. Tensions that are reported obey the contact's law at the
+stiffness is far faster than a step, and so is a light load. Where friction grows so steeply that a step is long for it,
+the load's speed at the end is sought on the law itself (Newton's method between bounds).
+
+Tensions that are reported obey the contact's law at the
 speeds that are reported with them. Several holes in series are in `cable_envs.plants.hole.series`.
 
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.

@@ -18,9 +18,10 @@ its ends, and nothing of them is put in (Kaneko et al., IEEE Transactions on Rob
 Agrawal, Peine and Yao, IEEE Transactions on Robotics 26 (2010) 920, whose chain of elements this is, here without
 mass). With N towards infinity this is the distributed capstan; sliding throughout, T_0 / T_N is e^(mu Theta) for any N.
 
-A step solves all contacts and both ends together, exactly (`cable_envs.physics.sweeps`): T_j are those at its end. The
-forces on load and drive are the means of those at its start and end (trapezoidal, order 2), and more of the end where
-a step cannot resolve how an end shakes on its own span.
+A step solves all contacts and both ends together, exactly (`cable_envs.physics.sweeps`): T_j are those that stand c / k
+before its end, at most in its middle. The forces on load and drive are the means of a straight line through them (order
+2), and more of the end where a step cannot resolve how an end shakes on its own span. What is shown at the end of a
+control step is solved for there.
 
 Signs: x > 0 pulls in, s > 0 slips to the drive, y > 0 goes towards the sheath. SI units throughout.
 
@@ -155,7 +156,7 @@ _ACTING = replace(ACTING, effects={name: p for name, p in ACTING.effects.items()
 
 
 def _resolves(contacts: int) -> Callable:
-    """Longest steps, s: half of those of the sheath without contacts, whose vibrations are in time to order 4.
+    """Longest steps, s: a share of those of the sheath without contacts, whose vibrations are in time to order 4.
 
     Here all tensions are solved together, so that they are in time to order 2. Where the contact next to it rests, an
     end shakes on its own short span.
