@@ -14,7 +14,7 @@ takes either way: F falls with T, and never jumps. The tendon's end goes by the 
 from cable_envs.core.kernels import clip, inline, maximum, select
 from cable_envs.plants.servo_stages import motor_shows, motor_torques, servo_reads
 from cable_envs.plants.sheath.contact_stages import at_speeds as ideal_at_speeds
-from cable_envs.plants.sheath.contact_stages import end_share, room
+from cable_envs.plants.sheath.contact_stages import end_share, rings, room, weight
 
 SCRATCH = ("reach_down", "coast", "cogging")
 """``down`` and dt v / 2, m; the motor's cogging, N. ``up``, g and both limits are those of an ideal drive."""
@@ -26,11 +26,11 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
     forward, backward, cogging, damping = motor_torques(x, p, i, at, speed, dt)
-    friction, mass = p.drive_friction[i], p.moved_inertia[i] / dt
+    friction, mass = p.drive_friction[i], rings(p.moved_inertia[i], p, w, 0, i, dt) / dt
     late = end_share(p.moved_inertia[i], 2.0 * x.slip_position.shape[0] * p.stiffness[i], dt)
-    late = maximum(late, w.weight[i])
+    late = maximum(late, weight(w, i))
     per = half / (mass + 0.5 * damping)
-    net = (2.0 * mass + damping - p.moved_damping[i]) * speed - (1.0 - late) * x.drive_tension[i] - cogging
+    net = (2.0 * mass + damping - p.moved_damping[i]) * speed - (1.0 - late) * x.drive_pull[i] - cogging
     w.reach[i], w.reach_down[i] = (net + forward - friction) * per, (net + backward + friction) * per
     w.give[i], w.coast[i], w.cogging[i], w.placed[i] = late * per, half * speed, cogging, 0.0
     fastest = p.top_speed[i]

@@ -26,7 +26,6 @@ def scratch(contacts: int) -> Lanes:
         *sweep_fields(contacts),
         "stiffness", "damped",  # of an inner span, N/m; its damping over the step's length as a share of that
         "instant",  # share of the step after which the tensions are those that are solved for
-        "weight",  # of these in the mean of the step, the rest is of those before
         "lost",  # slack and creep of the whole tendon, m
         "reach", "give", "low", "high", "placed",  # the drive's line and limits, m; its speed where it is at a place
         "ahead", "back",  # how far it moves within its gap before the tendon does, m
@@ -44,7 +43,7 @@ def limits(x, p, u, w, e, s, g, i):
         v = x.load_velocity[i]
         extra, _ = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], v)
         mu, skew = (up + extra) * g.factor[i], e.asymmetric_friction_contact[i]
-        own = own_contact(x.load_position[i], v, x.drive_tension[i], x.load_tension[i], e, s, i)
+        own = own_contact(x.load_position[i], v, x.drive_pull[i], x.load_pull[i], e, s, i)
         up, down = mu * (1.0 + skew) + own, mu * (1.0 - skew) + own
     each = bend / contacts
     w.up[i], w.down[i] = exp(maximum(up, 0.0) * each), exp(maximum(down, 0.0) * each)
@@ -67,13 +66,12 @@ def rings(mass, p, w, contact, i, dt):
 
 
 @inline
-def weigh(w, i, first):
+def weight(w, i):
     """Weight in the mean of a step of tensions that are ``instant`` in it: a straight line has the mean amid the step.
 
-    The line begins at the start of the step where that is the ``first`` of a control step, which knows the tensions
-    there, and else where the step before had them.
+    The line begins where the step before had its tensions.
     """
-    w.weight[i] = 0.5 / w.instant[i] if first else 1.5 - w.instant[i]
+    return 1.5 - w.instant[i]
 
 
 @inline
@@ -97,10 +95,10 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt),
         rings(p.drive_mass[i], p, w, 0, i, dt) / dt,
     )
-    late = maximum(late, w.weight[i])
+    late = maximum(late, weight(w, i))
     per = half / (mass + 0.5 * p.drive_damping[i])
     by_force = u.mode[i] > 0.5
-    pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_tension[i]) * per
+    pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_pull[i]) * per
     way = half * (speed + new)
     if e is not None:
         follows, gap = g.follows[i] > 0.5, e.backlash_gap[i]
@@ -155,8 +153,8 @@ def load_row(x, p, u, w, e, s, g, i, dt):
     resist = p.load_preload[i] + p.load_stiffness[i] * y - u.disturbance[i]
     k, c, up, down = p.load_stiffness[i], p.load_damping[i], p.load_friction[i], p.load_friction[i]
     if e is not None:
-        behind = x.load_tension[i]
-        dry_friction(e, g, i, v, p.load_friction[i], x.drive_tension[i])
+        behind = x.load_pull[i]
+        dry_friction(e, g, i, v, p.load_friction[i], x.drive_pull[i])
         at = own_load(y, v, behind, e, s, i)
         stiff = maximum((own_load(y + STEP_Y, v, behind, e, s, i) - at) / STEP_Y, 0.0)
         thick = maximum((own_load(y, v + STEP_V, behind, e, s, i) - at) / STEP_V, 0.0)
@@ -165,9 +163,9 @@ def load_row(x, p, u, w, e, s, g, i, dt):
         up, down = g.up[i], g.down[i]
     late = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt)
     mass = 2.0 * rings(p.load_mass[i], p, w, contacts - 1, i, dt) / dt
-    late = maximum(late, w.weight[i])
+    late = maximum(late, weight(w, i))
     per = 1.0 / ((mass + c) / dt + 0.5 * k)
-    w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_tension[i] - resist) * per, late * per
+    w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_pull[i] - resist) * per, late * per
     w.rub_up[i], w.rub_down[i], w.halfway[i] = up * per, down * per, 0.5 * dt * v
     w.load_state[i] = select((up > 0.0) | (down > 0.0), sign(v), 1.0)
     w.load_reach[i] = w.base[i] - select(v > 0.0, w.rub_up[i], select(v < 0.0, -w.rub_down[i], 0.0))
@@ -276,7 +274,8 @@ def moved(x, p, u, w, e, s, g, i, dt):
         s.gap_position[i] = select(gap > 0.0, nut, x.drive_position[i])
     x.load_position[i] += w.slip[contacts + 1, i]
     x.load_velocity[i] = select(w.load_state[i] == 0.0, 0.0, 2.0 * w.slip[contacts + 1, i] / dt - x.load_velocity[i])
-    x.drive_tension[i], x.load_tension[i] = before, behind
+    x.drive_tension[i] = x.drive_pull[i] = before
+    x.load_tension[i] = x.load_pull[i] = behind
     drive_shows(x, p, w, i)
     x.slack_fraction[i] += select(before <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], before)

@@ -62,7 +62,6 @@ from cable_envs.plants.sheath.contact_stages import (
     scratch,
     shown_tensions,
     spans_of,
-    weigh,
 )
 from cable_envs.plants.sheath.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves
 from cable_envs.plants.sheath.plant import PLANT
@@ -101,7 +100,6 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             w.way[h, i] = sign(x.slip_velocity[h, i])
     for n in range(substeps):
         for i in range(lanes):
-            weigh(w, i, n == 0)
             if e is not None:
                 actuate(e, s, g, u, i, n, substeps, dt)
                 u.command[i] = own_actuate(u.command[i], x.drive_position[i], x.drive_velocity[i], e, s, i)
@@ -119,9 +117,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             if e is not None:
                 advance_memory(
                     u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
-                    x.drive_tension[i], x.load_tension[i], e, s, i,
+                    x.drive_pull[i], x.load_pull[i], e, s, i,
                 )  # fmt: skip
                 s.started[i] = 1.0
+    for h in range(contacts):
+        for i in range(lanes):
+            x.slip_velocity[h, i] = w.slip[h + 1, i] / dt
     short = SHORT * dt
     for i in range(lanes):
         spans_of(x, p, w, e, s, i, short)
@@ -129,9 +130,6 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     solve_together(w, x, e, s, lanes)
     for i in range(lanes):
         shown_tensions(x, w, i)
-    for h in range(contacts):
-        for i in range(lanes):
-            x.slip_velocity[h, i] = w.slip[h + 1, i] / short
     for h in range(contacts - 1):
         for i in range(lanes):
             x.span_tension[h, i] = w.tension[h + 1, i]
@@ -148,6 +146,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     for h in range(contacts):
         x.slip_position[h] = position + (x.drive_position - position) * (1.0 - (h + 0.5) / contacts)
     x.span_tension[:], x.bend[:] = x.drive_tension, p.bend_angle
+    x.drive_pull[:], x.load_pull[:] = x.drive_tension, x.load_tension
 
 
 _BUILDING_UP = ("presliding_hysteresis", "lugre_friction", "elastoplastic_friction")
@@ -179,8 +178,18 @@ def sheath_with_contacts(contacts: int) -> Plant:
         *((f"slip_velocity_{h}", "m/s", f"speed of the tendon at contact {h}") for h in range(1, contacts + 1)),
         *((f"span_tension_{j}", "N", f"tension behind contact {j}") for j in range(1, contacts)),
     )
-    signals = (*SIGNALS, Signal("bend", "rad", "present bend of the sheath"), *(Signal(*row) for row in rows))
-    fields = [("slip_position", contacts), ("slip_velocity", contacts), ("span_tension", contacts - 1)]
+    ends = (
+        Signal("drive_pull", "N", "tension at the drive with which the last integration step was solved"),
+        Signal("load_pull", "N", "tension at the load with which the last integration step was solved"),
+    )
+    signals = (*SIGNALS, Signal("bend", "rad", "present bend of the sheath"), *(Signal(*row) for row in rows), *ends)
+    fields = [
+        ("slip_position", contacts),
+        ("slip_velocity", contacts),
+        ("span_tension", contacts - 1),
+        "drive_pull",
+        "load_pull",
+    ]
     return replace(
         PLANT,
         signals=signals,
