@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.plants.hole.statics import EXACT, G9, G22, hole_ratio
+from cable_envs.physics.hole_ratio import EXACT, G9, G22, hole_ratio
 
 FORMS = {"exact": EXACT, "g22": G22, "g9": G9}
 

@@ -15,8 +15,8 @@ import numpy as np
 
 import cable_envs
 from cable_envs.core.compiling.portable import PLAIN, written
+from cable_envs.physics.hole_ratio import EXACT, hole_ratio
 from cable_envs.plants import families, variants
-from cable_envs.plants.hole.statics import EXACT, hole_ratio
 from cable_envs.sim.replay import replay
 
 EFFECT = {"effects": {"backlash": {"gap": 1e-6}}}

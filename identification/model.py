@@ -13,7 +13,7 @@ from cable_envs.physics.contact import (
     tension_ratio_and_slope,
     tension_ratio_perturbed,
 )
-from cable_envs.plants.hole.statics import EXACT, G22
+from cable_envs.physics.hole_ratio import EXACT, G22
 
 NAMES = ("delta", "mu", "K", "omega", "rho0")
 """Row order of ``theta``; K in (s/m)^omega, all others are pure numbers."""

@@ -8,8 +8,8 @@ import numpy as np
 
 from benchmarks.properties.rigs import KEPT, LIMITS, Trial, second_at_rest
 from cable_envs.physics.contact import tension_ratio
+from cable_envs.physics.hole_ratio import EXACT, hole_ratio
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.hole.statics import EXACT, hole_ratio
 
 FINER = 20
 """How much shorter the steps are that a run is compared with."""

@@ -98,6 +98,17 @@ def damped(held, damping, dt):
 
 
 @inline
+def beyond_middle(mass, damping, stiffness, dt):
+    """How far behind the middle of a step `damped` has a force act, over half the step: 0 in the middle, 1 at its end.
+
+    Where damping takes more than the whole speed within dt the mass goes with the force, m / c later. The force that
+    counts is then that of the step's end less m / c, so that a force which grows evenly is followed exactly.
+    """
+    held = ringing_mass(mass, 0.25 * dt * dt * stiffness)
+    return 1.0 - held / maximum(0.5 * dt * damping, held)
+
+
+@inline
 def ringing_inertia(mass, damping, stiffness, dt):
     """What resists a change of speed in `ringing_step`: dt times a unit of force over this is the change."""
     held = ringing_mass(mass, 0.25 * dt * dt * stiffness)

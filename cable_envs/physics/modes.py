@@ -6,7 +6,7 @@ TURN = 0.25
 """Most that a vibration may turn in a step, rad. A cable that becomes taut within a step is noticed late and pushes too
 hard, by up to the square of this over four of the energy; trapezoidal steps are then 1 % late in a turn."""
 
-COUPLED = 0.5
+COUPLED = 0.35
 """Share of such a step for mechanisms whose ends feel each other's change of speed at the end of the step only: their
 vibrations are in time to order 2, not 4."""
 

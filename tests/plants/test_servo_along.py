@@ -6,7 +6,7 @@ import pytest
 
 from cable_envs import load_rig
 from cable_envs.core.inputs import INPUTS
-from cable_envs.plants.hole.statics import EXACT, hole_ratio
+from cable_envs.physics.hole_ratio import EXACT, hole_ratio
 from tests.reference.motor_reference import HolesWithMotor, Motor, stuck_or_sliding
 
 HOLE, SHEATH = "gu-steel-1mm-motor", "bowden-1m-motor"

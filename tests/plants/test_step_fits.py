@@ -9,8 +9,8 @@ import pytest
 import cable_envs
 from cable_envs import load_rig
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.physics.hole_ratio import EXACT, hole_ratio
 from cable_envs.physics.modes import longest_step
-from cable_envs.plants.hole.statics import EXACT, hole_ratio
 from cable_envs.sim.registered import setup_of
 
 HOLE = "cable_envs/CableHole-Position-Sine-v1"

@@ -16,10 +16,10 @@ from cable_envs.core.params import Parameter
 from cable_envs.physics.friction import ringing_way
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
+from cable_envs.plants.hole.drive import carried, limited, reached_early
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.spool import nut_before, wound
-from cable_envs.plants.hole.stages import carried, limited, reached_early
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_shows, motor_step_in_gap, motor_torques, servo_reads
 

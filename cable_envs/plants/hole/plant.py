@@ -10,7 +10,10 @@ Gu et al. 2024 (equations G), with the reading of docs/physics.md: friction is d
     load       m y'' = T2 - m g - k_l y - c_l y' + disturbance, rigidly behind the hole (v = y')          G28
 
 The load's and the drive's speeds at the end of a step are solved together: the drive's inner loop through the cable's
-stiffness is far faster than a step, and so is a light load. Tensions that are reported obey the contact's law at the
+stiffness is far faster than a step, and so is a light load. Where friction grows so steeply that a step is long for it,
+the load's speed at the end is sought on the law itself (Newton's method between bounds).
+
+Tensions that are reported obey the contact's law at the
 speeds that are reported with them. Several holes in series are in `cable_envs.plants.hole.series`.
 
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
@@ -29,6 +32,16 @@ from cable_envs.effects.seams import actuate, begin, begin_friction, dry_frictio
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.base import ActionMode, Plant
+from cable_envs.plants.hole.drive import (
+    asked_at_start,
+    carried,
+    caught_early,
+    closed,
+    closed_loop,
+    limited,
+    open_loop,
+    stiffness_now,
+)
 from cable_envs.plants.hole.parameters import (
     ACTING,
     MAX_HOLES,
@@ -44,31 +57,35 @@ from cable_envs.plants.hole.series import holes_in_series
 from cable_envs.plants.hole.spool import idle_share, settle_drive
 from cable_envs.plants.hole.stages import (
     HOLE,
+    any_of,
     any_stiff,
-    carried,
-    closed,
-    closed_loop,
+    begin_steep,
     creeping,
     drawn_in,
     extrapolated,
-    limited,
     mobilised,
-    open_loop,
     ratio,
-    reached_early,
     record,
     slip_speed,
     span,
     steepest_ratio,
-    stiffness_now,
+    steepness,
     take_hole,
+    tangent_there,
     transmitted,
+    try_speed,
     wrapped,
-)  # fmt: skip
+)
 from cable_envs.plants.peaks import peak_at_start
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
+
+STEEP = 0.6
+"""How many times friction may take the load's speed within a step before its growth is no straight line there."""
+
+SOUGHT = 5
+"""Rounds in which the speed at the end of a step is found then."""
 
 REPORTED = 3
 """Rounds in which the tension behind the hole and the wrap of a stiff cable, each of which follows from the other, are
@@ -156,15 +173,22 @@ def rubbed(x, p, w, e, s, g, i, v, tension):
 
 @inline
 def _hauled(x, p, u, w, e, s, g, i, dt):
-    """The drive within its limits: towards a commanded speed, or in tension mode towards that of G35."""
-    wanted = open_loop(x, p, u, i)
-    loop = select(x.drive_tension[i] > 0.0, closed(x, p, w, e, g, i, wanted, dt), wanted)
+    """The drive within its limits: towards a commanded speed, or in tension mode towards that of G35.
+
+    A jump of the command takes it on as fast as it can, until it has the speed that is asked for. So it gets further
+    within the step than with the mean of its speeds before and after, and the tension has grown with that.
+    """
+    old, told, wanted, taut = x.drive_velocity[i], u.mode[i] > 0.5, open_loop(x, p, u, i), x.drive_tension[i] > 0.0
+    asked, further = closed(x, p, w, e, g, i, wanted, dt)
+    start = limited(p, i, old, select(told, u.command[i], asked_at_start(x, p, w, i, wanted)), dt)
+    end = limited(p, i, old, select(told, u.command[i], select(taut, asked, wanted)), dt)
+    early = caught_early(p, i, start - old, end - start, dt)
+    loop = select(taut, asked + further * early, wanted)
     if e is not None:
         idle = idle_share(e, s, i, x.drive_position[i], wanted, dt)
         loop = loop + idle * (wanted - loop)
-    old, told = x.drive_velocity[i], u.mode[i] > 0.5
     new = limited(p, i, old, select(told, u.command[i], loop), dt)
-    carried(x, w, e, s, g, i, new, dt, select(told, -reached_early(p, i, old, new, dt), 0.0))
+    carried(x, w, e, s, g, i, new, dt, -early)
 
 
 @inline
@@ -185,6 +209,21 @@ def slipped(x, p, u, w, e, s, g, i, ahead, dt):
     if e is not None:
         s.started[i] = 1.0
         drawn_in(x, p, e, s, g, i, dt)
+
+
+@inline
+def _against_steep_friction(x, p, u, w, e, s, g, lanes, bends, dt):
+    """Friction in a straight line that leads to the same speed at the end of the step as its law does."""
+    for i in range(lanes):
+        begin_steep(x, w, g, i)
+    for _ in range(SOUGHT):
+        for i in range(lanes):
+            try_speed(x, p, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
+            rubbed(x, p, w, e, s, g, i, w.way[i] * w.tried[i], x.drive_tension[i])
+        wrapped(x, p, w, lanes, bends)
+        for i in range(lanes):
+            ratio(w, i)
+            tangent_there(x, p, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
 
 
 @inline
@@ -239,6 +278,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         else:
             w.stiffness[i] = p.cable_stiffness[i]
         w.damping[i], w.steepest[i] = p.cable_damping[i], steepest_ratio(p, i)
+        w.bends[i], w.sags[i], w.steep[i] = 0.0, 0.0, select(steepness(x, p, i, dt) > STEEP, 1.0, 0.0)
+    steep = any_of(w.steep, lanes)
     for n in range(substeps):
         if e is not None:
             for i in range(lanes):
@@ -256,6 +297,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             _hauled(x, p, u, w, e, s, g, i, dt)
         for i in range(lanes):
             pulled_midway(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i])
+        if steep:
+            _against_steep_friction(x, p, u, w, e, s, g, lanes, bends, dt)
         for i in range(lanes):
             slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
         if e is not None or bends:  # else the next step does not ask for it

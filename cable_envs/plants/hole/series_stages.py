@@ -16,8 +16,8 @@ from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
+from cable_envs.plants.hole.drive import reached_early
 from cable_envs.plants.hole.spool import moves_otherwise, nut_after, nut_before, wound
-from cable_envs.plants.hole.stages import reached_early
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""

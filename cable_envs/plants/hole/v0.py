@@ -20,20 +20,11 @@ from cable_envs.effects.own import advance_memory, own_actuate
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, held_back
 from cable_envs.physics.friction import no_way, stick_slip_whole
 from cable_envs.plants.base import Plant
+from cable_envs.plants.hole.drive import carried, closed_loop, limited, open_loop, stiffness_now
 from cable_envs.plants.hole.parameters import SIGNALS
 from cable_envs.plants.hole.plant import behind, load_behind, load_resistance, pulled_midway, rubbed, slipped
 from cable_envs.plants.hole.spool import engaged
-from cable_envs.plants.hole.stages import (
-    any_stiff,
-    carried,
-    closed_loop,
-    limited,
-    open_loop,
-    ratio,
-    stiffness_now,
-    take_hole,
-    wrapped,
-)
+from cable_envs.plants.hole.stages import any_stiff, ratio, take_hole, wrapped
 
 
 @inline
@@ -66,6 +57,18 @@ def _straight(w, e, i, v, v_new):
     if e is not None:
         n = select(w.friction_growth[i] < 0.0, maximum(n, 1.0), n)
     return n
+
+
+@inline
+def _moves_all_along(before, middle):
+    """In the place of `broken_away`: a mass moves from the start of the step, or not at all."""
+    return middle, 1.0
+
+
+@inline
+def _no_later(w, i, v, mass, damping, stiffness, share, k, c, early, dt):
+    """In the place of `later`: forces act in the middle of the step."""
+    return 0.0
 
 
 @inline
@@ -116,7 +119,10 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             end(e, s, g, i, x.load_position[i], substeps * dt)
 
 
-_SOLVE = specialised(_solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way)
+_SOLVE = specialised(
+    _solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way, later=_no_later,
+    broken_away=_moves_all_along,
+)  # fmt: skip
 
 
 def as_v0(plant: Plant) -> Plant:

@@ -15,7 +15,8 @@ within it the drive feels no tendon, neither at the start of a step nor at its e
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select
 from cable_envs.effects.backlash import apart
 from cable_envs.plants.servo_stages import motor_shows, motor_torques, servo_reads
-from cable_envs.plants.sheath.contact_stages import end_share, room
+from cable_envs.plants.sheath.contact_stages import at_speeds as ideal_at_speeds
+from cable_envs.plants.sheath.contact_stages import end_share, rings, room, weight
 
 SCRATCH = ("reach_down", "coast", "cogging")
 """``down`` and dt v / 2, m; the motor's cogging, N. ``up``, g and both limits are those of an ideal drive."""
@@ -27,10 +28,11 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     at, speed, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
     servo_reads(x, p, i, at, speed, u.mode[i] > 0.5, u.command[i], u.command_rate[i], dt)
     forward, backward, cogging, damping = motor_torques(x, p, i, at, speed, dt)
-    friction, mass = p.drive_friction[i], p.moved_inertia[i] / dt
+    friction, mass = p.drive_friction[i], rings(p.moved_inertia[i], p, w, 0, i, dt) / dt
     late = end_share(p.moved_inertia[i], 2.0 * x.slip_position.shape[0] * p.stiffness[i], dt)
+    late = maximum(late, weight(w, i))
     per = half / (mass + 0.5 * damping)
-    began = (1.0 - late) * x.drive_tension[i]
+    began = (1.0 - late) * x.drive_pull[i]
     w.ahead[i], w.back[i] = 0.0, 0.0
     if e is not None:
         by_force, gap = (u.mode[i] > 0.5) & (g.follows[i] < 0.5), e.backlash_gap[i]
@@ -97,6 +99,13 @@ def drive_way(x, w, g, i, tension, dt):
     d = select(crosses, minimum(free, maximum(d, w.ahead[i])), d)
     speed = select(d == w.coast[i], 0.0, 2.0 * d / dt - x.drive_velocity[i])
     return d, select(w.low[i] < w.high[i], speed, w.placed[i])
+
+
+@inline
+def at_speeds(x, w, i, dt):
+    """Both ends go on at their speeds, in the place of `contact_stages.at_speeds`."""
+    ideal_at_speeds(x, w, i, dt)
+    w.reach_down[i] = w.coast[i] = w.reach[i]
 
 
 @inline

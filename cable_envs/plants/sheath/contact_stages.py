@@ -12,6 +12,7 @@ from cable_envs.effects.seams import dry_friction
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
 from cable_envs.physics.sweeps import sweep_fields
 
@@ -24,6 +25,7 @@ def scratch(contacts: int) -> Lanes:
     return Lanes("SheathWithContacts", [
         *sweep_fields(contacts),
         "stiffness", "damped",  # of an inner span, N/m; its damping over the step's length as a share of that
+        "instant",  # share of the step after which the tensions are those that are solved for
         "lost",  # slack and creep of the whole tendon, m
         "reach", "give", "low", "high", "placed",  # the drive's line and limits, m; its speed where it is at a place
         "ahead", "back",  # how far it moves within its gap before the tendon does, m
@@ -41,7 +43,7 @@ def limits(x, p, u, w, e, s, g, i):
         v = x.load_velocity[i]
         extra, _ = excess_at(e.stribeck_friction_contact[i], e.stribeck_friction_velocity[i], v)
         mu, skew = (up + extra) * g.factor[i], e.asymmetric_friction_contact[i]
-        own = own_contact(x.load_position[i], v, x.drive_tension[i], x.load_tension[i], e, s, i)
+        own = own_contact(x.load_position[i], v, x.drive_pull[i], x.load_pull[i], e, s, i)
         up, down = mu * (1.0 + skew) + own, mu * (1.0 - skew) + own
     each = bend / contacts
     w.up[i], w.down[i] = exp(maximum(up, 0.0) * each), exp(maximum(down, 0.0) * each)
@@ -53,6 +55,23 @@ def limits(x, p, u, w, e, s, g, i):
 def end_share(mass, stiffness, dt):
     """Weight of the end of the step in the force on an end: a half, and more where its span shakes it too quickly."""
     return clip(1.0 - mass / (stiffness * dt * dt), 0.5, 1.0)
+
+
+@inline
+def rings(mass, p, w, contact, i, dt):
+    """The inertia of an end with which its step is in time on its own span, where the contact next to it rests."""
+    contacts = w.way.shape[0]
+    stiffness = select(w.way[contact, i] == 0.0, 2.0 * contacts * p.stiffness[i], p.stiffness[i])
+    return in_time(mass, stiffness, dt)
+
+
+@inline
+def weight(w, i):
+    """Weight in the mean of a step of tensions that are ``instant`` in it: a straight line has the mean amid the step.
+
+    The line begins where the step before had its tensions.
+    """
+    return 1.5 - w.instant[i]
 
 
 @inline
@@ -72,10 +91,14 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
         position, speed, u.command[i], u.command_rate[i], p.servo_stiffness[i], p.servo_damping[i],
         p.drive_acceleration_limit[i], fastest, dt,
     )  # fmt: skip
-    late, mass = end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt), p.drive_mass[i] / dt
+    late, mass = (
+        end_share(p.drive_mass[i], 2.0 * contacts * p.stiffness[i], dt),
+        rings(p.drive_mass[i], p, w, 0, i, dt) / dt,
+    )
+    late = maximum(late, weight(w, i))
     per = half / (mass + 0.5 * p.drive_damping[i])
     by_force = u.mode[i] > 0.5
-    pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_tension[i]) * per
+    pulled = (u.command[i] + 2.0 * mass * speed - (1.0 - late) * x.drive_pull[i]) * per
     way = half * (speed + new)
     if e is not None:
         follows, gap = g.follows[i] > 0.5, e.backlash_gap[i]
@@ -130,17 +153,19 @@ def load_row(x, p, u, w, e, s, g, i, dt):
     resist = p.load_preload[i] + p.load_stiffness[i] * y - u.disturbance[i]
     k, c, up, down = p.load_stiffness[i], p.load_damping[i], p.load_friction[i], p.load_friction[i]
     if e is not None:
-        behind = x.load_tension[i]
-        dry_friction(e, g, i, v, p.load_friction[i], x.drive_tension[i])
+        behind = x.load_pull[i]
+        dry_friction(e, g, i, v, p.load_friction[i], x.drive_pull[i])
         at = own_load(y, v, behind, e, s, i)
         stiff = maximum((own_load(y + STEP_Y, v, behind, e, s, i) - at) / STEP_Y, 0.0)
         thick = maximum((own_load(y, v + STEP_V, behind, e, s, i) - at) / STEP_V, 0.0)
         slowed = maximum(c + thick + g.steep[i], -p.load_mass[i] / dt)
         resist, k, c = resist + at - (slowed - c) * v, k + stiff, slowed
         up, down = g.up[i], g.down[i]
-    late, mass = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt), 2.0 * p.load_mass[i] / dt
+    late = end_share(p.load_mass[i], 2.0 * contacts * p.stiffness[i], dt)
+    mass = 2.0 * rings(p.load_mass[i], p, w, contacts - 1, i, dt) / dt
+    late = maximum(late, weight(w, i))
     per = 1.0 / ((mass + c) / dt + 0.5 * k)
-    w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_tension[i] - resist) * per, late * per
+    w.base[i], w.held[i] = (mass * v + (1.0 - late) * x.load_pull[i] - resist) * per, late * per
     w.rub_up[i], w.rub_down[i], w.halfway[i] = up * per, down * per, 0.5 * dt * v
     w.load_state[i] = select((up > 0.0) | (down > 0.0), sign(v), 1.0)
     w.load_reach[i] = w.base[i] - select(v > 0.0, w.rub_up[i], select(v < 0.0, -w.rub_down[i], 0.0))
@@ -175,13 +200,18 @@ def load_stays(x, w, e, s, i):
 
 @inline
 def spans_of(x, p, w, e, s, i, dt):
-    """What all spans of a tendon have in common."""
+    """What all spans of a tendon have in common.
+
+    A span of stiffness k and damping c takes c / k to follow its tension. The tensions that are solved for are those
+    that much before the end of the step, but not before its middle: then what grows evenly is followed exactly, and the
+    step is of order 2 however short that time is.
+    """
     contacts = x.slip_position.shape[0]
     w.stiffness[i], w.damped[i] = contacts * p.stiffness[i], p.tendon_damping[i] / (p.stiffness[i] * dt)
-    w.lost[i] = 0.0
+    w.instant[i], w.lost[i] = maximum(1.0 - w.damped[i], 0.5), 0.0
     if e is None:
-        c = 1.0 / (w.stiffness[i] * (1.0 + w.damped[i]))
-        ends = 1.0 / (2.0 * w.stiffness[i] * (1.0 + w.damped[i]))
+        c = 1.0 / (w.stiffness[i] * (w.instant[i] + w.damped[i]))
+        ends = 1.0 / (2.0 * w.stiffness[i] * (w.instant[i] + w.damped[i]))
         for j in range(contacts + 1):
             w.compliance[j, i] = ends if (j == 0) | (j == contacts) else c
     else:
@@ -195,7 +225,7 @@ def _span(w, e, s, j, i, stretch, halves, contacts):
     if e is not None:
         stretch = stretch - w.lost[i] / (halves * contacts)
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
-        pull, c = own_cable(pull, e, s, i), 1.0 / (k * (rise + w.damped[i]))
+        pull, c = own_cable(pull, e, s, i), 1.0 / (k * (w.instant[i] * rise + w.damped[i]))
         w.compliance[j, i] = c
     else:
         pull, c = k * stretch, w.compliance[j, i]
@@ -244,10 +274,28 @@ def moved(x, p, u, w, e, s, g, i, dt):
         s.gap_position[i] = select(gap > 0.0, nut, x.drive_position[i])
     x.load_position[i] += w.slip[contacts + 1, i]
     x.load_velocity[i] = select(w.load_state[i] == 0.0, 0.0, 2.0 * w.slip[contacts + 1, i] / dt - x.load_velocity[i])
-    x.drive_tension[i], x.load_tension[i] = before, behind
+    x.drive_tension[i] = x.drive_pull[i] = before
+    x.load_tension[i] = x.load_pull[i] = behind
     drive_shows(x, p, w, i)
     x.slack_fraction[i] += select(before <= 0.0, 1.0, 0.0)
     x.peak_tension[i] = maximum(x.peak_tension[i], before)
+
+
+@inline
+def at_speeds(x, w, i, dt):
+    """Both ends go on at their speeds for dt, whatever pulls."""
+    drive, load = dt * x.drive_velocity[i], dt * x.load_velocity[i]
+    w.reach[i] = w.low[i] = w.high[i] = w.drive_reach[i] = drive
+    w.give[i] = w.drive_give[i] = 0.0
+    w.base[i] = w.load_reach[i] = load
+    w.held[i] = w.rub_up[i] = w.rub_down[i] = w.load_give[i] = w.halfway[i] = 0.0
+    w.drive_state[i], w.load_state[i] = 0.0, 1.0
+
+
+@inline
+def shown_tensions(x, w, i):
+    """The tensions at the ends are those that have been solved for."""
+    x.drive_tension[i], x.load_tension[i] = w.tension[0, i], w.tension[x.slip_position.shape[0], i]
 
 
 @inline

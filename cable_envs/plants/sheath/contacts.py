@@ -18,9 +18,10 @@ its ends, and nothing of them is put in (Kaneko et al., IEEE Transactions on Rob
 Agrawal, Peine and Yao, IEEE Transactions on Robotics 26 (2010) 920, whose chain of elements this is, here without
 mass). With N towards infinity this is the distributed capstan; sliding throughout, T_0 / T_N is e^(mu Theta) for any N.
 
-A step solves all contacts and both ends together, exactly (`cable_envs.physics.sweeps`): T_j are those at its end. The
-forces on load and drive are the means of those at its start and end (trapezoidal, order 2), and more of the end where
-a step cannot resolve how an end shakes on its own span.
+A step solves all contacts and both ends together, exactly (`cable_envs.physics.sweeps`): T_j are those that stand c / k
+before its end, at most in its middle. The forces on load and drive are the means of a straight line through them (order
+2), and more of the end where a step cannot resolve how an end shakes on its own span. What is shown at the end of a
+control step is solved for there.
 
 Signs: x > 0 pulls in, s > 0 slips to the drive, y > 0 goes towards the sheath. SI units throughout.
 
@@ -28,6 +29,7 @@ Valid for slow motion (no waves, no mass of the tendon), a tendon without bendin
 its path keeps its length as the bend changes, and only its friction does. Curvature and pressure do not change mu.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -45,6 +47,7 @@ from cable_envs.physics.modes import COUPLED
 from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.peaks import peak_at_start
 from cable_envs.plants.sheath.contact_stages import (
+    at_speeds,
     drive_end,
     drive_row,
     first_span,
@@ -57,6 +60,7 @@ from cable_envs.plants.sheath.contact_stages import (
     moved,
     report,
     scratch,
+    shown_tensions,
     spans_of,
 )
 from cable_envs.plants.sheath.parameters import ACTING, COEFFICIENTS, PARAMETERS, SIGNALS, derive, resolves
@@ -64,6 +68,12 @@ from cable_envs.plants.sheath.plant import PLANT
 
 MOST = 50
 """Most contacts."""
+
+SHAKES = 0.5
+"""Most that the vibration of an end on its own span may turn in a step, rad."""
+
+SHORT = 1e-6
+"""Length, over that of a step, of one in which nothing moves: it shows the tensions at the end of a control step."""
 
 solve_together = specialised(
     sweeps.solve, first_span=first_span, inner_span=inner_span, last_span=last_span, drive_end=drive_end,
@@ -107,12 +117,19 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             if e is not None:
                 advance_memory(
                     u.command[i], x.drive_position[i], x.drive_velocity[i], x.load_position[i], x.load_velocity[i],
-                    x.drive_tension[i], x.load_tension[i], e, s, i,
+                    x.drive_pull[i], x.load_pull[i], e, s, i,
                 )  # fmt: skip
                 s.started[i] = 1.0
     for h in range(contacts):
         for i in range(lanes):
             x.slip_velocity[h, i] = w.slip[h + 1, i] / dt
+    short = SHORT * dt
+    for i in range(lanes):
+        spans_of(x, p, w, e, s, i, short)
+        at_speeds(x, w, i, short)
+    solve_together(w, x, e, s, lanes)
+    for i in range(lanes):
+        shown_tensions(x, w, i)
     for h in range(contacts - 1):
         for i in range(lanes):
             x.span_tension[h, i] = w.tension[h + 1, i]
@@ -129,6 +146,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     for h in range(contacts):
         x.slip_position[h] = position + (x.drive_position - position) * (1.0 - (h + 0.5) / contacts)
     x.span_tension[:], x.bend[:] = x.drive_tension, p.bend_angle
+    x.drive_pull[:], x.load_pull[:] = x.drive_tension, x.load_tension
 
 
 _BUILDING_UP = ("presliding_hysteresis", "lugre_friction", "elastoplastic_friction")
@@ -136,12 +154,18 @@ _ACTING = replace(ACTING, effects={name: p for name, p in ACTING.effects.items()
 """Of the library all that acts on the sheath as one contact, but friction that is made to build up: here it does."""
 
 
-def _resolves(p, e) -> np.ndarray:
-    """Longest steps, s: half of those of the sheath without contacts, whose vibrations are in time to order 4.
+def _resolves(contacts: int) -> Callable:
+    """Longest steps, s: a share of those of the sheath without contacts, whose vibrations are in time to order 4.
 
-    Here all tensions are solved with the end of the step, so that they are in time to order 2.
+    Here all tensions are solved together, so that they are in time to order 2. Where the contact next to it rests, an
+    end shakes on its own short span.
     """
-    return COUPLED * resolves(p, e)
+
+    def resolved(p, e) -> np.ndarray:
+        span = 2.0 * contacts * p.stiffness * np.sqrt(1.0 + 2.0 * e.stiffness_hardening_coefficient * p.load_preload)
+        return np.minimum(COUPLED * resolves(p, e), SHAKES / np.sqrt(span / np.minimum(p.load_mass, p.drive_mass)))
+
+    return resolved
 
 
 @cache
@@ -154,19 +178,23 @@ def sheath_with_contacts(contacts: int) -> Plant:
         *((f"slip_velocity_{h}", "m/s", f"speed of the tendon at contact {h}") for h in range(1, contacts + 1)),
         *((f"span_tension_{j}", "N", f"tension behind contact {j}") for j in range(1, contacts)),
     )
-    signals = (*SIGNALS, Signal("bend", "rad", "present bend of the sheath"), *(Signal(*row) for row in rows))
-    fields = [("slip_position", contacts), ("slip_velocity", contacts), ("span_tension", contacts - 1)]
+    ends = (
+        Signal("drive_pull", "N", "tension at the drive with which the last integration step was solved"),
+        Signal("load_pull", "N", "tension at the load with which the last integration step was solved"),
+    )
+    signals = (*SIGNALS, Signal("bend", "rad", "present bend of the sheath"), *(Signal(*row) for row in rows), *ends)
+    ends_of_spans = ("slip_position", contacts), ("slip_velocity", contacts), ("span_tension", contacts - 1)
     return replace(
         PLANT,
         signals=signals,
-        signal_rows=Lanes("Signals", [*(s.name for s in SIGNALS), "bend", *fields]),
+        signal_rows=Lanes("Signals", [*(s.name for s in SIGNALS), "bend", *ends_of_spans, "drive_pull", "load_pull"]),
         coefficient_rows=COEFFICIENTS,
         scratch=scratch(contacts),
         derive=derive,
         settle=_settle,
         solve=_solve,
         effects=Layout("tendon_sheath", PARAMETERS, _ACTING),
-        resolves=_resolves,
+        resolves=_resolves(contacts),
         plain=True,
         posture="bend",
     )

@@ -28,7 +28,7 @@ def drive_speed(x, p, u, e, s, i, ahead, dt):
 
 
 CONTACTS = {
-    name: getattr(contact_motor, name) for name in ("drive_row", "drive_end", "drive_way", "drive_shows")
+    name: getattr(contact_motor, name) for name in ("drive_row", "drive_end", "drive_way", "drive_shows", "at_speeds")
 }  # fmt: skip
 """Pieces of the sheath with contacts."""
 
