@@ -107,12 +107,12 @@ def _model(
     turn = period * float(np.sqrt(values["cable_stiffness"] / values["load_mass"]))
     substeps = int(np.clip(np.ceil(turn / 0.07), *SUBSTEPS))
     substeps = HELD_STEPS if recording.holds("drive_velocity_command") else substeps
-    runs = [_run(recording, record, values, period, substeps, signals) for record in recording.used_for(use)]
+    runs = [_run(recording, record, values, period, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
 
 
-def _run(recording: Recording, record: Record, values, period: float, substeps: int, signals: Sequence[str]) -> Run:
+def _run(recording: Recording, record: Record, values, period: float, signals: Sequence[str]) -> Run:
     names = [name for name in recording.channels if name != "time"]
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
@@ -123,8 +123,7 @@ def _run(recording: Recording, record: Record, values, period: float, substeps: 
     elif "drive_velocity_command" in seen:
         usable = record.usable("drive_velocity_command")
         spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
-        # the kernel takes the command in the middle of a step for the speed at its end
-        command = spline(np.minimum(time + 0.5 * period / substeps, record.time[usable][-1]))
+        command = spline(np.minimum(time, record.time[usable][-1]))
         # straight lines between samples h apart integrate to h^2 / 12 c' too much
         command[1:-1] -= np.diff(command, 2) / 12.0
         rate = None

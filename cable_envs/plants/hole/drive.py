@@ -59,7 +59,7 @@ def closed(x, p, w, e, g, i, wanted, dt):
     tension overcomes what resists, if there is one; it comes to rest where the line asks it to turn round.
 
     wanted: `open_loop`. The tension grows by dT = k (dt (old + a - v - b) / 2 + early) + c (a - b - old + v) over the
-    step, early: how far the drive gets beyond its mean speed, m (`reached_early`); the speed is for none.
+    step, early: how far the drive gets beyond its mean speed, m (`caught_early`); the speed is for none.
     """
     old, v, n, inv_n, half = x.drive_velocity[i], x.load_velocity[i], w.ratio[i], w.inverse[i], 0.5 * dt
     k, c, mass, gain = w.stiffness[i], w.damping[i], p.load_mass[i], w.loop_gain[i]
@@ -103,9 +103,23 @@ def caught_early(p, i, jump, change, dt):
 
 
 @inline
-def reached_early(p, i, old, new, dt):
-    """How far a drive that is told its speed gets beyond the mean of both, m: it reaches the new one on the way."""
-    return caught_early(p, i, new - old, 0.0, dt)
+def told_speeds(u, g, i, dt):
+    """Speeds that a drive is told at the start and at the end of a step: where commands go in straight lines, two."""
+    if g is None:
+        return u.command[i], u.command[i]
+    change = 0.5 * dt * g.ramped[i] * u.command_rate[i]
+    return u.command[i] - change, u.command[i] + change
+
+
+@inline
+def told_step(p, u, g, i, old, dt):
+    """(speed after a step of a drive that is told its speed, how far it gets beyond the mean of both, m).
+
+    A jump of the command takes it on as fast as it can: it reaches the new speed on the way.
+    """
+    first, last = told_speeds(u, g, i, dt)
+    start, new = limited(p, i, old, first, dt), limited(p, i, old, last, dt)
+    return new, caught_early(p, i, start - old, new - start, dt)
 
 
 @inline

@@ -16,7 +16,7 @@ from cable_envs.core.params import Parameter
 from cable_envs.physics.friction import ringing_way
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.hole.drive import carried, limited, reached_early
+from cable_envs.plants.hole.drive import carried, told_step
 from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.spool import nut_before, wound
@@ -37,7 +37,7 @@ SIGNALS = (
 
 
 @inline
-def told(x, p, u, i, at, old, dt):
+def told(x, p, u, g, i, at, old, dt):
     """The encoder is read and the servo asks for its force; in speed mode its reference moves on then.
 
     The reading comes first: how far ahead of it the reference may go does not depend on the step.
@@ -45,8 +45,8 @@ def told(x, p, u, i, at, old, dt):
     by_force, goal, pace = u.mode[i] < 0.5, x.servo_target[i], x.servo_pace[i]
     servo_reads(x, p, i, at, old, by_force, select(by_force, u.command[i], goal), select(by_force, 0.0, pace), dt)
     leash = p.servo_limit[i] / maximum(p.servo_kp[i], 1e-9)
-    new = limited(p, i, pace, u.command[i], dt)
-    ahead = goal + 0.5 * dt * (pace + new) + reached_early(p, i, pace, new, dt)
+    new, early = told_step(p, u, g, i, pace, dt)
+    ahead = goal + 0.5 * dt * (pace + new) + early
     onward = clip(ahead, x.encoder_angle[i] - leash, x.encoder_angle[i] + leash)
     x.servo_target[i] = select(by_force, goal, onward)
     x.servo_pace[i] = select(by_force, pace, new)
@@ -70,7 +70,7 @@ def _load_ahead(x, p, w, e, g, i, dt):
 def hauled(x, p, u, w, e, s, g, i, dt):
     """The drive of one hole, in the place of the ideal one."""
     at, old, half = x.drive_position[i], x.drive_velocity[i], 0.5 * dt
-    told(x, p, u, i, at, old, dt)
+    told(x, p, u, g, i, at, old, dt)
     ahead = _load_ahead(x, p, w, e, g, i, dt)
     tension, end, gap, lead = x.drive_tension[i], 1.0, 0.0, 0.0
     held = tension > 0.0
@@ -104,7 +104,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     """The span between drive and first hole, then the balance of the drive: the step is solved with its tension."""
     ideal_span(x, p, u, w, e, s, g, i, dt)
     at, old = x.drive_position[i], x.drive_velocity[i]
-    told(x, p, u, i, at, old, dt)
+    told(x, p, u, g, i, at, old, dt)
     forward, backward, cogging, damping = motor_torques(x, p, i, at, old, dt)
     friction, against = p.drive_friction[i], cogging + p.moved_damping[i] * old
     up, down = forward - friction - against, backward + friction - against

@@ -41,6 +41,7 @@ from cable_envs.plants.hole.drive import (
     limited,
     open_loop,
     stiffness_now,
+    told_speeds,
 )
 from cable_envs.plants.hole.parameters import (
     ACTING,
@@ -180,14 +181,15 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
     """
     old, told, wanted, taut = x.drive_velocity[i], u.mode[i] > 0.5, open_loop(x, p, u, i), x.drive_tension[i] > 0.0
     asked, further = closed(x, p, w, e, g, i, wanted, dt)
-    start = limited(p, i, old, select(told, u.command[i], asked_at_start(x, p, w, i, wanted)), dt)
-    end = limited(p, i, old, select(told, u.command[i], select(taut, asked, wanted)), dt)
+    first, last = told_speeds(u, g, i, dt)
+    start = limited(p, i, old, select(told, first, asked_at_start(x, p, w, i, wanted)), dt)
+    end = limited(p, i, old, select(told, last, select(taut, asked, wanted)), dt)
     early = caught_early(p, i, start - old, end - start, dt)
     loop = select(taut, asked + further * early, wanted)
     if e is not None:
         idle = idle_share(e, s, i, x.drive_position[i], wanted, dt)
         loop = loop + idle * (wanted - loop)
-    new = limited(p, i, old, select(told, u.command[i], loop), dt)
+    new = limited(p, i, old, select(told, last, loop), dt)
     carried(x, w, e, s, g, i, new, dt, -early)
 
 

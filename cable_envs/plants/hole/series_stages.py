@@ -16,7 +16,7 @@ from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
-from cable_envs.plants.hole.drive import reached_early
+from cable_envs.plants.hole.drive import told_step
 from cable_envs.plants.hole.spool import moves_otherwise, nut_after, nut_before, wound
 
 STEP_Y, STEP_V = 1e-7, 1e-6
@@ -176,9 +176,9 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     old = x.drive_velocity[i]
     most = p.acceleration_limit[i] * dt
     told = u.mode[i] > 0.5
-    target = old + clip(clip(u.command[i], -p.speed_limit[i], p.speed_limit[i]) - old, -most, most)
+    target, early = told_step(p, u, g, i, old, dt)
     wanted = p.inner_kp[i] * u.command[i] + p.inner_kd[i] * u.command_rate[i]
-    way = 0.5 * (old + target) + reached_early(p, i, old, target, dt) / dt
+    way = 0.5 * (old + target) + early / dt
     if e is not None:
         moves = (g.follows[i] > 0.5) | (g.imposes[i] > 0.5)
         target = select(moves, select(g.imposes[i] > 0.5, 0.0, g.target_rate[i]), target)
