@@ -92,6 +92,31 @@ def _limited(lines, column, limit):
 
 
 @needs["davinci_tool"]
+def test_the_jaws_set_as_it_is_published(tmp_path):
+    """Folders of a series with numbered files, the log of a serial port beside them; zeros are those of the series."""
+    data = tmp_path / "data"
+    for series, numbers in (("Tool_4_Maryland_L_4", ("20", "22", "24")), ("Tool_4_Maryland_L_Pitch_1", ("001", "003"))):
+        (data / series).mkdir(parents=True)
+        (data / series / "SerialLog.txt").write_text("12:00:01,ready,0\n")
+        for number in numbers:
+            lines = (JAW / f"{series}_{number}.TXT").read_text().splitlines()[:6000]
+            (data / series / f"{number}.TXT").write_text("\n".join(lines) + "\n")
+    whole, one = (reader("da-vinci-jaw").open_dataset(at, Request()) for at in (data, data / "Tool_4_Maryland_L_4"))
+    assert [r.name for r in whole.records] == [
+        "Tool_4_Maryland_L_4_20", "Tool_4_Maryland_L_4_22", "Tool_4_Maryland_L_4_24",
+        "Tool_4_Maryland_L_Pitch_1_001", "Tool_4_Maryland_L_Pitch_1_003",
+    ]  # fmt: skip
+    alone = reader("da-vinci-jaw").open_dataset(data / "Tool_4_Maryland_L_4" / "22.TXT", Request())
+    assert [r.offsets for r in one.records] == [r.offsets for r in whole.records[:3]]
+    assert [r.offsets for r in alone.records] == [whole.records[1].offsets]
+    assert any("SerialLog.txt is left out: records of this set are called by a number" in r for r in one.remarks)
+    for file in data.rglob("*.TXT"):
+        file.unlink()
+    with pytest.raises(ConfigurationError, match="holds no record of this set: they are called <number>"):
+        reader("da-vinci-jaw").open_dataset(data, Request())
+
+
+@needs["davinci_tool"]
 def test_swapped_labels_are_named(tmp_path):
     folder = tmp_path / "set"
     folder.mkdir()

@@ -54,6 +54,7 @@ COLUMNS = {"time": 1, "drive_angle": 2, "drive_torque": 3, "drive_current": 4, "
 LAYOUT = Layout(header_line=0, comment="%")
 _CELLS = 10
 _NUMBERED = re.compile(r"(.+)_(\d+)")
+_RECORD = re.compile(r"(.+_)?\d+")
 
 
 @dataclass(frozen=True)
@@ -73,18 +74,20 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
     require_known("option of da-vinci-jaw", asked.options, OPTIONS)
     scope = str(asked.options.get("offset", "series"))
     require_known("offset of da-vinci-jaw", [scope], ("series", "record"))
-    files = files_at(path, ".txt", skip=("SOURCE.txt", "README.txt"))
+    files, others = _records_at(path)
     index = _index(files[0].parent / "index.csv")
-    series = {file: _series(file) for file in files}
-    looks = {file: _look(file) for file in files}
+    beside = _beside(files) if scope == "series" else files
+    series = {file: _series(file) for file in beside}
+    looks = {file: _look(file) for file in beside}
     doubts = {file: _labels(file, looks[file], index.get(file.name, {})) for file in files}
     for name in set(series.values()):
-        members = [f for f in files if series[f] == name]
+        members = [f for f in beside if series[f] == name]
         for file, fault in (*_tools(members, looks, name), *_loads(members, looks, name)):
-            doubts[file].append(fault)
+            if file in doubts:
+                doubts[file].append(fault)
     records = []
     for file in files:
-        peers = [looks[f] for f in files if series[f] == series[file]] if scope == "series" else [looks[file]]
+        peers = [looks[f] for f in beside if series[f] == series[file]] if scope == "series" else [looks[file]]
         records.append(_record(file, series[file], looks[file], peers, index.get(file.name, {}), doubts[file]))
     channels = tuple(c if c.offset_free is None else _freed(c, scope) for c in CHANNELS)
     return DataSet(
@@ -99,8 +102,34 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
         },
         heldout=("load_percent=30", "load_percent=70"),
         group="series",
-        remarks=() if index else (f"no index.csv beside {files[0].name}: the wrist's pitch is not known",),
+        remarks=(
+            *(() if index else (f"no index.csv beside {files[0].name}: the wrist's pitch is not known",)),
+            *(f"{file.name} is left out: records of this set are called by a number" for file in others),
+        ),
     )  # fmt: skip
+
+
+def _records_at(path: Path) -> tuple[list[Path], list[Path]]:
+    """(the records at ``path``, other text files there, as the log of the serial port that some folders hold)."""
+    found = files_at(path, ".txt", skip=("SOURCE.txt", "README.txt"))
+    files = [file for file in found if _RECORD.fullmatch(file.stem)]
+    if not files:
+        raise ConfigurationError(
+            f"{path} holds no record of this set: they are called <number>.TXT or <series>_<number>.TXT, "
+            f"and here is {found[0].name}"
+        )
+    return files, [file for file in found if file not in files]
+
+
+def _beside(files: list[Path]) -> list[Path]:
+    """The same, and the other records of their series in their folders.
+
+    An encoder's zero is that of its series, whichever records of it are imported together.
+    """
+    series = {(file.parent, _series(file)) for file in files}
+    folders = list(dict.fromkeys(file.parent for file in files))
+    found = [file for folder in folders for file in _records_at(folder)[0]]
+    return [file for file in dict.fromkeys(found) if (file.parent, _series(file)) in series]
 
 
 def _freed(channel: ChannelSpec, scope: str) -> ChannelSpec:
