@@ -133,6 +133,12 @@ IDEAL = {"servo_stiffness", "servo_damping"}
 """Coefficients of the ideal drive's servo, whose frequency is no mode of a drive with a motor: they are 0 there."""
 
 
+QUICKLY = 0.2
+"""Share of the encoder's period for drives on cables that rub all along: what the motor feels turns round within a few
+tenths of a millisecond. With whole periods 6 random rigs of sheaths and circuits differed from 20 times shorter
+steps by more than 1 %, the worst by 2.8 %."""
+
+
 @dataclass(frozen=True)
 class Mount:
     """How a plant carries its drive with a motor.
@@ -162,6 +168,8 @@ class Mount:
     gaps : int
         How many drives, from the first on, may stand in the middle of a gap at rest, where the nut holds what the
         cables pull and the servo's integral nothing.
+    reading : float
+        Share of the encoder's period that a step may last.
     """
 
     parameters: tuple[Parameter, ...]
@@ -175,6 +183,7 @@ class Mount:
     more: tuple[str, ...] = ()
     start: Mapping[str, str] | None = None
     gaps: int = 0
+    reading: float = 1.0
 
     @property
     def rows(self) -> list[str | tuple[str, int]]:
@@ -228,13 +237,16 @@ class Mount:
         return settle
 
 
-def resolves(plain: Callable) -> Callable:
-    """The plant's ``resolves``, with a drive that its servo and its cable, at most as stiff as the servo, hold."""
+def resolves(plain: Callable, reading: float) -> Callable:
+    """The plant's ``resolves``, with a drive that its servo and its cable, at most as stiff as the servo, hold.
+
+    ``reading``: as of `Mount`.
+    """
 
     def resolved(p: Any, e: Any) -> np.ndarray:
         braked = (p.torque_constant * p.gear_ratio) ** 2 / p.resistance + p.moved_damping
         servo = longest_step(p.moved_inertia, braked, p.servo_kp)
-        return np.minimum(np.minimum(plain(p, e), servo), p.encoder_period)
+        return np.minimum(np.minimum(plain(p, e), servo), reading * p.encoder_period)
 
     return resolved
 
@@ -267,7 +279,7 @@ def mounted(plant: Plant, mount: Mount) -> Plant:
         settle=mount.settle(plant.settle),
         solve=specialised(plant.solve, **mount.pieces),
         effects=effects,
-        resolves=None if plant.resolves is None else resolves(plant.resolves),
+        resolves=None if plant.resolves is None else resolves(plant.resolves, mount.reading),
         ticks="encoder_period",
         measured=mount.measured,
         drive="motor",
@@ -283,6 +295,7 @@ def with_motor(plant: Plant) -> Plant:
             signals=servo_signals("angle", "rad", "torque", "N m"),
             measured={"drive_angle": "encoder_angle", "drive_velocity": "encoder_velocity"},
             held=lambda x, p: ((x.drive_angle, x.drive_torque),),
+            reading=QUICKLY,
             pieces={"drive_step": turned},
             own=lambda value: (
                 value["drive_inertia"], value["drive_damping"], value["drive_speed_limit"], value["drive_torque_limit"],

@@ -28,10 +28,8 @@ turn a period later on one rig of ten, 12 %; with twice as many steps 0.1 % at m
 STEEP = """a load that sticks and slips within every control period, under friction that grows steeply with the speed:
 its speeds behind a break-away are 2 % off, MRAC turns round a period later on one rig of ten, 1.6 %; with twice as
 many steps below 0.01 %"""
-FIRST = "of order 1 in the angle of the encoder: 1.1 %, and 0.5 % with twice as many steps"
 KNOWN = {
     ("CableHole-Tension", "speed", "mrac-g22"): STEEP, ("TendonSheath-Tension", "tension", "mrac-g22"): REVERSALS,
-    ("PulleyCircuit-Torque", "torque", "feedforward-pid"): FIRST,
 }  # fmt: skip
 """What is not within 1 % yet on random rigs, and why."""
 FINER, FINEST = 20, 100

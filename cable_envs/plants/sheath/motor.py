@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from cable_envs.core.kernels import inline, select
 from cable_envs.plants.base import Plant
-from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
+from cable_envs.plants.servo import ALONG, ENCODER, QUICKLY, Mount, along, mounted, pulling, servo_signals
 from cable_envs.plants.servo_stages import motor_step_in_gap, servo_reads
 from cable_envs.plants.sheath import contact_motor
 from cable_envs.plants.sheath.plant import felt, load_onward
@@ -47,5 +47,6 @@ def with_motor(plant: Plant) -> Plant:
         own=lambda value: along(value, value["drive_speed_limit"], value["tension_command_limit"]),
         total="drive_mass",
         gaps=1,
+        reading=QUICKLY,
     )
     return mounted(plant, mount)
