@@ -108,7 +108,7 @@ def _between(model, u, x, start, end, options):
 
 
 def _slopes(model: Any, u: Callable[[float], np.ndarray], ways: Ways) -> Callable[[float, np.ndarray], np.ndarray]:
-    """Exact slopes of the rates: a difference would look past where a slip starts, and a solver's steps shrink there."""
+    """Exact slopes of the rates: a difference looks past where a slip starts, and a solver's steps shrink there."""
     return lambda t, z: slopes(model, z, u(t), ways, inputs=False)[0][: len(z)]
 
 

@@ -1,7 +1,7 @@
 """Holes in series in continuous time.
 
     span     T_0 = k (x - s_1) + c (x' - s_1'),   T_j = k_s (s_j - s_{j+1}),   s_N = y;   at least 0
-    hole     ln T_{h-1} - ln T_h = ln n_h + DRAG w slipping up by w,   the mirror image slipping down,   in between at rest
+    hole     ln T_{h-1} - ln T_h = ln n_h + DRAG w slipping up by w, its mirror image slipping down, in between at rest
 
 `cable_envs.plants.hole.series` has the symbols. The cable has no mass, so the tensions of a hole's two spans say how
 fast it slips there: n_h(mu_h + K w^omega) grows with the speed w, and w is the one at which the ratio is that of the
@@ -12,6 +12,8 @@ with an infinite slope over the tensions where a slip starts or stops. So a slip
 `DRAG` times its speed. With it the speed is a function of the tensions for every rig, of finite slope, and the
 equations have a linear system on the verge of sliding. They stay stiff near rest.
 """
+
+from itertools import pairwise
 
 from cable_envs.core.kernels import log, maximum, minimum, power, select, sqrt
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
@@ -154,7 +156,7 @@ def slid(p, x, places, y, way):
     tensions = [maximum(whole, 0.0) / sum(1.0 / k for k in stiffness) for _ in stiffness]
     for _ in range(WRAPS if p.bending_rigidity[0] > 0.0 else 1):
         shares = [1.0]
-        for h, (above, behind) in enumerate(zip(tensions, tensions[1:])):
+        for h, (above, behind) in enumerate(pairwise(tensions)):
             n = _limit(p, h, 0.0, above, behind)[0] * (1.0 + BEYOND)
             shares.append(shares[-1] * select(way > 0.0, 1.0 / n, n))
         first = maximum(whole, 0.0) / sum(share / k for share, k in zip(shares, stiffness))
