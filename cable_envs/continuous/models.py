@@ -357,7 +357,7 @@ def _mode(plant: Plant, name: str | None) -> ActionMode | None:
 
 
 def _refuse(rig: Rig, plant: Plant, has: Sequence[str]) -> None:
-    """ConfigurationError for an effect of the rig that the equations leave out, and for a drive with a motor."""
+    """ConfigurationError for an effect of the rig that the equations leave out."""
     for full, value in rig.effects.items():
         name, parameter = full.split(".", 1)
         effect = plant.effects.effects[name]

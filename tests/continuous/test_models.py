@@ -51,8 +51,7 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
 
 @COMMANDED
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
-    """Substeps of 10 us. The largest difference seen is 2.0e-4 of the range with ideal drives, 5.1e-4 with a servo that
-    is read every 10 us, 9e-5 with holes in series."""
+    """Substeps of 10 us. The largest difference seen is 2.0e-4 of the range, with a servo read every 10 us 5.1e-4."""
     m = case.made
     x0, u0 = m.rest(case.position)
     u, given = moved(m, case, u0, 100, PERIOD)

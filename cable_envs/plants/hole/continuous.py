@@ -7,6 +7,9 @@
 With a motor the drive is that of `cable_envs.plants.servo_rates`: told its force in tension mode; in speed mode the
 servo's reference moves on with the command, no further ahead than the saturator's force over the servo's gain.
 
+Several holes have the slips of `cable_envs.plants.hole.series_continuous` among their states. The ideal drive's loop is
+solved with the first of them; a motor has its speed among the states, so that nothing else is implicit.
+
 The drive keeps its speed limit. Its acceleration limit is not in the equations: the drive is as fast as its command.
 """
 
