@@ -45,8 +45,7 @@ def model(
     Raises
     ------
     ConfigurationError
-        For unknown names, and for rigs with what the equations leave out: effects with a memory, holes in series
-        with a motor.
+        For unknown names, and for rigs with what the equations leave out: effects with a memory.
 
     Examples
     --------
@@ -211,11 +210,6 @@ class Model:
         for row, command in (("command", mode), ("second", mode and mode.second)):
             if command and command.rest_signal:
                 u[rows.index(row)] = at[self.plant.row(command.rest_signal)]
-        if any(ways) and self.equations.unsettled:
-            raise ConfigurationError(
-                f"{self.rig.name} has no point on the verge of sliding: {self.equations.unsettled}; "
-                "give a state and an input of a motion"
-            )
         if self.held < 0 or (not any(ways) and not self.f(x, u).any()):
             return x, u
         return balanced(self, x, u, ways)
@@ -363,7 +357,7 @@ def _mode(plant: Plant, name: str | None) -> ActionMode | None:
 
 
 def _refuse(rig: Rig, plant: Plant, has: Sequence[str]) -> None:
-    """ConfigurationError for an effect of the rig that the equations leave out, and for a drive with a motor."""
+    """ConfigurationError for an effect of the rig that the equations leave out."""
     for full, value in rig.effects.items():
         name, parameter = full.split(".", 1)
         effect = plant.effects.effects[name]

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cable_envs.continuous.points import slopes
 from cable_envs.continuous.ways import Ways, as_forced, told
 from cable_envs.core.errors import ConfigurationError, require_known
 
 OPTIONS = {"method": "DOP853", "rtol": 1e-8, "atol": 1e-10, "max_step": np.inf}
+IMPLICIT = ("Radau", "BDF", "LSODA")
+"""Methods that ask for the slopes of the rates."""
 HELD = 1e-7
 """s for which friction holds what would move for a shorter time."""
 MOST = 10000
@@ -50,9 +53,7 @@ def integrate(model: Any, t: ArrayLike, u: Any, x0: ArrayLike, **options: Any) -
     if times.ndim != 1 or len(times) < 2 or not (np.diff(times) > 0.0).all():
         raise ConfigurationError("t: expected at least two times that grow")
     given = _inputs(model, u, len(times) - 1)
-    usual = (
-        {**OPTIONS, "method": "LSODA"} if model.equations.unsettled else OPTIONS
-    )  # stiff where something comes to rest
+    usual = {**OPTIONS, "method": "BDF"} if model.equations.stiff else OPTIONS
     x = np.asarray(x0, dtype=np.float64)
     states, ways, taken = [x], [], []
     for k, (start, end) in enumerate(pairwise(times)):
@@ -85,7 +86,10 @@ def _between(model, u, x, start, end, options):
     for _ in range(MOST):
         events = _events(model, u, ways, start) if until == end else []
         tests = [test for _, test in events]
-        run = solve_ivp(lambda t, z, ways=ways: model.f(z, u(t), ways), (start, until), x, events=tests, **options)
+        given = {"jac": _slopes(model, u, ways)} if options["method"] in IMPLICIT else {}
+        run = solve_ivp(
+            lambda t, z, ways=ways: model.f(z, u(t), ways), (start, until), x, events=tests, **given, **options
+        )
         if not run.success:
             raise ConfigurationError(f"the integration stops at {run.t[-1]:g} s: {run.message}")
         before, start, x = start, run.t[-1], run.y[:, -1].copy()
@@ -101,6 +105,11 @@ def _between(model, u, x, start, end, options):
         else:
             ways, until = _followed(model, x, u(start)), end
     raise ConfigurationError(f"more than {MOST} changes of direction until {start:g} s")
+
+
+def _slopes(model: Any, u: Callable[[float], np.ndarray], ways: Ways) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Exact slopes of the rates: a difference looks past where a slip starts, and a solver's steps shrink there."""
+    return lambda t, z: slopes(model, z, u(t), ways, inputs=False)[0][: len(z)]
 
 
 def _followed(model: Any, x: np.ndarray, u: np.ndarray) -> Ways:

@@ -16,7 +16,9 @@ LEFT = 1e-6
 """Largest rate that counts as none, m/s^2, rad/s^2 and so on."""
 
 
-def slopes(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways, slid: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def slopes(
+    model: Any, x: np.ndarray, u: np.ndarray, ways: Ways, slid: bool = False, inputs: bool = True
+) -> tuple[np.ndarray, np.ndarray]:
     """Slopes of rates and outputs of a model, by complex steps.
 
     Parameters
@@ -29,6 +31,8 @@ def slopes(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways, slid: bool = Fa
         Directions of sliding.
     slid : bool
         Whether contacts without a mass follow to their limits (`Model.slid`).
+    inputs : bool
+        Whether those over the inputs are wanted too; else they are left out.
 
     Returns
     -------
@@ -38,7 +42,7 @@ def slopes(model: Any, x: np.ndarray, u: np.ndarray, ways: Ways, slid: bool = Fa
         The same over the inputs.
     """
     point, columns, n = np.concatenate([x, u]), [], len(x)
-    for k in range(len(point)):
+    for k in range(len(point) if inputs else n):
         moved: list[Any] = [np.complex128(value) for value in point]
         moved[k] += 1j * STEP
         at = model.slid(moved[:n], moved[n:], ways) if slid else moved[:n]

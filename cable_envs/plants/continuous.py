@@ -94,8 +94,8 @@ class Equations:
     slack : mapping of callable to str
         Pieces that hold the slack of a cable as ``select(.., maximum(pull, 0.0), 0.0)`` -> the coefficient that their
         pull is over the tension, empty where it is the tension. A smooth version rounds them off.
-    unsettled : str
-        Why it has no point on the verge of sliding at which a command could keep it; empty: it has.
+    stiff : bool
+        Whether contacts without a mass make it stiff where they come to rest.
     symbolic : mapping of str to callable
         Functions that the law calls by these names and that decide as they go -> what a CasADi function has instead.
     speed : float
@@ -113,7 +113,7 @@ class Equations:
     verge: Verge | None = None
     effects: tuple[str, ...] = ()
     slack: Mapping[Callable, str] = field(default_factory=dict)
-    unsettled: str = ""
+    stiff: bool = False
     symbolic: Mapping[str, Callable] = field(default_factory=dict)
     speed: float = 1e-3
 

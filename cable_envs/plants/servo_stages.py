@@ -95,33 +95,50 @@ def motor_shows(x, p, i, new, against):
 
 
 @inline
-def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
-    """Speed of the drive after dt, and how far it falls short of its mean speed where it stops.
+def balanced(p, i, speed, forward, backward, cogging, own, pull, stiffness, damping, dt):
+    """(speed after dt, how far short of its mean) of a drive with those `motor_torques`, against what the cables take.
 
-    ``pull`` is what the cables take in the middle of the step if the drive keeps its speed and the load goes on,
-    ``stiffness`` and ``damping`` are its slopes.
+    ``pull`` is that in the middle of the step if the drive keeps its speed and the load goes on, ``stiffness`` and
+    ``damping`` are its slopes.
     """
-    forward, backward, cogging, own = motor_torques(x, p, i, at, speed, dt)
     net = 0.5 * dt * stiffness * speed - pull - cogging - p.moved_damping[i] * speed
     rest, friction = own + damping, p.drive_friction[i]
     up, down = net + forward - friction, net + backward + friction
-    new, short = ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
+    return ringing_step(speed, p.moved_inertia[i], up, down, stiffness, rest, rest, dt)
+
+
+@inline
+def felt_share(p, i, speed, forward, backward, cogging, own, lead, gap, dt):
+    """Share of a step in which a drive with those `motor_torques` feels the cables behind a gap of the width ``gap``.
+
+    It is ``lead`` ahead of the middle of its nut. A nut that is held by its friction holds the cables as well: while
+    the drive crosses to an edge it feels nothing of them. How much of the step that is follows from where it would go
+    without them.
+    """
+    free, missed = balanced(p, i, speed, forward, backward, cogging, own, 0.0, 0.0, 0.0, dt)
+    way = 0.5 * dt * (speed + clip(free, -p.top_speed[i], p.top_speed[i])) - missed
+    left = maximum(0.5 * gap - select(way < 0.0, -lead, lead), 0.0)
+    return 1.0 - select(gap > 0.0, minimum(left / maximum(abs(way), 1e-300), 1.0), 0.0)
+
+
+@inline
+def motor_step(x, p, i, at, speed, pull, stiffness, damping, dt):
+    """Speed of the drive after dt, and how far it falls short of its mean speed where it stops, as of `balanced`."""
+    forward, backward, cogging, own = motor_torques(x, p, i, at, speed, dt)
+    new, short = balanced(p, i, speed, forward, backward, cogging, own, pull, stiffness, damping, dt)
     motor_shows(x, p, i, new, pull + cogging)
     return clip(new, -p.top_speed[i], p.top_speed[i]), short
 
 
 @inline
 def motor_step_in_gap(x, p, i, at, speed, pull, stiffness, damping, lead, gap, dt):
-    """`motor_step` of a drive that moves in a gap of the width ``gap``, and is ``lead`` ahead of the middle of its nut.
-
-    A nut that is held by its friction holds the cables as well: while the drive crosses to an edge it feels nothing of
-    them. How much of the step that is follows from where it would go without them.
-    """
-    free, missed = motor_step(x, p, i, at, speed, 0.0, 0.0, 0.0, dt)
-    way = 0.5 * dt * (speed + free) - missed
-    left = maximum(0.5 * gap - select(way < 0.0, -lead, lead), 0.0)
-    felt = 1.0 - select(gap > 0.0, minimum(left / maximum(abs(way), 1e-300), 1.0), 0.0)
-    return motor_step(x, p, i, at, speed, felt * pull, felt * stiffness, felt * damping, dt)
+    """`motor_step` of a drive that moves in a gap, as of `felt_share`."""
+    forward, backward, cogging, own = motor_torques(x, p, i, at, speed, dt)
+    felt = felt_share(p, i, speed, forward, backward, cogging, own, lead, gap, dt)
+    pull, stiffness, damping = felt * pull, felt * stiffness, felt * damping
+    new, short = balanced(p, i, speed, forward, backward, cogging, own, pull, stiffness, damping, dt)
+    motor_shows(x, p, i, new, pull + cogging)
+    return clip(new, -p.top_speed[i], p.top_speed[i]), short
 
 
 @inline

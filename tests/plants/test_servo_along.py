@@ -36,15 +36,16 @@ def agree(seen, name: str, path) -> None:
     assert apart < 0.01, (name, apart)
 
 
-def test_a_drive_within_its_gap_moves_as_without_a_cable():
+@pytest.mark.parametrize("rig", [HOLE, SERIES], ids=["hole", "series"])
+def test_a_drive_within_its_gap_moves_as_without_a_cable(rig):
     """The nut is held by its friction, and with it the cable. That of the other rig pulls with a millinewton."""
     weak = {"cable_stiffness": 1.0, "cable_damping": 0.0, "load_gravity": 0.0, "load_stiffness": 1.0}
     smooth, paths = {"encoder_counts": 0.0}, []
     for changes in (weak, {"backlash.gap": 3e-3}):
-        _, seen = driven(HOLE, smooth | changes, lambda t: 2e-3 * np.pi * np.cos(2.0 * np.pi * t), "speed", steps=100)
+        _, seen = driven(rig, smooth | changes, lambda t: 2e-3 * np.pi * np.cos(2.0 * np.pi * t), "speed", steps=100)
         paths.append(seen["drive_position"] - seen["drive_position"][0])
     assert paths[1] == pytest.approx(paths[0], abs=2e-7) and np.ptp(paths[1]) > 1.9e-3
-    assert np.ptp(seen["load_position"]) == np.ptp(seen["drive_tension"]) == 0.0 and seen["drive_tension"][0] > 40.0
+    assert np.ptp(seen["load_position"]) == np.ptp(seen["drive_tension"]) == 0.0 and seen["drive_tension"][0] > 19.0
 
 
 def test_a_drive_that_is_told_its_force_has_its_gap_taken_up():

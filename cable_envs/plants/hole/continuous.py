@@ -7,17 +7,19 @@
 With a motor the drive is that of `cable_envs.plants.servo_rates`: told its force in tension mode; in speed mode the
 servo's reference moves on with the command, no further ahead than the saturator's force over the servo's gain.
 
+Several holes have the slips of `cable_envs.plants.hole.series_continuous` among their states. The ideal drive's loop is
+solved with the first of them; a motor has its speed among the states, so that nothing else is implicit.
+
 The drive keeps its speed limit. Its acceleration limit is not in the equations: the drive is as fast as its command.
 """
 
 from dataclasses import replace
 
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, maximum, select
 from cable_envs.physics.contact import extrusion_coefficient, tension_ratio, wrap_in_contact
 from cable_envs.plants.base import ActionMode, Plant, Signal
 from cable_envs.plants.continuous import Equations, Rows, Values, along, confined, driven, engaged, rubbed
-from cable_envs.plants.hole.series_continuous import slips, taut
+from cable_envs.plants.hole.series_continuous import slid, slips, taut
 from cable_envs.plants.hole.stages import span, transmitted
 from cable_envs.plants.servo_rates import hauled, served, with_motors
 
@@ -115,19 +117,29 @@ def _series_law(state, rows: Rows, way):
     return (limited_drive, v, faster, *speeds), (x, limited_drive, above, y, v, behind)
 
 
-def _in_series(one: Equations, plant: Plant, value: Values) -> Equations:
-    """The equations of several holes; ConfigurationError for what has none."""
-    if plant.drive != "ideal":
-        raise ConfigurationError("holes in series have equations in continuous time with an ideal drive only")
-    if value["extrusion_gain"] <= 0.0 or value["bending_rigidity"] > 0.0:
-        raise ConfigurationError(
-            "holes in series need an extrusion_gain above 0 and a bending_rigidity of 0 in continuous time: the "
-            "friction that grows with the speed says how fast the cable slips through a hole without a mass"
-        )
-    places = [s.name for s in plant.signals if s.name.startswith("slip_position")]
+def _series_motor_law(state, rows: Rows, way, drive_way):
+    p, holes = rows.p, len(rows.p.wrap_angle)
+    (x, v_d, y, v), places, servo = state[:4], state[4 : 3 + holes], state[3 + holes :]
+    k, c, stretch = p.cable_stiffness[0], p.cable_damping[0], x - places[0]
+    tensions, speeds = slips(rows, places, y, _first(p, stretch, v_d), c)
+    above = span(k, c, stretch, v_d - speeds[0])
+    behind, faster = _series_load(rows, tensions, y, v, way)
+    hauls, rates, motor = _driven(rows, x, v_d, above, drive_way, servo)
+    return (v_d, hauls, v, faster, *speeds, *rates), (x, v_d, above, y, v, behind, *motor)
+
+
+def _in_series(one: Equations, plant: Plant) -> Equations:
+    """The equations of several holes."""
+    places = tuple(s.name for s in plant.signals if s.name.startswith("slip_position"))
+    x, y, begin = one.states.index("drive_position"), one.states.index("load_position"), len(one.states)
+    end = begin + len(places)
+
+    def verge(state, rows: Rows, way, *_):
+        return (*state[:begin], *slid(rows.p, state[x], state[begin:end], state[y], way), *state[end:])
+
     return replace(
-        one, states=(*one.states, *places), law=_series_law, slack={span: "", taut: ""},
-        unsettled="the speed of a slip through a hole without a mass grows with an infinite slope there",
+        one, states=(*one.states, *places), law=_series_law if plant.drive == "ideal" else _series_motor_law,
+        slack={span: "", taut: ""}, verge=verge, stiff=True,
     )  # fmt: skip
 
 
@@ -153,7 +165,7 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
             ideal, states=("drive_position", "drive_velocity", "load_position", "load_velocity"), law=_motor_law
         )
     if "wrap_angle_2" in plant.parameters:
-        ideal = _in_series(ideal, plant, value)
+        ideal = _in_series(ideal, plant)
     if plant.drive == "ideal":
         return ideal
     motor, moving = with_motors(ideal, value, mode.name == "speed"), len(ideal.states)

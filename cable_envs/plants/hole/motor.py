@@ -21,7 +21,7 @@ from cable_envs.plants.hole.series_stages import first_span as ideal_span
 from cable_envs.plants.hole.series_stages import moved as ideal_moved
 from cable_envs.plants.hole.spool import nut_before, wound
 from cable_envs.plants.servo import ALONG, ENCODER, Mount, along, mounted, pulling, servo_signals
-from cable_envs.plants.servo_stages import motor_shows, motor_step_in_gap, motor_torques, servo_reads
+from cable_envs.plants.servo_stages import felt_share, motor_shows, motor_step_in_gap, motor_torques, servo_reads
 
 PARAMETERS = (
     *ALONG,
@@ -106,12 +106,16 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     at, old = x.drive_position[i], x.drive_velocity[i]
     told(x, p, u, g, i, at, old, dt)
     forward, backward, cogging, damping = motor_torques(x, p, i, at, old, dt)
+    felt = 1.0
+    if e is not None:
+        gap, lead = select(u.mode[i] < 0.5, 0.0, e.backlash_gap[i]), at - nut_before(e, s, i, at)
+        felt = felt_share(p, i, old, forward, backward, cogging, damping, lead, gap, dt)
     friction, against = p.drive_friction[i], cogging + p.moved_damping[i] * old
-    up, down = forward - friction - against, backward + friction - against
-    rises = (old > 0.0) | ((old == 0.0) & (up > x.drive_tension[i]))
-    falls = (old < 0.0) | ((old == 0.0) & (down < x.drive_tension[i]))
+    up, down, pull = forward - friction - against, backward + friction - against, felt * x.drive_tension[i]
+    rises = (old > 0.0) | ((old == 0.0) & (up > pull))
+    falls = (old < 0.0) | ((old == 0.0) & (down < pull))
     share = 0.5 * dt / (p.moved_inertia[i] + 0.5 * dt * damping)  # of the mean speed, in what moves the drive
-    w.by_tension[i] = share
+    w.by_tension[i] = felt * share
     w.wanted[i] = old + share * select(rises, up, down)
     w.low[i], w.high[i] = select(falls, -p.top_speed[i], 0.0), select(rises, p.top_speed[i], 0.0)
     if e is not None:
