@@ -48,10 +48,11 @@ def test_a_drive_within_its_gap_moves_as_without_a_cable(rig):
     assert np.ptp(seen["load_position"]) == np.ptp(seen["drive_tension"]) == 0.0 and seen["drive_tension"][0] > 19.0
 
 
-def test_a_drive_that_is_told_its_force_has_its_gap_taken_up():
+@pytest.mark.parametrize("rig", [HOLE, SERIES], ids=["hole", "series"])
+def test_a_drive_that_is_told_its_force_has_its_gap_taken_up(rig):
     """The cable can only pull: it draws the nut to one edge, and the motion is that without a gap, to the bit."""
     without, taken_up = (
-        driven(HOLE, {"backlash.gap": gap, "slack.length": 1e-9}, lambda t: 49.0 + 25.0 * np.sin(4.0 * t), "tension")[1]
+        driven(rig, {"backlash.gap": gap, "slack.length": 1e-9}, lambda t: 49.0 + 25.0 * np.sin(4.0 * t), "tension")[1]
         for gap in (0.0, 2e-3)
     )
     assert np.ptp(without["load_position"]) > 1e-3

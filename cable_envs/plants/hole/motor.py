@@ -77,7 +77,7 @@ def hauled(x, p, u, w, e, s, g, i, dt):
     by_force = u.mode[i] < 0.5
     if e is not None:
         gap = e.backlash_gap[i]
-        nut = nut_before(e, s, i, at)
+        nut = nut_before(e, s, i, at, by_force)
         _, end = wound(e, i, nut)
         lead = at - nut
         held = held & (g.imposes[i] < 0.5)
@@ -97,6 +97,9 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     w.rate[0, i] = x.drive_velocity[i]
     w.told[i], w.loops[i], w.old[i] = 0.0, 0.0, x.drive_velocity[i]
     w.most[i], w.alone[i], w.fastest[i] = 0.0, 0.0, 0.0
+    w.by_force[i] = select(u.mode[i] < 0.5, 1.0, 0.0)
+    if e is not None:
+        w.by_force[i] = select(g.follows[i] > 0.5, 0.0, w.by_force[i])
 
 
 @inline
@@ -108,7 +111,8 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     forward, backward, cogging, damping = motor_torques(x, p, i, at, old, dt)
     felt = 1.0
     if e is not None:
-        gap, lead = select(u.mode[i] < 0.5, 0.0, e.backlash_gap[i]), at - nut_before(e, s, i, at)
+        by_force = w.by_force[i] > 0.5
+        gap, lead = select(by_force, 0.0, e.backlash_gap[i]), at - nut_before(e, s, i, at, by_force)
         felt = felt_share(p, i, old, forward, backward, cogging, damping, lead, gap, dt)
     friction, against = p.drive_friction[i], cogging + p.moved_damping[i] * old
     up, down, pull = forward - friction - against, backward + friction - against, felt * x.drive_tension[i]

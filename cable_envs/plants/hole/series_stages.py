@@ -37,6 +37,7 @@ def scratch(holes: int) -> Lanes:
         # first span: growth of its tension with its stretch, and its tension if nothing moves (N/m, N); its end before
         # the step, m; where the drive is without its speed, and how far that takes it, m and s
         "grip", "held", "end_before", "reach", "lever",
+        "by_force",  # 1 where a motor is told its force: its gap is taken up
         "straight",  # base of the first span where the cable's end is where the drive is, N
         # whether the drive's speed is told, and what it is after the step, m/s
         "told", "goal",
@@ -127,13 +128,15 @@ def end_row(p, w, e, s, i):
     """
     if e is not None:
         speed = w.rate[0, i]
-        nut = nut_after(e, s, i, w.reach[i] + w.lever[i] * speed, False)
+        by_force = w.by_force[i] > 0.5
+        nut = nut_after(e, s, i, w.reach[i] + w.lever[i] * speed, by_force)
         at, steep = wound(e, i, nut)
-        turns = select((e.backlash_gap[i] > 0.0) & (nut == s.gap_position[i]), 0.0, steep)
+        still = (e.backlash_gap[i] > 0.0) & (nut == s.gap_position[i]) & (not by_force)
+        turns = select(still, 0.0, steep)
         before = w.base[0, i] + w.draws[i] * speed
         w.draws[i] = w.grip[i] * turns * w.lever[i]
         end = w.held[i] + w.grip[i] * (at - w.end_before[i]) - w.draws[i] * speed
-        w.base[0, i] = select(moves_otherwise(e, i), end, w.straight[i])
+        w.base[0, i] = select(moves_otherwise(e, i, by_force), end, w.straight[i])
         w.by_end[i] = w.by_first[i] * turns
         return w.base[0, i] + w.draws[i] * speed - before
     return 0.0
@@ -186,7 +189,7 @@ def drive_row(x, p, u, w, e, s, g, i, dt):
     w.wanted[i], w.told[i], w.goal[i] = wanted, select(told, 1.0, 0.0), target
     w.low[i], w.high[i] = select(told, way, -p.speed_limit[i]), select(told, way, p.speed_limit[i])
     w.rate[0, i], w.old[i], w.loops[i], w.alone[i] = old, old, select(told, 0.0, 1.0), 0.0
-    w.most[i], w.fastest[i] = most, p.speed_limit[i]
+    w.most[i], w.fastest[i], w.by_force[i] = most, p.speed_limit[i], 0.0
 
 
 @inline
@@ -199,7 +202,7 @@ def first_span(x, p, u, w, e, s, g, i, dt):
     stretch = x.drive_position[i] - x.slip_position[0, i]
     pull = k * stretch
     if e is not None:
-        w.end_before[i], _ = wound(e, i, nut_before(e, s, i, x.drive_position[i]))
+        w.end_before[i], _ = wound(e, i, nut_before(e, s, i, x.drive_position[i], w.by_force[i] > 0.5))
         stretch = w.end_before[i] - e.slack_length[i] - s.creep_top[i] - x.slip_position[0, i]
         pull, rise = hardened(k * maximum(stretch, 0.0), e.stiffness_hardening_coefficient[i])
         pull, k = own_cable(pull, e, s, i), k * rise
@@ -311,7 +314,7 @@ def moved(x, p, u, w, e, s, g, i, dt):
     stretched = drive - x.drive_position[i] - dt * w.rate[1, i]
     if e is not None:
         drive = select(g.follows[i] > 0.5, g.target[i], drive)
-        s.gap_position[i] = nut_after(e, s, i, drive, False)
+        s.gap_position[i] = nut_after(e, s, i, drive, w.by_force[i] > 0.5)
     x.drive_position[i] = drive
     x.drive_velocity[i] = w.ends[i]
     mean, v = w.rate[holes, i], w.speed[i]

@@ -28,9 +28,12 @@ def idle_share(e, s, i, position, speed, dt):
 
 
 @inline
-def nut_before(e, s, i, drive):
-    """Where the part behind the gap is before a step that begins with the drive there."""
-    return select(e.backlash_gap[i] > 0.0, s.gap_position[i], drive)
+def nut_before(e, s, i, drive, by_force):
+    """Where the part behind the gap is before a step that begins with the drive there, which is told its force or not.
+
+    Told its force, a drive has its gap taken up (`cable_envs.effects.backlash.pulled_end`).
+    """
+    return select((e.backlash_gap[i] > 0.0) & (not by_force), s.gap_position[i], drive)
 
 
 @inline
@@ -50,7 +53,7 @@ def wound(e, i, nut):
 @inline
 def cable_end(e, s, i, old, new, speed, dt, by_force):
     """(position before, position after, mean speed, speed after) of the cable's end; PLAY is moved on."""
-    before, after = nut_before(e, s, i, old), nut_after(e, s, i, new, by_force)
+    before, after = nut_before(e, s, i, old, by_force), nut_after(e, s, i, new, by_force)
     s.gap_position[i] = after
     x0, _ = wound(e, i, before)
     x1, steep = wound(e, i, after)
