@@ -259,7 +259,9 @@ def test_without_friction_the_motion_is_that_of_an_adaptive_integrator():
 
 
 def test_the_step_fits_a_light_joint_or_the_rig_is_refused():
-    assert gym.make(ENV).unwrapped.setup.substeps == 22
+    # a drive on its span, whose stiffness is that at the tension limit, is the quickest: 0.0875 rad in a step
+    turns = np.sqrt(6000.0 / 0.7 * np.sqrt(1.0 + 2.0 * 0.05 * 75.0) / 0.3 - (60.0 / (2.0 * 0.3)) ** 2)
+    assert gym.make(ENV).unwrapped.setup.substeps == np.ceil(0.01 * turns / 0.0875) == 31
     light = gym.make(ENV, rig={"joint_inertia": 2e-6}).unwrapped.setup.substeps
     assert 100 < light < 400
     with pytest.raises(ConfigurationError, match=f"substeps={light} or more"):

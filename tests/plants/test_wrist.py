@@ -250,7 +250,11 @@ def test_out_of_range_is_that_of_the_published_file():
 
 
 def test_the_step_fits_light_jaws_or_the_rig_is_refused():
-    assert gym.make(ENV).unwrapped.setup.substeps == 54
+    # both joints on the spans behind their contacts turn at most this fast, and 0.0875 rad in a step
+    yaw = (2.0 * 0.0027**2 * 1e4 / 0.2 + 0.02) / 2.5e-6
+    pitch = 2.0 * (0.003228**2 + 0.002202**2) * 1e4 / 0.2 / 1e-5
+    turns = np.sqrt(yaw + pitch - (0.5 * 2e-4 / 2.5e-6) ** 2)
+    assert gym.make(ENV).unwrapped.setup.substeps == np.ceil(0.01 * turns / 0.0875) == 77
     light = gym.make(ENV, rig={"yaw_inertia": 1e-7}).unwrapped.setup.substeps
     assert 120 < light < 400
     with pytest.raises(ConfigurationError, match=f"substeps={light} or more"):

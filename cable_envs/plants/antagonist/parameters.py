@@ -127,7 +127,7 @@ def derive(value, e) -> dict[str, np.ndarray]:
 
 
 def resolves(p, e) -> np.ndarray:
-    """Longest steps, s: half of those of the joint while both contacts hold, at the tension limit, and of a drive."""
+    """Longest steps, s: `COUPLED` times those of joint and drive at the tension limit, while both contacts hold."""
     hard = np.sqrt(1.0 + 2.0 * p.tendon_hardening * p.tension_limit)
     arm = p.moment_arm + np.abs(p.moment_arm_growth) * p.angle_limit
     turning = 2.0 * arm**2 * p.end_stiffness * hard + p.spring_stiffness + np.abs(p.weight_torque)

@@ -68,8 +68,8 @@ solve_together = specialised(series.solve, law=friction, lead=end_row, pace=pace
 
 PICK_UP = 0.007
 """Longest step, as a share of the time in which a drive that accelerates from rest takes the whole weight up. Of 0.02,
-5 of 172 random rigs differed from 20 times shorter steps by more than 1 %: their drives alternate between their limits
-of acceleration, and each change is a corner."""
+5 of 172 random rigs differed from 20 times shorter steps by more than 1 %. The cause is known for one of them: the
+drive alternates between its limits of acceleration, and each change is a corner."""
 
 
 @inline

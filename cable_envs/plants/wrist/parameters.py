@@ -135,7 +135,7 @@ def derive(value, e) -> dict[str, np.ndarray]:
 
 
 def resolves(p, e) -> np.ndarray:
-    """Longest steps, s: half of those of both joints together while all contacts hold, and of a servo.
+    """Longest steps, s: `COUPLED` times those of both joints together while all contacts hold, and of a servo.
 
     The square of the fastest of two coupled modes is at most the sum of those of the joints alone.
     """
