@@ -220,6 +220,12 @@ def sliding(x, p, w, e, s, g, i, ahead, dt):
 
 
 @inline
+def at_start(x, w, i):
+    """Tension above before the first step, from which a friction that builds up begins in balance."""
+    return x.drive_tension[i]
+
+
+@inline
 def slip_speed(x, p, w, e, s, g, i, ahead, dt):
     """Speed of the load after the step: the tension above against what resists behind the hole."""
     v, mass = x.load_velocity[i], p.load_mass[i]
@@ -233,7 +239,8 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
             select(w.tension_middle[i] > 0.0, w.stiffness[i], 0.0),
         )
         _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
-        at_rest = 0.5 + 0.5 * (middle - w.resistance[i]) / maximum(middle * log(n), 1e-12)
+        before = at_start(x, w, i)
+        at_rest = 0.5 + 0.5 * (before - w.resistance[i]) / maximum(before * log(n), 1e-12)
         v_new = presliding_step(
             e, s, g, i, v, mass, up, down, v_new, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up,
             damping_down, dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),

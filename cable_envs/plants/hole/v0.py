@@ -66,6 +66,12 @@ def _moves_all_along(before, middle):
 
 
 @inline
+def _in_the_middle(x, w, i):
+    """In the place of `at_start`: the tension in the middle of the first step."""
+    return w.tension_middle[i]
+
+
+@inline
 def _no_later(w, i, v, mass, damping, stiffness, share, k, c, early, dt):
     """In the place of `later`: forces act in the middle of the step."""
     return 0.0
@@ -121,7 +127,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
 
 _SOLVE = specialised(
     _solve, extrapolated=_straight, load_slides=stick_slip_whole, ringing_lag=no_way, later=_no_later,
-    broken_away=_moves_all_along,
+    broken_away=_moves_all_along, at_start=_in_the_middle,
 )  # fmt: skip
 
 
