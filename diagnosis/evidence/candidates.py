@@ -1,7 +1,7 @@
 """Models with effects as candidates: refitted under one noise, linear about where the refit ended, ready to compare."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,10 +13,8 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
 from cable_envs.diagnosis.model.noise import Noise, resolution
 
-FORM = 0.05
-"""How far a law may be off in form: standard deviation of its discrepancy, as a share of what the effect changes."""
-SCALES = (0.1, 0.2, 0.4, 0.8)
-"""Shares beyond that, for what no effect explains."""
+SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
+"""Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
 WIDE = 3.0
 """Standard deviation of the prior of an effect's size, over the size at which it is typical."""
 ITERATIONS = 8
@@ -37,6 +35,11 @@ class Joint:
         """As `cable_envs.diagnosis.model.model.Model`."""
         fit, heldout = self._models
         return [*fit.predict(values), *heldout.predict(values[self._rows])]
+
+    def left_by(self, fit: Fit) -> dict[str, float]:
+        """RMS of what a refit leaves, channel by channel."""
+        predicted = self.predict(self.columns(fit))
+        return sizes_of(self.blocks, [b.measured - p[:, 0] for b, p in zip(self.blocks, predicted, strict=True)])
 
     def columns(self, fit: Fit, *changed: Mapping[str, float]) -> np.ndarray:
         """Parameter columns of a refit, and of the same with other values."""
@@ -71,46 +74,54 @@ class Candidate:
         return " + ".join(h.name for h in self.effects)
 
     @cached_property
-    def near(self) -> Marginal:
-        """With laws that may be off in form by `FORM`."""
-        return self.frame.marginal(self.linear, FORM if self.effects else 0.0)
+    def plain(self) -> Marginal:
+        """Without a discrepancy."""
+        return self.frame.marginal(self.linear, 0.0)
 
     @cached_property
-    def far(self) -> tuple[float, Marginal]:
-        """(gain in log evidence, evidence) of the discrepancy that the records ask for most.
+    def best(self) -> Marginal:
+        """With the discrepancy that the records ask for most, or with none where they ask for none.
 
-        Of all families together, or of one coordinate's in all channels.
+        Of all families together, or of one coordinate's in all channels. Half of the prior is on none.
         """
-        return max(self._discrepancies(), key=lambda one: one[0])
-
-    def _discrepancies(self) -> Iterator[tuple[float, Marginal]]:
         groups: dict[str, list[int]] = {}
         for k, family in enumerate(self.frame.families):
             groups.setdefault(family.name, []).append(k)
-        count = (len(groups) + 1) * len(SCALES)
+        price = -float(np.log((len(groups) + 1) * len(SCALES)))
+        found, log = self.plain, self.plain.log
         for chosen in (None, *map(tuple, groups.values())):
             for scale in SCALES:
-                found = self.frame.marginal(self.linear, scale, chosen)
-                yield self.over(found, self.near) - float(np.log(count)), found
+                one = self.frame.marginal(self.linear, scale, chosen)
+                if one.log + price > log:
+                    found, log = replace(one, volume=one.volume + price), one.log + price
+        return found
 
-    def over(self, one: Marginal, other: Marginal) -> float:
-        """Log odds of one of its discrepancies over another."""
-        share = self.frame.adjustment(one.explained - other.explained, self.linear.left - one.explained)
-        return share * (one.fit - other.fit) + one.volume - other.volume
+    @cached_property
+    def left(self) -> float:
+        """Log odds that it is not all, a discrepancy over none."""
+        return self._over(self.best, self.plain)
+
+    def _over(self, one: Marginal, other: Marginal) -> float:
+        return ratio(self.frame, (self.linear, one), (self.linear, other))
+
+
+def ratio(frame: Frame, one: tuple[Linear, Marginal], other: tuple[Linear, Marginal]) -> float:
+    """Logarithm of the ratio of two evidences under the same noise, as far as it may be trusted."""
+    (a, mine), (b, their) = one, other
+    left, others = a.left - mine.explained, b.left - their.explained
+    better = left if mine.fit >= their.fit else others
+    share = frame.adjustment(others - left, better)
+    return share * (mine.fit - their.fit) + mine.volume - their.volume
 
 
 def log_odds(one: Candidate, other: Candidate) -> float:
-    """Of two candidates under the same noise, with laws that may be off in form: logarithm of the evidence's ratio."""
-    a, b = one.near, other.near
-    left = one.linear.left - a.explained
-    signal = other.linear.left - b.explained - left
-    better = left if a.fit >= b.fit else left + signal
-    return one.frame.adjustment(signal, better) * (a.fit - b.fit) + a.volume - b.volume
+    """Of two candidates under the same noise, either with its own discrepancy: logarithm of the evidence's ratio."""
+    return ratio(one.frame, (one.linear, one.best), (other.linear, other.best))
 
 
 def under_one_noise(
     fit: Model, joint: Joint, fits: Sequence[tuple[tuple[Hypothesis, ...], Fit]], leader: int,
-    stated: Mapping[str, float],
+    stated: Mapping[str, float], sizes: Mapping[str, float],
 ) -> list[Candidate]:  # fmt: skip
     """Candidates of refits, refitted again under the noise that the leader leaves beside its discrepancy.
 
@@ -126,6 +137,8 @@ def under_one_noise(
         Which of them is believed in most.
     stated : mapping of str to float
         Channel -> standard deviation of its noise where the recording says it, SI.
+    sizes : mapping of str to float
+        Channel -> what the scales of its discrepancy are counted in, SI.
 
     Returns
     -------
@@ -136,18 +149,25 @@ def under_one_noise(
     predicted = [p[:, 0] for p in joint.predict(joint.columns(best))]
     raw = [b.measured - p for b, p in zip(joint.blocks, predicted, strict=True)]
     kinds = list(families(joint.blocks, predicted))
-    whitener = noise_of(joint.blocks, raw, stated)
-    frame = Frame(joint.blocks, whitener, kinds)
-    line = linear(joint, frame, effects, best)
-    found = max((frame.marginal(line, s) for s in (FORM, *SCALES)), key=lambda m: m.log)
-    apart = frame.raw(found.weights)
+    frame = Frame(joint.blocks, noise_of(joint.blocks, raw, stated), kinds)
+    first = Candidate(effects, best, frame, linear(joint, frame, effects, best, sizes))
+    apart = frame.raw(first.best.weights)
     whitener = noise_of(joint.blocks, [r - a for r, a in zip(raw, apart, strict=True)], stated)
     frame = Frame(joint.blocks, whitener, kinds)
     starts = [Start("", old.free, old.values) for _, old in fits]
     again = refit(fit, whitener, starts, ITERATIONS)
     return [
-        Candidate(e, new, frame, linear(joint, frame, e, new)) for (e, _), new in zip(fits, again, strict=True)
+        Candidate(e, new, frame, linear(joint, frame, e, new, sizes)) for (e, _), new in zip(fits, again, strict=True)
     ]  # fmt: skip
+
+
+def sizes_of(blocks: Sequence[Block], left: Sequence[np.ndarray]) -> dict[str, float]:
+    """RMS of what a model leaves [T] of every block, channel by channel."""
+    found = {}
+    for channel in dict.fromkeys(b.channel for b in blocks):
+        parts = [r[b.good] for r, b in zip(left, blocks, strict=True) if b.channel == channel]
+        found[channel] = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
+    return found
 
 
 def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mapping[str, float]) -> Whitener:
@@ -159,11 +179,8 @@ def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mappin
     return Whitener(noise)
 
 
-def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit) -> Linear:
-    """A refitted model on all records, linear about where its refit ended.
-
-    A discrepancy is measured by what the effects change; by what is left, where there are none.
-    """
+def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit, sizes: Mapping[str, float]) -> Linear:
+    """A refitted model on all records, linear about where its refit ended."""
     own = refit(joint, frame.whitener, [Start("", fit.free, fit.values)], 0)[0]
     rows = {p.name: p for p in joint.parameters}
     nulls = {name: null for h in effects for name, null in h.nulls.items()}
@@ -175,12 +192,4 @@ def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit
         variances[k] = spread**2
         centred = bool(p.std) or name in nulls
         moved[k] = fit.values[name] - nulls.get(name, p.start) if centred else 0.0
-    predicted = joint.predict(joint.columns(fit, nulls))
-    change = [
-        p[:, 0] - (p[:, 1] if effects else b.measured) for b, p in zip(joint.blocks, predicted, strict=True)
-    ]  # fmt: skip
-    sizes = {}
-    for channel in frame.channels:
-        parts = [c[b.good] for c, b in zip(change, joint.blocks, strict=True) if b.channel == channel]
-        sizes[channel] = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
     return Linear(own.residual, own.jacobian, variances, moved, sizes, frame.products(own.residual, own.jacobian))

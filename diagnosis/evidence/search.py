@@ -6,7 +6,7 @@
 3. Again on top of it, up to `MOST` effects.
 4. Each effect of the last model is left out, and exchanged for every other, given the rest. The best model stays.
    Exchanges that are not behind by `SURE` to one are alternatives.
-5. A discrepancy beyond the laws' own says what is left: its odds, and its share of what was to be explained.
+5. The discrepancy of the best model is what is left: its odds, and its share of what was to be explained.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -51,26 +51,23 @@ class Found:
         Effect -> log odds of the best model over the same without it.
     rivals : Mapping of str to Mapping
         Effect -> other hypotheses -> log odds of the best model over them in its place.
-    smooth : float
-        Log odds of the best model over the same without its least effect, but with a discrepancy in its place.
     """
 
     null: Candidate
     best: Candidate
     without: Mapping[str, float] = field(default_factory=dict)
     rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    smooth: float = np.inf
 
     @property
     def left(self) -> float:
         """Log odds that something is left that the best model does not explain."""
-        return self.best.far[0]
+        return self.best.left
 
     @property
     def share(self) -> float:
         """What is left over what the effects explain, as falls of half the sum of squares; infinite without any."""
-        explained = self.best.near.fit - self.null.near.fit
-        return max(self.best.far[1].fit - self.best.near.fit, 0.0) / explained if explained > 0.0 else np.inf
+        explained = self.best.plain.fit - self.null.plain.fit
+        return (self.best.best.fit - self.best.plain.fit) / explained if explained > 0.0 else np.inf
 
     @property
     def verdict(self) -> str:
@@ -78,7 +75,7 @@ class Found:
         something = self.left > np.log(SURE)
         if not self.best.effects:
             return "unknown" if something else "no_detectable_mismatch"
-        if (something and self.share > LAW) or self.smooth < 0.0:
+        if something and self.share > LAW:
             return "unknown"
         return "equivalence_class" if any(self.alternatives(h.name) for h in self.best.effects) else "named"
 
@@ -89,7 +86,7 @@ class Found:
     def confidence(self, name: str) -> float:
         """Probability that an effect or one of its alternatives is there; not calibrated."""
         clear = (odds for odds in self.rivals.get(name, {}).values() if odds >= np.log(SURE))
-        against = np.array([self.without[name], self.smooth, *clear])
+        against = np.array([self.without[name], *clear])
         return float(1.0 / (1.0 + np.sum(np.exp(-np.clip(against, 0.0, 50.0)))))
 
 
@@ -118,16 +115,20 @@ class Search:
     ):  # fmt: skip
         self._fit, self._joint, self._nominals = fit, Joint(fit, heldout), nominals
         self._hypotheses, self._rng, self._stated, self._tell = tuple(hypotheses), rng, dict(stated), tell
+        self._sizes: dict[str, float] = {}
         self._prior = -float(np.log(max(len(self._hypotheses), 1)))
 
     def run(self) -> Found:
         """Search forward, then leave out and exchange until the best model stays."""
         self._tell("refitting the nominal parameters")
         null = refit_nominals(self._fit, self._nominals)
+        self._sizes = self._joint.left_by(null.fit)
         base, effects = null, Effects()
         while len(effects) < MOST:
             fits = [(effects, base.fit), *self._on_top(effects, base, effects)]
-            current, *others = under_one_noise(self._fit, self._joint, fits, min(1, len(fits) - 1), self._stated)
+            current, *others = under_one_noise(
+                self._fit, self._joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
+            )
             best = max(others, key=lambda c: log_odds(c, current), default=None)
             if best is None or log_odds(best, current) + self._prior < np.log(SURE):
                 break
@@ -168,11 +169,10 @@ class Search:
             swapped = self._on_top(rest, self._judged(alone, base.whitener), effects)
             fits += [(rest, alone), *swapped]
             of += [(h.name, ""), *((h.name, other[-1].name) for other, _ in swapped)]
-        best, bare, *models = under_one_noise(self._fit, self._joint, fits, 0, self._stated)
+        best, bare, *models = under_one_noise(self._fit, self._joint, fits, 0, self._stated, self._sizes)
         without: dict[str, float] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[float, Candidate]] = []
-        smooth = np.inf
         for (name, other), model in zip(of, models, strict=True):
             odds = log_odds(best, model)
             if other:
@@ -180,7 +180,6 @@ class Search:
             else:
                 odds += self._prior
                 without[name] = odds
-                smooth = min(smooth, odds - max(model.far[0], 0.0))
             behind.append((odds + (MARGIN if other else 0.0), model))
         odds, better = min(behind, key=lambda pair: pair[0])
-        return Found(bare, best, without, rivals, smooth), better if odds < 0.0 else None
+        return Found(bare, best, without, rivals), better if odds < 0.0 else None
