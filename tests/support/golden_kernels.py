@@ -2,9 +2,8 @@
 
 The coefficients and the state at rest are rounded to ten digits, so that the fingerprints do not depend on the
 platform's mathematical library; the kernels themselves use none. ``python -m tests.support.golden_kernels`` writes
-tests/support/golden/kernels.json. What the ids -v0 have was made from the commit before the first effect; the hole
-of -v1
-from the commit that mended it.
+tests/support/golden/kernels.json. What the ids -v0 have was made from the commit before the first
+effect; the hole of -v1 from the commit that mended it.
 """
 
 import hashlib

@@ -13,8 +13,8 @@ The load's and the drive's speeds at the end of a step are solved together: the 
 stiffness is far faster than a step, and so is a light load. Where friction grows so steeply that a step is long for it,
 the load's speed at the end is sought on the law itself (Newton's method between bounds).
 
-Tensions that are reported obey the contact's law at the
-speeds that are reported with them. Several holes in series are in `cable_envs.plants.hole.series`.
+Tensions that are reported obey the contact's law at the speeds that are reported with them. Several holes in series are
+in `cable_envs.plants.hole.series`.
 
 Signs: x > 0 hauls in, y > 0 lifts. SI units throughout.
 """

@@ -203,18 +203,9 @@ def sliding(x, p, w, e, s, g, i, ahead, dt):
     above = select(v == 0.0, up, v) > 0.0
     w.moves[i] = select(v == 0.0, select(above, moves_up, moves_down), 1.0)
     grown = later(
-        w,
-        i,
-        v,
-        mass,
-        select(above, damping_up, damping_down),
-        stiffness,
-        select(above, inv_n, n),
-        k,
-        c,
-        select(above, more_up, -more_down),
-        dt,
-    )
+        w, i, v, mass, select(above, damping_up, damping_down), stiffness, select(above, inv_n, n), k, c,
+        select(above, more_up, -more_down), dt,
+    )  # fmt: skip
     up, down = up + grown, down + grown
     return up, down, damping_up, damping_down, stiffness
 
@@ -232,12 +223,8 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
     up, down, damping_up, damping_down, stiffness = sliding(x, p, w, e, s, g, i, ahead, dt)
     v_new, w.short[i] = load_slides(v, mass, up, down, stiffness, damping_up, damping_down, dt)
     if e is not None:
-        middle, n, inv_n, k = (
-            w.tension_middle[i],
-            w.ratio[i],
-            w.inverse[i],
-            select(w.tension_middle[i] > 0.0, w.stiffness[i], 0.0),
-        )
+        middle, n, inv_n = w.tension_middle[i], w.ratio[i], w.inverse[i]
+        k = select(middle > 0.0, w.stiffness[i], 0.0)
         _, beside, steeper = mobilised(n, inv_n, share(s.presliding, i))
         before = at_start(x, w, i)
         at_rest = 0.5 + 0.5 * (before - w.resistance[i]) / maximum(before * log(n), 1e-12)
