@@ -9,7 +9,8 @@ predicted, and what the loop hides in the position shows in the effort. The thre
 moves them. Otherwise the drive is given the recorded effort and is held to the recorded position by a soft servo of
 our own, and the position that it would rather take is what is predicted ("observed").
 
-Both are `replay(..., drive="observed")`: the servo feels the carriage, and the amplifier's lag acts on its force. The
+The loop is `replay(..., drive="observed")`: it feels the carriage, and the amplifier's lag acts on its force. Our
+own servo pulls at the carriage, which it feels: then it is stable whatever the belt is (`DriveModel._followed`). The
 reference goes between samples as a cubic, since straight lines would change the force by kp x'' dt^2 / 12.
 """
 
@@ -165,9 +166,46 @@ class DriveModel:
         scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
         total = self._of(columns, "mass") + self._of(columns, "motor_mass")
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
-        path, rate = run.path[:, None], run.rate[:, None]
-        y, v, motor, first = self._replay(columns, path, rate, total * _SOFT**2, 1.4 * total * _SOFT, run, force)
+        y, v, motor, first = self._followed(columns, total * _SOFT**2, 1.4 * total * _SOFT, run, force)
         return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+
+    def _followed(self, columns, stiff, damping, run: _Run, force):
+        """As `_replay`, with the recorded force on the motor, and the servo between the carriage and its recorded place.
+
+        The servo acts where it feels, as a spring and a damper would, so that whatever the belt is it takes energy out:
+
+            m x'' = b - friction + stiff (path - x) + damping (path' - x'),   m_m x_m'' = force - b
+
+        A servo on the motor that feels the carriage adds damping / (2 (m + m_m)) to the real part of the belt's poles,
+        -belt_damping (1 / m + 1 / m_m) / 2: 21 1/s with `_SOFT`, more than most belts have.
+        """
+        neutral = self._of(columns, "position_dependent_load.neutral")
+        pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
+        state, first, signals = self._begun(columns, run)
+        held = columns.copy()
+        held[self.plant.table.index("force_limit")] = 1e6
+        held[self.plant.table.index("viscous")] += damping
+        held[self.plant.table.index("position_dependent_load.stiffness")] += stiff
+        out = replay(
+            self.plant, held, np.broadcast_to(force, pushed.shape), self.period / FINE, drive="force", hold="step",
+            signals=signals, state=state, substeps=self.substeps, disturbance=pushed, sensors=False,
+        )  # fmt: skip
+        return self._sampled(out, first, run)
+
+    def _begun(self, columns, run: _Run):
+        """(state at the start of a record, the signals [3, n] there, their names)."""
+        state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
+        signals = ["position", "velocity", "motor_position"]
+        for name in ("velocity", "motor_velocity"):
+            state[self.plant.row(name)] = run.speed
+        return state, state[[self.plant.row(name) for name in signals]].copy(), signals
+
+    def _sampled(self, out: np.ndarray, first: np.ndarray, run: _Run):
+        if run.mean:
+            whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
+        else:
+            whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
+        return whole[:, 0], whole[:, 1], whole[:, 2], first
 
     def _replay(self, columns, path, rate, stiff, damping, run: _Run, force):
         """(position, speed, motor's position [T, n], the three at the start [3, n]) under a servo of those gains."""
@@ -178,21 +216,13 @@ class DriveModel:
         columns[table.index("servo_frequency")] = frequency
         columns[table.index("servo_damping_ratio")] = damping / (2.0 * frequency * total)
         columns[table.index("force_limit")] = 1e6
-        state = self.plant.rest(self.plant.prepare(columns), np.full(n, run.start))
-        signals = ["position", "velocity", "motor_position"]
-        for name in ("velocity", "motor_velocity"):
-            state[self.plant.row(name)] = run.speed
-        first = state[[self.plant.row(name) for name in signals]].copy()
+        state, first, signals = self._begun(columns, run)
         out = replay(
             self.plant, columns, np.broadcast_to(path, (steps, n)), self.period / FINE, drive="observed", hold="step",
             signals=signals, rate=np.broadcast_to(rate, (steps, n)), state=state, substeps=self.substeps,
             disturbance=np.broadcast_to(force, (steps, n)), sensors=False,
         )  # fmt: skip
-        if run.mean:
-            whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
-        else:
-            whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
-        return whole[:, 0], whole[:, 1], whole[:, 2], first
+        return self._sampled(out, first, run)
 
     def _seen(self, columns: np.ndarray, signals: dict[str, np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
         """What the sensors show. A voltage is what the amplifier was told: it has no sensor."""
