@@ -15,7 +15,11 @@ DOUBTS = ("stuck", "saturated", "gap", "missing", "dropped", "clock", "label", "
 UNUSABLE = ("stuck", "saturated")
 _DOUBT_KEYS = ("channel", "kind", "from_s", "to_s", "note")
 _CONDITION_KEYS = ("value", "unit", "note")
-_CONDITION_UNITS = ("m", "rad", "N", "N m", "m/s", "rad/s", "kg", "s", "Hz", "A", "V", "1")
+_CONDITION_UNITS = (
+    "m", "rad", "N", "N m", "m/s", "rad/s", "kg", "s", "Hz", "A", "V", "1", "N/m", "N s/m", "N m/rad", "N m s/rad",
+    "kg m^2", "m/s^2", "Pa", "ohm", "K",
+)  # fmt: skip
+_CELSIUS, _ICE = ("degC", "°C"), 273.15  # K
 
 
 @dataclass(frozen=True)
@@ -35,33 +39,59 @@ class Doubt:
         return {"kind": self.kind} | {key: value for key, value, said in more if said}
 
 
-def read_conditions(entry: Any, where: str) -> dict[str, float | str]:
-    """``{frequency: {value: 0.1, unit: Hz}, tool: A}`` with numbers in SI. Raises ConfigurationError."""
+def read_conditions(entry: Any, where: str) -> tuple[dict[str, float | str], dict[str, str]]:
+    """Conditions of a record, with the units that they were given in.
+
+    Parameters
+    ----------
+    entry : mapping or None
+        ``{frequency: {value: 0.1, unit: Hz}, tool: A}``: numbers in SI, numbers with a unit, or text.
+    where : str
+        The record, for errors.
+
+    Returns
+    -------
+    conditions : dict of str to float or str
+        Numbers in SI.
+    units : dict of str to str
+        The SI unit of every number that was given with one.
+
+    Raises
+    ------
+    ConfigurationError
+        For what is neither number nor text, and for units that are not known.
+    """
     if entry is None:
-        return {}
+        return {}, {}
     if not isinstance(entry, Mapping):
         raise ConfigurationError(f"{where}: 'conditions' must be a mapping of name: number, text or {{value, unit}}")
     found: dict[str, float | str] = {}
+    units: dict[str, str] = {}
     for name, given in entry.items():
         if isinstance(given, Mapping):
             require_known(f"key in {where}: condition {name}", given, _CONDITION_KEYS)
-            value, unit = given.get("value"), str(given.get("unit", "1"))
+            value = given.get("value")
             if value is None or not is_number(value):
                 raise ConfigurationError(f"{where}: condition {name}: expected a number, got {value!r}")
-            found[str(name)] = _in_si(value, unit, f"{where}: condition {name}")
+            found[str(name)] = float(value)
+            if "unit" in given:
+                found[str(name)], units[str(name)] = _in_si(value, str(given["unit"]), f"{where}: condition {name}")
         elif is_number(given):
             found[str(name)] = float(given)
         elif isinstance(given, str):
             found[str(name)] = given
         else:
             raise ConfigurationError(f"{where}: condition {name}: expected a number or a text, got {given!r}")
-    return found
+    return found, units
 
 
-def _in_si(value: float, unit: str, where: str) -> float:
+def _in_si(value: float, unit: str, where: str) -> tuple[float, str]:
+    """(the number in SI, its SI unit)."""
+    if unit in _CELSIUS:
+        return value + _ICE, "K"
     for si_unit in _CONDITION_UNITS:
         try:
-            return to_si(value, unit, si_unit, where)
+            return to_si(value, unit, si_unit, where), si_unit
         except ConfigurationError:
             continue
     raise ConfigurationError(f"{where}: unit '{unit}' is not known; write the number in SI")

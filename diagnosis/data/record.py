@@ -35,6 +35,8 @@ class Record:
         [samples] by channel.
     conditions, offsets : Mapping
         In SI too; the offsets are in the data already.
+    units : Mapping of str to str
+        SI unit of every condition that was given with a unit.
     quality : tuple of Doubt
         Spans of time that are no measurements.
     over : float
@@ -48,6 +50,7 @@ class Record:
     offsets: Mapping[str, float] = field(default_factory=dict)
     quality: tuple[Doubt, ...] = ()
     over: float = 0.0
+    units: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def time(self) -> np.ndarray:
@@ -65,7 +68,10 @@ class Record:
     def as_entry(self) -> dict[str, Any]:
         """What stands under ``records`` of a recording besides the file: numbers in SI, offsets are in the data."""
         entry: dict[str, Any] = {"use": self.use}
-        more = (("conditions", dict(self.conditions)), ("quality", [doubt.as_entry() for doubt in self.quality]))
+        conditions = {
+            n: {"value": v, "unit": self.units[n]} if n in self.units else v for n, v in self.conditions.items()
+        }
+        more = (("conditions", conditions), ("quality", [doubt.as_entry() for doubt in self.quality]))
         return entry | {key: value for key, value in more if value}
 
 
@@ -84,12 +90,12 @@ def read_record(entry: Any, index: int, channels: Mapping[str, Channel], read: R
     raw = read(name, channels)
     data = {n: channel.to_si(raw[n]) for n, channel in channels.items()}
     offsets = read_offsets(entry.get("offsets"), channels, where)
-    conditions = read_conditions(entry.get("conditions"), where)
+    conditions, units = read_conditions(entry.get("conditions"), where)
     quality = read_doubts(entry.get("quality"), channels, where)
     _check_samples(data, name, channels)
     for n, offset in offsets.items():
         data[n] = data[n] + offset
-    return Record(name, use, data, conditions, offsets, quality)
+    return Record(name, use, data, conditions, offsets, quality, units=units)
 
 
 def _check_samples(data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel]) -> None:

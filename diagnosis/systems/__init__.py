@@ -21,9 +21,11 @@ from types import ModuleType
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems import general, transmission
+from cable_envs.diagnosis.systems.conditions import heeded, require_stated
 from cable_envs.diagnosis.systems.question import Look, Question, Request
 from cable_envs.diagnosis.systems.units import Suspect
-from cable_envs.plants import family
+from cable_envs.plants import family, plant_for
+from cable_envs.plants.own_effects import with_own_effects
 
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
@@ -43,7 +45,11 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
             f"{recording.path}: variant '{request.variant}' chooses between two models, and this recording has one: it "
             f"would have to be of a pulley_circuit, with a rig or the circuit's geometry in it"
         )
-    question = chosen.prepare(recording, request)
+    name = plant_of(recording)
+    variant = request.variant or getattr(chosen, "VARIANT", family(name).variants[0])
+    simulator = with_own_effects(plant_for(name, variant), request.own)
+    require_stated(recording, simulator, request.rig)
+    question = heeded(recording, simulator, chosen.prepare(recording, request))
     _stated_is_white(recording, question)
     return replace(question, ways=family(recording.system).ways)
 

@@ -3,10 +3,18 @@
 The force is predicted from the *recorded* tensions, the tensions from the recorded displacement: each step of the
 mechanism is asked by itself. The law is that of the plant ``band_brake`` (`cable_envs.plants.band_brake`), replayed
 with the recorded motion. Nulls: F = coulomb sign(v) and D = grip sign(v), a brake with nothing but dry friction.
+
+A record that states its ``band_pretension`` under its conditions grips by that, and one set of parameters is for all:
+
+records to fit            | what is refitted of grip = band_grip + (e^capstan_exponent - 1) band_pretension
+------------------------- | -----------------------------------------------------------------------------
+state none                | band_grip: the grip is one for all records
+state one and the same    | capstan_exponent; band_grip is 0, the grip is in proportion to the pretension
+state several             | both
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,6 +23,7 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample
+from cable_envs.diagnosis.systems.conditions import given, usual, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.band_brake.effects import FORMS
 from cable_envs.plants.band_brake.plant import PLANT
@@ -27,8 +36,12 @@ STILL = 0.01
 SIMULATED_BY = PLANT.name
 """Whose rigs such a recording's corrected rig is one of."""
 PULL = "band_tension_difference"
-NOMINALS = ("band_grip", "coulomb", "force_offset", "tension_offset")
-_SIZES = {"band_grip": 3e3, "coulomb": 1e3, "force_offset": 100.0, "tension_offset": 100.0}
+PRETENSION, GRIP, EXPONENT = "band_pretension", "band_grip", "capstan_exponent"
+NOMINALS = ("coulomb", "force_offset", "tension_offset")
+"""Refitted beside what the grip is made of."""
+APART = 0.02
+"""Share of the largest pretension by which others must be less for both parts of the grip to be told apart."""
+_SIZES = {GRIP: 3e3, EXPONENT: 1.0, "coulomb": 1e3, "force_offset": 100.0, "tension_offset": 100.0}
 """Sizes of the plant's own parameters."""
 _LATE = {f"sensor_delay.{signal}": Free(f"sensor_delay.{signal}", 0.0, 0.0, 0.2, 0.01) for signal in ("force", PULL)}
 """What is looked for of the sensors, and how far: a bias is an offset."""
@@ -51,12 +64,16 @@ PARAMETERS: Mapping[str, Free] = _parameters()
 
 @dataclass(frozen=True)
 class Track:
-    """What drives the plant in one record, each [T] SI: position, speed, the recorded pull; and its period, s."""
+    """What drives the plant in one record, each [T] SI: position, speed, the recorded pull; and its period, s.
+
+    given: parameters that only this record has, SI (its pretension).
+    """
 
     position: np.ndarray
     speed: np.ndarray
     pull: np.ndarray
     period: float
+    given: Mapping[str, float] = field(default_factory=dict)
 
 
 class BandBrake:
@@ -83,8 +100,8 @@ class BandBrake:
 def driven(track: Track, columns: np.ndarray) -> np.ndarray:
     """Force and pull [T, 2, n] of the plant for columns of its table, driven by a record."""
     return replay(
-        PLANT, columns, track.position, track.period, drive="observed", signals=("force", PULL), rate=track.speed,
-        disturbance=track.pull, start=track.position[0], substeps=1,
+        PLANT, with_given(PLANT, columns, track.given), track.position, track.period, drive="observed",
+        signals=("force", PULL), rate=track.speed, disturbance=track.pull, start=track.position[0], substeps=1,
     )  # fmt: skip
 
 
@@ -95,28 +112,46 @@ def prepare(recording: Recording, request: Request) -> Question:
     )  # fmt: skip
     period = sample_period(recording.records)
     parts = {use: [_prepared(r, period) for r in recording.used_for(use)] for use in ("fit", "heldout")}
-    base = plant_values(recording, PLANT, request.rig) if request.rig else _started(parts["fit"])
+    base = plant_values(recording, PLANT, request.rig) if request.rig else _started(recording, parts["fit"])
+    told = [track.given.get(PRETENSION, 0.0) for track, _ in parts["fit"]]
+    nominals, how = _grip_by(told, base)
     parameters = [_begun(p, base, request) for p in PARAMETERS.values()]
     models = [
         BandBrake(parameters, [t for t, _ in p], [b for _, pair in p for b in pair], base) for p in parts.values()
     ]
     hypotheses = tuple(h for h in _hypotheses(base) if _wanted(h.name, request))
     return Question(
-        "linear_drive", models[0], models[1], NOMINALS, ("force_offset", "tension_offset"), hypotheses,
+        "linear_drive", models[0], models[1], (*nominals, *NOMINALS), ("force_offset", "tension_offset"), hypotheses,
         {name: PLANT.table[name].unit for name in PARAMETERS},
         lambda found, accepted: fitted_rig(PLANT, {**base, **found}),
-        (f"averaged to {RATE:g} Hz; force from the recorded tensions, tensions from the recorded displacement",),
+        (f"averaged to {RATE:g} Hz; force from the recorded tensions, tensions from the recorded displacement", how),
     )  # fmt: skip
 
 
-def _started(parts: Sequence[tuple[Track, Sequence[Block]]]) -> dict[str, float]:
+def _grip_by(told: Sequence[float], base: Mapping[str, float]) -> tuple[tuple[str, ...], str]:
+    """(what is refitted of the grip, why in words) for the pretensions of the records to fit, N."""
+    if max(told) == 0.0:
+        return (GRIP,), f"no record to fit states a {PRETENSION} above 0 N: the grip is one for all records"
+    if min(told) < (1.0 - APART) * max(told):
+        return (GRIP, EXPONENT), f"the records to fit have several pretensions: {GRIP} is the grip without one"
+    if base[EXPONENT] == 0.0:
+        return (GRIP,), f"the rig's grip does not depend on the pretension: {EXPONENT} is 0"
+    return (EXPONENT,), (
+        f"all records to fit have a pretension of {told[0]:.3g} N: the grip is taken as in proportion to it. "
+        "Records of another pretension would tell what the band grips without one"
+    )
+
+
+def _started(recording: Recording, parts: Sequence[tuple[Track, Sequence[Block]]]) -> dict[str, float]:
     """Values of the plain brake: levels as the records show them while it slides, and what belongs to their motion."""
     force, pull = (
         float(np.quantile(np.abs(np.concatenate([pair[k].measured for _, pair in parts])), 0.6)) for k in (0, 1)
     )
     position, speed = (np.concatenate([getattr(track, n) for track, _ in parts]) for n in ("position", "speed"))
-    return {p.name: p.default for p in PLANT.table} | {
-        "band_grip": pull, "coulomb": force, "still_speed": STILL * float(np.abs(speed).max()),
+    tension = usual(recording, PLANT).get(PRETENSION, 0.0)
+    grip = {GRIP: 0.0, EXPONENT: float(np.log1p(pull / tension))} if tension > 0.0 else {GRIP: pull}
+    return {p.name: p.default for p in PLANT.table} | usual(recording, PLANT) | grip | {
+        "coulomb": force, "still_speed": STILL * float(np.abs(speed).max()),
         "position_dependent_load.neutral": float(position.mean()),
     }  # fmt: skip
 
@@ -124,7 +159,7 @@ def _started(parts: Sequence[tuple[Track, Sequence[Block]]]) -> dict[str, float]
 def _begun(parameter: Free, base: Mapping[str, float], request: Request) -> Free:
     """A parameter that begins at the plant's value; the size of a level is that at which it begins."""
     start = base[parameter.name]
-    level = parameter.name in ("band_grip", "coulomb") and not request.rig
+    level = parameter.name in (GRIP, "coulomb") and start > 0.0 and not request.rig
     return replace(parameter, start=start, scale=start if level else parameter.scale)
 
 
@@ -147,7 +182,7 @@ def _prepared(record: Record, period: float) -> tuple[Track, list[Block]]:
         Block(record.name, channel, time, values, good, "N", along, memory=0)
         for channel, values in (("force", force), (PULL, pull))
     ]
-    return Track(x, v, pull, step * period), blocks
+    return Track(x, v, pull, step * period, given(record, PLANT)), blocks
 
 
 def _wanted(name: str, request: Request) -> bool:

@@ -31,6 +31,7 @@ from cable_envs.diagnosis.systems.common import (
     resample,
     smoothed,
 )
+from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
 from cable_envs.diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
@@ -104,15 +105,18 @@ def _model(
     recording: Recording, use: str, plant: Plant, values: dict[str, float], parameters: Sequence[Free], period: float,
     signals: Sequence[str],
 ) -> ReplayModel:  # fmt: skip
-    turn = period * float(np.sqrt(values["cable_stiffness"] / values["load_mass"]))
+    runs = [_run(recording, record, plant, values, period, signals) for record in recording.used_for(use)]
+    own = [{**values, **run.given} for run in runs] or [values]
+    turn = period * float(np.sqrt(max(v["cable_stiffness"] / v["load_mass"] for v in own)))
     substeps = int(np.clip(np.ceil(turn / 0.07), *SUBSTEPS))
     substeps = HELD_STEPS if recording.holds("drive_velocity_command") else substeps
-    runs = [_run(recording, record, values, period, signals) for record in recording.used_for(use)]
     drive = "speed" if "drive_velocity_command" in recording.channels else "follow"
     return ReplayModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, shifted=1e-5)
 
 
-def _run(recording: Recording, record: Record, values, period: float, signals: Sequence[str]) -> Run:
+def _run(
+    recording: Recording, record: Record, plant: Plant, values, period: float, signals: Sequence[str]
+) -> Run:  # fmt: skip
     names = [name for name in recording.channels if name != "time"]
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
@@ -129,15 +133,12 @@ def _run(recording: Recording, record: Record, values, period: float, signals: S
         rate = None
     else:
         command, rate = smoothed(seen["drive_position"].values, period)
-    given = {}
+    own = {}
     if "wrap_angle" in seen:
-        given["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))
-    given |= {
-        name: value
-        for name, value in record.conditions.items()
-        if name in ("load_mass", "wrap_angle") and not isinstance(value, str)
-    }
-    weight = given.get("load_mass", values["load_mass"]) * values["gravity"] * values["load_gravity"]
+        own["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))
+    own |= given(record, plant)
+    values = {**values, **own}
+    weight = values["load_mass"] * values["gravity"] * values["load_gravity"]
     settling = time - time[0] <= SETTLING
     if "load_position" in seen:
         start = float(np.mean(seen["load_position"].values[settling]))
@@ -148,7 +149,7 @@ def _run(recording: Recording, record: Record, values, period: float, signals: S
     along = _coordinates(time, seen, period)
     sensors = SENSORS if rate is None else dict.fromkeys(signals, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
-    return Run(command, rate, start, tuple(signals), blocks, given, hold=hold, mean=record.over > 0.0)
+    return Run(command, rate, start, tuple(signals), blocks, own, hold=hold, mean=record.over > 0.0)
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:
@@ -167,7 +168,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Where a tension is far from the load's weight: a wrong unit."""
-    weight = value_of(recording, "load_mass") * value_of(recording, "gravity") * value_of(recording, "load_gravity")
+    weight = float(np.prod([value_of(recording, n, record) for n in ("load_mass", "gravity", "load_gravity")]))
     for channel in ("drive_tension", "load_tension"):
         if channel in recording.channels and weight > 0.0:
             ratio = float(np.median(np.abs(series_of(record, channel)))) / weight

@@ -12,6 +12,7 @@ from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
+from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import SCHEMA as RIG_SCHEMA
@@ -159,7 +160,8 @@ def time_since_reversal(time: np.ndarray, direction: np.ndarray) -> np.ndarray:
 def plant_values(recording: Recording, plant: Plant, rig: Mapping[str, float] | None = None) -> dict[str, float]:
     """Every number of the plant's whole table: defaults, under the recording's rig, nominals, knowns, under ``rig``.
 
-    What a recording may name and the plant does not have (a measured radius) is left out.
+    What only the conditions of the records to fit state is their mean (`cable_envs.diagnosis.systems.conditions`). What
+    a recording may name and the plant does not have (a measured radius) is left out.
     """
     values = {p.name: p.default for p in plant.table}
     given: dict[str, float] = {}
@@ -170,7 +172,7 @@ def plant_values(recording: Recording, plant: Plant, rig: Mapping[str, float] | 
     given.update(rig or {})
     names = {name: plant.effects.aliases.get(name, name) for name in given}
     values.update({names[name]: value for name, value in given.items() if names[name] in values})
-    return values
+    return values | usual(recording, plant, rig)
 
 
 def free_parameters(

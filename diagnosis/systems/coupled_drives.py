@@ -23,6 +23,7 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
 from cable_envs.diagnosis.model.noise import Noise
 from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample
+from cable_envs.diagnosis.systems.conditions import given, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.base import Plant
 from cable_envs.plants.coupled_drives.plant import PLANT
@@ -58,14 +59,18 @@ _TRIED = 2
 
 
 class CoupledDrives:
-    """See `model.Model`; ``series``: voltage of each whole record with how many samples come before it."""
+    """See `model.Model`; ``series``: voltage of each whole record with how many samples come before it.
+
+    own: parameters that only this record has, SI, of each record.
+    """
 
     def __init__(
         self, plant: Plant, values: Mapping[str, float], parameters: Sequence[Free], period: float,
         series: Sequence[tuple[np.ndarray, int]], blocks: Sequence[Block],
+        own: Sequence[Mapping[str, float]],
     ):  # fmt: skip
         self.parameters, self.period, self.blocks = tuple(parameters), period, list(blocks)
-        self._series, self._base = list(series), plant.table.pack(values)
+        self._series, self._base, self._own = list(series), plant.table.pack(values), list(own)
         self._plant, self._zero = plant, plant.table.index(ZERO)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
 
@@ -73,7 +78,10 @@ class CoupledDrives:
         """Readings [T, n] of every record for parameter columns [len(parameters), n]."""
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         columns[self._rows] = values
-        return [self._read(columns, *series) for series in self._series]
+        return [
+            self._read(with_given(self._plant, columns, own), *series)
+            for series, own in zip(self._series, self._own, strict=True)
+        ]
 
     def _read(self, columns: np.ndarray, voltage: np.ndarray, skip: int) -> np.ndarray:
         # a sample is taken when its voltage is set: it shows what the voltages before it have done
@@ -98,7 +106,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     models = {}
     for use in ("fit", "heldout"):
         parts = [_series(recording, record, period) for record in recording.used_for(use)]
-        models[use] = CoupledDrives(plant, values, parameters, period, [p[0] for p in parts], [p[1] for p in parts])
+        own = [given(record, plant) for record in recording.used_for(use)]
+        series, blocks = [p[0] for p in parts], [p[1] for p in parts]
+        models[use] = CoupledDrives(plant, values, parameters, period, series, blocks, own)
     nominals = (*DYNAMICS, ZERO)
     if not request.rig:  # a rig has been fitted: refits begin there
         start, found = _searched(models["fit"], _starts(models["fit"], values), nominals, found)

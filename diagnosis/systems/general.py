@@ -26,6 +26,7 @@ from cable_envs.diagnosis.systems.common import (
     resample,
     smoothed,
 )
+from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
 from cable_envs.plants import family, plant_for
@@ -110,14 +111,14 @@ def _run(
             hold = "step"
             first = seen[kept].values if kept in seen else command
             command = held_command(record, channel, time, period, float(first[0]))
-    given = {n: v for n, v in record.conditions.items() if n in plant.table and not isinstance(v, str)}
-    start = _at_rest(plant, {**values, **given}, kept, float(command[0]))
+    stated = given(record, plant)
+    start = _at_rest(plant, {**values, **stated}, kept, float(command[0]))
     along = _coordinates(recording, time, seen, period, place, how)
     sensors = dict.fromkeys(how.of_drive, "drive") if mode else dict.fromkeys(names, "")
     blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(told.signals.get(n, n) for n in names if recording.channels[n].offset_free)
     signals = tuple(told.signals.get(n, n) for n in names)
-    return Run(command, rate, start, signals, blocks, given, offset=free, hold=hold, mean=record.over > 0.0)
+    return Run(command, rate, start, signals, blocks, stated, offset=free, hold=hold, mean=record.over > 0.0)
 
 
 def _at_rest(plant: Plant, values, signal: str, wanted: float) -> float:

@@ -37,6 +37,7 @@ from cable_envs.diagnosis.systems.common import (
     resample,
     smooth_speed,
 )
+from cable_envs.diagnosis.systems.conditions import given, usual, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import delayed
 from cable_envs.diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
@@ -87,6 +88,8 @@ class _Run:
     speed: float
     mean: bool
     """whether samples are means over the period around them"""
+    given: Mapping[str, float]
+    """parameters that only this record has, SI"""
 
 
 class DriveModel:
@@ -115,7 +118,8 @@ class DriveModel:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
         time, series = resample(record, self.period, sorted(needs))
         effort = None if self.closed else self.effort
-        self._runs.append(_run(time, series, self.period, effort, record.over > 0.0))
+        own = given(record, self.plant)
+        self._runs.append(_run(time, series, self.period, effort, record.over > 0.0, own))
         along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
@@ -135,7 +139,8 @@ class DriveModel:
         shown.setdefault(OFFSET, np.full(values.shape[1], self._given.get(OFFSET, 0.0)))
         found: list[np.ndarray] = []
         for run in self._runs:
-            signals = self._closed(columns, shown, run) if self.closed else self._observed(columns, shown, run)
+            own = with_given(self.plant, columns, run.given)
+            signals = self._closed(own, shown, run) if self.closed else self._observed(own, shown, run)
             found += [signals[channel] for channel in self.channels]
         return found
 
@@ -254,7 +259,8 @@ def _middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, 
 
 
 def _run(
-    time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool
+    time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool,
+    own: Mapping[str, float],
 ) -> _Run:  # fmt: skip
     position = series["position"].values
     samples = series["position_reference"].values if effort is None else position
@@ -267,7 +273,7 @@ def _run(
     start = float(first.mean()) if still else float(position[0])
     if mean:  # what the effort is computed from is averaged as the effort is
         samples, rates = mean_over_samples(samples, 1), mean_over_samples(rates, 1)
-    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean)
+    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean, own)
 
 
 def _halfway(values: np.ndarray) -> np.ndarray:
@@ -327,7 +333,8 @@ def prepare(recording: Recording, request: Request) -> Question:
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     left_out = {"viscous": 0.0, "coulomb": 0.0, "motor_mass": 0.0}
     values = left_out if recording.rig is None and request.rig is None else {}
-    values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request)}
+    stated = usual(recording, plant)
+    values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request), **stated}
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
@@ -339,7 +346,8 @@ def prepare(recording: Recording, request: Request) -> Question:
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0
-    weighed = recording.rig is not None or "mass" in {**recording.known, **recording.nominal, **(request.rig or {})}
+    said = {**recording.known, **recording.nominal, **(request.rig or {}), **stated}
+    weighed = recording.rig is not None or "mass" in said
     if not closed and not weighed:
         raise ConfigurationError(
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
@@ -433,11 +441,11 @@ def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Where the force is far from what mass, acceleration and the claimed friction take: a wrong unit."""
     if not {"position", "force"} <= set(recording.channels):
         return
-    if recording.rig is None and "mass" not in {**recording.known, **recording.nominal}:
+    if recording.rig is None and "mass" not in {**recording.known, **recording.nominal, **record.conditions}:
         return  # nobody says what mass is moved
     speed = speed_of(record, "position")
     period = float(np.median(np.diff(record.time)))
-    mass = value_of(recording, "mass") + (recording.value("motor_mass") or 0.0)
+    mass = value_of(recording, "mass", record) + (recording.value("motor_mass") or 0.0)
     inertia = mass * np.abs(smooth_speed(speed, period))
     friction = (recording.value("coulomb") or 0.0) + (recording.value("viscous") or 0.0) * np.abs(speed)
     tilt = mass * 9.81 * abs(recording.value("gravity_share") or 0.0)

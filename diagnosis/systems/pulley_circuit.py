@@ -36,6 +36,7 @@ from cable_envs.diagnosis.systems.common import (
     resample,
     smoothed,
 )
+from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
 from cable_envs.diagnosis.systems.units import OFF, Suspect, hint, series_of, value_of
@@ -135,12 +136,12 @@ def _model(
     steps = period / STEP * float(np.sqrt(max(values["tensile_stiffness"] / EASY, 1.0)))
     substeps = max(int(np.ceil(steps - 1e-3)), 2)
     substeps = HELD_STEPS if recording.holds("drive_angle_command") else substeps
-    runs = [_run(recording, record, values, period, names) for record in recording.used_for(use)]
+    runs = [_run(recording, record, plant, values, period, names) for record in recording.used_for(use)]
     drive = "position" if "drive_angle_command" in recording.channels else "follow"
     return CircuitModel(plant, runs, values, parameters, period, drive=drive, substeps=substeps, lead=LEAD)
 
 
-def _run(recording: Recording, record: Record, values, period: float, names: Sequence[str]) -> Run:
+def _run(recording: Recording, record: Record, plant: Plant, values, period: float, names: Sequence[str]) -> Run:
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     early = at_first(time, seen[next(n for n in PLACES if n in seen)].values)
     hold = "step" if recording.holds("drive_angle_command") else "ramp"
@@ -151,6 +152,8 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
         command, rate = seen["drive_angle_command"].values, None
     else:
         command, rate = smoothed(seen["drive_angle"].values, period)
+    own = given(record, plant)
+    values = {**values, **own}
     start = float(command[0]) * values["drive_radius"] / values["output_radius"]
     along = _coordinates(time, seen, period)
     sensors = SENSORS if rate is None else dict.fromkeys(names, "")  # a followed drive's noise is in all of them
@@ -162,6 +165,7 @@ def _run(recording: Recording, record: Record, values, period: float, names: Seq
         start,
         tuple(SIGNALS[name] for name in names),
         blocks,
+        own,
         offset=free,
         hold=hold,
         mean=record.over > 0.0,
@@ -180,10 +184,10 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Where tensions or the torque are far from what the pretension makes of them: a wrong unit."""
-    said = {**recording.known, **recording.nominal}
+    said = {**recording.known, **recording.nominal, **record.conditions}
     if "pretension_top" not in said and recording.rig is None:
         return
-    pretension = 0.5 * (value_of(recording, "pretension_top") + value_of(recording, "pretension_bottom"))
+    pretension = 0.5 * sum(value_of(recording, name, record) for name in PRETENSIONS)
     for channel in ("tension_top", "tension_bottom"):
         if channel in recording.channels:
             ratio = float(np.median(series_of(record, channel))) / pretension
@@ -191,7 +195,7 @@ def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
                 yield Suspect(channel, f"{ratio:.3g} times the pretension; {hint(recording, channel, ratio)}")
     if "drive_torque" in recording.channels:
         ratio = float(np.quantile(np.abs(series_of(record, "drive_torque")), 0.95))
-        ratio /= pretension * value_of(recording, "drive_radius")
+        ratio /= pretension * value_of(recording, "drive_radius", record)
         if ratio > OFF or ratio < 1e-5:
             yield Suspect(
                 "drive_torque",

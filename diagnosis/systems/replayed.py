@@ -13,6 +13,7 @@ import numpy as np
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import mean_over_samples
+from cable_envs.diagnosis.systems.conditions import with_given
 from cable_envs.plants.base import Plant
 from cable_envs.sim.replay import distort, replay
 
@@ -123,10 +124,7 @@ class ReplayModel:
 
     def _replay(self, run: Run, columns: np.ndarray, start: float, fine: int = 1) -> np.ndarray:
         """Signals [T fine, blocks, n] of a run, ``fine`` times in every control step."""
-        if run.given:
-            columns = columns.copy()
-            for name, value in run.given.items():
-                columns[self.plant.table.index(name)] = value
+        columns = with_given(self.plant, columns, run.given)
         command, rate = run.command, run.rate
         if fine > 1 and run.hold == "step":
             command, rate = np.repeat(command, fine), None

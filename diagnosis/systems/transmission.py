@@ -10,7 +10,7 @@ clock of 50 Hz; the first and last second do not count.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.signal import butter, filtfilt
@@ -20,6 +20,7 @@ from cable_envs.diagnosis.data.first_look import FILTER_HZ, since_reversal
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.common import motion_coordinates, plant_values, resample, smooth_speed
+from cable_envs.diagnosis.systems.conditions import given, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
 from cable_envs.plants.transmission.plant import PLANT
@@ -49,7 +50,7 @@ def fits(recording: Recording) -> bool:
 class Run:
     """One record on the even clock, each [T] SI: drive angle, torque (or current), speed, direction; what to compare.
 
-    group: key of the records that share the output angle's zero.
+    group: key of the records that share the output angle's zero; given: parameters that only this record has, SI.
     """
 
     x: np.ndarray
@@ -58,6 +59,7 @@ class Run:
     way: np.ndarray
     group: str
     blocks: tuple[Block, Block]
+    given: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def rate(self) -> np.ndarray:
@@ -97,7 +99,7 @@ class TransmissionModel:
                 columns[PLANT.table.index(name)] = values[k]
         found = []
         for run in self.runs:
-            out = driven(run, columns, self.period, run.x, run.torque)
+            out = driven(run, with_given(PLANT, columns, run.given), self.period, run.x, run.torque)
             angle, wrench = out[:, 0], out[:, 1]
             if run.group in self._seen:
                 angle = angle + values[self._names.index(zero_of(run.group))]
@@ -157,14 +159,14 @@ _USES = ("fit", "heldout")
 
 def assemble(
     fit: Sequence[Run], heldout: Sequence[Run], period: float, source: str = "drive_torque",
-    given: Mapping[str, float] | None = None,
+    taken: Mapping[str, float] | None = None,
 ) -> tuple[TransmissionModel, TransmissionModel]:  # fmt: skip
     """Both models of runs that are there already.
 
-    They start from straight lines through the runs to fit, or from the values ``given`` (of the plant's whole table).
+    They start from straight lines through the runs to fit, or from the values ``taken`` (of the plant's whole table).
     """
     seen = tuple(dict.fromkeys(run.group for run in fit))
-    base, zero = _started(fit, source) if given is None else _taken(given)
+    base, zero = _started(fit, source) if taken is None else _taken(taken)
     known = ("torque_constant",) if source == "drive_torque" else ("sensor_scale.output_torque",)
     parameters = [LIMITS[name].at(base[name], name) for name in LIMITS if name not in known]
     parameters += [Free(zero_of(group), zero, -1e3, 1e3, 0.1) for group in seen]
@@ -185,9 +187,9 @@ def _started(fit: Sequence[Run], source: str) -> tuple[dict[str, float], float]:
     return {**NULLS, "ratio": ratio, "torque_constant": constant}, float(zero)
 
 
-def _taken(given: Mapping[str, float]) -> tuple[dict[str, float], float]:
+def _taken(rig: Mapping[str, float]) -> tuple[dict[str, float], float]:
     """(values of a rig, zero of the angle); the bias of the angle's sensor is the zero that every refit moves."""
-    base = dict(given)
+    base = dict(rig)
     return base, float(base.pop("sensor_bias.output_angle", 0.0))
 
 
@@ -216,4 +218,4 @@ def run_of(record: Record, source: str, group: str, spacing: float = PERIOD) -> 
         Coordinate("output torque", "N m", values["output_torque"], "output_torque"),
     )  # fmt: skip
     angle, wrench = (Block(record.name, n, time, values[n], good, unit, along) for n, unit in SIGNALS.items())
-    return Run(x, values[source], speed, way, group, (angle, wrench))
+    return Run(x, values[source], speed, way, group, (angle, wrench), given(record, PLANT))

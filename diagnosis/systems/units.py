@@ -6,6 +6,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems.common import smooth_speed
+from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.plants import plant_for
 
 OFF = 20.0
@@ -41,7 +42,8 @@ def speed_of(record: Record, channel: str) -> np.ndarray:
     return smooth_speed(series_of(record, channel), float(np.median(np.diff(record.time))))
 
 
-def value_of(recording: Recording, name: str) -> float:
-    """A parameter as the recording claims it, or else the plant's default, SI."""
-    found = recording.value(name)
-    return plant_for(recording.system).table[name].default if found is None else found
+def value_of(recording: Recording, name: str, record: Record) -> float:
+    """A parameter as a record states it, or else as the recording claims it, or else the plant's default, SI."""
+    plant = plant_for(recording.system)
+    stated, found = given(record, plant), recording.value(name)
+    return stated.get(name, plant.table[name].default if found is None else found)

@@ -16,7 +16,7 @@ def _law(state, rows: Rows):
     v = u.command_rate[0]
     extra, _ = excess_at(e.stribeck_friction_excess[0], e.stribeck_friction_velocity[0], v)
     more, less = levels(e.asymmetric_friction_difference[0])
-    up, down = _reach(e, 0, p.band_grip[0] + extra + more), _reach(e, 0, p.band_grip[0] + extra + less)
+    up, down = _reach(e, 0, p.grip[0] + extra + more), _reach(e, 0, p.grip[0] + extra + less)
     g.target[0], g.target_rate[0], x.slip[0], s.started[0] = at, v, slipped, 1.0
     _step(x, p, u, e, s, g, 0)
     return (v, contained(0.0, slipped, at - up, at + down, v, v)), (x.force[0], x.band_tension_difference[0])

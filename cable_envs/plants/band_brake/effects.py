@@ -46,7 +46,7 @@ FORMS = (
         EffectParameter("band", "N s/m", 0.0, 0.0, 1e6, "viscous part of the band's pull", 1e3),
     ),
     _form(
-        "stribeck_friction", "band_grip + excess exp(-(v / velocity)^2) in the place of band_grip",
+        "stribeck_friction", "grip + excess exp(-(v / velocity)^2) in the place of grip",
         EffectParameter("excess", "N", 0.0, 0.0, 1e5, "grip at v = 0 above that of sliding", 100.0),
         EffectParameter(
             "velocity", "m/s", 0.02, 1e-3, 1.0, "speed at which the excess has fallen to 1/e", 0.01, shape=True,

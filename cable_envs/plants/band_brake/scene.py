@@ -8,6 +8,7 @@ import numpy as np
 from cable_envs.drawing import draw as d
 from cable_envs.drawing import widgets as w
 from cable_envs.drawing.scene import FLAT, RulerScene, Wheels
+from cable_envs.plants.band_brake.plant import PARAMETERS, grip
 
 _DRUM, _RADIUS, _ANCHOR, _RULER = (300.0, 410.0), 104.0, 236.0, 190.0
 
@@ -23,8 +24,8 @@ class BandBrakeScene(RulerScene):
     pulls = "force (N)"
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
-        self.grip = rig.get("band_grip", math.inf)
-        self.first_tension = 1.2 * rig.get("band_grip", 100.0)
+        self.grip = float(grip({p.name: p.default for p in PARAMETERS} | dict(rig)))
+        self.first_tension = max(1.2 * self.grip, 120.0)
         self.curves = (w.Curve("on the drum", d.FIRST), w.Curve("pull of the band", d.SECOND))
         self.curve_signals = ("force", "band_tension_difference")
         self.travel = 200.0
