@@ -118,7 +118,7 @@ def grip(value: Mapping[str, Any]) -> Any:
 
     Examples
     --------
-    >>> float(grip({"band_grip": 1000.0, "band_pretension": 100.0, "capstan_exponent": np.log(41.0)}))
+    >>> round(float(grip({"band_grip": 1000.0, "band_pretension": 100.0, "capstan_exponent": np.log(41.0)})), 6)
     5000.0
     """
     return value["band_grip"] + np.expm1(value["capstan_exponent"]) * value["band_pretension"]
