@@ -175,7 +175,7 @@ class DriveModel:
         return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
 
     def _followed(self, columns, stiff, damping, run: _Run, force):
-        """As `_replay`, with the recorded force on the motor, and the servo between the carriage and its recorded place.
+        """As `_replay`, with the recorded force on the motor, and our servo between carriage and recorded place.
 
         The servo acts where it feels, as a spring and a damper would, so that whatever the belt is it takes energy out:
 
@@ -362,7 +362,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
         for use in ("fit", "heldout")
     }
-    how = "no controller was found to replay, so the drive is held to the recorded position by a soft servo"
+    how = "no controller was found to replay, so the carriage is held to its recorded position by a soft servo"
     if closed:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     return Question(
