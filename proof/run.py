@@ -175,7 +175,7 @@ def _baseline(method: str, folder: Path, read: Callable[[Path], Any] | None) -> 
     return checked(BASELINES[method](read(folder)))
 
 
-VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
+VERDICTS = ("named", "equivalence_class", "partly_named", "unknown", "data_fault", "no_detectable_mismatch")
 
 
 def checked(verdict: Any) -> dict[str, Any]:

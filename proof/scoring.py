@@ -11,9 +11,11 @@ from typing import Any
 
 from cable_envs.proof.effects import share_class
 
-OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "none", "failed")
+NAMED = ("named", "equivalence_class", "partly_named")
+"""Verdicts with names; the last one says besides that a part is unexplained, and is scored as the first."""
+OUTCOMES = ("exact", "class", "partly", "wrong", "unknown", "data", "none", "failed")
 """exact: the names, all and only; class: a truth is among declared alternatives of its class; partly: one of two named,
-nothing wrong; wrong: a name that is not there; unknown, none: these verdicts; failed: no verdict."""
+nothing wrong; wrong: a name that is not there; unknown, data, none: these verdicts; failed: no verdict."""
 
 SEEN = 100.0
 """Gain of knowing the mismatch's shape and the noise from which a tool that knows neither may be expected to see it."""
@@ -83,9 +85,9 @@ def judge(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> Result:
     truth = tuple(e["name"] for e in key["effects"])
     named = [] if verdict is None else [e for e in verdict.get("effects", ()) if e.get("name") not in key["ambient"]]
     kind = "failed" if verdict is None else str(verdict.get("verdict"))
-    if kind in ("named", "equivalence_class") and not named:
+    if kind in NAMED and not named:
         kind = "no_detectable_mismatch"  # it named what is always there, and nothing else
-    answers = named if kind in ("named", "equivalence_class") else []
+    answers = named if kind in NAMED else []
     right = [_rightness(entry, truth) for entry in answers]
     return Result(
         case["name"],
@@ -125,18 +127,15 @@ def _rightness(entry: Mapping[str, Any], truth: Sequence[str]) -> str:
 def _outcome(
     kind: str, case: str, truth: Sequence[str], answers: Sequence[Mapping[str, Any]], right: Sequence[str]
 ) -> str:
-    if kind == "failed":
-        return "failed"
-    if kind == "unknown":
-        return "unknown"
-    if kind == "no_detectable_mismatch":
-        return "none"
+    without = {"failed": "failed", "unknown": "unknown", "data_fault": "data", "no_detectable_mismatch": "none"}
+    if kind in without:
+        return without[kind]
     if "wrong" in right or not truth or case == "strange":
         return "wrong"
     met = {t for t in truth for e in answers if t == e["name"] or t in e.get("alternatives", ())}
     if len(met) < len(truth):
         return "partly"
-    exact = kind == "named" and set(right) == {"exact"} and len(answers) == len(truth)
+    exact = kind != "equivalence_class" and set(right) == {"exact"} and len(answers) == len(truth)
     return "exact" if exact else "class"
 
 
@@ -312,7 +311,12 @@ def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
         if r.kind == "pair":
             continue
         true = r.truth[0] if r.kind == "single" else "strange" if r.kind == "strange" else r.kind
-        answer = {"unknown": "unknown", "none": "no mismatch", "failed": "no verdict"}.get(r.outcome)
+        answer = {
+            "unknown": "unknown",
+            "data": "fault of the data",
+            "none": "no mismatch",
+            "failed": "no verdict",
+        }.get(r.outcome)
         if answer is None:
             answer = r.truth[0] if r.outcome in ("exact", "class") else r.answer[0]
             if r.outcome == "class" and r.answer[0] != r.truth[0]:

@@ -46,7 +46,10 @@ def verdict(*names, kind="named", confidence=0.95, alternatives=(), gap=None, sp
         (verdict("actuator_lag", kind="equivalence_class", alternatives=["backlash"]), "wrong"),  # no declared class
         (verdict("backlash", "friction_drift"), "wrong"),
         (verdict("partial_slip"), "none"),
+        (verdict("backlash", kind="partly_named"), "exact"),
+        (verdict("slack", kind="partly_named"), "wrong"),
         (verdict(kind="unknown"), "unknown"),
+        (verdict(kind="data_fault"), "data"),
         (verdict(kind="no_detectable_mismatch"), "none"),
         (None, "failed"),
     ],
