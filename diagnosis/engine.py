@@ -1,12 +1,10 @@
 """`diagnose`: from a recording to a verdict, by steps that can be called by themselves.
 
     load_recording -> gate -> kept_back -> prepare -> told_at_rest
-    -> select (refit, score tests, comparison of models, acceptance, goodness of fit) -> answer
+    -> select (refit, score tests, comparison of models by their evidence, what is left) -> answer
 
-Effects are accepted by one of two criteria: "noise", where the sensors' noise limits what a recording can show
-(likelihood ratios under whitened noise, `search.select`), and "unseen", where the model's own error does: then held-out
-records judge (cross-validation, `search.heldout`).
-Records for "heldout" are never fitted. A recording without any keeps back the last third of each record.
+Records for "heldout" are never fitted, and count as evidence of every model. A recording without any keeps back the
+last third of each record.
 """
 
 import time as clock
@@ -23,16 +21,16 @@ from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
+from cable_envs.diagnosis.evidence.candidates import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
+from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
 from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.detectable import limited_by_the_model
-from cable_envs.diagnosis.search.heldout import select_heldout
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
@@ -46,8 +44,6 @@ from cable_envs.sim.rigs import Rig, load_rig
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
-JUDGES = ("noise", "unseen")
-"""What accepts an effect."""
 LEARNT = (
     "the noise is estimated from the residual, so that a slow or small mismatch may be taken for noise; two minutes in "
     "which nothing moves, as a record with 'use: rest', or a stated noise_std show more"
@@ -71,7 +67,6 @@ def diagnose(
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
-    judge: str = "noise",
     seed: int = 0,
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
@@ -91,8 +86,6 @@ def diagnose(
         such a file, as in the field ``rig`` of an earlier answer.
     variant : str
         "analytic" or "chain": the form of a circuit that is held against it; "": the chain.
-    judge : str
-        What accepts effects: "noise" (likelihood under the sensors' noise) or "unseen" (held-out records).
     seed : int
         Of all draws; the same seed gives the same answer.
     out : Path or str, optional
@@ -119,8 +112,8 @@ def diagnose(
         [(effect.name, effect.confidence) for effect in found.effects]
     """
     return examine(
-        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant, judge=judge,
-        seed=seed, out=out, tell=tell,
+        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant, seed=seed,
+        out=out, tell=tell,
     ).diagnosis  # fmt: skip
 
 
@@ -132,7 +125,6 @@ def examine(
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
-    judge: str = "noise",
     seed: int = 0,
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
@@ -147,7 +139,6 @@ def examine(
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
     tell(stages.CHECKING)
-    require_known("judge", [judge], JUDGES)
     look = looked_at(recording)
     quality = gate(recording, look)
     quality.require_usable()
@@ -155,28 +146,42 @@ def examine(
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
-    question = told_at_rest(recording, ask(recording, request))
+    question = told_at_rest(recording, without_spikes(_with_logger(recording, request)))
     Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
-    options = (request.only, request.without, taken, effect_file, variant, judge, seed)
+    options = (request.only, request.without, taken, effect_file, variant, seed)
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
-    given = request.rig and judge == "noise"
-    plain = steps("plain", partial(without_its_effects, recording, request)) if given else None
-    selection = selected(recording, question, judge, rng, steps, tell, plain)
+    bare = steps("without", partial(without_its_effects, recording, request)) if request.rig else None
+    predicted = {b.channel for b in question.fit.blocks}
+    selection = select(
+        question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
+        stated={n: std for n, std in recording.noise.items() if n in predicted}, tell=tell, keep=steps,
+    )  # fmt: skip
     tell(stages.LOCATING)
     about = {
-        "recording": recording.path.name, "system": recording.system, "judge": judge, "seed": seed,
+        "recording": recording.path.name, "system": recording.system, "seed": seed,
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
         "rig": _name_of(rig), "variant": variant or None, "averaged": averaged,
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
-    hint = limited_by_the_model(question.fit, selection, recording.noise) if judge == "noise" else ""
-    notes = (*((averaged["why"],) if averaged else ()), *found.notes, *((hint,) if hint else ()))
+    notes = (*((averaged["why"],) if averaged else ()), *found.notes)
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
+
+
+def _with_logger(recording: Recording, request: Request) -> Question:
+    """The question, with what a logger may have done to the data; not where the caller says what is looked for."""
+    question = ask(recording, request)
+    if request.only is not None:
+        return question
+    try:
+        stretched = ask(longer(recording), request)
+    except ConfigurationError:
+        stretched = None
+    return with_logger(question, stretched)
 
 
 def _averaged(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
@@ -283,8 +288,8 @@ def _with_held_shapes(question: Question, request: Request) -> Question:
     return replace(question, notes=(*question.notes, *notes))
 
 
-def without_its_effects(recording: Recording, request: Request) -> float | None:
-    """Deviance of the recording under the rig that is given, refitted, without that rig's effects; None if it has none.
+def without_its_effects(recording: Recording, request: Request) -> dict[str, float] | None:
+    """RMS of every channel, SI, under the rig that is given, refitted, without that rig's effects; None if it has none.
 
     What an effect is called in the plant's own table (a spring at the load) counts as one.
     """
@@ -295,7 +300,7 @@ def without_its_effects(recording: Recording, request: Request) -> float | None:
     if len(rest) == len(request.rig or {}):
         return None
     question = told_at_rest(recording, ask(recording, replace(request, rig=rest)))
-    return refit_nominals(question.fit, question.nominals).deviance
+    return Joint(question.fit, question.heldout).left_by(refit_nominals(question.fit, question.nominals).fit)
 
 
 def told_at_rest(recording: Recording, question: Question) -> Question:
@@ -335,16 +340,3 @@ def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:
         first = {name: values[:count] for name, values in record.data.items()}
         records += [replace(record, data=first), replace(record, use="heldout")]
     return replace(recording, records=tuple(records)), ends
-
-
-def selected(
-    recording: Recording, question: Question, judge: str, rng: np.random.Generator, steps: Steps,
-    tell: Callable[[str], None], plain: float | None = None,
-) -> Selection:  # fmt: skip
-    """The best model by a criterion, under the noise that the recording states; plain: as `select`."""
-    predicted = {b.channel for b in question.fit.blocks}
-    stated = {n: s for n, s in recording.noise.items() if n in predicted}
-    asked = (question.fit, question.heldout, question.nominals, question.hypotheses)
-    if judge == "unseen":
-        return select_heldout(*asked, units=question.units, stated=stated, tell=tell, keep=steps)
-    return select(*asked, rng, stated=stated, plain=plain, tell=tell, keep=steps)

@@ -180,7 +180,7 @@ def test_the_architecture_page_shows_the_layers_that_are_tested():
 
 def test_the_page_of_the_diagnosis_lists_every_effect():
     page = (ROOT / "docs" / "diagnosis.md").read_text(encoding="utf-8")
-    table = page[page.index("| group | effects |") : page.index("## The four answers")]
+    table = page[page.index("| group | effects |") : page.index("## The six answers")]
     assert sorted(re.findall(r"`(\w+)`", table)) == sorted(EFFECTS)
 
 

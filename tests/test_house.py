@@ -48,7 +48,7 @@ INSIDE = {
         "",
         "report",
         "search",
-        "adequacy",
+        "evidence",
         "intake",
         "systems",
         "fit",

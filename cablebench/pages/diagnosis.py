@@ -15,7 +15,7 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
     """The page; ``traces`` (`diagnosis.model.verdict.Trace`) are drawn, without them the page has tables only."""
     from markupsafe import Markup
 
-    named = record["verdict"] in ("named", "equivalence_class")
+    named = words.named(record)
     shown = [
         {"text": text, "time": Markup(time), "along": Markup(along)}
         for text, time, along in _places(record, traces, named)
@@ -26,14 +26,14 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         "cost": words.cost(record), "advice": words.advice(record), "places": shown, "left": last,
         "errors": Markup(figures.errors(record["fit"], named)), "maps": Markup(figures.maps(last, record["fit"])),
         "spectra": Markup(figures.spectra(record["spectra"])),
-        "top": max((row["gain"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
-        "not_noise": words.not_noise(record), "limit": words.limit(record),
+        "top": max((row["log_odds"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
+        "not_noise": words.not_noise(record),
     }  # fmt: skip
     return pages.render(
         "cablebench.pages",
         "templates/diagnosis.html.j2",
         content,
-        filters={"plain": words.plain, "number": words.number, "interval": words.interval, "p_value": words.p_value},
+        filters={"plain": words.plain, "number": words.number, "interval": words.interval, "odds": words.odds},
         helpers={"shown": words.shown},
     )
 

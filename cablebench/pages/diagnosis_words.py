@@ -6,7 +6,9 @@ from typing import Any
 VERDICT = {
     "named": "An effect is missing, and it is named",
     "equivalence_class": "An effect is missing, and this recording cannot tell which of a few",
+    "partly_named": "An effect is probably missing, and it is not all",
     "unknown": "Something is missing that no known effect explains",
+    "data_fault": "The data have a fault, and the simulator has none that they could show",
     "no_detectable_mismatch": "Nothing is missing that this recording could show",
 }
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
@@ -43,44 +45,64 @@ def interval(parameter: Mapping[str, Any]) -> str:
     return f"{shown(parameter['value'], unit)} (95 %: {shown(low, unit)} to {shown(high, unit)})"
 
 
-def p_value(value: float) -> str:
-    """``p = 7e-39``; what a double cannot hold is ``p < 1e-300``."""
-    return "p < 1e-300" if value < 1e-300 else f"p = {value:.1g}"
+def odds(log_odds: float | None) -> str:
+    """``odds 400 to 1`` of a logarithm of odds; large ones as powers of ten, less than one to one as none."""
+    if log_odds is None or log_odds <= 0.0:
+        return "odds below 1 to 1"
+    power = log_odds / 2.302585092994046
+    return f"odds {float(f'{10**power:.2g}'):g} to 1" if power < 3.0 else f"odds 10^{power:.0f} to 1"
 
 
-def limit(record: Mapping[str, Any]) -> float:
-    """The p-value below which what is left is not noise, where an effect was accepted and where none was."""
-    return record["about"]["rules"]["left_p" if record["effects"] else "alone_p"]
+def named(record: Mapping[str, Any]) -> bool:
+    """Whether the answer has effects."""
+    return record["verdict"] in ("named", "equivalence_class", "partly_named")
 
 
 def not_noise(record: Mapping[str, Any]) -> bool:
-    """Whether the answer's own test says that what is left is no noise."""
-    return record["test"]["p_left"] < limit(record)
+    """Whether the answer's own odds say that something is left that is no noise."""
+    left = record["test"]["log_odds_left"]
+    return left is not None and left > record["test"]["sure"]
+
+
+def _left(record: Mapping[str, Any]) -> str:
+    """What is left, in words; empty where that is noise."""
+    if not not_noise(record) and not record["test"]["cause"]:
+        return ""
+    test = record["test"]
+    if test["cause"]:
+        return f"of the data: {test['cause']}"
+    return f"what is left is not noise ({odds(test['log_odds_left'])})"
 
 
 def headline(record: Mapping[str, Any]) -> str:
     """What is missing, how sure that is and whether something is left, in one sentence."""
-    verdict, effects = record["verdict"], record["effects"]
-    left = f"what is left is not noise ({p_value(record['test']['p_left'])})" if not_noise(record) else ""
+    verdict, effects, left = record["verdict"], record["effects"], _left(record)
     if verdict == "no_detectable_mismatch":
         itself = " It oscillates by itself, as the recording does." if record.get("spectra") else ""
-        if left:
-            little = f"but {left}: too little to be asked about"
-            return f"No effect is missing that this recording could show, {little}.{itself}"
         return (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
         ) + itself
+    if verdict == "data_fault":
+        return f"Your data, not your physics: nothing of the rig is missing, but {record['test']['cause']}."
     if verdict == "unknown":
-        places = record["location"]
-        where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
-        rest = f", and {left}" if left else ""
-        if record.get("suspected"):
-            but = f"but {left}" if left else "but the rest is not noise"
-            return f"Something is missing. The fit improves with {_suspects(record)}, {but}.{where}"
-        tried = len(record["hypotheses"])
-        return f"Something is missing, and none of the {tried} effects tried explains it{rest}.{where}"
+        return _unknown(record, left)
     several = " and ".join(_one(effect) for effect in effects)
+    if verdict == "partly_named":
+        share = record["test"]["share_left"]
+        return f"The simulator probably lacks {several}, and {share:.0%} of the mismatch is unexplained: {left}."
+    if left and record["test"]["cause"]:
+        return f"The simulator lacks {several}; besides, {left}."
     return f"The simulator lacks {several}{f', and something more: {left}' if left else ''}."
+
+
+def _unknown(record: Mapping[str, Any], left: str) -> str:
+    places = record["location"]
+    where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
+    if record.get("suspected"):
+        but = f"but {left}" if left else "but a channel is predicted worse than by its own mean"
+        return f"Something is missing. The fit improves with {_suspects(record)}, {but}.{where}"
+    rest = f", and {left}" if left else ""
+    return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it{rest}.{where}"
 
 
 def _one(effect: Mapping[str, Any]) -> str:
@@ -101,10 +123,10 @@ def _suspects(record: Mapping[str, Any]) -> str:
 
 def cost(record: Mapping[str, Any]) -> str:
     """What the effect changes: the channel whose held-out error falls most, or is farthest above its noise."""
-    named = record["verdict"] in ("named", "equivalence_class")
+    known = named(record)
 
     def above(fit: Mapping[str, Any]) -> float:
-        least = fit["heldout_rmse"]["augmented"] if named else fit["noise_floor"]
+        least = fit["heldout_rmse"]["augmented"] if known else fit["noise_floor"]
         return fit["heldout_rmse"]["refit"] / max(least, 1e-300)
 
     worst = max(record["fit"].items(), default=None, key=lambda item: above(item[1]))
@@ -113,7 +135,7 @@ def cost(record: Mapping[str, Any]) -> str:
     channel, fit = worst
     held, unit = fit["heldout_rmse"], fit["unit"]
     floor = shown(fit["noise_floor"], unit)
-    if not named:
+    if not known:
         helped = f", and {shown(held['suspected'], unit)} with {_suspects(record)}" if record.get("suspected") else ""
         return (
             f"On held-out records the error of {plain(channel)} is {shown(held['refit'], unit)} RMS with the refitted "
@@ -147,7 +169,7 @@ def _loudest(record: Mapping[str, Any]) -> float:
 def advice(record: Mapping[str, Any]) -> str:
     """What to do next."""
     verdict = record["verdict"]
-    if verdict == "named":
+    if verdict in ("named", "partly_named"):
         rig = record["augmented_rig"]
         if record["about"]["system"] == "linear_drive":  # no environment has it
             return f"Use the corrected rig, {rig}, which has the effect and the refitted parameters."
@@ -158,14 +180,14 @@ def advice(record: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         places = record["location"]
         where = f" where the mismatch is ({places[0]['in_words']})" if places else ""
-        look = (
+        return (
             f"Look at the rig{where}. Then test an idea of your own with --effect-file. The maps of what is left show "
             "what shape the effect must have."
         )
-        if not record.get("suspected") or record["about"]["judge"] == "unseen":
-            return look
-        unseen = "use --judge unseen, which accepts effects by the error on held-out records"
-        return f"If what is left may be the simulator's own error, {unseen}. {look}"
+    if verdict == "data_fault":
+        return (
+            "Mend the log, or mark the channel as it is under 'quality' in the recording's file; then diagnose again."
+        )
     return "The table of the effects tried says from which size on this recording would have shown each."
 
 
@@ -183,7 +205,8 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for effect in (*record["effects"], *record.get("suspected", ())):
         found.append(f"  {_called(effect)}: {effect['equation']}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
-    found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
+    if len(record["steps"]) > 2:
+        found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
     found += [f"  where: {place['where']}" for place in record["location"][:4]]
     for name, p in record["absorbed"].items():
         values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]

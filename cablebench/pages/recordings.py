@@ -69,9 +69,9 @@ def summary(out: Path, names: Sequence[str]) -> str:
         "# Recordings of real rigs, diagnosed",
         "",
         "Four public recordings of real rigs were diagnosed. Each diagnosis began with a *naive* simulator, which",
-        "lacks almost everything, and accepted an effect only if it lowers the error on held-out records",
-        "(`cablebench diagnose --judge unseen`). The error is the RMS of the prediction on these records. The last",
-        "column says which effects are named when the diagnosis starts from the corrected rig.",
+        "lacks almost everything, and accepted an effect only if its evidence is above 20 to 1",
+        "([how](../evidence.md)). The error is the RMS of the prediction on held-out records, which no refit has used.",
+        "The last column says which effects are named when the diagnosis starts from the corrected rig.",
         "",
         "| recording | effects that are named, in their order | error, naive simulator | error, with these effects "
         "| named from the corrected rig |",
@@ -94,11 +94,19 @@ def glance(sets: Mapping[str, Any]) -> list[dict[str, Any]]:
     for name, (title, anchor, steps_of, shown) in _GLANCE.items():
         if name in sets:
             steps = steps_of(sets[name])
-            named = [plain(step.get("effect") or step["name"]) for step in steps[1:]]
+            named = [plain(name) for name in inside(steps)]
             rows.append({"title": title, "anchor": anchor, "named": named})
             rows[-1] |= {"naive": shown(steps[0]), "final": shown(steps[-1])}
             rows[-1]["again"] = [plain(n) for n in again_of(sets[name])] or ["nothing"]
     return rows
+
+
+def inside(steps: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Effects that are in after the last step, in the order in which they came."""
+    found: list[str] = []
+    for step in steps[1:]:
+        found = [name for name in (*found, step.get("effect") or step["name"]) if name not in step["dropped"]]
+    return found
 
 
 def again_of(numbers: Mapping[str, Any]) -> list[str]:

@@ -75,7 +75,7 @@ def emps(shared: Path, work: Path, tell: Tell) -> Made:
     from cable_envs.diagnosis.real.sets import imported
 
     found = study(imported("emps", shared, work), tell)
-    words = {"steps": "tool, unseen records", "coloured": "tool, taken for noise", "inverse": "inverse dynamics"}
+    words = {"steps": "diagnosis", "coloured": "taken for noise", "inverse": "inverse dynamics"}
     titles = {"mass": "M", "viscous": "Fv", "coulomb": "Fc", "force_offset": "offset"}
     panels = [
         {

@@ -1,4 +1,4 @@
-"""Models with effects as candidates: refitted under one noise, linear about where the refit ended, ready to compare."""
+"""Models with effects as candidates: refitted under one noise, with what they leave, ready to compare."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -6,9 +6,10 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.marginal import Frame, Linear, Marginal
+from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Remainder
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
-from cable_envs.diagnosis.model.features import families
+from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
+from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
 from cable_envs.diagnosis.model.noise import Noise, resolution
@@ -17,8 +18,18 @@ SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
 WIDE = 3.0
 """Standard deviation of the prior of an effect's size, over the size at which it is typical."""
-ITERATIONS = 8
+SHAPES = float(np.log(3.0))
+"""Standard deviation of the prior of what only shapes an effect: of its logarithm, about where it begins."""
+ITERATIONS = 5
 """Of a refit from where the last one ended, at most."""
+FARTHER, MORE = 1.0, 3
+"""Half the fall of the sum of squares that a step on all records promises beside the refit of some of them, from which
+their own optimum is looked for, and the iterations to that."""
+DOMINANT = 1.0
+"""RMS of a discrepancy over that of the noise from which it is no stationary noise that limits: each channel then
+counts by the size of all that is left of it and by its effective sample size (`cable_envs.diagnosis.fit.weights`)."""
+SURE = 20.0
+"""Odds from which one model is preferred to another."""
 
 
 class Joint:
@@ -57,16 +68,22 @@ class Candidate:
         What it has beside the nominal model.
     fit : Fit
         Of the fitted records.
+    peak : Fit
+        Of all records.
     frame : Frame
         Under whose noise it is compared.
-    linear : Linear
-        On all records.
+    by_size : bool
+        Whether that is no noise but the size of all that is left (`DOMINANT`).
+    remainder : Remainder
+        Of all records.
     """
 
     effects: tuple[Hypothesis, ...]
     fit: Fit
+    peak: Fit
     frame: Frame
-    linear: Linear
+    remainder: Remainder
+    by_size: bool = False
 
     @property
     def name(self) -> str:
@@ -76,36 +93,73 @@ class Candidate:
     @cached_property
     def plain(self) -> Marginal:
         """Without a discrepancy."""
-        return self.frame.marginal(self.linear, 0.0)
+        return self.frame.marginal(self.remainder, 0.0)
 
     @cached_property
     def best(self) -> Marginal:
         """With the discrepancy that the records ask for most, or with none where they ask for none.
 
-        Of all families together, or of one coordinate's in all channels. Half of the prior is on none.
+        Of all families together, of one coordinate's in all channels, or of the elapsed time in one channel, as a
+        sensor's zero drifts. Half of the prior is on none.
         """
-        groups: dict[str, list[int]] = {}
-        for k, family in enumerate(self.frame.families):
-            groups.setdefault(family.name, []).append(k)
-        price = -float(np.log((len(groups) + 1) * len(SCALES)))
         found, log = self.plain, self.plain.log
-        for chosen in (None, *map(tuple, groups.values())):
-            for scale in SCALES:
-                one = self.frame.marginal(self.linear, scale, chosen)
-                if one.log + price > log:
-                    found, log = replace(one, volume=one.volume + price), one.log + price
+        for one in () if self.by_size else self._beside:
+            if one.log > log:
+                found, log = one, one.log
         return found
 
     @cached_property
+    def effective(self) -> np.ndarray:
+        """Effective sample size of what it leaves in every channel [channels]."""
+        frame, left = self.frame, self.remainder.left
+        rows = {c: [r for b, r in zip(frame.blocks, frame.rows, strict=True) if b.channel == c] for c in frame.channels}
+        slowest = max(autocorrelation_time([left[r] for r in own]) for own in rows.values())
+        counts = [sum(int(b.good.sum()) for b in frame.blocks if b.channel == c) for c in frame.channels]
+        return np.array(counts) / slowest
+
+    @cached_property
+    def squares(self) -> np.ndarray:
+        """Sum of squares that is left in every channel, whitened [channels]."""
+        left = self.remainder.left**2
+        return np.array([float(np.sum(left[self.frame.at(channel)])) for channel in self.frame.channels])
+
+    @cached_property
+    def _beside(self) -> list[Marginal]:
+        """With every discrepancy that is tried; the share of the prior that it has is in its volume."""
+        groups: dict[str, list[int]] = {}
+        for k, family in enumerate(self.frame.families):
+            groups.setdefault(family.name, []).append(k)
+        alone = [(k,) for k in groups.get(ELAPSED, ()) if len(groups[ELAPSED]) > 1]
+        price = -float(np.log((len(groups) + 1 + len(alone)) * len(SCALES)))
+        tried = (
+            self.frame.marginal(self.remainder, scale, chosen)
+            for chosen in (None, *map(tuple, groups.values()), *alone)
+            for scale in SCALES
+        )
+        return [replace(one, volume=one.volume + price) for one in tried]
+
+    @cached_property
     def left(self) -> float:
-        """Log odds that it is not all, a discrepancy over none."""
-        return self._over(self.best, self.plain)
+        """Log odds that it is not all: of the discrepancy that is most probable over none."""
+        return max([self.over_none(one) for one in self._beside], default=0.0)
 
-    def _over(self, one: Marginal, other: Marginal) -> float:
-        return ratio(self.frame, (self.linear, one), (self.linear, other))
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """Of its parameters, from both refits: as wide as batches of the records ask for, and as the two differ."""
+        curvature = self.peak.covariance
+        influence = self.peak.jacobian @ curvature
+        shares = np.array([self.frame.adjustment(column, self.peak.residual) for column in influence.T])
+        own = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+        apart = np.array([self.peak.values[n] - self.fit.values[n] for n in self.fit.free])
+        wider = np.hypot(own / np.sqrt(shares), apart) / own
+        return curvature * np.outer(wider, wider)
+
+    def over_none(self, one: Marginal) -> float:
+        """Log odds of its marginal likelihood with some discrepancy over the one without."""
+        return ratio(self.frame, (self.remainder, one), (self.remainder, self.plain))
 
 
-def ratio(frame: Frame, one: tuple[Linear, Marginal], other: tuple[Linear, Marginal]) -> float:
+def ratio(frame: Frame, one: tuple[Remainder, Marginal], other: tuple[Remainder, Marginal]) -> float:
     """Logarithm of the ratio of two evidences under the same noise, as far as it may be trusted."""
     (a, mine), (b, their) = one, other
     left, others = a.left - mine.explained, b.left - their.explained
@@ -115,8 +169,17 @@ def ratio(frame: Frame, one: tuple[Linear, Marginal], other: tuple[Linear, Margi
 
 
 def log_odds(one: Candidate, other: Candidate) -> float:
-    """Of two candidates under the same noise, either with its own discrepancy: logarithm of the evidence's ratio."""
-    return ratio(one.frame, (one.linear, one.best), (other.linear, other.best))
+    """Of two candidates under the same noise, either with its own discrepancy: logarithm of the evidence's ratio.
+
+    Where no noise limits them, the size of what is left is unknown in every channel and integrated out: n / 2 times the
+    logarithm of the quotient of both sums of squares, with n effective samples. A change in coloured errors is as sure
+    as the product of both autocorrelations is short (Bartlett), so that the larger of both numbers counts.
+    """
+    if one.by_size:
+        count = np.maximum(one.effective, other.effective)
+        fit = 0.5 * float(count @ np.log(other.squares / one.squares))
+        return fit + one.remainder.occam - other.remainder.occam
+    return ratio(one.frame, (one.remainder, one.best), (other.remainder, other.best))
 
 
 def under_one_noise(
@@ -146,19 +209,106 @@ def under_one_noise(
         In the same order.
     """
     effects, best = fits[leader]
-    predicted = [p[:, 0] for p in joint.predict(joint.columns(best))]
-    raw = [b.measured - p for b, p in zip(joint.blocks, predicted, strict=True)]
-    kinds = list(families(joint.blocks, predicted))
-    frame = Frame(joint.blocks, noise_of(joint.blocks, raw, stated), kinds)
-    first = Candidate(effects, best, frame, linear(joint, frame, effects, best, sizes))
-    apart = frame.raw(first.best.weights)
-    whitener = noise_of(joint.blocks, [r - a for r, a in zip(raw, apart, strict=True)], stated)
-    frame = Frame(joint.blocks, whitener, kinds)
+    peak = refit(joint, _noise_at(joint, best, stated), [Start("", best.free, best.values)], 0)[0]
+    leading = under_its_noise(joint, effects, best, peak, stated, sizes)
+    whitener, raw = leading.frame.whitener, _raw(joint, peak)
+    apart = leading.frame.raw(leading.best.weights)
+    by_size = _dominant(joint.blocks, apart, raw)
+    whitener = weigh(joint.blocks, raw) if by_size else whitener
+    frame = Frame(joint.blocks, whitener, leading.frame.families) if by_size else leading.frame
     starts = [Start("", old.free, old.values) for _, old in fits]
-    again = refit(fit, whitener, starts, ITERATIONS)
+    again = _nested(fit, whitener, refit(fit, whitener, starts, ITERATIONS, central=False))
     return [
-        Candidate(e, new, frame, linear(joint, frame, e, new, sizes)) for (e, _), new in zip(fits, again, strict=True)
-    ]  # fmt: skip
+        Candidate(e, new, peak, frame, remainder(joint, frame, e, peak, sizes), by_size)
+        for (e, _), new, peak in zip(fits, again, _peaks(joint, whitener, again), strict=True)
+    ]
+
+
+def under_its_noise(
+    joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit, peak: Fit, stated: Mapping[str, float],
+    sizes: Mapping[str, float],
+) -> Candidate:  # fmt: skip
+    """A candidate under the noise that it leaves beside its own discrepancy.
+
+    Parameters
+    ----------
+    joint : Joint
+        All records.
+    effects, fit, peak
+        As of `Candidate`.
+    stated, sizes : mapping of str to float
+        As of `under_one_noise`.
+    """
+    raw = _raw(joint, peak)
+    kinds = list(families(joint.blocks, [b.measured - r for b, r in zip(joint.blocks, raw, strict=True)]))
+    found = None
+    for _ in range(2):
+        apart = found.frame.raw(found.best.weights) if found else [np.zeros_like(r) for r in raw]
+        noise = noise_of(joint.blocks, [r - a for r, a in zip(raw, apart, strict=True)], stated)
+        frame = Frame(joint.blocks, noise, kinds)
+        there = refit(joint, noise, [Start("", peak.free, peak.values)], 0)[0]
+        found = Candidate(effects, fit, there, frame, remainder(joint, frame, effects, there, sizes))
+        if found.best.scale == 0.0:
+            break
+    assert found is not None
+    return found
+
+
+def _raw(joint: Joint, fit: Fit) -> list[np.ndarray]:
+    predicted = joint.predict(joint.columns(fit))
+    return [b.measured - p[:, 0] for b, p in zip(joint.blocks, predicted, strict=True)]
+
+
+def _noise_at(joint: Joint, fit: Fit, stated: Mapping[str, float]) -> Whitener:
+    return noise_of(joint.blocks, _raw(joint, fit), stated)
+
+
+def _dominant(blocks: Sequence[Block], apart: Sequence[np.ndarray], raw: Sequence[np.ndarray]) -> bool:
+    """Whether what a model is off by is more than the rest of what it leaves in any channel."""
+    off, noise = sizes_of(blocks, apart), sizes_of(blocks, [r - a for r, a in zip(raw, apart, strict=True)])
+    return any(off[channel] > DOMINANT * noise[channel] for channel in off)
+
+
+def _nested(model: Model, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
+    """Refits of which none is worse than a larger model that holds it makes it: such a one may have left a valley."""
+    found, of, starts = list(fits), [], []
+    for k, own in enumerate(fits):
+        larger = [other for other in fits if set(own.free) < set(other.free)]
+        if larger:
+            best = min(larger, key=lambda other: other.cost)
+            of.append(k)
+            starts.append(Start(own.label, own.free, {n: best.values[n] for n in own.free}))
+    for k, new in zip(of, refit(model, whitener, starts, MORE) if starts else (), strict=True):
+        found[k] = new if new.cost < found[k].cost else found[k]
+    return found
+
+
+def _peaks(joint: Joint, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
+    """Refits of some records, expanded about the optimum of all of them where that is elsewhere."""
+    starts = [Start(str(k), f.free, f.values) for k, f in enumerate(fits)]
+    found = refit(joint, whitener, starts, 0)
+    far = [k for k, f in enumerate(found) if _promised(joint, f) > FARTHER]
+    moved = refit(joint, whitener, [starts[k] for k in far], MORE) if far else []
+    for k, new in zip(far, moved, strict=True):
+        found[k] = new if new.cost < found[k].cost else found[k]
+    return _nested(joint, whitener, found)
+
+
+def _promised(joint: Joint, fit: Fit) -> float:
+    """Half the fall of the cost that a Gauss-Newton step promises."""
+    gradient = _gradient(joint, fit)
+    return 0.5 * float(gradient @ fit.covariance @ gradient)
+
+
+def _gradient(joint: Joint, fit: Fit) -> np.ndarray:
+    """Of half the cost, with priors, downhill [free]."""
+    rows = {p.name: p for p in joint.parameters}
+    gradient = fit.jacobian.T @ fit.residual
+    for k, name in enumerate(fit.free):
+        p = rows[name]
+        if p.std:
+            gradient[k] -= (fit.values[name] - p.start) / p.std**2
+    return gradient
 
 
 def sizes_of(blocks: Sequence[Block], left: Sequence[np.ndarray]) -> dict[str, float]:
@@ -179,17 +329,30 @@ def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mappin
     return Whitener(noise)
 
 
-def linear(joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit, sizes: Mapping[str, float]) -> Linear:
-    """A refitted model on all records, linear about where its refit ended."""
-    own = refit(joint, frame.whitener, [Start("", fit.free, fit.values)], 0)[0]
+def remainder(
+    joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], fit: Fit, sizes: Mapping[str, float]
+) -> Remainder:
+    """What a model leaves of all records, and the price of its parameters.
+
+    fit: where it is, with residual and slopes under the frame's noise.
+    """
     rows = {p.name: p for p in joint.parameters}
     nulls = {name: null for h in effects for name, null in h.nulls.items()}
     added = {name for h in effects for name in h.names}
-    variances, moved = np.zeros(len(fit.free)), np.zeros(len(fit.free))
+    variances, off = np.zeros(len(fit.free)), np.zeros(len(fit.free))
     for k, name in enumerate(fit.free):
-        p = rows[name]
-        spread = p.std or (WIDE * p.scale if name in added else max(abs(p.start), p.scale))
+        p, value = rows[name], fit.values[name]
+        if p.std:
+            spread, off[k] = p.std, value - p.start
+        elif name in nulls:
+            spread, off[k] = WIDE * p.scale, value - nulls[name]
+        elif name in added and value > 0.0:
+            spread = SHAPES * value
+            off[k] = value * float(np.log(value / (p.start if p.start > 0.0 else p.scale)))
+        else:
+            spread = WIDE * p.scale if name in added else max(abs(p.start), p.scale)
         variances[k] = spread**2
-        centred = bool(p.std) or name in nulls
-        moved[k] = fit.values[name] - nulls.get(name, p.start) if centred else 0.0
-    return Linear(own.residual, own.jacobian, variances, moved, sizes, frame.products(own.residual, own.jacobian))
+    units = np.sqrt(variances)
+    matrix = np.outer(units, units) * (fit.jacobian.T @ fit.jacobian) + np.eye(len(units))
+    occam = -0.5 * float(np.linalg.slogdet(matrix)[1]) - 0.5 * float(np.sum(off**2 / variances))
+    return Remainder(fit.residual, occam, sizes, frame.products(fit.residual))

@@ -1,16 +1,18 @@
 """Evidence of a model: the marginal likelihood of all records, with its parameters and its discrepancy integrated out.
 
-    z = J t + G S a + e,   t ~ N(-off, L),   a ~ N(0, 1),   e ~ N(0, 1)
+    z = G S a + e,   a ~ N(0, 1),   e ~ N(0, 1)
 
 symbol | meaning
 ------ | ------------------------------------------------------------------------------------------------------
 z      | what the refit leaves, whitened by the noise of each channel [N]
-J, t   | slopes of the whitened prediction, and parameters from where the refit ended [N, p], [p]
-L, off | variances of the parameters' priors, and how far the refit has moved from their means
 G, S   | whitened functions of `model.features`, and their scale: diagonal, of a channel's functions all alike
 
-The model is linear in t about the refit (Laplace's approximation; Tierney and Kadane, J. Am. Stat. Assoc. 81 (1986)
-82), so that the integral is a Gaussian's: the more a model can do that the records did not ask for, the smaller it is.
+Parameters are those of the least squares, and the discrepancy is what these leave: fitted together with parameters it
+would do their work, and neither could be told (Brynjarsdottir, O'Hagan, Inverse Problems 30 (2014) 114007; the two
+steps are the modularization of Liu, Bayarri, Berger, Bayesian Analysis 4 (2009) 119, and the projection of Plumlee,
+J. Am. Stat. Assoc. 112 (2017) 1274). About its optimum the model is linear in its parameters (Laplace's approximation;
+Tierney and Kadane, J. Am. Stat. Assoc. 81 (1986) 82), so that both integrals are a Gaussian's: the more a model can do
+that the records did not ask for, the smaller they are.
 
 Two models are compared on records whose noise is never quite the one that is assumed. How far the logarithm of a
 likelihood ratio may be trusted, the records say themselves: along the difference d of two predictions the sums of the
@@ -33,40 +35,35 @@ BATCHES = (60, 30, 15, 6)
 
 
 @dataclass(frozen=True)
-class Linear:
-    """A refitted model on all records, whitened, and linear about where its refit ended.
+class Remainder:
+    """What a refitted model leaves of all records, whitened, and the price of its parameters.
 
     Parameters
     ----------
     left : ndarray, shape (N,)
         z of the module.
-    slopes : ndarray, shape (N, p)
-        J of the module.
-    variances, moved : ndarray, shape (p,)
-        L and off of the module.
+    occam : float
+        Logarithm of the share of what its parameters can do that agrees with the records, priors included.
     sizes : mapping of str to float
         Channel -> size of what its discrepancy is measured by, SI.
-    products : mapping of str to tuple of ndarray
+    products : mapping of str to ndarray
         As `Frame.products` gives it.
     """
 
     left: np.ndarray
-    slopes: np.ndarray
-    variances: np.ndarray
-    moved: np.ndarray
+    occam: float
     sizes: Mapping[str, float]
-    products: Mapping[str, tuple[np.ndarray, np.ndarray]]
+    products: Mapping[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class _Part:
-    """Functions of one channel as they enter: which, their scale, and their share of the normal equations."""
+    """Functions of one channel as they enter: which, their scale, and their normal equations, factored."""
 
     channel: str
     mask: np.ndarray
     scale: float
-    gram: np.ndarray
-    cross: np.ndarray
+    factor: np.ndarray
     right: np.ndarray
 
 
@@ -74,16 +71,19 @@ class _Part:
 class Marginal:
     """The marginal likelihood with some functions of the discrepancy, and what it takes them to be.
 
-    fit        | half the sum of squares that is left, priors included, negative
-    volume     | logarithm of the share of what the model can do that agrees with the records (Occam's factor)
-    explained  | J t + G S a at their posterior mean [N]
-    weights    | of the functions, by channel
+    fit           | half the sum of squares that is left, negative
+    volume        | logarithm of the share of what the model can do that agrees with the records (Occam's factor)
+    explained     | G S a at its posterior mean [N]
+    weights       | of the functions, by channel
+    scale, chosen | as of `Frame.marginal`
     """
 
     fit: float
     volume: float
     explained: np.ndarray
     weights: dict[str, np.ndarray]
+    scale: float = 0.0
+    chosen: tuple[int, ...] | None = None
 
     @property
     def log(self) -> float:
@@ -128,6 +128,10 @@ class Frame:
             found[rows] = each * records.index(block.record) + np.minimum((each * inside).astype(int), each - 1)
         return found
 
+    def at(self, channel: str) -> np.ndarray:
+        """Which samples are a channel's."""
+        return self._at[channel]
+
     def adjustment(self, signal: np.ndarray, left: np.ndarray) -> float:
         """Share of the logarithm of a likelihood ratio that counts; see the module.
 
@@ -154,55 +158,39 @@ class Frame:
             worst = max(worst, float(scores @ scores) / information / chance)
         return 1.0 / worst
 
-    def products(self, left: np.ndarray, slopes: np.ndarray) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Products of all functions with what a model leaves [n] and its slopes [n, p], by channel."""
-        return {c: (g.T @ left[self._at[c]], g.T @ slopes[self._at[c]]) for c, g in self._functions.items()}
+    def products(self, left: np.ndarray) -> dict[str, np.ndarray]:
+        """Products of all functions with what a model leaves [n], by channel."""
+        return {c: g.T @ left[self._at[c]] for c, g in self._functions.items()}
 
-    def marginal(self, model: Linear, scale: float, chosen: Collection[int] | None = None) -> Marginal:
+    def marginal(self, model: Remainder, scale: float, chosen: Collection[int] | None = None) -> Marginal:
         """The marginal likelihood of a model with a discrepancy.
 
         Parameters
         ----------
-        model : Linear
+        model : Remainder
             The model.
         scale : float
-            Standard deviation of the discrepancy of every channel, as a share of `Linear.sizes`; 0: there is none.
+            Standard deviation of the discrepancy of every channel, as a share of `Remainder.sizes`; 0: there is none.
         chosen : collection of int, optional
             Numbers of the families it is made of; None: all.
 
         Returns
         -------
         Marginal
-            Its parts, and the posterior mean of parameters and discrepancy.
+            Its parts, and the posterior mean of the discrepancy.
         """
-        p = model.slopes.shape[1]
-        precision = 1.0 / model.variances
-        parts = list(self._parts(model, scale, chosen)) if scale > 0.0 else []
-        total = p + sum(len(part.gram) for part in parts)
-        matrix, right = np.zeros((total, total)), np.zeros(total)
-        matrix[:p, :p] = model.slopes.T @ model.slopes + np.diag(precision)
-        right[:p] = model.slopes.T @ model.left - precision * model.moved
-        begin, spans = p, []
-        for part in parts:
-            own = slice(begin, begin + len(part.gram))
-            matrix[own, own], matrix[own, :p], matrix[:p, own] = part.gram, part.cross, part.cross.T
-            right[own] = part.right
-            spans.append(own)
-            begin = own.stop
-        units = 1.0 / np.sqrt(np.diag(matrix))
-        factor = cho_factor(matrix * np.outer(units, units) + 1e-12 * np.eye(total), lower=True)
-        found = units * cho_solve(factor, units * right)
-        logdet = 2.0 * float(np.sum(np.log(np.diag(factor[0]) / units)))
-        fit = 0.5 * float(right @ found - model.left @ model.left - precision @ model.moved**2)
-        volume = -0.5 * logdet - 0.5 * float(np.sum(np.log(model.variances)))
-        apart, weights = np.zeros(self.count), {}
-        for part, own in zip(parts, spans, strict=True):
+        fit, volume = -0.5 * float(model.left @ model.left), model.occam
+        explained, weights = np.zeros(self.count), {}
+        for part in self._parts(model, scale, chosen) if scale > 0.0 else ():
+            found = cho_solve((part.factor, True), part.right)
+            fit += 0.5 * float(part.right @ found)
+            volume -= float(np.sum(np.log(np.diag(part.factor))))
             weights[part.channel] = np.zeros(len(part.mask))
-            weights[part.channel][part.mask] = part.scale * found[own]
-            apart[self._at[part.channel]] = self._functions[part.channel] @ weights[part.channel]
-        return Marginal(fit, volume, model.slopes @ found[:p] + apart, weights)
+            weights[part.channel][part.mask] = part.scale * found
+            explained[self._at[part.channel]] = self._functions[part.channel] @ weights[part.channel]
+        return Marginal(fit, volume, explained, weights, scale, None if chosen is None else tuple(chosen))
 
-    def _parts(self, model: Linear, scale: float, chosen: Collection[int] | None) -> Iterator["_Part"]:
+    def _parts(self, model: Remainder, scale: float, chosen: Collection[int] | None) -> Iterator[_Part]:
         """The channels' functions of the chosen families at their scale."""
         for channel in self.channels:
             family = self._family[channel]
@@ -210,9 +198,17 @@ class Frame:
             if not mask.any():
                 continue
             s = scale * model.sizes[channel] / np.sqrt(len(np.unique(family[mask])))
-            right, cross = model.products[channel]
             gram = s**2 * self._grams[channel][np.ix_(mask, mask)] + np.eye(int(mask.sum()))
-            yield _Part(channel, mask, s, gram, s * cross[mask], s * right[mask])
+            factor = cho_factor(gram, lower=True)[0]
+            yield _Part(channel, mask, s, factor, s * model.products[channel][mask])
+
+    def map_of(self, model: Remainder, one: Marginal, family: int) -> tuple[np.ndarray, np.ndarray]:
+        """(posterior means, standard deviations) of the weights of a family that a marginal likelihood consists of."""
+        channel = self.families[family].channel
+        part = next(p for p in self._parts(model, one.scale, one.chosen) if p.channel == channel)
+        own = self._family[channel][part.mask] == family
+        inverse = cho_solve((part.factor, True), np.eye(len(part.right)))
+        return one.weights[channel][self._family[channel] == family], part.scale * np.sqrt(np.diag(inverse)[own])
 
     def raw(self, weights: dict[str, np.ndarray]) -> list[np.ndarray]:
         """The discrepancy [T] of every block in its own unit, for weights of the functions."""

@@ -19,8 +19,6 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.model.model import Block, Model, Whitener
 from cable_envs.diagnosis.model.noise import Noise
 
-DRAWS, SPREAD = 12, 0.3
-"""Further starts about one, and their standard deviation over each value."""
 ROUNDS = 2
 PARTS, EACH = 12, 3
 """Parts into which all records together are cut, at least, and for every free parameter."""
@@ -64,6 +62,15 @@ def rmse(model: Model, fit: Fit) -> dict[str, float]:
     return rms_by_channel(model, raw_residuals(model, fit))
 
 
+def effective_samples(model: Model, fit: Fit) -> float:
+    """Effective sample size of a model's records, by what a fit leaves in them."""
+    parts: dict[str, list[np.ndarray]] = {}
+    for block, left in zip(model.blocks, raw_residuals(model, fit), strict=True):
+        parts.setdefault(block.channel, []).append(np.where(block.good, left, 0.0))
+    slowest = max(autocorrelation_time(own) for own in parts.values())
+    return sum(int(b.good.sum()) for b in model.blocks) / slowest
+
+
 def rms_by_channel(model: Model, series: Sequence[np.ndarray]) -> dict[str, float]:
     """Root mean square of the good samples of series [T] of every block, by channel."""
     squares: dict[str, list[np.ndarray]] = {}
@@ -85,19 +92,6 @@ def reweighted_refit(model: Model, start: Start, rounds: int = ROUNDS) -> tuple[
         start = Start(fit.label, fit.free, fit.values)
         whitener = weigh(model.blocks, raw_residuals(model, fit))
     return with_sandwich_covariance(model, fit), whitener
-
-
-def multistart(model: Model, whitener: Whitener, starts: Sequence[Start], rng: np.random.Generator) -> Fit:
-    """The best refit of ``starts`` and of `DRAWS` more about the last of them.
-
-    Friction has kinks, and a cost with kinks has many minima: from a single start Coulomb friction lost to Stribeck's,
-    which holds it, in a model that is as good with either.
-    """
-    last = starts[-1]
-    draws = 1.0 + SPREAD * rng.standard_normal((DRAWS, len(last.free)))
-    moved = [{n: last.values[n] * k for n, k in zip(last.free, row, strict=True)} for row in draws]
-    more = [Start(last.label, last.free, {**last.values, **values}) for values in moved]
-    return min(refit(model, whitener, [*starts, *more]), key=lambda one: one.cost)
 
 
 def _converged(model: Model, whitener: Whitener, start: Start) -> Fit:

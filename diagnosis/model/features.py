@@ -18,8 +18,10 @@ HATS = 7
 FINE, SHARP = 28, "position"
 """The same for what a tooth or a stop makes uneven within a few per cent of the range."""
 SLOW, DRIFTS = 6, 3
-"""Waves of the elapsed time of each record: half a period over the record, a whole one, ...; of them, those that
-multiply what may drift."""
+"""Waves of the elapsed time of each record: half a period over the record, a whole one, ..., beside its level; of them,
+those that multiply what may drift."""
+ELAPSED = "elapsed time"
+"""Family of slow waves, each record's its own."""
 _CLOSE = 1e-3
 """Share of a coordinate's range below which two of its values are one: at rest a prediction differs by rounding, and
 that rounding follows what was measured."""
@@ -72,8 +74,9 @@ def _of_channel(own: list[int], blocks: Sequence[Block], predicted: Sequence[np.
     channel = blocks[own[0]].channel
     slow = {k: np.sqrt(2.0) * waves(blocks[k], SLOW) for k in own}
     records = {k: j for j, k in enumerate(own)}
-    wide = {k: _placed(slow[k], records[k], len(own)) for k in own}
-    yield Family(channel, "elapsed time", "s", wide)
+    level = {k: np.column_stack([np.ones(len(slow[k])), slow[k]]) for k in own}
+    wide = {k: _placed(level[k], records[k], len(own)) for k in own}
+    yield Family(channel, ELAPSED, "s", wide)
     sides = _along(own, blocks, predicted, "direction")
     for name in ("own scale", "speed", "direction"):
         values = {k: predicted[k] for k in own} if name == "own scale" else _along(own, blocks, predicted, name)

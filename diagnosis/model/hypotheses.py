@@ -17,6 +17,8 @@ from cable_envs.effects import EFFECTS, Effect, EffectParameter
 from cable_envs.effects.base import CONSTANT, DRIFT, PROBES
 from cable_envs.plants.base import Plant
 
+LOGGER = "logger."
+"""How the names of hypotheses begin that are of the data and not of the rig."""
 WAVES = (1.75, 20.0, 0.5)
 """Waves along the travel at which an effect that is a sine along it is probed: from, to, step."""
 
@@ -63,6 +65,11 @@ class Hypothesis:
         return effect_name(self.name)
 
     @property
+    def of_logger(self) -> bool:
+        """Whether it is of the data and not of the rig."""
+        return self.name.startswith(LOGGER)
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The freed parameters."""
         return tuple(p.name for p in self.free)
@@ -105,8 +112,8 @@ class Hypothesis:
 
 
 def effect_name(hypothesis: str) -> str:
-    """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"."""
-    return hypothesis.partition(".")[0]
+    """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"; a logger's fault has its own."""
+    return hypothesis if hypothesis.startswith(LOGGER) else hypothesis.partition(".")[0]
 
 
 def hypotheses_for(

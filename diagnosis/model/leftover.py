@@ -1,25 +1,59 @@
-"""What a test of adequacy finds (`cable_envs.diagnosis.adequacy.tests`), whichever it is."""
+"""What is left beyond noise in one channel along one coordinate, or of what several channels share."""
 
 from dataclasses import dataclass
 
+DRIFT = "its zero drifts"
+"""How the cause ends of what is left of a sensor and changes with the elapsed time alone."""
 ALL = "all channels"
-"""Channel of a test that takes several together."""
+"""Channel of what several have together."""
 
 
 @dataclass(frozen=True)
 class Leftover:
-    """What is left beyond noise in one channel along one coordinate.
+    """What is left of one kind.
 
-    gain, functions | fall of the whitened sum of squares, and the chi-square's degrees of freedom
-    at, height, error | the smooth map: places along the coordinate, what is left there and its standard error
+    Parameters
+    ----------
+    channel, coordinate, unit : str
+        In which channel, and along what; of a line in a spectrum "frequency", Hz.
+    log_odds : float
+        That it is there over that it is not.
+    size : float
+        Half the fall of the whitened sum of squares that it explains.
+    cause : str
+        What it is of the sensor or logger, where it can be nothing of the rig; else empty.
+    at, height, error : tuple of float
+        The smooth map: places along the coordinate, what is left there and its standard error; a frequency's place.
     """
 
     channel: str
     coordinate: str
     unit: str
-    gain: float
-    functions: int
-    p_value: float
+    log_odds: float
+    size: float = 0.0
+    cause: str = ""
     at: tuple[float, ...] = ()
     height: tuple[float, ...] = ()
     error: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Left:
+    """What a model leaves beyond noise: whether, how much, and of which kinds.
+
+    Parameters
+    ----------
+    log_odds : float
+        That something is left over that nothing is.
+    share : float
+        What is left over what the effects explain, as falls of half the sum of squares; infinite without effects.
+    kinds : tuple of Leftover
+        Each by itself, the surest first.
+    cause : str
+        What it is of the sensors or of the logger, where it can be nothing of the rig; else empty.
+    """
+
+    log_odds: float
+    share: float
+    kinds: tuple[Leftover, ...] = ()
+    cause: str = ""

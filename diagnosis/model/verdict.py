@@ -14,7 +14,9 @@ from cable_envs.core.intervals import Interval
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 
 SCHEMA = "cable-diagnosis/1"
-VERDICTS = ("named", "equivalence_class", "unknown", "no_detectable_mismatch")
+VERDICTS = ("named", "equivalence_class", "partly_named", "unknown", "data_fault", "no_detectable_mismatch")
+NAMED = ("named", "equivalence_class", "partly_named")
+"""Verdicts with effects."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,8 @@ class Estimate(Interval):
 class EffectGain:
     """An effect with what a model gains by it: as a candidate, as a step of a selection, and in the answer.
 
-    Gains are falls of the deviance (twice the logarithm of the likelihood ratio); where held-out records judge, of the
-    sum of squares on these, in effective samples (`cable_envs.diagnosis.search.stepwise`).
+    Gains are log odds (`cable_envs.diagnosis.evidence`); of a refit that is only compared with others, falls of the
+    deviance, twice the logarithm of the likelihood ratio.
 
     Parameters
     ----------
@@ -53,13 +55,13 @@ class EffectGain:
     gain : float
         Over the model without it.
     heldout_gain : float
-        The same on the records that were not fitted.
+        Of a limit cycle, the same on the records that were not fitted.
     margin : float
         Gain over the best rival that is no alternative.
     alternatives : tuple of str
         What these records do not tell from it.
     confidence : float
-        Probability that it, or one of its alternatives, is there (`cable_envs.diagnosis.fit.confidence`).
+        Probability that it, or one of its alternatives, is there (`cable_envs.diagnosis.evidence`).
     parameters : Mapping of str to Estimate
         In the answer by the effect's own names; of a step all that were refitted, by the plant's.
     fit, heldout : Mapping of str to float
@@ -106,14 +108,13 @@ class EffectGain:
         return {
             "name": self.name, "confidence": self.confidence, "parameters": parameters, "equation": self.equation,
             "alternatives": self.alternatives, "separating_experiment": self.separating_experiment,
-            "hypothesis": self.hypothesis.name, "gain": self.gain, "margin": self.margin,
-            "heldout_gain": self.heldout_gain,
+            "hypothesis": self.hypothesis.name, "log_odds": self.gain, "margin": self.margin, "rivals": self.rivals,
         }  # fmt: skip
 
     def as_step(self) -> dict[str, Any]:
         """As in the JSON's "steps"; "alike" are its alternatives there."""
         return {
-            "name": self.hypothesis.name, "gain": self.gain, "confidence": self.confidence,
+            "name": self.hypothesis.name, "log_odds": self.gain, "confidence": self.confidence,
             "alike": self.alternatives, "fit": self.fit, "heldout": self.heldout,
             "parameters": {name: estimate.as_json() for name, estimate in self.parameters.items()},
             "rivals": self.rivals, "dropped": self.dropped,
@@ -165,7 +166,7 @@ class Diagnosis:
     verdict : str
         One of `VERDICTS`.
     effects : tuple of EffectGain
-        What is named; empty with the verdicts "unknown" and "no_detectable_mismatch".
+        What is named; empty unless the verdict is one of `NAMED`.
     location : tuple of Mapping
         Where the mismatch is: channel, record, intervals in s, regime, in words.
     absorbed : Mapping
@@ -173,14 +174,17 @@ class Diagnosis:
     fit : Mapping
         Channel -> RMS errors on fitted and held-out records, and the noise.
     test : Mapping
-        p-values of the first score tests and of what is left, and the least size that could have been seen.
+        p-value of the first score tests, log odds of the best model over the nominal one, log odds and share of what
+        is left and what it is of the sensors, and the least size that could have been seen.
     suspected : tuple of EffectGain
         Effects that helped, where what is left forbids naming them (verdict "unknown"); `fit` then has the errors with
         them as "suspected".
+    faults : tuple of EffectGain
+        What is wrong with the data: the logger's clock, a filtered speed.
     hypotheses : tuple of Mapping
-        Every hypothesis tried: gain, absorbability, what it is confused with, why it was refused.
+        Every hypothesis tried: log odds, absorbability, what it is confused with, why it was refused.
     leftover : tuple of Mapping
-        Smooth maps of what is left: channel, coordinate, places, height, error, p_value.
+        What is left of every kind: channel, coordinate, log odds; of a smooth map places, height, error.
     clues : tuple of Mapping
         Channel and coordinate -> p-values of block permutation, before and after.
     visited : Mapping
@@ -192,7 +196,7 @@ class Diagnosis:
     augmented_rig : str
         Name of the corrected rig's file.
     steps : tuple of EffectGain
-        Of the stepwise selection from the nominal refit up, where the held-out records judge; else empty.
+        The refit without effects, and each effect as it was accepted, with the errors after it.
     spectra : tuple of Mapping
         Where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it expects, over
         that of the noise.
@@ -209,6 +213,7 @@ class Diagnosis:
     fit: Mapping[str, Mapping[str, Any]]
     test: Mapping[str, Any]
     suspected: tuple[EffectGain, ...] = ()
+    faults: tuple[EffectGain, ...] = ()
     hypotheses: tuple[Mapping[str, Any], ...] = ()
     leftover: tuple[Mapping[str, Any], ...] = ()
     clues: tuple[Mapping[str, Any], ...] = ()
@@ -263,21 +268,25 @@ def _read(entry: Mapping[str, Any]) -> EffectGain:
     }
     name = entry.get("hypothesis") or entry["name"]
     hypothesis = Hypothesis(name, (), (), entry["equation"], entry["separating_experiment"])
-    numbers = {key: entry.get(key, 0.0) for key in ("gain", "margin", "heldout_gain")}
     return EffectGain(
-        hypothesis, **numbers, alternatives=tuple(entry["alternatives"]), confidence=entry["confidence"],
-        parameters=parameters,
+        hypothesis, entry.get("log_odds", 0.0), margin=entry.get("margin", 0.0), rivals=entry.get("rivals", {}),
+        alternatives=tuple(entry["alternatives"]), confidence=entry["confidence"], parameters=parameters,
     )  # fmt: skip
 
 
 def _step_read(entry: Mapping[str, Any]) -> EffectGain:
     return EffectGain(
-        Hypothesis(entry["name"], (), ()), entry["gain"], entry["gain"], alternatives=tuple(entry["alike"]),
+        Hypothesis(entry["name"], (), ()), entry["log_odds"], alternatives=tuple(entry["alike"]),
         confidence=entry["confidence"], fit=entry["fit"], heldout=entry["heldout"], rivals=entry["rivals"],
         parameters={name: Estimate(**estimate) for name, estimate in entry["parameters"].items()},
         dropped=tuple(entry["dropped"]),
     )  # fmt: skip
 
 
-_WRITERS = {"effects": EffectGain.as_answer, "suspected": EffectGain.as_answer, "steps": EffectGain.as_step}
-_READERS = {"effects": _read, "suspected": _read, "steps": _step_read}
+_WRITERS = {
+    "effects": EffectGain.as_answer,
+    "suspected": EffectGain.as_answer,
+    "faults": EffectGain.as_answer,
+    "steps": EffectGain.as_step,
+}
+_READERS = {"effects": _read, "suspected": _read, "faults": _read, "steps": _step_read}

@@ -13,11 +13,21 @@ WRONG = "viscous_friction"
 
 @dataclass(frozen=True)
 class BandBrake:
-    """``viscous``: viscous friction as the only effect; ``viscous_last``: its held-out gain on top of the answer."""
+    """What was found, and viscous friction beside.
+
+    Parameters
+    ----------
+    finding : Finding
+        The answer.
+    viscous : EffectGain
+        Viscous friction as the only effect.
+    viscous_last : float, optional
+        Its log odds on top of the answer; None where others were ahead by far.
+    """
 
     finding: Finding
     viscous: EffectGain
-    viscous_last: float
+    viscous_last: float | None
 
 
 def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: None) -> BandBrake:
@@ -25,4 +35,4 @@ def band_brake(recording: Recording, tell: Callable[[str], None] = lambda text: 
     tell("band brake")
     finding = find("band brake", recording, tell=tell)
     viscous = next(a for a in finding.alone if a.hypothesis.name == WRONG)
-    return BandBrake(finding, viscous, finding.further[WRONG])
+    return BandBrake(finding, viscous, finding.further.get(WRONG))

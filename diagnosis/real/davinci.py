@@ -13,12 +13,13 @@ import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.engine import Examined, examine
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Fit, Start
 from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
 from cable_envs.diagnosis.model.model import Model, residuals
 from cable_envs.diagnosis.model.verdict import EffectGain
-from cable_envs.diagnosis.search.heldout import confidence_of
-from cable_envs.diagnosis.search.stepwise import heldout_error, inside, stepwise
+from cable_envs.diagnosis.real.finding import inside
+from cable_envs.diagnosis.search.effects import Found, Search
 from cable_envs.diagnosis.systems.transmission import models
 from cable_envs.diagnosis.systems.transmission_effects import LIMITS, hypotheses
 
@@ -59,18 +60,18 @@ def unseen(record: Record) -> bool:
 
 
 def diagnosed(recording: Recording, tell: Tell = lambda text: None) -> Examined:
-    """`cablebench diagnose --judge unseen` from the rigid, frictionless transmission up."""
-    return examine(recording, judge="unseen", tell=tell)
+    """`cablebench diagnose` from the rigid, frictionless transmission up."""
+    return examine(recording, tell=tell)
 
 
 def steps_table(model: Model, steps: Sequence[EffectGain]) -> list[dict[str, Any]]:
-    """The stepwise selection for a page: each accepted effect with what it bought on the held-out records."""
+    """The steps of the search for a page: each accepted effect with what it bought on the held-out records."""
     rows, before = [], steps[0]
     for step in steps:
         now, was = in_units(step.heldout), in_units(before.heldout)
         values = {n: e.value for n, e in step.parameters.items()}
         rows.append({
-            "effect": step.hypothesis.name, "class": list(step.alternatives), "confidence": step.confidence,
+            "effect": step.hypothesis.name, "class": list(step.alternatives), "log_odds": step.gain,
             "heldout_deg": now["deg"], "heldout_mnm": now["mnm"],
             "fit_deg": in_units(step.fit)["deg"], "fit_mnm": in_units(step.fit)["mnm"],
             "gain_deg": was["deg"] - now["deg"], "gain_mnm": was["mnm"] - now["mnm"],
@@ -117,7 +118,7 @@ def _between(residual: np.ndarray, cells: np.ndarray) -> float:
 
 
 def parameters(fit: Fit, samples: float) -> dict[str, dict[str, Any]]:
-    """Values of the free parameters with 95 % intervals (`weights.with_sandwich_covariance`), units as in `LIMITS`.
+    """Values of the free parameters with 95 % intervals (`evidence.marginal.Posterior`), units as in `LIMITS`.
 
     ``samples``: effective sample size of the held-out records, which the committed file calls "stretches".
     """
@@ -143,21 +144,28 @@ def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str,
         free = tuple(n for n in full.free if n not in gone)
         start = Start("", free, {**full.values, **{n: LIMITS[n].null for n in gone}})
         missing = [h for h in hypotheses() if not set(h.names) & set(free)]
-        steps = stepwise(fit, heldout, (), missing, start=start, most=1)
-        found = steps[1] if len(steps) > 1 else None
-        name_found = found.hypothesis.name if found else ""
-        answer = (name_found, *found.alternatives) if found else ()
-        rows.append({
-            "removed": name, "found": name_found, "class": list(found.alternatives) if found else [],
-            "right": bool(answer) and answer[0] == name, "in_class": name in answer,
-            "confidence": confidence_of(found) if found else 0.0,
-            "experiment": found.separating_experiment if found else "",
-            "full": in_units(whole_steps[-1].heldout), "refit": in_units(steps[0].heldout),
-            "augmented": in_units(steps[-1].heldout), "located": located(fit, steps[0].refit.values),
-            "rivals": dict(found.rivals) if found else {}, "refused": dict(steps[-1].refused),
-        })  # fmt: skip
-        tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['confidence']:.2f})")
+        null = refit_and_learn(fit, [start])
+        found = Search(fit, heldout, (), missing, np.random.default_rng(0), most=1).run(null)
+        rows.append(_ablated(name, whole, null.fit, found))
+        tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['log_odds']:.1f})")
     return rows
+
+
+def _ablated(name: str, whole: Examined, refitted: Fit, found: Found) -> dict[str, Any]:
+    """A row of `ablations`: what was found in the place of ``name``."""
+    question = whole.question
+    best = found.best.effects[0] if found.best.effects else None
+    alike = found.alternatives(best.name) if best else ()
+    answer = (best.name, *alike) if best else ()
+    return {
+        "removed": name, "found": best.name if best else "", "class": list(alike),
+        "right": bool(answer) and answer[0] == name, "in_class": name in answer,
+        "log_odds": found.without[best.name] if best else 0.0, "experiment": best.experiment if best else "",
+        "full": in_units(whole.diagnosis.steps[-1].heldout), "refit": in_units(rmse(question.heldout, refitted)),
+        "augmented": in_units(rmse(question.heldout, found.best.fit)),
+        "located": located(question.fit, refitted.values), "rivals": dict(found.rounds[0].odds),
+        "refused": dict(found.rounds[0].bounded),
+    }  # fmt: skip
 
 
 def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> list[dict[str, Any]]:
@@ -184,8 +192,3 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
             "exponent": own.values["load_dependent_friction.exponent"], "zero_mnm": MNM * own.values["torque_zero"],
         })  # fmt: skip
     return rows
-
-
-def effective_samples(heldout: Model, fit: Fit) -> float:
-    """Effective sample size of the held-out records, by what the fit leaves in them."""
-    return heldout_error(heldout, fit).effective_samples

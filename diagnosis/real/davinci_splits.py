@@ -7,7 +7,7 @@ the nearest neighbours do as well as a network; splits by record show what is le
 
 Controls: rigid (ratio, angle's zero and torque's zero by least squares), five nearest neighbours and a network of two
 layers of 32 (scikit-learn), all on the very samples of the physics. The physics gets the same columns, but from the
-start of each record: friction has a memory. Its structure is that of the stepwise selection, its numbers are of the
+start of each record: friction has a memory. Its structure is that of the diagnosis, its numbers are of the
 training samples.
 """
 
@@ -20,10 +20,11 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.fit.likelihood import judge
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
 from cable_envs.diagnosis.real.davinci import DEG, MNM, Tell, load_of
-from cable_envs.diagnosis.search.stepwise import stepwise
+from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.systems.transmission import Run, TransmissionModel, assemble, nominals_of, run_of
 from cable_envs.diagnosis.systems.transmission_effects import hypotheses
 
@@ -99,7 +100,7 @@ def compare(
 ) -> list[dict[str, Any]]:  # fmt: skip
     """Errors on the test samples of every split and method, deg and mN m, with the aims.
 
-    free, values: what the stepwise selection refits, and where to begin (`Step.refit`).
+    free, values: what the diagnosis refits, and where to begin (`Selection.final`).
     """
     rows = []
     for split in splits:
@@ -147,7 +148,8 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     fit = min((reweighted_refit(model, Start("", wanted, begin), rounds=3)[0] for begin in starts), key=_misfit(model))
     if choose:
         missing = [h for h in hypotheses() if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
-        fit = stepwise(model, other, (), missing, start=Start("", fit.free, fit.values), most=MORE)[-1].refit
+        search = Search(model, other, (), missing, np.random.default_rng(0), most=MORE)
+        fit = search.run(judge(model, fit)).best.fit
     full = TransmissionModel(fine, model.parameters, model.base, _period(fine[0]), ("all",))
     found = full.predict(np.array([[fit.values[p.name]] for p in full.parameters]))
     terms = dict.fromkeys(n.split(".")[0] for n in fit.free if "." in n and not n.startswith("zero."))
@@ -176,9 +178,11 @@ def _period(run) -> float:
 
 
 def _thinned(run, mask: np.ndarray, every: int = 20):
-    """Every 20th sample, those that train marked as good."""
+    """Every 20th sample, those that train marked as good. Samples that are drawn have no past that shows a colour."""
     cut = slice(None, None, every)
-    blocks = tuple(replace(b, time=b.time[cut], measured=b.measured[cut], good=mask[cut], along=()) for b in run.blocks)
+    blocks = tuple(
+        replace(b, time=b.time[cut], measured=b.measured[cut], good=mask[cut], along=(), memory=0) for b in run.blocks
+    )
     return replace(
         run, x=run.x[cut], torque=run.torque[cut], speed=run.speed[cut], way=run.way[cut], blocks=blocks
     )  # fmt: skip

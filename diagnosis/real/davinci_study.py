@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from cable_envs.core.files import packed_json
+from cable_envs.diagnosis.fit.weights import effective_samples
 from cable_envs.diagnosis.real.davinci import (
     Tell,
     ablations,
     diagnosed,
-    effective_samples,
     load,
     parameters,
     pitch,
@@ -21,8 +21,7 @@ from cable_envs.diagnosis.real.davinci import (
 )
 from cable_envs.diagnosis.real.davinci_splits import PUBLISHED, compare
 from cable_envs.diagnosis.real.feedforward import replayed, traces
-from cable_envs.diagnosis.real.finding import named_again
-from cable_envs.diagnosis.search.stepwise import inside
+from cable_envs.diagnosis.real.finding import inside, named_again
 from cable_envs.diagnosis.systems.transmission import TransmissionModel
 from cable_envs.diagnosis.systems.transmission_effects import hypotheses
 
@@ -31,7 +30,7 @@ SHOWN = "Tool_4_Maryland_L_4_24.csv"
 
 
 def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = True) -> dict[str, Any]:
-    """Stepwise selection, parameters, ablations, comparison, feedforward, wrist pitch, and traces of one record.
+    """Steps of the search, parameters, ablations, comparison, feedforward, wrist pitch, and traces of one record.
 
     ``folder``: the imported data set. ``controls``: with the neighbours and networks. About five minutes.
     """

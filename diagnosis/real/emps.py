@@ -2,15 +2,15 @@
 
 Three estimates beside the published ones, which rest on other weights of the same record:
 
-steps    | `diagnose --judge unseen`: what is left counts by its size and its effective sample size; 200 Hz
-coloured | the refit of `--judge noise`: what is left is whitened; 1 kHz
+steps    | `diagnose`: what the model may be off by has a place beside the noise; 200 Hz
+coloured | a refit without that: all that is left is taken for noise and whitened; 1 kHz
 inverse  | least squares of the filtered force on acceleration, speed, its sign and one (Gautier, IDIM-LS): the way the
          | published numbers were found; it uses no simulator and is here to check one
 
 What is left is ten times the encoder's noise and follows the motion: model error, not noise. Whitened, it counts where
 it changes quickly, just behind reversals, and the estimate is that of the friction there. The curvature takes it for
-noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so both
-intervals are from parts (`cable_envs.diagnosis.fit.weights.with_sandwich_covariance`).
+noise that is drawn anew and gives a quarter of the interval that parts of the record have among themselves, so the
+second's intervals are from parts (`cable_envs.diagnosis.fit.weights.with_sandwich_covariance`).
 """
 
 from collections.abc import Callable, Mapping
@@ -43,7 +43,7 @@ WITHOUT = ("cable_elongation", "asymmetric_friction")
 
 @dataclass(frozen=True)
 class Emps:
-    """Estimates by method and parameter, and the stepwise selection from a frictionless mass."""
+    """Estimates by method and parameter, and the steps from a frictionless mass."""
 
     estimates: Mapping[str, Mapping[str, Estimate]]
     finding: Finding
@@ -55,7 +55,7 @@ def emps(recording: Recording, tell: Callable[[str], None] = lambda text: None) 
     one_body = replace(recording, known=known)
     tell("EMPS: refit of all four with the colour of the noise")
     estimates = {"inverse": inverse_dynamics(one_body), "coloured": coloured(one_body)}
-    tell("EMPS: stepwise selection")
+    tell("EMPS: diagnosis")
     naive = {name: Quantity(STARTS[name]) for name in ("mass", "force_offset")}
     thin = tuple(thinned(record, THINNED) for record in one_body.records)
     finding = find("EMPS", replace(one_body, nominal=naive, records=thin), without=WITHOUT, tell=tell)

@@ -1,1 +1,1 @@
-"""Which effects explain a recording: model comparison, stepwise selection by held-out records, limit cycles."""
+"""Which effects explain a recording: comparison of models by their evidence, limit cycles, where the mismatch is."""

@@ -4,7 +4,7 @@ Hypotheses are ranked by the fall of the deviance less a charge for every furthe
 (Burnham, Anderson, Model Selection and Multimodel Inference, 2002); those that fall behind are given up early.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -13,10 +13,11 @@ import numpy as np
 from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit, Look, Start, look, refit
 from cable_envs.diagnosis.fit.score_tests import Score, ScoreTests
-from cable_envs.diagnosis.model.model import Model, learn_whitener
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.model import Model, Whitener, learn_whitener
 from cable_envs.diagnosis.model.verdict import EffectGain
 
-RIVALS = 10
+RIVALS = 8
 """Best-scored hypotheses that are refitted."""
 STARTS = 2
 """Starts of each, from its best-scored probes."""
@@ -24,20 +25,23 @@ BEHIND = 0.5
 """Share of the leader's gain below which a hypothesis is given up after the first iterations."""
 CHARGE = 4.0
 """For every number of a hypothesis beyond its first: what chance gives it in 5 % of recordings."""
-OF_ASKED, OF_BEST = 0.4, 0.05
-"""Shares of the gain that is asked, and of the best score, that a hypothesis must have by its score to be refitted.
-Scores are of first order: a refit may double them."""
+OF_BEST, LEAST = 0.05, 6.0
+"""Share of the best score, and score, that a hypothesis must have to be refitted. Scores are of first order: a refit
+may double them; odds of 20 to 1 of one effect among twenty take a gain of 12."""
 FAR = 1.5
 """Standard deviations from its prior at which a nominal parameter counts as moved to imitate what is missing."""
+RESOLVED = 0.4
+"""Share of a step of integration from which a time is more than discretisation: a drive that is told jumps of its speed
+reaches them within a step in one formulation and at its end in another, 0.38 of a step apart."""
 EQUAL = 1e-3
 """Difference of penalised gains that is rounding: two effects that are one on a recording differ by less, and which of
 them is ahead would depend on the processor."""
-_FIRST, _LAST = 4, 6
+_FIRST, _LAST = 4, 4
 AnyFit = TypeVar("AnyFit", Fit, Look)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Candidate(EffectGain):
+class Refitted(EffectGain):
     """A hypothesis refitted on top of a model, with its likelihood; ``gain``: fall of the deviance that it brings."""
 
     judged: Judged
@@ -48,9 +52,7 @@ class Candidate(EffectGain):
         return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
 
 
-def compare(
-    model: Model, base: Judged, scored: ScoreTests, least: float = 0.0, without: Collection[str] = ()
-) -> list[Candidate]:
+def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | None = None) -> list[Refitted]:
     """Refit the best-scored hypotheses on top of a model and rank them.
 
     Parameters
@@ -61,21 +63,19 @@ def compare(
         The model on top of which they are refitted.
     scored : ScoreTests
         Their scores around ``base``, and the noise under which these hold.
-    least : float
-        Gain that will be asked; what has not a share of it (`OF_ASKED`) by its score is not refitted.
-    without : collection of str
-        Names of hypotheses that do not take part.
+    weights : Whitener, optional
+        Of the refits; by default the noise that the best of them leaves.
 
     Returns
     -------
-    list of Candidate
-        By `Candidate.penalised_gain`, the largest first, equals (`EQUAL`) as the library has them; each with the noise
+    list of Refitted
+        By `Refitted.penalised_gain`, the largest first, equals (`EQUAL`) as the library has them; each with the noise
         that it leaves.
     """
-    running = [s for s in scored.best.values() if s.hypothesis.name not in without]
-    chosen = sorted(running, key=lambda s: -s.gain)[:RIVALS]
+    chosen = sorted(scored.best.values(), key=lambda s: -s.gain)[:RIVALS]
     most = chosen[0].gain if chosen else 0.0
-    chosen = [s for s in chosen if s.gain >= max(OF_ASKED * least, OF_BEST * most)]
+    least = LEAST if weights is None else 0.0
+    chosen = [s for s in chosen if s.gain >= max(OF_BEST * most, least)]
     starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
     if not starts:
         return []
@@ -85,17 +85,36 @@ def compare(
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
     top = best[max(kept, key=lambda name: gains[name])]
-    whitener = learn_whitener(model.blocks, raw_residuals(model, top))
+    whitener = weights or learn_whitener(model.blocks, raw_residuals(model, top))
     again = [Start(name, best[name].free, best[name].values) for name in kept]
     hypotheses = {score.hypothesis.name: score.hypothesis for score in chosen}
     found = []
-    for fit in refit(model, whitener, again, _LAST):
+    for fit in refit(model, whitener, again, _LAST, central=False):
         judged = judge(model, fit)
-        found.append(Candidate(hypotheses[fit.label], base.deviance - judged.deviance, judged=judged))
+        found.append(Refitted(hypotheses[fit.label], base.deviance - judged.deviance, judged=judged))
     return _ranked(found, list(scored.best))
 
 
-def _ranked(found: Sequence[Candidate], library: Sequence[str]) -> list[Candidate]:
+def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
+    """Parameters of the hypothesis that ended on a bound; a size at its null is on none, nor one that is complete."""
+    shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
+    sizes = [] if hypothesis.complete else [n for n in fit.at_bounds if n in hypothesis.nulls]
+    return shape + [n for n in sizes if fit.values[n] != hypothesis.nulls[n]]
+
+
+def unresolved(hypothesis: Hypothesis, fit: Fit, step: float) -> bool:
+    """Whether all that a hypothesis changes is times far shorter than a step of integration, s: no physics by itself.
+
+    A simulator that has made a recording may lag by a part of its own step.
+    """
+    if hypothesis.effect is None:
+        return False
+    units = {hypothesis.effect.row(p): p.unit for p in hypothesis.effect.parameters}
+    sizes = {name: fit.values[name] - null for name, null in hypothesis.nulls.items()}
+    return all(units.get(name) == "s" and abs(size) < RESOLVED * step for name, size in sizes.items())
+
+
+def _ranked(found: Sequence[Refitted], library: Sequence[str]) -> list[Refitted]:
     """By penalised gain; of those that equal the best one left, the library's first goes before."""
     left, ranked = sorted(found, key=lambda c: library.index(c.hypothesis.name)), []
     while left:

@@ -2,7 +2,7 @@
 
 A controlled drive with a gap oscillates between its edges. No simulation has the machine's phase for long, so that a
 gap that makes it oscillate as the machine does makes the sum of squares of what is left larger, not smaller, and no
-refit finds it. Here hypotheses are compared by the spectrum that they expect of what is left (`adequacy.bands`,
+refit finds it. Here hypotheses are compared by the spectrum that they expect of what is left (`evidence.bands`,
 Whittle's likelihood): all are looked at at many sizes; of those that oscillate and gain, the size, and the nominal
 parameters that the refit leaves unsure, are looked for by differential evolution (Storn, Price, J. Global Optimization
 11 (1997) 341).
@@ -16,16 +16,27 @@ import numpy as np
 from scipy.linalg import block_diag
 from scipy.optimize import differential_evolution
 
-from cable_envs.diagnosis.adequacy.bands import Averaged, Bands, Spectra
-from cable_envs.diagnosis.adequacy.tests import SIGNIFICANCE, Adequacy
+from cable_envs.diagnosis.evidence.bands import Averaged, Bands, Spectra
+from cable_envs.diagnosis.evidence.shared import bayes_bound
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Whitener
 from cable_envs.diagnosis.model.verdict import EffectGain
-from cable_envs.diagnosis.search.rules import Rules
-from cable_envs.diagnosis.search.selection import Selection
+from cable_envs.diagnosis.search.selection import Selection, confidence
 
+GAIN = 40.0
+"""Fall of the cost that a limit cycle must bring: odds of e^20 before its parameters' price."""
+SIGNIFICANCE, HIDDEN = 1e-3, 1e-6
+"""p-values below which a spectrum is not as expected: before a limit cycle is looked for, and after it is found."""
+LEFT, LEFT_BY_ITSELF = 0.22, 0.35
+"""Shares of the gain that may be left: of a limit cycle that was looked for, and of a simulator that oscillates by
+itself, which nothing has adapted to the recording's cycle."""
+OVER = 1.18
+"""RMS over what is expected up to which a model may be right: impacts in a gap are no two times the same."""
+MARGIN = 10.0
+"""Fall of the cost by which one must beat another to be told from it."""
 RUNS, LOOKS = 6, 2
 """Runs that are nudged apart: of a model, and of each of many that are only looked at."""
 SCALES = tuple(np.geomspace(1e-3, 1.0, 13).tolist())
@@ -71,9 +82,9 @@ class LimitCycle(EffectGain):
     errors: Mapping[str, float]
 
 
-def oscillates(spectra: Spectra, least: float) -> bool:
-    """Whether a model oscillates by itself as it is claimed to be, so that ``least`` could be gained by it."""
-    return bool(spectra) and spectra.at({}, RUNS).expected_gain >= least
+def oscillates(spectra: Spectra) -> bool:
+    """Whether a model oscillates by itself as it is claimed to be, so that `GAIN` could be gained by it."""
+    return bool(spectra) and spectra.at({}, RUNS).expected_gain >= GAIN
 
 
 def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generator) -> tuple[Judged, Bands]:
@@ -96,26 +107,24 @@ def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generat
 
 
 def search(
-    spectra: Spectra, heldout: Spectra, fit: Fit, hypotheses: Sequence[Hypothesis], least: float,
-    rng: np.random.Generator,
-) -> list[LimitCycle]:  # fmt: skip
-    """Hypotheses that make a refitted model oscillate and gain ``least`` by it; the best first.
+    spectra: Spectra, heldout: Spectra, fit: Fit, hypotheses: Sequence[Hypothesis], rng: np.random.Generator
+) -> list[LimitCycle]:
+    """Hypotheses that make a refitted model oscillate and gain `GAIN` by it; the best first.
 
     None of them is at the held-out records' cost (`AGAINST`).
     """
     null = spectra.at(fit.values, RUNS) if spectra else None
-    if null is None or null.excess < least or null.p_value > SIGNIFICANCE:
+    if null is None or null.excess < GAIN or null.p_value > SIGNIFICANCE:
         return []
     found = [
-        _sought(spectra, heldout, fit, null, h, look, rng)
-        for h, look in _promising(spectra, fit, null, hypotheses, least)
+        _sought(spectra, heldout, fit, null, h, look, rng) for h, look in _promising(spectra, fit, null, hypotheses)
     ]
-    enough = [c for c in found if c.gain >= least and c.bands.expected_gain >= least]
+    enough = [c for c in found if c.gain >= GAIN and c.bands.expected_gain >= GAIN]
     return sorted((c for c in enough if c.heldout_gain > -AGAINST * c.gain), key=lambda c: -c.gain)
 
 
 def _promising(
-    spectra: Spectra, fit: Fit, null: Bands, hypotheses: Sequence[Hypothesis], least: float
+    spectra: Spectra, fit: Fit, null: Bands, hypotheses: Sequence[Hypothesis]
 ) -> list[tuple[Hypothesis, Mapping[str, float]]]:
     """The best look of each of the `RIVALS` best hypotheses."""
     looks = [(h, values) for h in hypotheses for values in _looks(h)]
@@ -126,7 +135,7 @@ def _promising(
     before = null.coarse(COARSE).cost
     for (h, values), bands in zip(looks, spectra.of(columns, LOOKS), strict=True):
         gain = before - bands.coarse(COARSE).cost
-        if bands.expected_gain >= least and gain > best.get(h.name, (0.0,))[0]:
+        if bands.expected_gain >= GAIN and gain > best.get(h.name, (0.0,))[0]:
             best[h.name] = (gain, h, values)
     leading = sorted(best.values(), key=lambda one: -one[0])[:RIVALS]
     return [(h, values) for _, h, values in leading]
@@ -239,9 +248,16 @@ def _sought(spectra, heldout, fit, null, hypothesis, look, rng) -> LimitCycle:
     return LimitCycle(hypothesis, gain, held, values=values, bands=bands, errors=errors)
 
 
-def left_by(bands: Bands) -> Adequacy:
-    """Whether what is left has the power that is expected."""
-    return Adequacy(bands.p_value, bands.excess, bands.leftovers(), bands.over_noise)
+def left_by(bands: Bands, explained: float) -> Left:
+    """Whether what is left has the power that is expected, and its share of what the spread of the runs explains."""
+    return Left(bayes_bound(bands.p_value), bands.excess / max(explained, 1e-300), bands.leftovers())
+
+
+def _adequate(bands: Bands, explained: float, share: float) -> bool:
+    """Whether what is left may stay: noise, or no more than a ``share`` of what was explained."""
+    if bands.over_noise > OVER:
+        return False
+    return bands.p_value >= HIDDEN or bands.excess < share * explained
 
 
 def judged(spectra: Spectra, null: Judged, found: LimitCycle) -> Judged:
@@ -263,27 +279,28 @@ def judged(spectra: Spectra, null: Judged, found: LimitCycle) -> Judged:
     return Judged(fit, tuple(raw), Whitener(noise), null.deviance - found.gain)
 
 
-def as_it_is(null: Judged, bands: Bands, rules: Rules) -> Selection | None:
+def as_it_is(null: Judged, bands: Bands) -> Selection | None:
     """The answer where the simulator has a limit cycle without any effect, and the recording has the same."""
-    after, explained = left_by(bands), bands.without_spread.cost - bands.cost
-    if explained <= 0.0 or not rules.adequate(after, explained, rules.limit_cycle):
+    explained = bands.without_spread.cost - bands.cost
+    if explained <= 0.0 or not _adequate(bands, explained, LEFT_BY_ITSELF):
         return None
-    return Selection(null, null, (), (), (), after, after, True, rules=rules, explained=explained, bands=bands)
+    left = replace(left_by(bands, explained), log_odds=0.0)
+    return Selection(null, null, (), (), left, left, bands=bands)
 
 
-def explaining(spectra: Spectra, null: Judged, found: Sequence[LimitCycle], rules: Rules) -> Selection | None:
+def explaining(spectra: Spectra, null: Judged, found: Sequence[LimitCycle]) -> Selection | None:
     """The answer of the best of what gives the simulator the recording's limit cycle, if that explains it."""
     best = next(iter(found), None)
-    if best is None or best.gain < rules.least(best.hypothesis, 0.0):
+    if best is None or not _adequate(best.bands, best.gain, LEFT):
         return None
-    after, apart = left_by(best.bands), best.bands.dispersion
-    if not rules.adequate(after, best.gain, rules.left):
-        return None
+    apart = best.bands.dispersion
     behind = {o.hypothesis.name: (best.gain - o.gain) / apart for o in found[1:]}
-    equal = tuple(name for name, by in behind.items() if by < rules.margin)
-    margin = min((by for by in behind.values() if by >= rules.margin), default=best.gain / apart)
-    accepted = EffectGain(best.hypothesis, best.gain, best.heldout_gain, margin, equal)
-    final = judged(spectra, null, best)
-    return Selection(
-        null, final, (accepted,), (), (), after, after, True, rules=rules, explained=best.gain, bands=best.bands
+    equal = tuple(name for name, by in behind.items() if by < MARGIN)
+    margin = min((by for by in behind.values() if by >= MARGIN), default=best.gain / apart)
+    odds = [0.5 * margin, 0.5 * best.gain / apart]
+    accepted = EffectGain(
+        best.hypothesis, 0.5 * best.gain / apart, 0.5 * best.heldout_gain, 0.5 * margin, equal,
+        confidence=confidence(odds),
     )  # fmt: skip
+    left = left_by(best.bands, best.gain)
+    return Selection(null, judged(spectra, null, best), (accepted,), (), left, left, bands=best.bands)

@@ -1,46 +1,116 @@
-"""What a selection finds: the steps from the nominal refit to the last model, and the reasons."""
+"""What a selection finds: the steps from the nominal refit to the last model, the odds, and what is left."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from cable_envs.diagnosis.adequacy.bands import Bands
-from cable_envs.diagnosis.adequacy.tests import Adequacy
+import numpy as np
+
+from cable_envs.diagnosis.evidence.bands import Bands
+from cable_envs.diagnosis.evidence.candidates import SURE
 from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
+from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
+from cable_envs.diagnosis.model.leftover import DRIFT, Left
 from cable_envs.diagnosis.model.verdict import EffectGain
-from cable_envs.diagnosis.search.comparison import Candidate
-from cable_envs.diagnosis.search.rules import Rules
+from cable_envs.effects import EFFECTS
+
+SUREST = 0.95
+"""No answer is surer: what the odds leave out, a law that is in no library, no count has shown to be rarer yet."""
+REST = 0.05
+"""Share of what was to be explained from which what is left is part of the answer."""
+MOST = 0.25
+"""Share of it that may be left when something is named."""
 
 
 @dataclass(frozen=True)
 class Selection:
-    """The steps from the nominal refit to the last model, and the reasons."""
+    """The selected model, and why.
+
+    Parameters
+    ----------
+    null, final : Judged
+        Without effects and with those that were accepted; covariances are those of the evidence.
+    accepted : tuple of EffectGain
+        The effects of the last model; gains and margins are log odds.
+    faults : tuple of EffectGain
+        What it has of the logger (`cable_envs.diagnosis.intake.logged`).
+    before, after : Left
+        What the two leave.
+    score_tests : ScoreTests, optional
+        Of all hypotheses on top of the nominal refit.
+    tried : Mapping of str to float
+        Hypothesis -> log odds of the model with it over the nominal one, or over the last one where it was compared
+        only there.
+    further : Mapping of str to float
+        Hypothesis -> log odds of the last model with it over the last model.
+    refused : Mapping of str to str
+        Hypothesis -> what speaks against it, whatever it gains.
+    steps : tuple of EffectGain
+        The refit without effects, and with each that was accepted, in order.
+    unpredicted : tuple of str
+        Channels that the last model predicts worse than their own mean does.
+    bands : Bands, optional
+        Spectra of the last model, where it was compared by these (`cable_envs.diagnosis.search.limit_cycles`).
+    """
 
     null: Judged
     final: Judged
     accepted: tuple[EffectGain, ...]
-    score_tests: tuple[ScoreTests, ...]
-    tried: tuple[tuple[Candidate, ...], ...]
-    before: Adequacy
-    after: Adequacy
-    adequate: bool
-    refused: Mapping[str, str] = field(default_factory=dict)
-    rules: Rules = field(default_factory=Rules)
-    steps: tuple[EffectGain, ...] = ()
-    """of the stepwise selection, where the held-out records judge (`cable_envs.diagnosis.search.heldout`)"""
+    faults: tuple[EffectGain, ...]
+    before: Left
+    after: Left
+    score_tests: ScoreTests | None = None
+    tried: Mapping[str, float] = field(default_factory=dict)
     further: Mapping[str, float] = field(default_factory=dict)
-    """there, the held-out gain of every hypothesis that was refitted on top of the last model"""
-    explained: float = 0.0
-    """what the effects gain on all records that are asked whether what is left is noise, and what those that the rig
-    has already gain on the fitted ones"""
+    refused: Mapping[str, str] = field(default_factory=dict)
+    steps: tuple[EffectGain, ...] = ()
+    unpredicted: tuple[str, ...] = ()
     bands: Bands | None = None
-    """spectra of the last model, where it was judged by these; ``after`` is then of them"""
+
+    @property
+    def more(self) -> bool:
+        """Whether something is left beyond noise."""
+        return self.after.log_odds > np.log(SURE)
 
     @property
     def verdict(self) -> str:
-        """As in the specification."""
-        if not self.adequate:
-            return "unknown"
+        """One of `cable_envs.diagnosis.model.verdict.VERDICTS`."""
+        of_rig = self.more and not self.after.cause
         if not self.accepted:
-            return "no_detectable_mismatch"
+            return self._without_effects(of_rig)
+        if self._drifts_more():
+            return "data_fault"
+        if self.unpredicted or self._like_others() or (of_rig and self.after.share > MOST):
+            return "unknown"
+        if of_rig and self.after.share > REST and self.bands is None:
+            return "partly_named"
         return "equivalence_class" if any(a.alternatives for a in self.accepted) else "named"
+
+    def _without_effects(self, of_rig: bool) -> str:
+        if of_rig and self.after.share > REST:
+            return "unknown"
+        return "data_fault" if self.faults or self.more else "no_detectable_mismatch"
+
+    def _drifts_more(self) -> bool:
+        """Whether a sensor's drift is surer than every effect: what is slow is then no sure sign of any."""
+        drifts = self.more and self.after.cause.endswith(DRIFT)
+        return drifts and self.after.log_odds > max(a.gain for a in self.accepted)
+
+    def _like_others(self) -> bool:
+        """Whether the effect with the largest odds is not told from one that is not declared to look like it.
+
+        Unlike laws that do as well are signs of another one, that is none of them.
+        """
+        lead = max(self.accepted, key=lambda a: a.gain)
+        mine = lead.hypothesis
+        return any(effect_name(n) != mine.canonical and not self._declared(mine, n) for n in lead.alternatives)
+
+    @staticmethod
+    def _declared(mine: Hypothesis, other: str) -> bool:
+        theirs = EFFECTS.get(effect_name(other))
+        return effect_name(other) in mine.confusable or (theirs is not None and mine.canonical in theirs.confusable)
+
+
+def confidence(against: Sequence[float]) -> float:
+    """Probability of what has these log odds against all else, `SUREST` at the most."""
+    return min(SUREST, float(1.0 / (1.0 + np.sum(np.exp(-np.clip(against, 0.0, 50.0))))))

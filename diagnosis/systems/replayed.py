@@ -69,6 +69,11 @@ class ReplayModel:
         self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifts = [self._responses(run, shifted) for run in runs]
 
+    @property
+    def resolved(self) -> float:
+        """Step of integration, s: a simulator's own jumps take as long."""
+        return self.period / self.substeps
+
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)

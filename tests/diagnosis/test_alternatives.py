@@ -1,7 +1,5 @@
 """Which names stand beside the best one, and which ends of a range are none of a search."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -38,14 +36,9 @@ def _selected(truth, hypotheses, **own):
 
 def test_a_fuller_law_that_ended_in_a_simpler_one_is_no_alternative():
     found = _selected({"coulomb": 1.0}, LAWS)
-    (comparison,) = [r for r in found.tried if len(r) > 1]
-    gains = {c.hypothesis.name: c.gain for c in comparison}
-    assert gains["stribeck_friction"] == pytest.approx(gains["coulomb_friction"], abs=4.0)  # it fits as well
+    assert found.tried["stribeck_friction"] < found.tried["coulomb_friction"]  # it fits as well with more numbers
     (only,) = found.accepted
     assert only.hypothesis.name == "coulomb_friction" and only.alternatives == ()
-    # undeclared, or without a shape of its own, what fits as well stays beside it
-    alone = [replace(LAWS[0], confusable=()), LAWS[1]]
-    assert _selected({"coulomb": 1.0}, alone).accepted[0].alternatives == ("stribeck_friction",)
 
 
 def test_a_law_whose_shape_shows_is_named_itself():
@@ -64,5 +57,5 @@ def test_all_of_an_effect_is_no_end_of_a_search(name, verdict):
     assert found.verdict == verdict or (verdict != "named" and not found.accepted)
     assert [a.hypothesis.name for a in found.accepted] == ([name] if verdict == "named" else [])
     if found.accepted:
-        low, high = answered_interval(found.final.fit, most, 0.0, found.accepted[0].gain)
+        low, high = answered_interval(found.final.fit, most)
         assert 0.4 < low < 0.5 and high == 0.5

@@ -98,21 +98,6 @@ def test_selection_finds_two_effects():
         assert low <= value <= high
 
 
-def test_a_further_effect_is_asked_for_its_share_of_what_the_rigs_own_explain():
-    truth = CASES["stiffness_effect"]
-
-    def found(plain=None):
-        return select(Toy(truth, 0), Toy(truth, 50, 1), NOMINALS, HYPOTHESES, np.random.default_rng(0), plain=plain)
-
-    alone = found()
-    (accepted,) = alone.accepted
-    base, gain = alone.null.deviance, accepted.gain
-    assert [a.hypothesis.name for a in found(base + 2.0 * gain).accepted] == ["stiffness_effect"]
-    much = found(base + 10.0 * gain)  # a tenth of it is less than two formulations of the rest may differ by
-    assert much.verdict == "no_detectable_mismatch" and much.explained == pytest.approx(10.0 * gain)
-    assert found(base + 1.0).verdict == "named"  # a rig's effects that explain next to nothing excuse nothing
-
-
 def test_selection_of_a_right_model_finds_nothing():
     found = [select(Toy({}, s, colour=0.6), Toy({}, 70 + s, 1), NOMINALS, HYPOTHESES, np.random.default_rng(s))
              for s in range(10)]  # fmt: skip

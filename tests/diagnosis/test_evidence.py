@@ -6,20 +6,14 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from cable_envs.diagnosis.evidence.marginal import Frame, Linear
-from cable_envs.diagnosis.evidence.search import Search
+from cable_envs.diagnosis.evidence.candidates import Candidate
+from cable_envs.diagnosis.evidence.marginal import Frame, Remainder
+from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.features import families
-from cable_envs.diagnosis.model.model import Block, Coordinate, Whitener
+from cable_envs.diagnosis.model.model import Block, Whitener
 from cable_envs.diagnosis.model.noise import Noise
-from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
-
-
-def _along(y, v):
-    return (
-        Coordinate("position", "m", y),
-        Coordinate("speed", "m/s", v),
-        Coordinate("direction", "1", np.sign(v)),
-    )
+from cable_envs.diagnosis.search.select import select
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Moving, along
 
 
 def _frame(count=120):
@@ -32,7 +26,7 @@ def _frame(count=120):
             time,
             np.zeros(count),
             np.ones(count, dtype=bool),
-            along=_along(np.sin(7.0 * time), 7.0 * np.cos(7.0 * time)),
+            along=along(np.sin(7.0 * time), 7.0 * np.cos(7.0 * time)),
         )
         for record in ("one", "two")
         for channel in ("a", "b")
@@ -41,20 +35,19 @@ def _frame(count=120):
     return rng, Frame(blocks, whitener, list(families(blocks, [b.measured for b in blocks])))
 
 
-def _linear(frame, left, slopes, variances, moved, sizes):
-    return Linear(left, slopes, variances, moved, sizes, frame.products(left, slopes))
+def _remainder(frame, left, sizes, occam=0.0):
+    return Remainder(left, occam, sizes, frame.products(left))
 
 
 @pytest.mark.parametrize("chosen", [None, (0,), (1, 3)])
 def test_the_marginal_likelihood_is_that_of_the_gaussian(chosen):
-    """Written out, z is normal with mean -J off and covariance 1 + J L J' + G S S' G'."""
+    """Written out, z is normal with mean 0 and covariance 1 + G S S' G'."""
     rng, frame = _frame()
-    left, slopes = rng.standard_normal(frame.count), rng.standard_normal((frame.count, 2))
-    variances, moved, sizes = np.array([0.3, 2.0]), np.array([0.2, -1.0]), {"a": 1.5, "b": 0.7}
-    model = _linear(frame, left, slopes, variances, moved, sizes)
+    left, sizes = rng.standard_normal(frame.count), {"a": 1.5, "b": 0.7}
+    model = _remainder(frame, left, sizes, -3.0)
 
     def written_out(scale):
-        covariance = np.eye(frame.count) + slopes * variances @ slopes.T
+        covariance = np.eye(frame.count)
         for channel in ("a", "b") if scale else ():
             own = [j for j, f in enumerate(frame.families) if f.channel == channel and (chosen is None or j in chosen)]
             for j in own:
@@ -62,23 +55,27 @@ def test_the_marginal_likelihood_is_that_of_the_gaussian(chosen):
                 for k, columns in family.columns.items():
                     rows[frame.rows[k]] = columns
                 covariance += (scale * sizes[channel]) ** 2 / len(own) * rows @ rows.T
-        return multivariate_normal(-slopes @ moved, covariance).logpdf(left)
+        return multivariate_normal(np.zeros(frame.count), covariance).logpdf(left)
 
     found = frame.marginal(model, 0.4, chosen)
     none = frame.marginal(model, 0.0)
     assert found.log - none.log == pytest.approx(written_out(0.4) - written_out(0.0), rel=1e-7)
+    assert none.log == pytest.approx(-0.5 * float(left @ left) - 3.0)
 
 
-def test_the_discrepancy_comes_back_in_its_own_unit():
+def test_the_discrepancy_comes_back_in_its_own_unit_with_its_errors():
     _, frame = _frame()
     shape = frame.families[0].columns[0]
     left = np.zeros(frame.count)
-    left[frame.rows[0]] = 20.0 * shape[:, 0]
-    model = _linear(frame, left, np.zeros((frame.count, 0)), np.empty(0), np.empty(0), {"a": 20.0, "b": 20.0})
+    left[frame.rows[0]] = 20.0 * shape[:, 1]
+    model = _remainder(frame, left, {"a": 20.0, "b": 20.0})
     found = frame.marginal(model, 1.0)
     raw = frame.raw(found.weights)
     assert np.allclose(raw[0], left[frame.rows[0]], atol=1.0)
     assert np.allclose(np.concatenate(raw), found.explained, atol=1e-9)
+    alone = frame.marginal(model, 1.0, (0,))
+    height, error = frame.map_of(model, alone, 0)
+    assert height[1] == pytest.approx(20.0, rel=0.05) and np.all(error < 0.3)
 
 
 def test_a_ratio_counts_whole_in_white_noise_and_less_where_scores_belong_together():
@@ -90,19 +87,9 @@ def test_a_ratio_counts_whole_in_white_noise_and_less_where_scores_belong_togeth
     assert frame.adjustment(signal, slow) < 0.1
 
 
-class _Moving(Toy):
-    """The toy with its motion as coordinates."""
-
-    def __init__(self, truth, seed, **options):
-        super().__init__(truth, seed, **options)
-        self.blocks = [
-            replace(b, along=_along(y, v)) for b, (_, y, v, _) in zip(self.blocks, self._motion, strict=True)
-        ]
-
-
 def _found(truth, seed, **options):
-    fit, heldout = _Moving(truth, seed, **options), _Moving(truth, seed + 1000, records=1, **options)
-    return Search(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0), {}).run()
+    fit, heldout = Moving(truth, seed, **options), Moving(truth, seed + 1000, records=1, **options)
+    return select(fit, heldout, NOMINALS, HYPOTHESES, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -114,12 +101,29 @@ def test_nothing_is_named_where_nothing_is_missing(seed):
 @pytest.mark.parametrize(("name", "size"), [("stiffness", 30.0), ("excess", 4.0), ("drift", 0.3)])
 def test_what_is_missing_is_named_with_its_size(name, size):
     found = _found({name: size}, 7)
-    assert [h.name for h in found.best.effects] == [f"{name}_effect"]
+    (accepted,) = found.accepted
+    assert accepted.hypothesis.name == f"{name}_effect"
     assert found.verdict in ("named", "equivalence_class")
-    assert found.best.fit.values[name] == pytest.approx(size, rel=0.15)
-    assert found.confidence(f"{name}_effect") > 0.9
+    assert found.final.fit.values[name] == pytest.approx(size, rel=0.15)
+    assert accepted.confidence > 0.9
 
 
 def test_what_no_hypothesis_has_is_unknown():
     found = _found({}, 5, extra=lambda t, y, v: 6.0 * np.sin(60.0 * y))
     assert found.verdict == "unknown"
+
+
+def test_intervals_are_wider_where_scores_belong_together():
+    rng, frame = _frame(3000)
+    slopes = np.ones((frame.count, 1))
+    white, slow = rng.standard_normal(frame.count), np.repeat(rng.standard_normal(frame.count // 50), 50)
+    errors = {}
+    for name, left in (("white", white), ("slow", slow)):
+        left = left - left.mean()
+        fit = Fit("", ("level",), {"level": 0.0}, 0.0, left, slopes, np.array([[1.0 / frame.count]]), (), 1)
+        one = Candidate((), fit, fit, frame, _remainder(frame, left, {"a": 1.0, "b": 1.0}))
+        errors[name] = float(np.sqrt(one.covariance[0, 0]))
+    plain = 1.0 / np.sqrt(frame.count)
+    assert errors["white"] == pytest.approx(plain, rel=0.1) and errors["slow"] > 3.0 * plain
+    moved = replace(one, peak=replace(fit, values={"level": 0.5}))
+    assert np.sqrt(moved.covariance[0, 0]) > 0.5

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from cablebench.pages.diagnosis import render
-from cablebench.pages.diagnosis_words import VERDICT, headline, lines, p_value, plain
+from cablebench.pages.diagnosis_words import VERDICT, headline, lines, odds, plain
 
 GAP = {"value": 5.01e-4, "unit": "m", "ci95": [4.6e-4, 5.4e-4], "parameter": "backlash.gap"}
 FIT = {"nominal": 5.44, "refit": 5.02, "augmented": 0.2, "suspected": 0.19}
@@ -19,38 +19,40 @@ def effect(name, confidence, alternatives=()):
     }  # fmt: skip
 
 
-def answer(verdict, p_left, effects=(), suspected=(), judge="noise"):
+def answer(verdict, left, effects=(), suspected=(), cause="", share=0.01):
     row = {
-        "name": "backlash", "gain": 120.0, "score": 90.0, "absorbability_deg": 40.0, "looks_like": ["slack"],
+        "name": "backlash", "log_odds": 120.0, "score": 90.0, "absorbability_deg": 40.0, "looks_like": ["slack"],
         "state": "accepted", "effect": "backlash", "declared_confusable": [], "equation": "",
     }  # fmt: skip
-    left = {"channel": "drive_tension", "coordinate": "speed", "p_value": p_left, "when": "after the model"}
+    kind = {"channel": "drive_tension", "coordinate": "speed", "log_odds": left, "when": "after the model"}
     return {
         "verdict": verdict, "effects": list(effects), "suspected": list(suspected), "location": [], "absorbed": {},
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": FIT, "fit_rmse": FIT}},
-        "test": {"p_value": 1e-30, "p_left": p_left, "minimum_detectable": {"backlash": "0.01 mm"}},
+        "test": {"p_value": 1e-30, "log_odds": 80.0, "log_odds_left": left, "share_left": share, "cause": cause,
+                 "sure": 3.0, "minimum_detectable": {"backlash": "0.01 mm"}},
         "hypotheses": [row], "permutation": [],
-        "leftover": [{**left, "at": [], "mean": [], "error": [], "unit": "m/s"}],
+        "leftover": [{**kind, "at": [], "height": [], "error": [], "unit": "m/s"}],
         "visited": {}, "notes": [], "steps": [], "spectra": [], "augmented_rig": "augmented.yaml",
-        "about": {"recording": "rig", "system": "cable_hole", "judge": judge, "seed": 0, "seconds": 3.0,
-                  "version": "1", "rules": {"gain": 25.0, "left_p": 1e-4, "alone_p": 1e-6}},
+        "about": {"recording": "rig", "system": "cable_hole", "seed": 0, "seconds": 3.0, "version": "1"},
     }  # fmt: skip
 
 
 ONE, TWO = effect("backlash", 0.9), effect("viscoelastic_creep", 0.85)
 EITHER = effect("backlash", 0.9, ("slack",))
+CLOCK = "the logger's clock is off by +0.12 %"
 CASES = {
     "named": answer("named", 0.3, [ONE]),
-    "named, and more is left": answer("named", 7e-39, [ONE]),
-    "named, by records that were not fitted": answer("named", 0.0, [ONE], judge="unseen"),
-    "two": answer("named", 2e-5, [ONE, TWO]),
-    "class": answer("equivalence_class", 0.5, [EITHER]),
-    "class, and more is left": answer("equivalence_class", 3e-9, [EITHER, TWO]),
-    "unknown": answer("unknown", 1e-12),
-    "unknown, with what helps": answer("unknown", 1e-12, suspected=[ONE]),
+    "named, and more is left": answer("named", 88.0, [ONE]),
+    "named, and the data have a fault": answer("named", 8.0, [ONE], cause=CLOCK),
+    "two": answer("named", 1.0, [ONE, TWO]),
+    "class": answer("equivalence_class", -4.0, [EITHER]),
+    "class, and more is left": answer("equivalence_class", 19.0, [EITHER, TWO]),
+    "probably": answer("partly_named", 25.0, [ONE], share=0.18),
+    "unknown": answer("unknown", 27.0),
+    "unknown, with what helps": answer("unknown", 27.0, suspected=[ONE]),
     "unknown, for another reason": answer("unknown", 0.2, suspected=[TWO]),
+    "data": answer("data_fault", 40.0, cause=CLOCK),
     "nothing": answer("no_detectable_mismatch", 0.7),
-    "nothing, beside the rig's own effects": answer("no_detectable_mismatch", 1e-8),
 }
 
 
@@ -74,15 +76,20 @@ def test_headline_small_print_and_json_agree(kind):
         assert sure in said and page.count(sure) >= 2  # in the headline and beside the law
     if not record["effects"]:
         assert "% sure" not in page
-    p, least = record["test"]["p_left"], 1e-4 if record["effects"] else 1e-6
-    sentence = next(s for s in re.split(r"(?<=[.!])\s", said) if "lacks" in s or "missing" in s or "mismatch" in s)
-    assert (p_value(p) in said) == (p < least)
-    assert ("what is left is not noise" in said) == (p < least)
-    if record["effects"] and p < least:
-        assert p_value(p) in sentence and "and something more" in sentence
-    small = re.search(r"What is left as noise alone: (p [=<] \S+), (which is(?: not)? noise)", page)
-    assert small[1] == p_value(p) and (small[2] == "which is not noise") == (p < least)
+    left, cause = record["test"]["log_odds_left"], record["test"]["cause"]
+    more = left > record["test"]["sure"]
+    assert (odds(left) in said) == (more and not cause)
+    assert ("what is left is not noise" in said) == (more and not cause)
+    assert (cause in said) if cause else True
+    if record["verdict"] == "partly_named":
+        assert "probably lacks" in said and "18% of the mismatch is unexplained" in said
+    elif record["effects"] and more and not cause:
+        assert "and something more" in said
+    small = re.search(r"What is left is (not noise|noise) \((odds [^)]+)\)", page)
+    assert small[2] == odds(left) and (small[1] == "not noise") == more
 
 
-def test_p_values_that_no_double_holds():
-    assert (p_value(0.0), p_value(6.6e-39), p_value(0.25)) == ("p < 1e-300", "p = 7e-39", "p = 0.2")
+def test_odds_are_said_as_people_say_them():
+    assert (odds(-2.0), odds(3.0), odds(27.6), odds(None)) == (
+        "odds below 1 to 1", "odds 20 to 1", "odds 10^12 to 1", "odds below 1 to 1"
+    )  # fmt: skip

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cable_envs.diagnosis.adequacy.bands import Averaged, Bands, Spectra
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import examine
+from cable_envs.diagnosis.evidence.bands import Averaged, Bands, Spectra
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free
@@ -71,7 +71,7 @@ class Oscillating:
 def _oscillations(model, held, seed=0):
     spectra, heldout = (Spectra(m, {"force": STD}) for m in (model, held))
     null = refit_nominals(model, ("mass", "pitch"))
-    found = limit_cycles.search(spectra, heldout, null.fit, [GAP, LAG], 40.0, np.random.default_rng(seed))
+    found = limit_cycles.search(spectra, heldout, null.fit, [GAP, LAG], np.random.default_rng(seed))
     return null, found
 
 

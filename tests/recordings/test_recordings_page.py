@@ -38,6 +38,7 @@ def brake():
         (EffectGain(Hypothesis("viscous_friction", (), ()), -3.0, fit=worse, heldout=worse),),
         {},
         {"viscous_friction": 0.2},
+        {"log_odds_left": 60.0, "share_left": 0.01},
         (),
         (),
     )
@@ -111,7 +112,8 @@ def test_the_page_of_the_committed_numbers_needs_nothing_else():
     assert max(coupled["test"][n]["named"] for n in ("uniform_1", "uniform_2")) < 0.09
     brake = read_json(COMMITTED / "band-brake.json.xz")
     named = brake["finding"]["named"]
-    assert brake["viscous_last"] < 6.0  # on top of the answer viscous friction gains less than is asked
+    last = brake["viscous_last"]  # on top of the answer viscous friction has less evidence than is asked, if any
+    assert last is None or last < 3.0
     for name in SETS:  # the rig that corrects a real set leaves nothing that the library could name
         assert again_of(read_json(numbers_of(COMMITTED, name))) == []
     assert {"load_dependent_friction", "backlash"} < set(named) and "viscous_friction" not in named

@@ -1,9 +1,11 @@
 """A simulator for the tests of the diagnosis: the force that a given motion takes, in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 
 PARAMETERS = (
     Free("mass", 10.0, 0.1, 100.0, 10.0),
@@ -70,3 +72,20 @@ class Toy:
         """As the protocol says."""
         p = dict(zip([q.name for q in PARAMETERS], values[: len(PARAMETERS)], strict=True))
         return [force(p, *motion) for motion in self._motion]
+
+
+def along(y, v):
+    """Coordinates of a motion."""
+    return (
+        Coordinate("position", "m", y),
+        Coordinate("speed", "m/s", v),
+        Coordinate("direction", "1", np.sign(v)),
+    )
+
+
+class Moving(Toy):
+    """The toy with its motion as coordinates."""
+
+    def __init__(self, truth, seed, *args, **options):
+        super().__init__(truth, seed, *args, **options)
+        self.blocks = [replace(b, along=along(y, v)) for b, (_, y, v, _) in zip(self.blocks, self._motion, strict=True)]

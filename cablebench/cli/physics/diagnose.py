@@ -30,18 +30,15 @@ def diagnose(
     variant: Annotated[
         str, typer.Option(help="Model of a circuit: chain (default), or analytic, the closed form.")
     ] = "",
-    judge: Annotated[
-        str, typer.Option(help="Criterion to accept an effect: noise, or unseen (held-out records).")
-    ] = "noise",
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws behind p-values.")] = 0,
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
 ) -> None:
     """Find, name and model the physics that a simulator leaves out.
 
-    Nominal parameters are refitted first; only what they cannot absorb counts. Answers: named, equivalence_class,
-    unknown, or no_detectable_mismatch. The criterion "noise" suits recordings whose sensors limit what can be seen,
-    "unseen" rigs that no model predicts down to its sensors' noise: there the held-out records decide.
+    Nominal parameters are refitted first; only what they cannot absorb counts. Models with and without each effect, and
+    with a part that nothing explains, are compared by their evidence. Answers: named, equivalence_class, partly_named,
+    unknown, data_fault, or no_detectable_mismatch.
     """
     from cable_envs.diagnosis.engine import diagnose as run
     from cable_envs.diagnosis.fit.rounds import heard
@@ -54,7 +51,7 @@ def diagnose(
         with stages() as (tell, hear), heard(hear):
             found = run(
                 recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
-                variant=variant, judge=judge, seed=seed, out=out, tell=tell,
+                variant=variant, seed=seed, out=out, tell=tell,
             )  # fmt: skip
     except KeyboardInterrupt:
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"

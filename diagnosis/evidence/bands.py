@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2
 
+from cable_envs.diagnosis.evidence.shared import bayes_bound
 from cable_envs.diagnosis.model.leftover import Leftover
 from cable_envs.diagnosis.model.model import Block, Model, Whitener
 from cable_envs.diagnosis.model.noise import Noise, resolution
@@ -115,9 +116,9 @@ class Bands:
         for channel in dict.fromkeys(self.channels):
             own = self._of(channel)
             total, worst = float(self.beyond[own].sum()), own[int(np.argmax(self.beyond[own]))]
-            p = float(chi2.sf(total, len(own)))
-            found.append(Leftover(channel, "frequency", "Hz", total, len(own), p, (float(self.at[worst]),)))
-        return tuple(sorted(found, key=lambda leftover: leftover.p_value))
+            odds = bayes_bound(float(chi2.sf(total, len(own))))
+            found.append(Leftover(channel, "frequency", "Hz", odds, 0.5 * total, at=(float(self.at[worst]),)))
+        return tuple(sorted(found, key=lambda leftover: -leftover.log_odds))
 
     def rows(self) -> list[dict[str, Any]]:
         """For figures, channel by channel: frequencies, Hz, what is left and what is expected there."""

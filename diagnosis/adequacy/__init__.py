@@ -1,1 +1,0 @@
-"""Is what is left after a refit noise? Tests of residuals over position, speed, time and frequency."""

@@ -1,0 +1,125 @@
+"""What a model leaves: the discrepancy that its evidence asks for, what channels share, and lines.
+
+Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
+A tone in one sensor alone, and what drifts in one alone, are nothing of the rig. Spectra are asked only where noise
+limits: what a model is off by is no noise of a sensor.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cable_envs.diagnosis.evidence.candidates import SCALES, Candidate, Joint, under_its_noise
+from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones
+from cable_envs.diagnosis.model.features import ELAPSED
+from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
+from cable_envs.diagnosis.model.model import residuals
+
+STATED = 0.025
+"""Share by which a standard deviation that is stated, or was seen at rest, may be off."""
+SIZE = "size of the noise"
+
+
+def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, stated: Mapping[str, float]) -> Left:
+    """What a candidate leaves of all records, under its own noise.
+
+    Parameters
+    ----------
+    joint : Joint
+        All records.
+    compared : Candidate
+        The model, as it was compared with others.
+    bare : Candidate
+        The model without effects, compared under the same noise.
+    before : float
+        What effects that both have explain, as a fall of half the sum of squares.
+    stated : mapping of str to float
+        Channel -> standard deviation of its noise, where the recording says it.
+
+    Returns
+    -------
+    Left
+        Whether something is left, and of which kinds.
+    """
+    candidate = compared
+    if compared.by_size:
+        candidate = under_its_noise(
+            joint, compared.effects, compared.fit, compared.peak, stated, compared.remainder.sizes
+        )
+    frame, raw = candidate.frame, raw_left(candidate, joint)
+    smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
+    white = frame.whitener.flat(frame.blocks, raw)
+    known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
+    spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white))
+    seen = [*spectra, *known]
+    of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
+    share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
+    cause = _of_a_sensor(candidate)
+    physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
+    faults = [(candidate.left, cause)] if cause else []
+    faults += [(k.log_odds - float(np.log(len(seen))), f"{_plain(k.channel)}: {k.cause}") for k in of_sensors]
+    worst, why = max(faults, default=(-np.inf, ""))
+    kinds = sorted([*smooth, *seen], key=lambda k: -k.log_odds)
+    if worst > max(physics, 0.0):
+        return Left(worst, share, tuple(kinds), why)
+    return Left(physics, share, tuple(kinds))
+
+
+def _share(compared: Candidate, bare: Candidate, before: float, size: float) -> float:
+    """What is left over what was to be explained; of a model that no noise limits, in the channel where most is."""
+    if compared is bare:
+        return np.inf
+    if compared.by_size:
+        return float(np.max(compared.squares / bare.squares))
+    explained = compared.plain.fit - bare.plain.fit + before
+    left = max(compared.best.fit - compared.plain.fit, size)
+    return left / explained if explained > 0.0 else np.inf
+
+
+def _of_a_sensor(candidate: Candidate) -> str:
+    """What the discrepancy is of a sensor, where it is nothing else."""
+    chosen = candidate.best.chosen
+    if chosen is None or len(chosen) != 1:
+        return ""
+    family = candidate.frame.families[chosen[0]]
+    return f"{_plain(family.channel)}: {DRIFT}" if family.name == ELAPSED else ""
+
+
+def _smooth(candidate: Candidate, family: int) -> Leftover:
+    """A family of the discrepancy by itself."""
+    frame, of = candidate.frame, candidate.frame.families[family]
+    best = max((frame.marginal(candidate.remainder, s, (family,)) for s in SCALES), key=lambda one: one.log)
+    odds = candidate.over_none(best) - float(np.log(len(SCALES)))
+    size = best.fit - candidate.plain.fit
+    if not of.at or odds <= 0.0:
+        return Leftover(of.channel, of.name, of.unit, odds, size)
+    height, error = frame.map_of(candidate.remainder, best, family)
+    return Leftover(of.channel, of.name, of.unit, odds, size, "", of.at, tuple(height), tuple(error))
+
+
+def _over_noise(candidate: Candidate, white: np.ndarray, channel: str, stated: bool) -> Leftover | None:
+    """How much more a channel leaves than its noise, where that is known: the only sight of white physics.
+
+    The logarithm of the ratio is normal about 0 with what is known of the noise, or about anything, with 1.
+    """
+    frame = candidate.frame
+    own = [(b, w) for b, w in by_block(frame.blocks, white) if b.channel == channel]
+    at_rest = own[0][0].noise is not None
+    if not (stated or at_rest):
+        return None
+    count = sum(int(np.count_nonzero(w)) for _, w in own)
+    ratio = frame.whitener.noise[channel].std if at_rest else float(np.sqrt(sum(float(w @ w) for _, w in own) / count))
+    spread = float(np.hypot(STATED, np.sqrt(0.5 / count)))
+    off = float(np.log(ratio))
+    odds = 0.5 * (off / spread) ** 2 + float(np.log(spread)) if off > 0.0 else float(np.log(spread))
+    return Leftover(channel, SIZE, "", odds, 0.5 * count * max(ratio**2 - 1.0, 0.0))
+
+
+def _plain(channel: str) -> str:
+    return channel.replace("_", " ")
+
+
+def raw_left(candidate: Candidate, model) -> list[np.ndarray]:
+    """What the candidate leaves [T] of every block of a model of the same records, at their own optimum."""
+    values = np.array([[candidate.peak.values[p.name]] for p in model.parameters])
+    return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]

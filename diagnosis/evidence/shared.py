@@ -1,0 +1,244 @@
+"""What the residual's spectra show: whether channels know of each other, and lines.
+
+Of all that can be asked of a residual coherence asks least of the noise: of independent sensors the squared coherence c
+over n frequencies has the density (n - 1)(1 - c)^(n - 2), whatever the colours are (Brockwell, Davis, Time Series,
+1991, sec. 11.6), and of sensors with the coherence g
+
+    (n - 1)(1 - g)^n (1 - c)^(n - 2) F(n, n; 1; g c)
+
+(Carter, Proc. IEEE 75 (1987) 236). With all g alike beforehand the ratio of the two evidences is
+
+    F(n, n; n + 2; c) / (n + 1) = (1 - c)^(2 - n) F(2, 2; n + 2; c) / (n + 1),    F: Gauss' hypergeometric function
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+from scipy.ndimage import median_filter
+from scipy.special import hyp2f1, logsumexp
+from scipy.stats import chi2, f
+
+from cable_envs.diagnosis.model.leftover import ALL, Leftover
+from cable_envs.diagnosis.model.model import Block, learn_whitener
+
+ABOUT = 48
+"""Values of a spectrum, twice as fine as its resolution, to either side, whose median a line is held against."""
+OCTAVES = tuple((2**k + 1, 2 ** (k + 1) + 1) for k in range(3, 9))
+"""Of frequencies, in inverse lengths of a record, over which the coherence of two channels is taken."""
+_HANN = 35 / 18
+"""Frequencies that a Hann window makes one: neighbours know of each other by 2/3, the next by 1/6, and the variance of
+a mean grows by 1 + 2 (4/9 + 1/36). With 1.5, the window's noise bandwidth, a third of recordings that had no mismatch
+had p < 0.05."""
+_RARE = 64
+EVERYWHERE = "all frequencies"
+LOUD = 2.0
+"""Times the median of an octave's amplitudes beyond which one counts for no more: a line is one frequency, not many."""
+STEADY = 0.9
+"""Length of the mean of the phases between two channels, as unit vectors over the records, from which they agree."""
+PERIODS = 8
+"""Of a tone in a record, at least: what is slower is no line but a slope."""
+WIDTH, BROAD, SPREAD = 6, 40, 0.5
+"""Values of a spectrum to either side of a line that are its own, up to which it would have neighbours if it rang and
+died away, and how much power these may have over the line's."""
+SEEN = 8.0
+"""Power of a line over the spectrum about it from which a channel has it."""
+
+
+def by_block(blocks: Sequence[Block], flat: np.ndarray) -> list[tuple[Block, np.ndarray]]:
+    """What stands one below the other, block by block."""
+    edges = pairwise(np.cumsum([0, *(len(b.time) for b in blocks)]))
+    return [(b, flat[first:last]) for b, (first, last) in zip(blocks, edges, strict=True)]
+
+
+def bayes_bound(p: float) -> float:
+    """Logarithm of the most that a p-value may speak for anything else (Sellke et al., Am. Stat. 55 (2001) 62).
+
+    The bound is 1 / (-e p ln p); from p = 1/e on there is none, and 0 is given.
+    """
+    p = max(p, 1e-300)
+    return float(-1.0 - np.log(p) - np.log(-np.log(p))) if p < np.exp(-1.0) else 0.0
+
+
+def coherence_evidence(coherence: float, count: float) -> float:
+    """Logarithm of the module's ratio, for a squared coherence over ``count`` frequencies."""
+    c = min(max(coherence, 0.0), 1.0 - 1e-15)
+    return float(np.log(hyp2f1(2.0, 2.0, count + 2.0, c)) - (count - 2.0) * np.log1p(-c) - np.log(count + 1.0))
+
+
+def tones(blocks: Sequence[Block], raw: Sequence[np.ndarray], white: np.ndarray) -> list[Leftover]:
+    """The strongest line of every channel's spectrum (Fisher's test), and whether it is a sensor's.
+
+    A noise of eight coefficients takes a line for a resonance of its own; one of one coefficient leaves it in sight.
+    Under that a line is held against the spectrum about it, whatever the colour. What vibrates passes through the rig
+    to several sensors, with the same phases between them in every record; hum enters each sensor by itself.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        Of all records.
+    raw : sequence of ndarray
+        What a model leaves [T] of each.
+    white : ndarray
+        The same whitened, one below the other.
+    """
+    found = []
+    for channel in dict.fromkeys(b.channel for b in blocks):
+        line = _line(blocks, raw, white, channel)
+        if _steady(blocks, raw, line) and not _passes_through(blocks, raw, line):
+            line = replace(line, cause=f"a steady tone of {line.at[0]:.3g} Hz in this sensor")
+        found.append(line)
+    return found
+
+
+def _line(all_blocks, all_raw, white, channel) -> Leftover:
+    """Over all the channel's records together, each with its own phase."""
+    blocks = [b for b in all_blocks if b.channel == channel]
+    raw = [r for b, r in zip(all_blocks, all_raw, strict=True) if b.channel == channel]
+    period, width = float(np.median(np.diff(blocks[0].time))), 2 * max(len(b.time) for b in blocks)
+    count = 2 * len(blocks)
+    power = 2.0 * _periodogram([w for b, w in by_block(all_blocks, white) if b.channel == channel], width)
+    k = 2 * PERIODS + int(np.argmax(power[2 * PERIODS :]))
+    found = [(_of_many(float(chi2.sf(power[k], count)), width), float(power[k]), k)]
+    simple = learn_whitener(blocks, raw, 1).flat(blocks, raw)
+    power = 2.0 * _periodogram([w for _, w in by_block(blocks, simple)], width)
+    if len(power) > 4 * ABOUT:
+        power *= chi2.median(count) / np.maximum(median_filter(power, 2 * ABOUT + 1, mode="reflect"), 1e-300)
+        k = ABOUT + int(np.argmax(power[ABOUT:]))  # below, a colour's slope is steep
+        found.append((_of_many(float(f.sf(power[k] / count, count, 0.5 * ABOUT * count)), width), float(power[k]), k))
+    p, power_there, k = min(found)
+    at = (k + 1) / (width * period)
+    return Leftover(channel, "frequency", "Hz", bayes_bound(p), 0.5 * power_there, at=(at,))
+
+
+def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
+    """Whether a line is as narrow as its records are long: what rings and dies away is broader."""
+    line_power, beside = 0.0, 0.0
+    for block, left in zip(blocks, raw, strict=True):
+        if block.channel != line.channel:
+            continue
+        values = np.where(block.good, left, 0.0)
+        power = np.abs(np.fft.rfft(values * np.hanning(len(values) + 2)[1:-1], 2 * len(values))) ** 2
+        k = round(line.at[0] * 2 * len(values) * float(np.median(np.diff(block.time))))
+        own = power[max(k - WIDTH, 0) : k + WIDTH + 1]
+        near = np.r_[power[max(k - BROAD, 0) : max(k - WIDTH, 0)], power[k + WIDTH + 1 : k + BROAD + 1]]
+        far = np.r_[power[max(k - 5 * BROAD, 0) : max(k - BROAD, 0)], power[k + BROAD + 1 : k + 5 * BROAD + 1]]
+        floor = float(np.median(far)) / np.log(2.0) if len(far) else 0.0
+        line_power += float(own.sum()) - len(own) * floor
+        beside += float(near.sum()) - len(near) * floor
+    return beside < SPREAD * line_power
+
+
+def _passes_through(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
+    """Whether another sensor has a line too, with the same phase between the two in every record."""
+    own = {
+        b.record: _amplitude(b, r, line.at[0]) for b, r in zip(blocks, raw, strict=True) if b.channel == line.channel
+    }
+    sensor = next(b.sensor for b in blocks if b.channel == line.channel)
+    for channel in dict.fromkeys(b.channel for b in blocks if b.channel != line.channel and b.sensor != sensor):
+        turns, powers = [], []
+        for block, left in zip(blocks, raw, strict=True):
+            if block.channel == channel and block.record in own:
+                there, about = _amplitude(block, left, line.at[0])
+                turns.append(own[block.record][0] * np.conj(there))
+                powers.append(abs(there) ** 2 / about)
+        phases = [t / abs(t) for t in turns if abs(t) > 0.0]
+        if len(phases) > 1 and np.mean(powers) > SEEN and abs(np.mean(phases)) > STEADY:
+            return True
+    return False
+
+
+def _amplitude(block: Block, left: np.ndarray, frequency: float) -> tuple[complex, float]:
+    """(Fourier coefficient of a record at a frequency, mean power of those about it)."""
+    values = np.where(block.good, left, 0.0)
+    window = np.hanning(len(values) + 2)[1:-1]
+    spectrum = np.fft.rfft(values * window)
+    span = len(values) * float(np.median(np.diff(block.time)))
+    turn = np.exp(-2j * np.pi * frequency * (block.time - block.time[0]))
+    k = round(frequency * span)
+    near = np.r_[spectrum[max(k - ABOUT, 1) : max(k - 3, 1)], spectrum[k + 4 : k + ABOUT]]
+    return complex((values * window) @ turn), float(np.median(np.abs(near) ** 2) / np.log(2.0)) if len(near) else np.inf
+
+
+def _of_many(p: float, width: int) -> float:
+    """Of the largest of a periodogram's values, of which a quarter of ``width`` are independent."""
+    return float(-np.expm1(0.25 * width * np.log1p(-min(p, 1.0 - 1e-12))))
+
+
+def _periodogram(series: Sequence[np.ndarray], width: int) -> np.ndarray:
+    """Sum over whitened series, without the ends; 1 each for white noise."""
+    parts = (np.abs(np.fft.rfft(w, width))[1:-1] ** 2 / max(float(np.sum(w != 0.0)), 1.0) for w in series)
+    return sum(parts, np.zeros(()))
+
+
+def coherences(blocks: Sequence[Block], white: np.ndarray) -> list[Leftover]:
+    """What is left in two channels with sensors of their own, octave by octave and over all octaves.
+
+    Parameters
+    ----------
+    blocks : sequence of Block
+        Of all records.
+    white : ndarray
+        Whitened residuals, one below the other; a spectrum that falls within an octave counts for less.
+    """
+    waves: dict[tuple[str, str], np.ndarray] = {}
+    sensors = {b.channel: b.sensor for b in blocks if b.sensor}
+    for block, left in by_block(blocks, white):
+        left = _used(left)
+        seen = left != 0.0
+        if block.channel in sensors and int(seen.sum()) > _RARE:
+            centred = np.where(seen, left - np.mean(left[seen]), 0.0)
+            waves[block.channel, block.record] = np.fft.rfft(centred * np.hanning(len(centred) + 2)[1:-1])
+    channels, records = (list(dict.fromkeys(key[k] for key in waves)) for k in (0, 1))
+    period = float(np.median(np.diff(blocks[0].time)))
+    found: list[Leftover] = []
+    for a, b in combinations(channels, 2):
+        if sensors[a] == sensors[b]:
+            continue
+        both = [(waves[a, r], waves[b, r]) for r in records if (a, r) in waves and (b, r) in waves]
+        tested = (_shared(f"{a} and {b}", both, octave, period) for octave in OCTAVES)
+        own = [leftover for leftover in tested if leftover is not None]
+        found += own
+        if len(own) > 1:
+            found.append(_together(f"{a} and {b}", own))
+    pairs = [leftover for leftover in found if leftover.coordinate == EVERYWHERE]
+    return [*found, _together(ALL, pairs)] if len(pairs) > 1 else found
+
+
+def any_of(kinds: Sequence[Leftover]) -> float:
+    """Log odds that one of several is there, each as likely as the others beforehand; minus infinity of none."""
+    if not kinds:
+        return -np.inf
+    return float(logsumexp([k.log_odds for k in kinds]) - np.log(len(kinds)))
+
+
+def _shared(name: str, both, octave: tuple[int, int], period: float) -> Leftover | None:
+    low, high = octave
+    parts = [(x[low:high], y[low:high]) for x, y in both if min(len(x), len(y)) > high]
+    count = sum(len(x) for x, _ in parts) / _HANN
+    if count < 4:
+        return None
+    x, y = (_without_lines(np.concatenate(side)) for side in zip(*parts, strict=True))
+    powers = float(np.vdot(x, x).real * np.vdot(y, y).real)
+    shared = min(abs(np.vdot(x, y)) ** 2 / powers, 1.0 - 1e-15) if powers > 0.0 else 0.0
+    size = -(count - 1.0) * float(np.log1p(-shared))
+    at = (0.5 * (low + high) / (period * 2 * max(len(x) - 1 for x, _ in both)),)
+    return Leftover(name, "frequency", "Hz", coherence_evidence(shared, count), size, at=at)
+
+
+def _used(left: np.ndarray) -> np.ndarray:
+    """A series without the samples at either end that do not count, which are 0."""
+    inside = np.flatnonzero(left)
+    return left[inside[0] : inside[-1] + 1] if len(inside) else left[:0]
+
+
+def _without_lines(waves: np.ndarray) -> np.ndarray:
+    """Amplitudes of an octave of which none is more than `LOUD` times their median."""
+    sizes = np.abs(waves)
+    return waves * np.minimum(1.0, LOUD * np.median(sizes) / np.maximum(sizes, 1e-300))
+
+
+def _together(channel: str, parts: Sequence[Leftover]) -> Leftover:
+    """Independent ones as one."""
+    return Leftover(channel, EVERYWHERE, "", sum(p.log_odds for p in parts), sum(p.size for p in parts))

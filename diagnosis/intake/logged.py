@@ -1,0 +1,174 @@
+"""What a logger may do to its records: a clock that is not exact, and speeds that it has filtered.
+
+They are hypotheses like effects of the rig and compete with them, but they are of the data: no rig file has them.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.signal import lfilter
+
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
+from cable_envs.diagnosis.model.model import Block, Free, Model
+from cable_envs.diagnosis.model.spikes import spikes
+from cable_envs.diagnosis.systems.question import Question
+
+CLOCK, FILTER = f"{LOGGER}clock", f"{LOGGER}filter"
+"""Names of the hypotheses; that of a filter goes on with the channel's."""
+STEP, MOST = 1e-4, 1e-2
+"""Share by which times are made longer for the slope, and its bound."""
+SLOWEST, TYPICAL = 0.2, 0.01
+"""s of a filter's time constant: its bound, and what is usual."""
+SPEEDS = ("m/s", "rad/s")
+SEEN = 1e-9
+"""Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
+
+
+class Logged:
+    """A model with the logger's clock, linear in it, and first-order filters of speeds as further parameters.
+
+    Parameters
+    ----------
+    model : Model
+        The records as they are read.
+    slopes : sequence of ndarray
+        By block [T]: change of the prediction less what was measured for times that are longer by a share of
+        themselves, over that share; empty where the clock is not asked.
+    filters : sequence of str
+        Channels whose filters are asked.
+    """
+
+    def __init__(self, model: Model, slopes: Sequence[np.ndarray], filters: Sequence[str]):
+        self._model, self._slopes, self._filters = model, list(slopes), list(filters)
+        more = [_clock()] if self._slopes else []
+        more += [_filter(channel) for channel in self._filters]
+        self.parameters: Sequence[Free] = [*model.parameters, *more]
+        self._own = len(model.parameters)
+        self.blocks: list[Block] = model.blocks
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the model has."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._model, name)
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.model.Model`."""
+        found = self._model.predict(values[: self._own])
+        rest = list(values[self._own :])
+        if self._slopes:
+            share = rest.pop(0)
+            if np.any(share):
+                found = [p + slope[:, None] * share for p, slope in zip(found, self._slopes, strict=True)]
+        for channel, seconds in zip(self._filters, rest, strict=True):
+            if np.any(seconds > 0.0):
+                found = [
+                    _filtered(p, b.time, seconds) if b.channel == channel else p
+                    for p, b in zip(found, self.blocks, strict=True)
+                ]
+        return found
+
+
+def _clock() -> Free:
+    return Free(CLOCK, 0.0, -MOST, MOST, 1e-3)
+
+
+def _filter(channel: str) -> Free:
+    return Free(f"{FILTER}.{channel}", 0.0, 0.0, SLOWEST, TYPICAL)
+
+
+def _filtered(series: np.ndarray, time: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Series [T, n] through filters of the first order with time constants [n], settled at the start."""
+    found, period = series.copy(), float(np.median(np.diff(time)))
+    for k in np.flatnonzero(seconds > 0.0):
+        keep = float(np.exp(-period / seconds[k]))
+        found[:, k], _ = lfilter([1.0 - keep], [1.0, -keep], series[:, k], zi=[keep * series[0, k]])
+    return found
+
+
+def longer(recording: Recording) -> Recording:
+    """The same recording with all times longer by `STEP` of themselves, from each record's start."""
+
+    def stretched(record: Record) -> Record:
+        time = record.time[0] + (record.time - record.time[0]) * (1.0 + STEP)
+        return replace(record, data={**record.data, "time": time})
+
+    return replace(recording, records=tuple(stretched(r) for r in recording.records))
+
+
+def with_logger(question: Question, stretched: Question | None) -> Question:
+    """The question with a logger's faults among its hypotheses.
+
+    Parameters
+    ----------
+    question : Question
+        Of the recording as it is.
+    stretched : Question, optional
+        Of the recording that `longer` gives; None: the clock is not asked.
+    """
+    slopes = [] if stretched is None else _slopes(question, stretched)
+    speeds = dict.fromkeys(b.channel for b in question.fit.blocks if b.unit in SPEEDS)
+    hypotheses, units = [], {}
+    if slopes:
+        hypotheses.append(
+            _hypothesis(CLOCK, _clock(), (1e-3, -1e-3), "t -> (1 + c) t", "time a minute by a good clock")
+        )
+        units[CLOCK] = "1"
+    for channel in speeds:
+        free = _filter(channel)
+        law = "tau dv'/dt = v - v'"
+        hypotheses.append(
+            _hypothesis(free.name, free, (0.5 * TYPICAL, 2.0 * TYPICAL), law, "log the position and derive it")
+        )
+        units[free.name] = "s"
+    if not hypotheses:
+        return question
+    models = [
+        Logged(m, own, list(speeds))
+        for m, own in zip((question.fit, question.heldout), slopes or ([], []), strict=True)
+    ]
+    return replace(
+        question, fit=models[0], heldout=models[1], hypotheses=(*question.hypotheses, *hypotheses),
+        units={**question.units, **units}, rig=lambda values, accepted: question.rig(_of_rig(values), accepted),
+    )  # fmt: skip
+
+
+def without_spikes(question: Question) -> Question:
+    """The question with single samples left out that no motion makes (`cable_envs.diagnosis.model.spikes`)."""
+    counts: dict[str, int] = {}
+    for block in (*question.fit.blocks, *question.heldout.blocks):
+        found = spikes(block.measured, block.good)
+        block.good[found] = False
+        counts[block.channel] = counts.get(block.channel, 0) + int(found.sum())
+    said = ", ".join(f"{count} of {channel.replace('_', ' ')}" for channel, count in counts.items() if count)
+    if not said:
+        return question
+    return replace(question, notes=(*question.notes, f"samples that stand alone are left out: {said}"))
+
+
+def _of_rig(values: Mapping[str, float]) -> dict[str, float]:
+    return {name: value for name, value in values.items() if not name.startswith(LOGGER)}
+
+
+def _hypothesis(name: str, free: Free, sizes: Sequence[float], law: str, experiment: str) -> Hypothesis:
+    return Hypothesis(name, (free,), tuple(({free.name: s},) for s in sizes), law, experiment, nulls={free.name: 0.0})
+
+
+def _slopes(question: Question, stretched: Question) -> list[list[np.ndarray]]:
+    """Of both models by block; empty where the samples differ or nothing changes."""
+    found, seen = [], False
+    for model, other in ((question.fit, stretched.fit), (question.heldout, stretched.heldout)):
+        if [len(b.time) for b in model.blocks] != [len(b.time) for b in other.blocks]:
+            return []
+        now, then = (m.predict(np.array([[p.start] for p in m.parameters])) for m in (model, other))
+        own = []
+        for block, late, p, q in zip(model.blocks, other.blocks, now, then, strict=True):
+            change = (block.measured - p[:, 0]) - (late.measured - q[:, 0])
+            own.append(np.where(block.good & late.good, change, 0.0) / STEP)
+            scale = float(np.std(block.measured[block.good])) if block.good.any() else 0.0
+            seen = seen or float(np.sqrt(np.mean(own[-1] ** 2))) * STEP > SEEN * scale
+        found.append(own)
+    return found if seen else []

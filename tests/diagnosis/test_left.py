@@ -1,0 +1,210 @@
+"""What a model leaves: along the motion and the time, what sensors share, tones, and more than the noise."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter, savgol_filter
+
+from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
+from cable_envs.diagnosis.evidence.left import left_by
+from cable_envs.diagnosis.evidence.shared import bayes_bound, coherence_evidence, coherences
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
+from cable_envs.diagnosis.model.leftover import ALL
+from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
+from tests.support.diagnosis_toy import NOMINALS, Moving, Toy, along
+
+SURE = float(np.log(20.0))
+
+
+def _left(model, heldout=None, stated=None):
+    """What the refit of the nominal parameters leaves of all records."""
+    heldout = heldout or Moving({}, 991, 1)
+    fit = refit_and_learn(model, [Start("", NOMINALS, {})]).fit
+    joint = Joint(model, heldout)
+    (found,) = under_one_noise(model, joint, [((), fit)], 0, stated or {}, joint.left_by(fit))
+    return left_by(joint, found, found, 0.0, stated or {})
+
+
+def _coloured(rng, count, std, memory=0.9):
+    return lfilter([1.0], [1.0, -memory], rng.normal(0.0, std * np.sqrt(1.0 - memory**2), count))
+
+
+class Sensors(Toy):
+    """The toy's force as ``count`` sensors see it, each in coloured noise of its own; ``seen(t, y, v)`` is in all."""
+
+    def __init__(self, seed, seen=None, sensors=2, records=2, own=None, memory=0.9):
+        super().__init__({}, seed, records, std=1e-3, count=2400)
+        rng, blocks = np.random.default_rng([seed, 5]), []
+        self._sensors = sensors
+        for block, (t, y, v, _) in zip(self.blocks, self._motion, strict=True):
+            for k in range(sensors):
+                noise = _coloured(rng, len(t), 0.3, memory) + rng.normal(0.0, 0.1, len(t))
+                measured = block.measured + noise
+                measured = measured if seen is None else measured + seen(t, y, v)
+                measured = measured if own is None else measured + own(rng, t, k)
+                name = f"force_{k}"
+                blocks.append(replace(block, channel=name, measured=measured, along=along(y, v), sensor=name))
+        self.blocks = blocks
+
+    def predict(self, values):
+        """As the protocol says."""
+        return [p for p in super().predict(values) for _ in range(self._sensors)]
+
+
+def _of_sensors(seed, **options):
+    return _left(Sensors(seed, **options), Sensors(seed + 500, records=1, **options))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_is_left_of_a_right_model(seed):
+    assert _left(Moving({}, seed, colour=0.3 * seed), Moving({}, seed + 300, 1, colour=0.3 * seed)).log_odds < SURE
+    assert _of_sensors(seed).log_odds < SURE
+
+
+def _pawl(t, y, v):
+    """Two newtons within a few per cent of the travel, on the way up only."""
+    return 2.0 * np.exp(-(((y - 0.02) / 0.004) ** 2)) * (v > 0)
+
+
+def test_a_pawl_is_left_along_the_position():
+    model, heldout = (Moving({}, seed, k, extra=_pawl) for seed, k in ((2, 2), (502, 1)))
+    found = _left(model, heldout)
+    best = next(k for k in found.kinds if k.at and k.height and k.coordinate.startswith("position"))
+    assert found.log_odds > SURE and not found.cause
+    assert abs(best.at[int(np.argmax(np.abs(best.height)))] - 0.02) < 0.02
+
+
+def test_a_drag_that_drifts_is_left():
+    """Grease warms up: 30 % of the drag, up and down."""
+
+    def warm(t, y, v):
+        return 0.3 * 20.0 * v * np.cos(np.pi * t / t[-1])
+
+    found = _of_sensors(3, seen=warm)
+    assert found.log_odds > SURE and not found.cause
+
+
+def test_a_zero_that_drifts_in_one_sensor_is_of_the_sensor():
+    def drift(rng, t, k):
+        return 1.5 * k * np.cos(np.pi * t / t[-1] + rng.uniform(0.0, 6.0))
+
+    model, heldout = (Sensors(seed, own=drift, memory=0.0, records=k) for seed, k in ((7, 2), (507, 1)))
+    found = _left(model, heldout, {"force_0": float(np.hypot(0.3, 0.1)), "force_1": float(np.hypot(0.3, 0.1))})
+    assert found.log_odds > SURE and found.cause == "force 1: its zero drifts"
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_two_sensors_share_is_no_noise(seed):
+    """Each channel by itself is a fine autoregression."""
+
+    def wave(t, y, v):
+        rng = np.random.default_rng(round(1e6 * abs(y[5])))
+        return lfilter([1.0], [1.0, -0.98], rng.normal(0.0, 0.4 * np.sqrt(1.0 - 0.98**2), len(t)))
+
+    found = _of_sensors(seed, seen=wave)
+    assert found.log_odds > SURE and not found.cause
+    assert any(k.channel == "force_0 and force_1" and k.log_odds > SURE for k in found.kinds)
+
+
+def test_sensors_of_one_encoder_are_not_held_against_each_other():
+    def wave(t, y, v):
+        rng = np.random.default_rng(round(1e6 * abs(y[5])))
+        return lfilter([1.0], [1.0, -0.98], rng.normal(0.0, 0.4 * np.sqrt(1.0 - 0.98**2), len(t)))
+
+    model, heldout = Sensors(1, wave), Sensors(501, wave, records=1)
+    for one in (model, heldout):
+        one.blocks = [replace(b, sensor="one") for b in one.blocks]
+    assert not any(" and " in k.channel for k in _left(model, heldout).kinds)
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+def test_coherence_of_independent_channels_is_rarely_taken_for_shared(memory):
+    odds = []
+    for seed in range(80):
+        rng, blocks = np.random.default_rng(seed), []
+        t = 0.01 * np.arange(2000)
+        for record, channel in product(("one", "two"), "abc"):
+            noise = lfilter([1.0], [1.0, -memory], rng.normal(size=len(t)))
+            blocks.append(Block(record, channel, t, noise, np.ones(len(t), dtype=bool), sensor=channel))
+        raw = [b.measured for b in blocks]
+        found = coherences(blocks, learn_whitener(blocks, raw).flat(blocks, raw))
+        odds.append(next(f.log_odds for f in found if f.channel == ALL))
+    assert np.mean(np.array(odds) > SURE) < 0.05 and np.median(odds) < 0.0
+
+
+def test_the_evidence_of_a_coherence_is_the_integral_over_it():
+    from scipy.integrate import quad
+    from scipy.special import hyp2f1
+
+    for c, n in ((0.1, 8.0), (0.5, 12.0), (0.9, 30.0)):
+        whole = quad(lambda g, c=c, n=n: (1.0 - g) ** n * hyp2f1(n, n, 1.0, g * c), 0.0, 1.0)[0]
+        assert coherence_evidence(c, n) == pytest.approx(np.log(whole), abs=1e-6)
+    assert bayes_bound(0.05) == pytest.approx(np.log(2.456), abs=1e-3) and bayes_bound(0.5) == 0.0
+
+
+def _hum(rng, t, k):
+    return 0.4 * np.sin(2.0 * np.pi * 7.3 * t + rng.uniform(0.0, 2.0 * np.pi))
+
+
+def test_hum_in_each_sensor_is_of_the_sensors_and_a_vibration_is_not():
+    found = _of_sensors(4, own=_hum)
+    assert found.log_odds > SURE and "a steady tone of 7." in found.cause
+    shaken = _of_sensors(4, seen=lambda t, y, v: 0.4 * np.sin(2.0 * np.pi * 7.3 * t))
+    assert shaken.log_odds > SURE and not shaken.cause
+    line = next(k for k in shaken.kinds if k.coordinate == "frequency" and " and " not in k.channel)
+    assert line.at[0] == pytest.approx(7.3, abs=0.1)
+
+
+def test_what_only_the_held_out_records_show_is_left():
+    model = Moving({}, 6, std=0.3)
+    quiet, pushed = (Moving({}, 7, records=1, std=0.3, extra=extra) for extra in (None, lambda t, y, v: 2.0 * abs(v)))
+    assert _left(model, quiet).log_odds < SURE < _left(model, pushed).log_odds
+
+
+def test_what_the_parameters_are_unsure_of_is_not_left_in_held_out_records():
+    """One slow record tells little of the drag: on fast ones its error is no mismatch."""
+    for seed in range(3):
+        model, heldout = Moving({}, seed, records=1, count=600), Moving({}, 50 + seed, records=2)
+        for block, (_, y, v, a) in zip(model.blocks, model._motion, strict=True):
+            for slow in (y, v, a):
+                slow *= 0.2
+            truth = {"mass": 11.0, "viscous": 20.0, "coulomb": 5.0}
+            values = np.array([[truth.get(p.name, p.start)] for p in model.parameters])
+            block.measured[:] = model.predict(values)[0][:, 0] + np.random.default_rng(seed).normal(0.0, 0.3, 600)
+        assert _left(model, heldout).log_odds < SURE
+
+
+def test_rounding_at_rest_is_no_coordinate():
+    """A speed that is measured less what is left is one number at rest but for rounding, which follows the noise."""
+    model, heldout = Toy({}, 8, std=0.3), Toy({}, 508, 1, std=0.3)
+    rng = np.random.default_rng(0)
+    for one in (model, heldout):
+        for k, block in enumerate(one.blocks):
+            rest = np.sin(2 * np.pi * 0.3 * block.time) > -0.8
+            noise = rng.normal(0.0, 0.3, len(block.time))
+            speed = np.where(rest, (0.7 + noise) - noise, 0.7 + np.cos(block.time))
+            one.blocks[k] = replace(block, along=(Coordinate("speed", "m/s", speed),))
+    assert _left(model, heldout).log_odds < SURE
+
+
+def test_a_weak_channel_is_not_held_against_its_own_noise():
+    """A torque that is all noise, smoothed, is no coordinate for that torque: its prediction is."""
+    odds = {}
+    for channel in ("", "force"):
+        model, heldout = Toy({}, 4, std=20.0), Toy({}, 504, 1, std=20.0)
+        for one in (model, heldout):
+            for k, block in enumerate(one.blocks):
+                own = Coordinate("torque", "N", savgol_filter(block.measured, 11, 3), channel)
+                one.blocks[k] = replace(block, along=(own,))
+        odds[channel] = _left(model, heldout).log_odds
+    assert odds[""] > SURE > odds["force"]
+
+
+def test_more_than_the_stated_noise_is_left():
+    white = {"force": 0.3}
+    assert _left(Moving({}, 1), Moving({}, 301, 1), white).log_odds < SURE
+    rough = _left(Moving({}, 1, std=0.36), Moving({}, 301, 1, std=0.36), white)
+    assert rough.log_odds > SURE and rough.kinds[0].coordinate == "size of the noise"
