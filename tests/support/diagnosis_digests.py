@@ -62,9 +62,9 @@ CASES: Mapping[str, Seeded] = {
         "linear_drive", "single", ("backlash",), ">10", seed=492877576,
         options={"effects": ("backlash", "actuator_lag", "stribeck_friction")},
     ),
-    "drive, lag, held-out records judge": Seeded(
+    "drive, lag": Seeded(
         "linear_drive", "single", ("actuator_lag",), ">10", seed=109,
-        options={"judge": "unseen", "effects": ("actuator_lag", "sensor_delay", "backlash", "coulomb_friction")},
+        options={"effects": ("actuator_lag", "sensor_delay", "backlash", "coulomb_friction")},
     ),
     "drive, corrected rig": Seeded(
         "linear_drive", "single", ("stribeck_friction",), "3-10", seed=103, again=True
