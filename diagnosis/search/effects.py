@@ -9,7 +9,7 @@
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
@@ -22,7 +22,7 @@ from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.comparison import bounded, compare, unresolved
+from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, unresolved
 
 Effects = tuple[Hypothesis, ...]
 Keep = Callable[[str, Callable[[], Any]], Any]
@@ -31,6 +31,8 @@ MOST = 8
 """Effects at the most."""
 RIVALS = 5
 """Best hypotheses that are compared under one noise."""
+AGAIN = 3
+"""Comparisons at the most where all that led are refused: what was given up because of them is compared again."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
 LEARNT = 8.0
@@ -197,9 +199,15 @@ class Search:
         self._tell(stages.testing(len(left)))
         scored = self._keep("score_tests", partial(score_tests, self.fit, base, left, self._rng, self._weights))
         self._tell(stages.COMPARING)
-        ranked = self._keep("comparison", partial(compare, self.fit, base, scored, self._weights))
-        stuck = {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
-        sound = [c for c in ranked if c.hypothesis.name not in stuck]
+        sound: list[Refitted] = []
+        stuck: dict[str, str] = {}
+        for _ in range(AGAIN):
+            among = replace(scored, best={n: s for n, s in scored.best.items() if n not in stuck})
+            ranked = self._keep("comparison", partial(compare, self.fit, base, among, self._weights))
+            stuck |= {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
+            sound = [c for c in ranked if c.hypothesis.name not in stuck]
+            if sound or not ranked:
+                break
         return [((*effects, c.hypothesis), c.judged.fit) for c in sound[:RIVALS]], scored, stuck
 
     def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:

@@ -90,9 +90,9 @@ def select(
     if by_itself or (smooth.accepted and smooth.verdict != "unknown"):
         return smooth
     tell(stages.SPECTRA)
-    asked = (spectra, Spectra(heldout, stated), smooth.null.fit, hypotheses, rng)
+    asked = (spectra, Spectra(heldout, stated), found.null.fit, hypotheses, rng)
     cycles = keep("spectra", partial(limit_cycles.search, *asked))
-    cycle = limit_cycles.explaining(spectra, smooth.null, cycles)
+    cycle = limit_cycles.explaining(spectra, found.null, cycles)
     if cycle is None:
         return smooth
     return replace(
