@@ -13,7 +13,7 @@ The package from the question to the answer; each folder imports only those belo
 `engine`            `diagnose`: every step in its order
 `report`            from the selected model to the answer (`Diagnosis`)
 `search`            which effects explain a recording: model comparison, cross-validation, limit cycles
-`adequacy`          whether what a model leaves is noise: score tests, spectra, coherence
+`evidence`          marginal likelihood of a model, what it may be off by, and what it leaves
 `intake`            faults of the data that are refused before anything is fitted
 `systems`           a recording as a model: the plant's kernel driven by what was recorded as its input
 `fit`               least squares, likelihood, score tests of effects, covariance, localisation in time

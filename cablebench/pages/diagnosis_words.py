@@ -79,9 +79,11 @@ def headline(record: Mapping[str, Any]) -> str:
     verdict, effects, left = record["verdict"], record["effects"], _left(record)
     if verdict == "no_detectable_mismatch":
         itself = " It oscillates by itself, as the recording does." if record.get("spectra") else ""
-        return (
+        alone = (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
-        ) + itself
+        )
+        beside = f"No effect is missing, but {left}: too little beside what the rig's own effects explain."
+        return (beside if left else alone) + itself
     if verdict == "data_fault":
         return f"Your data, not your physics: nothing of the rig is missing, but {record['test']['cause']}."
     if verdict == "unknown":

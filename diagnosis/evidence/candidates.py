@@ -7,6 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Remainder
+from cable_envs.diagnosis.fit.likelihood import raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
 from cable_envs.diagnosis.model.features import ELAPSED, families
@@ -49,13 +50,11 @@ class Joint:
 
     def left_by(self, fit: Fit) -> dict[str, float]:
         """RMS of what a refit leaves, channel by channel."""
-        predicted = self.predict(self.columns(fit))
-        return sizes_of(self.blocks, [b.measured - p[:, 0] for b, p in zip(self.blocks, predicted, strict=True)])
+        return sizes_of(self.blocks, self.raw(fit))
 
-    def columns(self, fit: Fit, *changed: Mapping[str, float]) -> np.ndarray:
-        """Parameter columns of a refit, and of the same with other values."""
-        values = [[{**fit.values, **new}[p.name] for p in self.parameters] for new in ({}, *changed)]
-        return np.array(values).T
+    def raw(self, fit: Fit) -> list[np.ndarray]:
+        """Measured less predicted [T] of every block, in the channels' units."""
+        return raw_residuals(self, fit)
 
 
 @dataclass(frozen=True)
@@ -84,11 +83,6 @@ class Candidate:
     frame: Frame
     remainder: Remainder
     by_size: bool = False
-
-    @property
-    def name(self) -> str:
-        """Names of its effects."""
-        return " + ".join(h.name for h in self.effects)
 
     @cached_property
     def plain(self) -> Marginal:
@@ -209,9 +203,9 @@ def under_one_noise(
         In the same order.
     """
     effects, best = fits[leader]
-    peak = refit(joint, _noise_at(joint, best, stated), [Start("", best.free, best.values)], 0)[0]
+    peak = refit(joint, noise_of(joint.blocks, joint.raw(best), stated), [Start("", best.free, best.values)], 0)[0]
     leading = under_its_noise(joint, effects, best, peak, stated, sizes)
-    whitener, raw = leading.frame.whitener, _raw(joint, peak)
+    whitener, raw = leading.frame.whitener, joint.raw(peak)
     apart = leading.frame.raw(leading.best.weights)
     by_size = _dominant(joint.blocks, apart, raw)
     whitener = weigh(joint.blocks, raw) if by_size else whitener
@@ -239,7 +233,7 @@ def under_its_noise(
     stated, sizes : mapping of str to float
         As of `under_one_noise`.
     """
-    raw = _raw(joint, peak)
+    raw = joint.raw(peak)
     kinds = list(families(joint.blocks, [b.measured - r for b, r in zip(joint.blocks, raw, strict=True)]))
     found = None
     for _ in range(2):
@@ -252,15 +246,6 @@ def under_its_noise(
             break
     assert found is not None
     return found
-
-
-def _raw(joint: Joint, fit: Fit) -> list[np.ndarray]:
-    predicted = joint.predict(joint.columns(fit))
-    return [b.measured - p[:, 0] for b, p in zip(joint.blocks, predicted, strict=True)]
-
-
-def _noise_at(joint: Joint, fit: Fit, stated: Mapping[str, float]) -> Whitener:
-    return noise_of(joint.blocks, _raw(joint, fit), stated)
 
 
 def _dominant(blocks: Sequence[Block], apart: Sequence[np.ndarray], raw: Sequence[np.ndarray]) -> bool:

@@ -13,7 +13,6 @@ from cable_envs.diagnosis.evidence.candidates import SCALES, Candidate, Joint, u
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
-from cable_envs.diagnosis.model.model import residuals
 
 STATED = 0.025
 """Share by which a standard deviation that is stated, or was seen at rest, may be off."""
@@ -46,7 +45,7 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
         candidate = under_its_noise(
             joint, compared.effects, compared.fit, compared.peak, stated, compared.remainder.sizes
         )
-    frame, raw = candidate.frame, raw_left(candidate, joint)
+    frame, raw = candidate.frame, joint.raw(candidate.peak)
     smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
     white = frame.whitener.flat(frame.blocks, raw)
     known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
@@ -67,10 +66,8 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
 
 def _share(compared: Candidate, bare: Candidate, before: float, size: float) -> float:
     """What is left over what was to be explained; of a model that no noise limits, in the channel where most is."""
-    if compared is bare:
-        return np.inf
     if compared.by_size:
-        return float(np.max(compared.squares / bare.squares))
+        return np.inf if compared is bare else float(np.max(compared.squares / bare.squares))
     explained = compared.plain.fit - bare.plain.fit + before
     left = max(compared.best.fit - compared.plain.fit, size)
     return left / explained if explained > 0.0 else np.inf
@@ -117,9 +114,3 @@ def _over_noise(candidate: Candidate, white: np.ndarray, channel: str, stated: b
 
 def _plain(channel: str) -> str:
     return channel.replace("_", " ")
-
-
-def raw_left(candidate: Candidate, model) -> list[np.ndarray]:
-    """What the candidate leaves [T] of every block of a model of the same records, at their own optimum."""
-    values = np.array([[candidate.peak.values[p.name]] for p in model.parameters])
-    return [r[:, 0] for r in residuals(model.blocks, model.predict(values))]

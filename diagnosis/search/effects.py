@@ -54,9 +54,7 @@ class Round:
     bounded: Mapping[str, str]
     """hypothesis -> what speaks against it"""
     others: Sequence[Candidate] = ()
-    """those with one effect more"""
-    leader: Candidate | None = None
-    """whose noise they are compared under"""
+    """those with one effect more; they are compared under the noise of the first"""
 
 
 @dataclass(frozen=True)
@@ -153,7 +151,7 @@ class Search:
             effects, base = best.effects, self._judged(best.fit, best.frame.whitener)
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self._from(turn.base))
-        if len(rounds) == 2 and rounds[0].leader is not None and rounds[0].leader.effects == effects:
+        if len(rounds) == 2 and rounds[0].others[0].effects == effects:
             return self._of_one(null, rounds)
         self._tell(stages.EXCHANGING)
         for _ in range(EXCHANGES):
@@ -183,7 +181,7 @@ class Search:
         best = max(others, key=lambda c: odds[c.effects[-1].name], default=None)
         if best is not None and odds[best.effects[-1].name] < self._from(current):
             best = None
-        return Round(current, odds, scored, stuck, others, others[0] if others else None), best
+        return Round(current, odds, scored, stuck, others), best
 
     def _judged(self, fit: Fit, whitener: Whitener) -> Judged:
         return Judged(fit, tuple(raw_residuals(self.fit, fit)), whitener, 0.0)

@@ -39,7 +39,6 @@ def select(
     *,
     stated: Mapping[str, float] | None = None,
     without: Mapping[str, float] | None = None,
-    null: Judged | None = None,
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:  # fmt: skip
@@ -61,8 +60,6 @@ def select(
     without : Mapping of str to float, optional
         Channel -> RMS of what the models leave without the effects that they have already (of an augmented rig), SI.
         What a formulation may be off by is counted in that.
-    null : Judged, optional
-        The refit from which the search begins; by default that of the nominals.
     tell : callable
         Called with what is being done.
     keep : callable
@@ -84,7 +81,7 @@ def select(
     search = Search(
         fit, heldout, nominals, hypotheses, rng, stated=stated, sizes=without, tell=tell, keep=keep
     )  # fmt: skip
-    found = search.run(null)
+    found = search.run()
     tell(stages.LEFT)
     smooth = _selection(found, search, heldout, stated, without)
     if by_itself or (smooth.accepted and smooth.verdict != "unknown"):

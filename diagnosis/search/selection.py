@@ -89,7 +89,7 @@ class Selection:
     def _without_effects(self, of_rig: bool) -> str:
         if of_rig and self.after.share > REST:
             return "unknown"
-        return "data_fault" if self.faults or self.more else "no_detectable_mismatch"
+        return "data_fault" if self.faults or (self.more and self.after.cause) else "no_detectable_mismatch"
 
     def _drifts_more(self) -> bool:
         """Whether a sensor's drift is surer than every effect: what is slow is then no sure sign of any."""
@@ -97,7 +97,7 @@ class Selection:
         return drifts and self.after.log_odds > max(a.gain for a in self.accepted)
 
     def _like_others(self) -> bool:
-        """Whether the effect with the largest odds is not told from one that is not declared to look like it.
+        """Whether the effect with the largest odds cannot be distinguished from one that is not declared alike.
 
         Unlike laws that do as well are signs of another one, that is none of them.
         """
