@@ -12,7 +12,7 @@ The package from the question to the answer; each folder imports only those belo
 ==================  =====================================================================================
 `engine`            `diagnose`: every step in its order
 `report`            from the selected model to the answer (`Diagnosis`)
-`search`            which effects explain a recording: model comparison, cross-validation, limit cycles
+`search`            which effects explain a recording: comparison by evidence, exchange, limit cycles
 `evidence`          marginal likelihood of a model, what it may be off by, and what it leaves
 `intake`            faults of the data that are refused before anything is fitted
 `systems`           a recording as a model: the plant's kernel driven by what was recorded as its input
