@@ -156,7 +156,7 @@ class Candidate:
 def ratio(frame: Frame, one: tuple[Remainder, Marginal], other: tuple[Remainder, Marginal]) -> float:
     """Logarithm of the ratio of two evidences under the same noise, as far as it may be trusted."""
     (a, mine), (b, their) = one, other
-    left, others = a.left - mine.explained, b.left - their.explained
+    left, others = a.left - frame.explained(mine), b.left - frame.explained(their)
     better = left if mine.fit >= their.fit else others
     share = frame.adjustment(others - left, better)
     return share * (mine.fit - their.fit) + mine.volume - their.volume
@@ -263,7 +263,7 @@ def _nested(model: Model, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
             best = min(larger, key=lambda other: other.cost)
             of.append(k)
             starts.append(Start(own.label, own.free, {n: best.values[n] for n in own.free}))
-    for k, new in zip(of, refit(model, whitener, starts, MORE) if starts else (), strict=True):
+    for k, new in zip(of, refit(model, whitener, starts, MORE, central=False) if starts else (), strict=True):
         found[k] = new if new.cost < found[k].cost else found[k]
     return found
 
@@ -271,12 +271,18 @@ def _nested(model: Model, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
 def _peaks(joint: Joint, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
     """Refits of some records, expanded about the optimum of all of them where that is elsewhere."""
     starts = [Start(str(k), f.free, f.values) for k, f in enumerate(fits)]
-    found = refit(joint, whitener, starts, 0)
+    found = refit(joint, whitener, starts, 0, central=False)
     far = [k for k, f in enumerate(found) if _promised(joint, f) > FARTHER]
-    moved = refit(joint, whitener, [starts[k] for k in far], MORE) if far else []
+    moved = refit(joint, whitener, [starts[k] for k in far], MORE, central=False) if far else []
     for k, new in zip(far, moved, strict=True):
         found[k] = new if new.cost < found[k].cost else found[k]
     return _nested(joint, whitener, found)
+
+
+def with_central_slopes(joint: Joint, candidate: Candidate) -> Candidate:
+    """The same with the slopes that intervals need: those of the comparison are from one side."""
+    peak = candidate.peak
+    return replace(candidate, peak=refit(joint, candidate.frame.whitener, [Start("", peak.free, peak.values)], 0)[0])
 
 
 def _promised(joint: Joint, fit: Fit) -> float:

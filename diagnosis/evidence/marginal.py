@@ -73,14 +73,12 @@ class Marginal:
 
     fit           | half the sum of squares that is left, negative
     volume        | logarithm of the share of what the model can do that agrees with the records (Occam's factor)
-    explained     | G S a at its posterior mean [N]
     weights       | of the functions, by channel
     scale, chosen | as of `Frame.marginal`
     """
 
     fit: float
     volume: float
-    explained: np.ndarray
     weights: dict[str, np.ndarray]
     scale: float = 0.0
     chosen: tuple[int, ...] | None = None
@@ -177,18 +175,24 @@ class Frame:
         Returns
         -------
         Marginal
-            Its parts, and the posterior mean of the discrepancy.
+            Its parts, and the posterior mean of the discrepancy's weights.
         """
         fit, volume = -0.5 * float(model.left @ model.left), model.occam
-        explained, weights = np.zeros(self.count), {}
+        weights = {}
         for part in self._parts(model, scale, chosen) if scale > 0.0 else ():
             found = cho_solve((part.factor, True), part.right)
             fit += 0.5 * float(part.right @ found)
             volume -= float(np.sum(np.log(np.diag(part.factor))))
             weights[part.channel] = np.zeros(len(part.mask))
             weights[part.channel][part.mask] = part.scale * found
-            explained[self._at[part.channel]] = self._functions[part.channel] @ weights[part.channel]
-        return Marginal(fit, volume, explained, weights, scale, None if chosen is None else tuple(chosen))
+        return Marginal(fit, volume, weights, scale, None if chosen is None else tuple(chosen))
+
+    def explained(self, one: Marginal) -> np.ndarray:
+        """The discrepancy of a marginal likelihood at its posterior mean, whitened [N]: G S a of the module."""
+        found = np.zeros(self.count)
+        for channel, weights in one.weights.items():
+            found[self._at[channel]] = self._functions[channel] @ weights
+        return found
 
     def _parts(self, model: Remainder, scale: float, chosen: Collection[int] | None) -> Iterator[_Part]:
         """The channels' functions of the chosen families at their scale."""

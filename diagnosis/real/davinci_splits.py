@@ -149,7 +149,7 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     if choose:
         missing = [h for h in hypotheses() if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
         search = Search(model, other, (), missing, np.random.default_rng(0), most=MORE)
-        fit = search.run(judge(model, fit)).best.fit
+        fit = search.run(*judge(model, fit)).best.fit
     full = TransmissionModel(fine, model.parameters, model.base, _period(fine[0]), ("all",))
     found = full.predict(np.array([[fit.values[p.name]] for p in full.parameters]))
     terms = dict.fromkeys(n.split(".")[0] for n in fit.free if "." in n and not n.startswith("zero."))

@@ -36,7 +36,9 @@ reaches them within a step in one formulation and at its end in another, 0.38 of
 EQUAL = 1e-3
 """Difference of penalised gains that is rounding: two effects that are one on a recording differ by less, and which of
 them is ahead would depend on the processor."""
-_FIRST, _LAST = 4, 4
+_GLANCE, _FIRST, _LAST = 2, 4, 4
+"""Iterations after which the best start of each hypothesis goes on, after which those behind are given up, and further
+ones."""
 AnyFit = TypeVar("AnyFit", Fit, Look)
 
 
@@ -79,8 +81,9 @@ def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | 
     starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
     if not starts:
         return []
-    first = look(model, scored.whitener, starts, _FIRST)
-    best = _best_of(first)
+    first = _best_of(look(model, scored.whitener, starts, _GLANCE))
+    starts = [Start(name, one.free, one.values) for name, one in first.items()]
+    best = _best_of(look(model, scored.whitener, starts, _FIRST - _GLANCE))
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
@@ -88,10 +91,10 @@ def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | 
     whitener = weights or learn_whitener(model.blocks, raw_residuals(model, top))
     again = [Start(name, best[name].free, best[name].values) for name in kept]
     hypotheses = {score.hypothesis.name: score.hypothesis for score in chosen}
-    found = []
-    for fit in refit(model, whitener, again, _LAST, central=False):
-        judged = judge(model, fit)
-        found.append(Refitted(hypotheses[fit.label], base.deviance - judged.deviance, judged=judged))
+    found = [
+        Refitted(hypotheses[j.fit.label], base.deviance - j.deviance, judged=j)
+        for j in judge(model, *refit(model, whitener, again, _LAST, central=False))
+    ]
     return _ranked(found, list(scored.best))
 
 

@@ -15,7 +15,14 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import SURE, Candidate, Joint, log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import (
+    SURE,
+    Candidate,
+    Joint,
+    log_odds,
+    under_one_noise,
+    with_central_slopes,
+)
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
@@ -137,6 +144,11 @@ class Search:
 
     def run(self, null: Judged | None = None) -> Found:
         """Search forward, then leave out and exchange until the best model stays; ``null``: the refit to begin with."""
+        found = self._found(null)
+        best = with_central_slopes(self.joint, found.best)
+        return replace(found, best=best, bare=best if found.best is found.bare else found.bare)
+
+    def _found(self, null: Judged | None) -> Found:
         if null is None:
             self._tell(stages.REFITTING)
             null = self._keep("null", partial(refit_nominals, self.fit, self._nominals))

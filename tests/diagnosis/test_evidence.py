@@ -72,7 +72,7 @@ def test_the_discrepancy_comes_back_in_its_own_unit_with_its_errors():
     found = frame.marginal(model, 1.0)
     raw = frame.raw(found.weights)
     assert np.allclose(raw[0], left[frame.rows[0]], atol=1.0)
-    assert np.allclose(np.concatenate(raw), found.explained, atol=1e-9)
+    assert np.allclose(np.concatenate(raw), frame.explained(found), atol=1e-9)
     alone = frame.marginal(model, 1.0, (0,))
     height, error = frame.map_of(model, alone, 0)
     assert height[1] == pytest.approx(20.0, rel=0.05) and np.all(error < 0.3)
