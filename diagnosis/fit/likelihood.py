@@ -73,7 +73,8 @@ def refit_and_learn(model: Model, starts: Sequence[Start], rounds: int = 2) -> J
         best = min(refit(model, whitener, starts, central=False), key=lambda f: f.cost)
         starts = [Start(best.label, best.free, best.values)]
         whitener = learn_whitener(model.blocks, raw_residuals(model, best))
-    return settled(model, *judge(model, refit(model, whitener, starts, central=False)[0]))
+    (judged,) = judge(model, refit(model, whitener, starts, central=False)[0])
+    return settled(model, judged)
 
 
 def refit_nominals(model: Model, nominals: tuple[str, ...]) -> Judged:

@@ -20,9 +20,11 @@ from cable_envs.diagnosis.evidence.candidates import (
     Candidate,
     Joint,
     log_odds,
+    sizes_of,
     under_one_noise,
     with_central_slopes,
 )
+from cable_envs.diagnosis.evidence.marginal import Frame
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
@@ -47,6 +49,9 @@ LEARNT = 8.0
 with 3 to 10 on logs of generator A (`cable_envs.proof.logs`, seed 5) 1 of 7 was right, of those with more 14 of 16."""
 MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
+FORMULATION = 0.01
+"""Share of what effects change by which two formulations of one law differ: steps of integration, how friction begins.
+A further effect may explain its square of the sum of squares that the others do, and be nothing but that."""
 NOTHING = 1.0
 """Half the fall of the sum of squares that a number brings by chance in one recording of six."""
 
@@ -117,8 +122,9 @@ class Search:
         Of the score tests.
     stated : mapping of str to float
         Channel -> standard deviation of its noise, where the recording says it, SI.
-    sizes : mapping of str to float, optional
-        Channel -> what the scales of a discrepancy are counted in, SI; by default what the nominal refit leaves.
+    without : mapping of str to float, optional
+        Channel -> RMS of what models leave without the effects that they have already (of a rig), SI. The scales of a
+        discrepancy are counted in that; by default in what the nominal refit leaves.
     most : int
         Effects at the most.
     tell, keep : callable
@@ -128,12 +134,15 @@ class Search:
     def __init__(
         self, fit: Model, heldout: Model, nominals: tuple[str, ...], hypotheses: Sequence[Hypothesis],
         rng: np.random.Generator, *, stated: Mapping[str, float] | None = None,
-        sizes: Mapping[str, float] | None = None, most: int = MOST,
+        without: Mapping[str, float] | None = None, most: int = MOST,
         tell: Callable[[str], None] = lambda text: None, keep: Keep = lambda name, make: make(),
     ):  # fmt: skip
         self.fit, self.joint, self._nominals = fit, Joint(fit, heldout), nominals
         self._hypotheses, self._rng, self._stated = tuple(hypotheses), rng, dict(stated or {})
-        self._sizes, self._most, self._tell, self._keep = dict(sizes or {}), most, tell, keep
+        self._lacking, self._most, self._tell, self._keep = dict(without or {}), most, tell, keep
+        self._sizes: Mapping[str, float] = {}
+        self._bare: list[np.ndarray] = []
+        """what the nominal refit leaves of all records [T] by block"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
         self._sure = float(np.log(SURE)) if known else LEARNT
         self._prior = -float(np.log(max(len(self._hypotheses), 1)))
@@ -152,7 +161,8 @@ class Search:
         if null is None:
             self._tell(stages.REFITTING)
             null = self._keep("null", partial(refit_nominals, self.fit, self._nominals))
-        self._sizes = self._sizes or self.joint.left_by(null.fit)
+        self._bare = self.joint.raw(null.fit)
+        self._sizes = self._lacking or sizes_of(self.joint.blocks, self._bare)
         rounds: list[Round] = []
         base, effects = null, Effects()
         while True:
@@ -189,11 +199,31 @@ class Search:
             self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
         )  # fmt: skip
         self._weights = current.frame.whitener if current.by_size else None
-        odds = {c.effects[-1].name: log_odds(c, current) + self._prior for c in others}
+        charge = self._prior - self._formulation(current)
+        odds = {c.effects[-1].name: log_odds(c, current) + charge for c in others}
         best = max(others, key=lambda c: odds[c.effects[-1].name], default=None)
         if best is not None and odds[best.effects[-1].name] < self._from(current):
             best = None
         return Round(current, odds, scored, stuck, others), best
+
+    def explained(self, candidate: Candidate) -> float:
+        """What effects explain, those of the rig too: half the fall of the whitened sum of squares."""
+        frame = candidate.frame
+        bare = frame.whitener.flat(frame.blocks, self._bare)
+        return max(candidate.plain.fit + 0.5 * float(bare @ bare), 0.0) + self.of_the_rig(frame)
+
+    def of_the_rig(self, frame: Frame) -> float:
+        """The same of the effects that a rig has already; floors stand for noise that these would have had."""
+        left, found = sizes_of(self.joint.blocks, self._bare), 0.0
+        for channel, size in self._lacking.items():
+            if channel in left:
+                count = sum(int(b.good.sum()) for b in frame.blocks if b.channel == channel)
+                found += 0.5 * count * max(size**2 - left[channel] ** 2, 0.0) / frame.whitener.noise[channel].floor ** 2
+        return found
+
+    def _formulation(self, candidate: Candidate) -> float:
+        """Half the fall of the sum of squares that may be nothing but how a model's effects are formulated."""
+        return 0.0 if candidate.by_size else FORMULATION**2 * self.explained(candidate)
 
     def _judged(self, fit: Fit, whitener: Whitener) -> Judged:
         return Judged(fit, tuple(raw_residuals(self.fit, fit)), whitener, 0.0)
@@ -236,7 +266,7 @@ class Search:
         rivals = {
             c.effects[0].name: log_odds(best, c) for c in first.others if c is not best and not _ends_as(c, best)
         }  # fmt: skip
-        odds = log_odds(best, first.base) + self._prior
+        odds = log_odds(best, first.base) + self._prior - self._formulation(first.base)
         return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self._from(best))
 
     def _without(
@@ -276,7 +306,7 @@ class Search:
                     continue
                 rivals[name][other] = odds
             else:
-                odds += self._prior
+                odds += self._prior - self._formulation(model)
                 without[name] = odds
             behind.append((odds + (MARGIN if other else 0.0), model))
         odds, better = min(behind, key=lambda pair: pair[0])

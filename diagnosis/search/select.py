@@ -79,11 +79,11 @@ def select(
         if alone is not None:
             return alone
     search = Search(
-        fit, heldout, nominals, hypotheses, rng, stated=stated, sizes=without, tell=tell, keep=keep
+        fit, heldout, nominals, hypotheses, rng, stated=stated, without=without, tell=tell, keep=keep
     )  # fmt: skip
     found = search.run()
     tell(stages.LEFT)
-    smooth = _selection(found, search, heldout, stated, without)
+    smooth = _selection(found, search, heldout, stated)
     if by_itself or (smooth.accepted and smooth.verdict != "unknown"):
         return smooth
     tell(stages.SPECTRA)
@@ -97,11 +97,9 @@ def select(
     )  # fmt: skip
 
 
-def _selection(
-    found: Found, search: Search, heldout: Model, stated: Mapping[str, float], without: Mapping[str, float] | None
-) -> Selection:
+def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str, float]) -> Selection:
     bare, best, first, last = found.bare, found.best, found.rounds[0], found.rounds[-1]
-    of_the_rig = _of_the_rig(without, search, bare)
+    of_the_rig = search.of_the_rig(bare.frame)
     after = left_by(search.joint, best, bare, of_the_rig, stated)
     before = left_by(search.joint, bare, bare, of_the_rig, stated) if best is not bare else after
 
@@ -115,18 +113,6 @@ def _selection(
         tuple(_steps(found, search.fit, heldout)),
         tuple(_unpredicted(heldout, best.fit)) if best.effects else (),
     )  # fmt: skip
-
-
-def _of_the_rig(without: Mapping[str, float] | None, search: Search, bare: Candidate) -> float:
-    """What the effects that a rig has already explain, as a fall of half the sum of squares, whitened."""
-    if not without:
-        return 0.0
-    mine = search.joint.left_by(bare.fit)
-    counts = {c: sum(int(b.good.sum()) for b in bare.frame.blocks if b.channel == c) for c in mine}
-    floors = {c: noise.floor for c, noise in bare.frame.whitener.noise.items()}
-    return sum(
-        0.5 * counts[c] * max(size**2 - mine[c] ** 2, 0.0) / floors[c] ** 2 for c, size in without.items() if c in mine
-    )
 
 
 def _judged(model: Model, candidate: Candidate, null: Judged) -> Judged:
