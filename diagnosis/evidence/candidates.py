@@ -107,9 +107,9 @@ class Candidate:
         """Effective sample size of what it leaves in every channel [channels]."""
         frame, left = self.frame, self.remainder.left
         rows = {c: [r for b, r in zip(frame.blocks, frame.rows, strict=True) if b.channel == c] for c in frame.channels}
-        slowest = max(autocorrelation_time([left[r] for r in own]) for own in rows.values())
+        times = [autocorrelation_time([left[r] for r in rows[c]]) for c in frame.channels]
         counts = [sum(int(b.good.sum()) for b in frame.blocks if b.channel == c) for c in frame.channels]
-        return np.array(counts) / slowest
+        return np.array(counts) / np.array(times)
 
     @cached_property
     def squares(self) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""What a logger may do to its records: a clock that is not exact, and speeds that it has filtered.
+"""What a logger may do to its records: a clock that is not exact, speeds that it has filtered, a change of its clock.
+
+An export whose samples were taken on one clock and brought to another by straight lines has lost of every frequency f
+what a triangle of half the width P takes, the period of the first clock: sinc(f P)^2.
 
 They are hypotheses like effects of the rig and compete with them, but they are of the data: no rig file has them.
 """
@@ -16,19 +19,23 @@ from cable_envs.diagnosis.model.model import Block, Free, Model
 from cable_envs.diagnosis.model.spikes import spikes
 from cable_envs.diagnosis.systems.question import Question
 
-CLOCK, FILTER = f"{LOGGER}clock", f"{LOGGER}filter"
+CLOCK, FILTER, LINES = f"{LOGGER}clock", f"{LOGGER}filter", f"{LOGGER}lines"
 """Names of the hypotheses; that of a filter goes on with the channel's."""
 STEP, MOST = 1e-4, 1e-2
 """Share by which times are made longer for the slope, and its bound."""
 SLOWEST, TYPICAL = 0.2, 0.01
 """s of a filter's time constant: its bound, and what is usual."""
 SPEEDS = ("m/s", "rad/s")
+LONGEST = 5.0
+"""Samples' distance of an earlier clock, at most, over that of the recording."""
 SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
 
 
 class Logged:
-    """A model with the logger's clock, linear in it, and first-order filters of speeds as further parameters.
+    """A model with further parameters: the logger's clock, filters of speeds, and the period of an earlier clock.
+
+    Predictions are linear in the clock; filters are of the first order.
 
     Parameters
     ----------
@@ -45,9 +52,14 @@ class Logged:
         self._model, self._slopes, self._filters = model, list(slopes), list(filters)
         more = [_clock()] if self._slopes else []
         more += [_filter(channel) for channel in self._filters]
+        more.append(_lines(self._period(model)))
         self.parameters: Sequence[Free] = [*model.parameters, *more]
         self._own = len(model.parameters)
         self.blocks: list[Block] = model.blocks
+
+    @staticmethod
+    def _period(model: Model) -> float:
+        return float(np.median(np.diff(model.blocks[0].time)))
 
     def __getattr__(self, name: str) -> Any:
         """What else the model has."""
@@ -63,6 +75,9 @@ class Logged:
             share = rest.pop(0)
             if np.any(share):
                 found = [p + slope[:, None] * share for p, slope in zip(found, self._slopes, strict=True)]
+        earlier = rest.pop()
+        if np.any(earlier > 0.0):
+            found = [_in_lines(p, b.time, earlier) for p, b in zip(found, self.blocks, strict=True)]
         for channel, seconds in zip(self._filters, rest, strict=True):
             if np.any(seconds > 0.0):
                 found = [
@@ -80,12 +95,34 @@ def _filter(channel: str) -> Free:
     return Free(f"{FILTER}.{channel}", 0.0, 0.0, SLOWEST, TYPICAL)
 
 
+def _lines(period: float) -> Free:
+    return Free(LINES, 0.0, 0.0, LONGEST * period, period)
+
+
+def _in_lines(series: np.ndarray, time: np.ndarray, period: np.ndarray) -> np.ndarray:
+    """Series [T, n] of which each column has lost what straight lines between samples ``period`` [n] s apart take."""
+    count, step = len(series), float(np.median(np.diff(time)))
+    more = int(np.ceil(LONGEST)) + 1
+    padded = np.concatenate([np.repeat(series[:1], more, axis=0), series, np.repeat(series[-1:], more, axis=0)])
+    # a straight slope through the ends is unchanged, and without it nothing jumps from the end to the start
+    slope = np.linspace(0.0, 1.0, len(padded))[:, None] * (padded[-1] - padded[0])
+    kept = np.sinc(np.fft.rfftfreq(len(padded), step)[:, None] * period) ** 2
+    smooth = np.fft.irfft(np.fft.rfft(padded - slope, axis=0) * kept, len(padded), axis=0) + slope
+    return np.where(period > 0.0, smooth[more : more + count], series)
+
+
 def _filtered(series: np.ndarray, time: np.ndarray, seconds: np.ndarray) -> np.ndarray:
-    """Series [T, n] through filters of the first order with time constants [n], settled at the start."""
+    """Series [T, n] through filters of the first order with time constants [n], settled at the start.
+
+    Exact for signals that go from sample to sample in straight lines.
+    """
     found, period = series.copy(), float(np.median(np.diff(time)))
     for k in np.flatnonzero(seconds > 0.0):
         keep = float(np.exp(-period / seconds[k]))
-        found[:, k], _ = lfilter([1.0 - keep], [1.0, -keep], series[:, k], zi=[keep * series[0, k]])
+        mean = (1.0 - keep) * seconds[k] / period
+        now, before = 1.0 - mean, mean - keep
+        start = [(keep + before) * series[0, k]]
+        found[:, k], _ = lfilter([now, before], [1.0, -keep], series[:, k], zi=start)
     return found
 
 
@@ -124,8 +161,10 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
             _hypothesis(free.name, free, (0.5 * TYPICAL, 2.0 * TYPICAL), law, "log the position and derive it")
         )
         units[free.name] = "s"
-    if not hypotheses:
-        return question
+    lines = _lines(float(np.median(np.diff(question.fit.blocks[0].time))))
+    law = "x(f) -> sinc(f P)^2 x(f)"
+    hypotheses.append(_hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken"))
+    units[LINES] = "s"
     models = [
         Logged(m, own, list(speeds))
         for m, own in zip((question.fit, question.heldout), slopes or ([], []), strict=True)

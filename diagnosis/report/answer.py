@@ -14,7 +14,7 @@ from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
 from cable_envs.diagnosis.intake.gate import Quality
-from cable_envs.diagnosis.intake.logged import CLOCK, FILTER
+from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
@@ -95,6 +95,8 @@ def in_words(fault: EffectGain) -> str:
     (estimate,) = fault.parameters.values()
     if fault.hypothesis.name == CLOCK:
         return f"the logger's clock is off by {100.0 * estimate.value:+.3g} %"
+    if fault.hypothesis.name == LINES:
+        return f"all channels were brought from another clock, of {1e3 * estimate.value:.3g} ms, by straight lines"
     channel = fault.hypothesis.name.removeprefix(f"{FILTER}.").replace("_", " ")
     return f"{channel} was filtered with a time constant of {1e3 * estimate.value:.3g} ms"
 

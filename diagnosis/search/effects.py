@@ -32,6 +32,7 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, unresolved
+from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
 Keep = Callable[[str, Callable[[], Any]], Any]
@@ -42,6 +43,8 @@ RIVALS = 5
 """Best hypotheses that are compared under one noise."""
 AGAIN = 3
 """Comparisons at the most where all that led are refused: what was given up because of them is compared again."""
+SEVERAL = 2
+"""Effects from which a model is refitted from several starts before the search goes on."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
 LEARNT = 8.0
@@ -170,7 +173,7 @@ class Search:
             rounds.append(turn)
             if best is None:
                 break
-            effects, base = best.effects, self._judged(best.fit, best.frame.whitener)
+            effects, base = best.effects, self._refitted(best)
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self._from(turn.base))
         if len(rounds) == 2 and rounds[0].others[0].effects == effects:
@@ -182,8 +185,16 @@ class Search:
                 return found
             if not better.effects:
                 return Found(null, better, better, tuple(rounds), sure=self._from(better))
-            effects, base = better.effects, self._judged(better.fit, better.frame.whitener)
+            effects, base = better.effects, self._refitted(better)
         return found
+
+    def _refitted(self, best: Candidate) -> Judged:
+        """A model to go on from; with several effects refitted from about where it is, too."""
+        whitener, fit = best.frame.whitener, best.fit
+        if len(best.effects) >= SEVERAL:
+            names = [n for h in best.effects for n in h.names]
+            fit = self._keep("starts", partial(from_about, self.fit, whitener, fit, names))
+        return self._judged(fit, whitener)
 
     def _from(self, candidate: Candidate) -> float:
         """Log odds from which one model is preferred: no noise is learnt where the size of all that is left counts."""

@@ -1,0 +1,90 @@
+"""What a logger does to its records is found beside the effects of a rig: against signals that were logged so."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES, with_logger
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.search.effects import Search
+from cable_envs.diagnosis.systems.question import Question
+
+PERIOD, COUNT, NOISE = 0.01, 3000, 0.005
+SHARES = (0.7, 2.3, 6.1, 13.0)
+"""Frequencies of the signal, Hz."""
+
+
+def signal(time):
+    return sum(np.sin(2 * np.pi * f * time + f) for f in SHARES)
+
+
+@dataclass
+class Sines:
+    """A signal whose size is not known, seen at ``time`` of two records."""
+
+    blocks: list[Block]
+    at: list[np.ndarray]
+
+    @property
+    def parameters(self):
+        return [Free("size", 1.0, 0.1, 10.0, 1.0, 0.3)]
+
+    def predict(self, values):
+        return [signal(at)[:, None] * values[:1] for at in self.at]
+
+
+def question(logged, unit="m", stretch=0.0):
+    rng = np.random.default_rng(3)
+    models = []
+    for use in range(2):
+        blocks, at = [], []
+        for k in range(2 - use):
+            time = PERIOD * np.arange(COUNT) * (1.0 + stretch)
+            now = 40.0 * (2 * use + k) + time
+            measured = logged(40.0 * (2 * use + k) + PERIOD * np.arange(COUNT)) + NOISE * rng.standard_normal(COUNT)
+            blocks.append(Block(f"{use}{k}", "place", time, measured, np.ones(COUNT, dtype=bool), unit, sensor="place"))
+            at.append(now)
+        models.append(Sines(blocks, at))
+    return Question("", models[0], models[1], ("size",), (), (), {"size": ""}, lambda values, names: {})
+
+
+def found(logged, unit="m", stretched=False):
+    asked = with_logger(question(logged, unit), question(logged, unit, 1e-4) if stretched else None)
+    search = Search(asked.fit, asked.heldout, asked.nominals, asked.hypotheses, np.random.default_rng(0))
+    best = search.run().best
+    return {name: best.fit.values[name] for h in best.effects for name in h.names}
+
+
+def test_a_good_logger_is_not_accused():
+    assert found(signal, "m/s", stretched=True) == {}
+
+
+@pytest.mark.parametrize("earlier", [0.0083, 0.0137, 0.021])
+def test_samples_that_were_brought_from_another_clock_are_told_with_its_period(earlier):
+    def resampled(time):
+        knots = np.arange(time[0] - 3 * earlier, time[-1] + 3 * earlier, earlier)
+        return np.interp(time, knots, signal(knots))
+
+    values = found(resampled)
+    assert list(values) == [LINES]
+    assert values[LINES] == pytest.approx(earlier, rel=0.1)
+
+
+def test_a_clock_that_runs_fast_is_told_with_its_share():
+    values = found(lambda time: signal(40.0 * np.floor(time / 40.0) + (time % 40.0) * 1.0002), stretched=True)
+    assert list(values) == [CLOCK]
+    assert values[CLOCK] == pytest.approx(2e-4, rel=0.05)
+
+
+def test_a_filtered_speed_is_told_with_its_time_constant():
+    def filtered(time, tau=0.02):
+        fine = np.arange(time[0], time[-1] + 0.5 * PERIOD, PERIOD / 10)
+        keep = np.exp(-PERIOD / 10 / tau)
+        slow, _ = lfilter([1 - keep], [1, -keep], signal(fine), zi=[keep * signal(fine[:1])[0]])
+        return slow[::10][: len(time)]
+
+    values = found(filtered, "m/s")
+    assert list(values) == [f"{FILTER}.place"]
+    assert values[f"{FILTER}.place"] == pytest.approx(0.02, rel=0.05)
