@@ -1,22 +1,26 @@
 """What a model leaves: the discrepancy that its evidence asks for, what channels share, and lines.
 
 Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
-A tone in one sensor alone, and what drifts in one alone, are nothing of the rig. Spectra are asked only where noise
+A tone in one sensor alone, and what drifts in one alone, are nothing of the rig; tones are taken out before the rest is
+looked at. Spectra are asked only where noise
 limits: what a model is off by is no noise of a sensor.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import SCALES, Candidate, Joint, under_its_noise
-from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones
+from cable_envs.diagnosis.evidence.candidates import SCALES, SURE, Candidate, Joint, under_its_noise
+from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
 
 STATED = 0.025
 """Share by which a standard deviation that is stated, or was seen at rest, may be off."""
 SIZE = "size of the noise"
+TONES = 4
+"""Times that tones of sensors are taken out, at most, to see what is left beside them: a hum has harmonics."""
 
 
 def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, stated: Mapping[str, float]) -> Left:
@@ -40,11 +44,31 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
     Left
         Whether something is left, and of which kinds.
     """
-    candidate = compared
+    candidate, told = compared, []
     if compared.by_size:
-        candidate = under_its_noise(
-            joint, compared.effects, compared.fit, compared.peak, stated, compared.remainder.sizes
-        )
+        candidate = _again(joint, compared, stated)
+    for _ in range(TONES):
+        left, lines = _left(joint, candidate, compared, bare, before, stated)
+        if not lines or compared.by_size:
+            break
+        told += [(line.log_odds, _said(line)) for line in lines]
+        joint = without_tones(joint, joint.raw(candidate.peak), lines)
+        candidate = _again(joint, compared, stated)
+    if told and not (left.log_odds > np.log(SURE) and not left.cause):
+        worst, why = max(told)
+        return replace(left, log_odds=worst, cause=why) if worst > left.log_odds else left
+    return left
+
+
+def _again(joint: Joint, compared: Candidate, stated: Mapping[str, float]) -> Candidate:
+    """A candidate under the noise that it leaves of these records."""
+    return under_its_noise(joint, compared.effects, compared.fit, compared.peak, stated, compared.remainder.sizes)
+
+
+def _left(
+    joint: Joint, candidate: Candidate, compared: Candidate, bare: Candidate, before: float, stated: Mapping[str, float]
+) -> tuple[Left, list[Leftover]]:  # fmt: skip
+    """(what is left, the tones of sensors in it)."""
     frame, raw = candidate.frame, joint.raw(candidate.peak)
     smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
     white = frame.whitener.flat(frame.blocks, raw)
@@ -55,13 +79,15 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
     share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
     cause = _of_a_sensor(candidate)
     physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
-    faults = [(candidate.left, cause)] if cause else []
-    faults += [(k.log_odds - float(np.log(len(seen))), f"{_plain(k.channel)}: {k.cause}") for k in of_sensors]
-    worst, why = max(faults, default=(-np.inf, ""))
-    kinds = sorted([*smooth, *seen], key=lambda k: -k.log_odds)
-    if worst > max(physics, 0.0):
-        return Left(worst, share, tuple(kinds), why)
-    return Left(physics, share, tuple(kinds))
+    kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
+    sure = [k for k in of_sensors if k.log_odds - float(np.log(len(seen))) > np.log(SURE)]
+    if cause and candidate.left > max(physics, 0.0):
+        return Left(candidate.left, share, kinds, cause), sure
+    return Left(physics, share, kinds), sure
+
+
+def _said(line: Leftover) -> str:
+    return f"{_plain(line.channel)}: {line.cause}"
 
 
 def _share(compared: Candidate, bare: Candidate, before: float, size: float) -> float:

@@ -12,6 +12,7 @@ over n frequencies has the density (n - 1)(1 - c)^(n - 2), whatever the colours 
 """
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
 from itertools import combinations, pairwise
 
@@ -20,6 +21,8 @@ from scipy.ndimage import median_filter
 from scipy.special import hyp2f1, logsumexp
 from scipy.stats import chi2, f
 
+from cable_envs.diagnosis.evidence.candidates import Joint
+from cable_envs.diagnosis.intake.tracks import RATES
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, learn_whitener
 
@@ -39,6 +42,8 @@ STEADY = 0.9
 """Length of the mean of the phases between two channels, as unit vectors over the records, from which they agree."""
 PERIODS = 8
 """Of a tone in a record, at least: what is slower is no line but a slope."""
+ALIKE = 0.5
+"""Difference of a speed from that of the place, over the speed, below which both are of one motion."""
 WIDTH, BROAD, SPREAD = 6, 40, 0.5
 """Values of a spectrum to either side of a line that are its own, up to which it would have neighbours if it rang and
 died away, and how much power these may have over the line's."""
@@ -131,22 +136,74 @@ def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) 
 
 
 def _passes_through(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
-    """Whether another sensor has a line too, with the same phase between the two in every record."""
-    own = {
-        b.record: _amplitude(b, r, line.at[0]) for b, r in zip(blocks, raw, strict=True) if b.channel == line.channel
-    }
+    """Whether another sensor has a line too, with the same phase between the two in every record.
+
+    A place and its speed have more: what moves has a speed of 2 pi f times its amplitude, a quarter turn ahead. A hum
+    that a controller passes on moves the rig, too, but not by what the sensor shows.
+    """
+    own = _amplitudes(blocks, raw, line.channel, line.at[0])
     sensor = next(b.sensor for b in blocks if b.channel == line.channel)
-    for channel in dict.fromkeys(b.channel for b in blocks if b.channel != line.channel and b.sensor != sensor):
-        turns, powers = [], []
-        for block, left in zip(blocks, raw, strict=True):
-            if block.channel == channel and block.record in own:
-                there, about = _amplitude(block, left, line.at[0])
-                turns.append(own[block.record][0] * np.conj(there))
-                powers.append(abs(there) ** 2 / about)
+    others = dict.fromkeys(
+        b.channel for b in blocks if b.channel != line.channel and (b.sensor != sensor or not sensor)
+    )
+    speed, place = RATES.get(line.channel, ""), next((p for p, s in RATES.items() if s == line.channel), "")
+    if speed in others or place in others:
+        there = _amplitudes(blocks, raw, speed if speed in others else place, line.at[0])
+        turn = 2j * np.pi * line.at[0]
+        moved = [(own[r][0] * turn, there[r][0]) if speed in others else (there[r][0] * turn, own[r][0]) for r in own]
+        return bool(sum(abs(x - v) ** 2 for x, v in moved) < ALIKE**2 * sum(abs(v) ** 2 for _, v in moved))
+    for channel in others:
+        there = _amplitudes(blocks, raw, channel, line.at[0])
+        turns = [own[r][0] * np.conj(there[r][0]) for r in own if r in there]
+        powers = [abs(there[r][0]) ** 2 / there[r][1] for r in own if r in there]
         phases = [t / abs(t) for t in turns if abs(t) > 0.0]
         if len(phases) > 1 and np.mean(powers) > SEEN and abs(np.mean(phases)) > STEADY:
             return True
     return False
+
+
+def _amplitudes(blocks, raw, channel: str, frequency: float) -> dict[str, tuple[complex, float]]:
+    """Record -> the channel's Fourier coefficient there, and the power about it."""
+    return {b.record: _amplitude(b, r, frequency) for b, r in zip(blocks, raw, strict=True) if b.channel == channel}
+
+
+def without_tones(joint: Joint, raw: Sequence[np.ndarray], lines: Sequence[Leftover]) -> Joint:
+    """All records without a tone each in some channels.
+
+    Parameters
+    ----------
+    joint : Joint
+        The records.
+    raw : sequence of ndarray
+        What a model leaves [T] of every block, in which the tones are seen.
+    lines : sequence of Leftover
+        Of the channels, one for each.
+
+    Returns
+    -------
+    Joint
+        Predicts the same; measured is what is left when the sine of each record that fits best, all of one frequency
+        near that of the line, is taken out.
+    """
+    cleaned = copy(joint)
+    cleaned.blocks = list(joint.blocks)
+    for line in lines:
+        own = [k for k, b in enumerate(joint.blocks) if b.channel == line.channel]
+        longest = max(joint.blocks[k].time[-1] - joint.blocks[k].time[0] for k in own)
+        about = np.linspace(line.at[0] - 1.0 / longest, line.at[0] + 1.0 / longest, 41)
+        taken = [[_sine(joint.blocks[k], raw[k], f) for k in own] for f in about]
+        best = max(taken, key=lambda sines: sum(float(s @ s) for s in sines))
+        for k, sine in zip(own, best, strict=True):
+            block = cleaned.blocks[k]
+            cleaned.blocks[k] = replace(block, measured=block.measured - sine)
+    return cleaned
+
+
+def _sine(block: Block, left: np.ndarray, frequency: float) -> np.ndarray:
+    """The sine of a frequency that fits a series best [T]."""
+    turn = 2.0 * np.pi * frequency * block.time
+    waves = np.column_stack([np.sin(turn), np.cos(turn)])
+    return waves @ np.linalg.lstsq(waves[block.good], left[block.good], rcond=None)[0]
 
 
 def _amplitude(block: Block, left: np.ndarray, frequency: float) -> tuple[complex, float]:

@@ -9,7 +9,7 @@ from scipy.signal import lfilter, savgol_filter
 
 from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
 from cable_envs.diagnosis.evidence.left import left_by
-from cable_envs.diagnosis.evidence.shared import bayes_bound, coherence_evidence, coherences
+from cable_envs.diagnosis.evidence.shared import bayes_bound, coherence_evidence, coherences, tones, without_tones
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.leftover import ALL
@@ -156,6 +156,44 @@ def test_hum_in_each_sensor_is_of_the_sensors_and_a_vibration_is_not():
     assert shaken.log_odds > SURE and not shaken.cause
     line = next(k for k in shaken.kinds if k.coordinate == "frequency" and " and " not in k.channel)
     assert line.at[0] == pytest.approx(7.3, abs=0.1)
+
+
+def test_a_hum_does_not_hide_what_is_left_beside_it():
+    both = _of_sensors(4, own=_hum, seen=lambda t, y, v: 1.5 * np.sin(40.0 * y))
+    assert both.log_odds > SURE and not both.cause
+
+
+def _place_and_speed(moved, hum):
+    """Blocks of a place and its speed in a control loop, and what a model leaves of both, in three records."""
+    rng, blocks, left = np.random.default_rng(8), [], []
+    time, turn = 0.01 * np.arange(3000), 2.0 * np.pi * 7.3
+    for record in "abc":
+        phase, own = rng.uniform(0.0, 2.0 * np.pi, 2)
+        for channel, size in (("position", moved), ("velocity", turn * moved)):
+            shift = 0.5 * np.pi if channel == "velocity" else 0.0
+            tone = size * np.sin(turn * time + phase + shift)
+            tone = tone + hum * np.sin(turn * time + own) * (channel == "position")
+            blocks.append(Block(record, channel, time, tone, np.ones(len(time), dtype=bool)))
+            left.append(tone + (1.0 if channel == "position" else turn) * 1e-5 * rng.standard_normal(len(time)))
+    found = tones(blocks, left, learn_whitener(blocks, left).flat(blocks, left))
+    return next(line for line in found if line.channel == "position")
+
+
+def test_what_moves_has_the_speed_of_its_place_and_a_hum_that_a_controller_passes_on_has_not():
+    assert not _place_and_speed(2e-5, 0.0).cause
+    assert "a steady tone of 7." in _place_and_speed(5e-6, 3e-5).cause
+
+
+def test_a_tone_is_taken_out_and_nothing_else():
+    model, rng = Sensors(4, sensors=1), np.random.default_rng(2)
+    joint = Joint(model, Sensors(504, sensors=1, records=1))
+    noise = [0.3 * rng.standard_normal(len(b.time)) for b in joint.blocks]
+    joint.blocks = [replace(b, measured=n + _hum(rng, b.time, 0)) for b, n in zip(joint.blocks, noise, strict=True)]
+    raw = [b.measured for b in joint.blocks]
+    line = next(iter(tones(joint.blocks, raw, learn_whitener(joint.blocks, raw).flat(joint.blocks, raw))))
+    cleaned = without_tones(joint, raw, [line])
+    for block, own in zip(cleaned.blocks, noise, strict=True):
+        assert np.std(block.measured - own) < 0.03  # two numbers of a sine, each sure to 0.3 (2 / T)^(1/2)
 
 
 def test_what_only_the_held_out_records_show_is_left():
