@@ -27,7 +27,7 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         "errors": Markup(figures.errors(record["fit"], named)), "maps": Markup(figures.maps(last, record["fit"])),
         "spectra": Markup(figures.spectra(record["spectra"])),
         "top": max((row["log_odds"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
-        "not_noise": words.not_noise(record),
+        "not_noise": words.not_noise(record), "products": words.products(record),
     }  # fmt: skip
     return pages.render(
         "cablebench.pages",

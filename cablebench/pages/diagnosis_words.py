@@ -193,6 +193,31 @@ def advice(record: Mapping[str, Any]) -> str:
     return "The table of the effects tried says from which size on this recording would have shown each."
 
 
+def _power(name: str, exponent: float, less: float) -> str:
+    base = plain(name) if less == 0.0 else f"({plain(name)} - {less:g})"
+    return base if exponent == 1.0 else f"{base}^{exponent:g}"
+
+
+def _to(low: float, high: float) -> str:
+    """``3 %`` of an interval's ends on either side of its geometric mean; ``a factor of 2.4``."""
+    factor = abs(high / low) ** 0.5 if low * high > 0.0 else float("inf")
+    if factor == float("inf"):
+        return "no factor"
+    return f"a factor of {factor:.2g}" if factor > 1.5 else f"{100.0 * (factor - 1.0):.2g} %"
+
+
+def products(record: Mapping[str, Any]) -> list[str]:
+    """What is known as a product only, a sentence for each."""
+    said = []
+    for one in record.get("products", ()):
+        names = one["names"]
+        text = " * ".join(map(_power, names, one["exponents"], one["less"]))
+        value = f"{number(one['value'])} {one['unit']}".strip()
+        alone = "; ".join(f"{plain(n)} to {_to(*ends)}" for n, ends in zip(names, one["alone_ci95"], strict=True))
+        said.append(f"Only the product {text} = {value} is known, to {_to(*one['ci95'])}. Each alone: {alone}.")
+    return said
+
+
 def _stepped(step: Mapping[str, Any], fit: Mapping[str, Any]) -> str:
     errors = ", ".join(f"{plain(c)} {shown(value, fit[c]['unit'])}" for c, value in step["heldout"].items())
     return f"  step: {plain(step['name'])}; RMS on held-out records after it: {errors}"
@@ -207,6 +232,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for effect in (*record["effects"], *record.get("suspected", ())):
         found.append(f"  {_called(effect)}: {effect['equation']}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
+    found += [f"  {said}" for said in products(record)]
     if len(record["steps"]) > 2:
         found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]
     found += [f"  where: {place['where']}" for place in record["location"][:4]]

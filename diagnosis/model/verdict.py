@@ -200,6 +200,9 @@ class Diagnosis:
     spectra : tuple of Mapping
         Where spectra were compared: channel, frequencies, Hz, power of what the answer leaves and what it expects, over
         that of the noise.
+    products : tuple of Mapping
+        Products of powers of parameters that are known where the parameters are not: names, exponents, what is
+        subtracted from each, value, unit, 95 % interval, and that of each parameter alone.
     rig : Mapping
         Content of augmented.yaml.
     traces : tuple of Trace
@@ -223,6 +226,7 @@ class Diagnosis:
     augmented_rig: str = "augmented.yaml"
     steps: tuple[EffectGain, ...] = ()
     spectra: tuple[Mapping[str, Any], ...] = ()
+    products: tuple[Mapping[str, Any], ...] = ()
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
 

@@ -9,7 +9,7 @@ import numpy as np
 import cable_envs
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.evidence.bands import Averaged
-from cable_envs.diagnosis.evidence.candidates import SURE, WIDE
+from cable_envs.diagnosis.evidence.candidates import SURE, WIDE, Joint
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
@@ -20,6 +20,7 @@ from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
 from cable_envs.diagnosis.model.verdict import NAMED, Diagnosis, EffectGain, Estimate, Trace
 from cable_envs.diagnosis.report.fitted_range import fitted_range
+from cable_envs.diagnosis.report.products import products
 from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
 from cable_envs.diagnosis.search.selection import Selection
@@ -77,6 +78,7 @@ def answer(
         {**about, "version": cable_envs.__version__},
         steps=tuple(_with_units(step, question) for step in selection.steps),
         spectra=() if selection.bands is None else tuple(selection.bands.rows()),
+        products=tuple(_products(question, selection)),
         rig=rig | ({"valid": valid} if valid else {}),
         traces=traces,
     )
@@ -145,6 +147,18 @@ def _found(accepted: EffectGain, question: Question, selection: Selection) -> Ef
         parameters[parameter_name(row, h)] = Estimate(fit.values[row], low, high, question.units[row], row)
     others = tuple(dict.fromkeys(effect_name(n) for n in accepted.alternatives))
     return replace(accepted, alternatives=tuple(n for n in others if n != h.canonical), parameters=parameters)
+
+
+def _products(question: Question, selection: Selection) -> list[dict[str, Any]]:
+    """What the last model knows as products only, of all records; not of one that was compared by spectra."""
+    if selection.bands is not None:
+        return []
+    effects = [e.hypothesis for e in (*selection.accepted, *selection.faults)]
+    nulls = {name: null for h in effects for name, null in h.nulls.items() if name not in h.inverse}
+    phases = [h.wave[1] for h in effects if h.wave]
+    joint, final = Joint(question.fit, question.heldout), selection.final
+    found = products(joint, final.whitener, final.fit, nulls, (*question.nuisance, *phases))
+    return [one.as_json(question.units) for one in found]
 
 
 def _with_units(step: EffectGain, question: Question) -> EffectGain:

@@ -90,6 +90,17 @@ def test_headline_small_print_and_json_agree(kind):
     assert small[2] == odds(left) and (small[1] == "not noise") == more
 
 
+def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():
+    product = {
+        "names": ["gap", "stiffness"], "exponents": [1.0, -0.5], "less": [0.0, 0.0], "value": 2.0, "unit": "m",
+        "ci95": [1.9, 2.1], "alone_ci95": [[1.0, 4.0], [1.0, 16.0]],
+    }  # fmt: skip
+    record = {**CASES["two"], "products": [product]}
+    said = "Only the product gap * stiffness^-0.5 = 2 m is known"
+    assert said in text_of(render(record)) and any(said in line for line in lines(record))
+    assert "Only the product" not in text_of(render(CASES["two"]))
+
+
 def test_odds_are_said_as_people_say_them():
     assert (odds(-2.0), odds(3.0), odds(27.6), odds(None)) == (
         "odds below 1 to 1", "odds 20 to 1", "odds 10^12 to 1", "odds below 1 to 1"
