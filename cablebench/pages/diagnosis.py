@@ -22,19 +22,20 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
     ]
     last = [row for row in record["leftover"] if row["when"] == "after the model"] or record["leftover"]
     content = {
-        "record": record, "named": named, "title": words.VERDICT[record["verdict"]], "headline": words.headline(record),
+        "record": record, "named": named, "title": words.title(record), "headline": words.headline(record),
         "cost": words.cost(record), "advice": words.advice(record), "places": shown, "left": last,
         "errors": Markup(figures.errors(record["fit"], named)), "maps": Markup(figures.maps(last, record["fit"])),
         "spectra": Markup(figures.spectra(record["spectra"])),
         "top": max((row["log_odds"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
         "not_noise": words.not_noise(record), "products": words.products(record),
+        "unexplained": words.unexplained(record),
     }  # fmt: skip
     return pages.render(
         "cablebench.pages",
         "templates/diagnosis.html.j2",
         content,
         filters={"plain": words.plain, "number": words.number, "interval": words.interval, "odds": words.odds},
-        helpers={"shown": words.shown},
+        helpers={"shown": words.shown, "sure": words.sure},
     )
 
 

@@ -42,13 +42,15 @@ def over_time(trace: Any, named: bool) -> str:
         top.plot(time, factor * trace.refit[keep], color=RED, linewidth=0.8, linestyle=(0, (4, 2)), label="refitted")
         top.set_ylabel(f"{plain(trace.channel)} [{unit}]")
         left = np.where(trace.good, trace.measured - trace.refit, np.nan)[keep]
-        bottom.plot(time, factor * left, color=RED, linewidth=0.6, label="recorded − refitted")
+        bottom.plot(time, factor * left, color=RED, linewidth=0.6, label="refitted")
         if named:
             after = np.where(trace.good, trace.measured - trace.augmented, np.nan)[keep]
-            bottom.plot(time, factor * after, color=BLUE, linewidth=0.6, label="recorded − with the answer")
+            bottom.plot(time, factor * after, color=BLUE, linewidth=0.6, label="with the answer")
         for side in (-2.0, 2.0):
             bottom.axhline(side * factor * trace.noise, color=SOFT, linewidth=0.7, linestyle=(0, (2, 2)))
-        bottom.set(xlabel="time of the recording [s]", ylabel=f"residual [{unit}]", xlim=(time[0], time[-1]))
+        bottom.set(
+            xlabel="time of the recording [s]", ylabel=f"recorded less\nsimulated [{unit}]", xlim=(time[0], time[-1])
+        )
         for ax in (top, bottom):
             ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         figure.subplots_adjust(left=0.085, right=0.99, top=0.92, bottom=0.12, hspace=0.3)
@@ -106,7 +108,7 @@ def _panel(
         forward = place["range"][0] > 0.0
         low, high = (0.0, values.max()) if forward else (values.min(), 0.0)
         ax.axvspan(by * low, by * high, color=SHADE, alpha=0.6, linewidth=0)
-    series = [("after the refit", RED, np.concatenate([t.measured - t.refit for t in traces]))]
+    series = [("refitted", RED, np.concatenate([t.measured - t.refit for t in traces]))]
     if named:
         series.append(("with the answer", BLUE, np.concatenate([t.measured - t.augmented for t in traces])))
     edges = np.unique(np.quantile(values[good], np.linspace(0.0, 1.0, _BINS + 1)))
@@ -151,11 +153,11 @@ def errors(fit: Mapping[str, Any], named: bool) -> str:
         ]
         ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
         ax.set_xticks([], minor=True)
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, borderaxespad=0.1)
+        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
         height = figure.get_size_inches()[1]
-        figure.subplots_adjust(left=0.16, right=0.98, top=1 - 0.32 / height, bottom=0.5 / height)
+        figure.subplots_adjust(left=0.16, right=0.98, top=1 - 0.52 / height, bottom=0.5 / height)
 
-    return svg(draw, 7.2, 1.0 + 0.34 * len(channels))
+    return svg(draw, 7.2, 1.2 + 0.34 * len(channels))
 
 
 def maps(leftover: Sequence[Mapping[str, Any]], fit: Mapping[str, Any]) -> str:

@@ -64,55 +64,74 @@ def not_noise(record: Mapping[str, Any]) -> bool:
     return left is not None and left > record["test"]["sure"]
 
 
-def _left(record: Mapping[str, Any]) -> str:
-    """What is left, in words; empty where that is noise."""
-    if not not_noise(record) and not record["test"]["cause"]:
-        return ""
+def title(record: Mapping[str, Any]) -> str:
+    """The kind of the answer, and that something is left."""
+    what = VERDICT[record["verdict"]]
+    return f"{what}; something is left that is not noise" if named(record) and unexplained(record) else what
+
+
+def unexplained(record: Mapping[str, Any]) -> str:
+    """What no effect and no fault of the data explains, in words with its share; empty where that is noise."""
     test = record["test"]
-    if test["cause"]:
-        return f"of the data: {test['cause']}"
-    return f"what is left is not noise ({odds(test['log_odds_left'])})"
+    if not not_noise(record) or test.get("cause_left", test["cause"]):
+        return ""
+    return f"{_share(record)}, and that is not noise ({odds(test['log_odds_left'])})"
+
+
+def _share(record: Mapping[str, Any]) -> str:
+    """``4 % of the mismatch is unexplained``; of a model without effects nothing is explained."""
+    share = record["test"]["share_left"]
+    if share is None or not 0.0 <= share < 1.0:
+        return "something is left"
+    return f"{'less than 1' if share < 0.01 else f'{100.0 * share:.0f}'} % of the mismatch is unexplained"
 
 
 def headline(record: Mapping[str, Any]) -> str:
-    """What is missing, how sure that is and whether something is left, in one sentence."""
-    verdict, effects, left = record["verdict"], record["effects"], _left(record)
+    """What is missing, how sure that is and what is left, in a sentence or two."""
+    verdict, rest, cause = record["verdict"], unexplained(record), record["test"]["cause"]
     if verdict == "no_detectable_mismatch":
         itself = " It oscillates by itself, as the recording does." if record.get("spectra") else ""
         alone = (
             "No mismatch beyond noise: after the refit of its nominal parameters the simulator explains this recording."
         )
-        beside = f"No effect is missing, but {left}: too little beside what the rig's own effects explain."
-        return (beside if left else alone) + itself
+        beside = f"No effect is missing, but {rest}: too little beside what the rig's own effects explain."
+        return (beside if rest else alone) + itself
     if verdict == "data_fault":
-        return f"Your data, not your physics: nothing of the rig is missing, but {record['test']['cause']}."
+        besides = f" Besides, {rest}." if rest else ""
+        return f"Your data, not your physics: nothing of the rig is missing, but {cause}.{besides}"
     if verdict == "unknown":
-        return _unknown(record, left)
-    several = " and ".join(_one(effect) for effect in effects)
-    if verdict == "partly_named":
-        share = record["test"]["share_left"]
-        return f"The simulator probably lacks {several}, and {share:.0%} of the mismatch is unexplained: {left}."
-    if left and record["test"]["cause"]:
-        return f"The simulator lacks {several}; besides, {left}."
-    return f"The simulator lacks {several}{f', and something more: {left}' if left else ''}."
+        return _unknown(record, rest)
+    several = " and ".join(_one(effect, bool(rest)) for effect in record["effects"])
+    probably = "probably " if verdict == "partly_named" else ""
+    besides = f" Besides, of the data: {cause}." if cause else ""
+    return f"The simulator {probably}lacks {several}{f', but that is not all: {rest}' if rest else ''}.{besides}"
 
 
-def _unknown(record: Mapping[str, Any], left: str) -> str:
-    places = record["location"]
+def _unknown(record: Mapping[str, Any], rest: str) -> str:
+    places, cause = record["location"], record["test"]["cause"]
     where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
+    where += f" Besides, of the data: {cause}." if cause else ""
     if record.get("suspected"):
-        but = f"but {left}" if left else "but a channel is predicted worse than by its own mean"
-        return f"Something is missing. The fit improves with {_suspects(record)}, {but}.{where}"
-    rest = f", and {left}" if left else ""
-    return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it{rest}.{where}"
+        alike = any(effect.get("alternatives") for effect in record["suspected"])
+        but = rest or ("unlike laws do as well" if alike else "a channel is predicted worse than by its own mean")
+        return f"Something is missing. The fit improves with {_suspects(record)}, but {but}.{where}"
+    more = f": {rest}" if rest else ""
+    return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it{more}.{where}"
 
 
-def _one(effect: Mapping[str, Any]) -> str:
-    sure = f"{100 * effect['confidence']:.0f} % sure"
+def sure(effect: Mapping[str, Any], rest: bool) -> str:
+    """How sure an effect is; rest: whether something is left, of which that says nothing."""
+    text = f"{100 * effect['confidence']:.0f} % sure"
+    if effect["alternatives"]:
+        return f"{text} that it is one of them"
+    return f"{text} that it is there" if rest else text
+
+
+def _one(effect: Mapping[str, Any], rest: bool) -> str:
     if effect["alternatives"]:
         others = " or ".join(plain(n) for n in (effect["name"], *effect["alternatives"]))
-        return f"either {others} ({sure} that it is one of them)"
-    return f"{_called(effect)} ({sure})"
+        return f"either {others} ({sure(effect, rest)})"
+    return f"{_called(effect)} ({sure(effect, rest)})"
 
 
 def _called(effect: Mapping[str, Any]) -> str:

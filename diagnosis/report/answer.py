@@ -236,7 +236,7 @@ def _test(question: Question, selection: Selection, faults: Sequence[EffectGain]
         "p_value": None if scored is None else min(scored.p_value, 1.0),
         "log_odds": most, "log_odds_left": after.log_odds, "share_left": after.share,
         "cause": "; ".join([*map(in_words, faults), *([after.cause] if after.cause and selection.more else [])]),
-        "sure": float(np.log(SURE)),
+        "cause_left": after.cause if selection.more else "", "sure": float(np.log(SURE)),
         "minimum_detectable": {h.name: _detectable(h, question, selection) for h in question.hypotheses},
     }  # fmt: skip
 

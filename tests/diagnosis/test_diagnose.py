@@ -446,12 +446,15 @@ def test_an_unknown_mismatch_says_what_helped_and_how_far():
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
     assert headline(record) == (
-        "Something is missing. The fit improves with backlash, but what is left is not noise (odds 10^7 to 1)."
+        "Something is missing. The fit improves with backlash, but 40 % of the mismatch is unexplained, "
+        "and that is not noise (odds 10^7 to 1)."
     )
     worse = {**record, "test": {**test, "log_odds_left": 0.3}}
     assert headline(worse) == (
         "Something is missing. The fit improves with backlash, but a channel is predicted worse than by its own mean."
     )
+    alike = {**worse, "suspected": [{**record["suspected"][0], "alternatives": ["viscoelastic_creep"]}]}
+    assert headline(alike).endswith("improves with backlash, but unlike laws do as well.")
     assert "and 0.186 N with backlash" in cost(record) and "--effect-file" in advice(record)
     assert "    gap = 0.501 mm (95 %: 0.46 mm to 0.54 mm)" in lines(record)
     nothing = {**record, "suspected": []}

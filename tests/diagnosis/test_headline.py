@@ -1,12 +1,20 @@
 """Headline, small print and JSON of an answer say the same: verdict, names, confidence, and what is left."""
 
 import html
+import json
 import re
+from types import SimpleNamespace
 
 import pytest
 
+from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.model.leftover import Left
+from cable_envs.diagnosis.model.verdict import VERDICTS, EffectGain
+from cable_envs.diagnosis.report import answer as answers
+from cable_envs.diagnosis.search.selection import REST, Selection
 from cablebench.pages.diagnosis import render
-from cablebench.pages.diagnosis_words import VERDICT, headline, lines, odds, plain
+from cablebench.pages.diagnosis_words import VERDICT, headline, lines, odds, plain, title
+from tests.support.diagnosis_toy import HYPOTHESES
 
 GAP = {"value": 5.01e-4, "unit": "m", "ci95": [4.6e-4, 5.4e-4], "parameter": "backlash.gap"}
 FIT = {"nominal": 5.44, "refit": 5.02, "augmented": 0.2, "suspected": 0.19}
@@ -19,7 +27,7 @@ def effect(name, confidence, alternatives=()):
     }  # fmt: skip
 
 
-def answer(verdict, left, effects=(), suspected=(), cause="", share=0.01):
+def answer(verdict, left, effects=(), suspected=(), cause="", share=0.04, cause_left=None):
     row = {
         "name": "backlash", "log_odds": 120.0, "score": 90.0, "absorbability_deg": 40.0, "looks_like": ["slack"],
         "state": "accepted", "effect": "backlash", "declared_confusable": [], "equation": "",
@@ -29,6 +37,7 @@ def answer(verdict, left, effects=(), suspected=(), cause="", share=0.01):
         "verdict": verdict, "effects": list(effects), "suspected": list(suspected), "location": [], "absorbed": {},
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": FIT, "fit_rmse": FIT}},
         "test": {"p_value": 1e-30, "log_odds": 80.0, "log_odds_left": left, "share_left": share, "cause": cause,
+                 "cause_left": cause if cause_left is None else cause_left,
                  "sure": 3.0, "minimum_detectable": {"backlash": "0.01 mm"}},
         "hypotheses": [row], "permutation": [],
         "leftover": [{**kind, "at": [], "height": [], "error": [], "unit": "m/s"}],
@@ -40,18 +49,27 @@ def answer(verdict, left, effects=(), suspected=(), cause="", share=0.01):
 ONE, TWO = effect("backlash", 0.9), effect("viscoelastic_creep", 0.85)
 EITHER = effect("backlash", 0.9, ("slack",))
 CLOCK = "the logger's clock is off by +0.12 %"
+DRIFTS = "load position: its zero drifts"
 CASES = {
     "named": answer("named", 0.3, [ONE]),
     "named, and more is left": answer("named", 88.0, [ONE]),
-    "named, and the data have a fault": answer("named", 8.0, [ONE], cause=CLOCK),
+    "named, and a little more is left": answer("named", 88.0, [ONE], share=0.0004),
+    "named, and the data have a fault": answer("named", 8.0, [ONE], cause=DRIFTS),
+    "named, and both": answer("named", 88.0, [ONE], cause=CLOCK, cause_left=""),
     "two": answer("named", 1.0, [ONE, TWO]),
+    "two, and more is left": answer("named", 19.0, [ONE, TWO]),
     "class": answer("equivalence_class", -4.0, [EITHER]),
     "class, and more is left": answer("equivalence_class", 19.0, [EITHER, TWO]),
     "probably": answer("partly_named", 25.0, [ONE], share=0.18),
-    "unknown": answer("unknown", 27.0),
-    "unknown, with what helps": answer("unknown", 27.0, suspected=[ONE]),
+    "probably a class": answer("partly_named", 25.0, [EITHER], share=0.18),
+    "probably, and the data have a fault": answer("partly_named", 25.0, [ONE], share=0.18, cause=CLOCK, cause_left=""),
+    "unknown": answer("unknown", 27.0, share=None),
+    "unknown, with what helps": answer("unknown", 27.0, suspected=[ONE], share=0.6),
     "unknown, for another reason": answer("unknown", 0.2, suspected=[TWO]),
-    "data": answer("data_fault", 40.0, cause=CLOCK),
+    "unknown, and the data have a fault": answer("unknown", 27.0, cause=CLOCK, share=None, cause_left=""),
+    "data": answer("data_fault", 40.0, cause=DRIFTS),
+    "data, and a little more": answer("data_fault", 12.0, cause=CLOCK, cause_left=""),
+    "data, with what helps": answer("data_fault", 40.0, cause=DRIFTS, suspected=[TWO]),
     "nothing": answer("no_detectable_mismatch", 0.7),
     "nothing, beside the rig's own effects": answer("no_detectable_mismatch", 12.0),
 }
@@ -63,31 +81,62 @@ def text_of(page):
     )
 
 
+def test_every_verdict_is_among_the_cases():
+    assert {record["verdict"] for record in CASES.values()} == set(VERDICTS) == set(VERDICT)
+
+
+def read(said):
+    """What a headline says, in the JSON's terms: (share in percent or "", odds) of what is left, "" where none is."""
+    found = re.search(
+        r"((?:less than 1|\d+) %) of the mismatch is unexplained, and that is not noise \((odds .*?)\)", said
+    )
+    other = re.search(r"something is left, and that is not noise \((odds .*?)\)", said)
+    return found.groups() if found else ("", other[1]) if other else ""
+
+
 @pytest.mark.parametrize("kind", CASES)
 def test_headline_small_print_and_json_agree(kind):
-    record = CASES[kind]
+    record = json.loads(json.dumps(CASES[kind]))
     said, page = headline(record), text_of(render(record))
     assert said in page and said == lines(record)[0] and VERDICT[record["verdict"]] in page
     names = {name for e in record["effects"] for name in (e["name"], *e["alternatives"])}
+    suspected = {e["name"] for e in record["suspected"]} if record["verdict"] == "unknown" else set()
     for name in ("backlash", "slack", "viscoelastic_creep"):
-        suspected = any(e["name"] == name for e in record["suspected"])
-        assert (plain(name) in said) == (name in names or suspected)
-    for e in record["effects"]:
-        sure = f"{100 * e['confidence']:.0f} % sure"
-        assert sure in said and page.count(sure) >= 2  # in the headline and beside the law
-    if not record["effects"]:
-        assert "% sure" not in page
-    left, cause = record["test"]["log_odds_left"], record["test"]["cause"]
-    more = left > record["test"]["sure"]
-    assert (odds(left) in said) == (more and not cause)
-    assert ("what is left is not noise" in said) == (more and not cause)
-    assert (cause in said) if cause else True
-    if record["verdict"] == "partly_named":
-        assert "probably lacks" in said and "18% of the mismatch is unexplained" in said
-    elif record["effects"] and more and not cause:
-        assert "and something more" in said
+        assert (plain(name) in said) == (name in names | suspected)
+    test = record["test"]
+    left, cause, share = test["log_odds_left"], test["cause"], test["share_left"]
+    more = left > test["sure"]
+    of_rig = more and not test["cause_left"]
+    percent = "" if share is None else "less than 1 %" if share < 0.01 else f"{100 * share:.0f} %"
+    assert read(said) == ((percent, odds(left)) if of_rig else "")  # the headline has the JSON's share and odds
+    assert said.count("not noise") == of_rig and (cause in said)
     small = re.search(r"What is left is (not noise|noise) \((odds [^)]+)\)", page)
     assert small[2] == odds(left) and (small[1] == "not noise") == more
+    after = page[small.end() : page.index("Seed", small.end())]
+    assert read(after) == read(said)  # so has the small print
+    for e in record["effects"]:
+        sure = f"{100 * e['confidence']:.0f} % sure"
+        of = " that it is one of them" if e["alternatives"] else " that it is there" if of_rig else ""
+        assert f"({sure}{of})" in said and f", {sure}{of}." in page  # in the headline and beside the law
+    if not record["effects"]:
+        assert "% sure" not in page
+    assert ("but that is not all" in said) == ("This is not all" in page) == bool(record["effects"] and of_rig)
+    assert ("something is left that is not noise" in title(record)) == bool(record["effects"] and of_rig)
+    assert ("probably lacks" in said) == (record["verdict"] == "partly_named")
+
+
+@pytest.mark.parametrize(("odds_left", "share"), [(88.0, 0.01), (88.0, 0.2), (0.5, 0.0)])
+def test_an_answer_of_the_tool_says_what_is_left_as_its_json_does(odds_left, share):
+    """From a selection with an effect to its verdict and its words."""
+    effect = EffectGain(HYPOTHESES[0], 90.0, confidence=0.9)
+    left = Left(odds_left, share, ())
+    judged = Judged(None, (), None, 0.0)
+    selection = Selection(judged, judged, (effect,), (), left, left)
+    test = answers._test(SimpleNamespace(hypotheses=()), selection, ())
+    record = {"verdict": selection.verdict, "effects": [effect.as_answer()], "test": test, "location": []}
+    said = headline(json.loads(json.dumps(record)))
+    assert selection.verdict == ("partly_named" if share > REST else "named")
+    assert read(said) == ((f"{100 * share:.0f} %", odds(odds_left)) if selection.more else "")
 
 
 def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():
