@@ -87,7 +87,7 @@ def along(traces: Sequence[Any], place: Mapping[str, Any] | None, named: bool) -
                 ax.set_visible(False)
             elif k % 3 == 0:
                 ax.set_ylabel(f"mean residual [{unit}]")
-        axes[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
+        axes[0].legend(loc="lower left", bbox_to_anchor=(-0.2, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)
         height = figure.get_size_inches()[1]
         figure.subplots_adjust(
             left=0.1, right=0.99, top=1 - 0.3 / height, bottom=0.5 / height, hspace=0.45, wspace=0.08
@@ -153,7 +153,7 @@ def errors(fit: Mapping[str, Any], named: bool) -> str:
         ]
         ax.set_xticks(ticks, [f"{t:g}" for t in ticks])
         ax.set_xticks([], minor=True)
-        ax.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=2, borderaxespad=0.1)
+        ax.legend(loc="lower left", bbox_to_anchor=(-0.18, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.2)
         height = figure.get_size_inches()[1]
         figure.subplots_adjust(left=0.16, right=0.98, top=1 - 0.52 / height, bottom=0.5 / height)
 

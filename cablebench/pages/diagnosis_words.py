@@ -98,6 +98,9 @@ def headline(record: Mapping[str, Any]) -> str:
         return (beside if rest else alone) + itself
     if verdict == "data_fault":
         besides = f" Besides, {rest}." if rest else ""
+        if record["suspected"]:
+            helps = f"The fit improves with {_suspects(record)}, of which nothing can be told before that is mended."
+            return f"Your data before your physics: {cause}. {helps}{besides}"
         return f"Your data, not your physics: nothing of the rig is missing, but {cause}.{besides}"
     if verdict == "unknown":
         return _unknown(record, rest)

@@ -4,12 +4,15 @@ Where all numbers of the physics are stated, a right simulator predicts the size
 A channel that has the predicted course in another size, by more than half way to the next unit, is in another unit.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.factors import ALIKE, HALF, OF_FORCES, OF_RATES, hint
 from cable_envs.diagnosis.intake.gate import Fault
 from cable_envs.diagnosis.intake.tracks import EFFORTS
+from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.systems.question import Question
 
 
@@ -26,8 +29,22 @@ def off_claims(recording: Recording, question: Question) -> list[Fault]:
     stated = {*recording.known, *recording.nominal, *(recording.rig.values if recording.rig else ())}
     if not question.nominals or set(question.nominals) - set(question.nuisance) - stated:
         return []
-    model = question.fit
-    predicted = model.predict(np.array([[p.start] for p in model.parameters]))
+    return off_prediction(question.fit, {}, "with the stated numbers")
+
+
+def off_prediction(model: Model, values: Mapping[str, float], numbers: str) -> list[Fault]:
+    """Channels that a model predicts in their course and in another size, or with the other sign.
+
+    Parameters
+    ----------
+    model : Model
+        With the records.
+    values : mapping of str to float
+        Of its parameters; those that are not here are where refits start.
+    numbers : str
+        What these values are called.
+    """
+    predicted = model.predict(np.array([[values.get(p.name, p.start)] for p in model.parameters]))
     series: dict[str, list[tuple[np.ndarray, np.ndarray]]] = {}
     for block, out in zip(model.blocks, predicted, strict=True):
         good = block.good & np.isfinite(block.measured) & np.isfinite(out[:, 0])
@@ -43,7 +60,7 @@ def off_claims(recording: Recording, question: Question) -> list[Fault]:
         ratio = float(np.sqrt((seen @ seen) / (said @ said))) * float(np.sign(seen @ said))
         if 1.0 / HALF < ratio < HALF:
             continue
-        text = f"{ratio:.3g} times what the simulator with the stated numbers makes of it, in the same course"
+        text = f"{ratio:.3g} times what the simulator {numbers} makes of it, in the same course"
         known = hint(ratio, OF_FORCES if channel in EFFORTS else OF_RATES)
         found.append(Fault(model.blocks[0].record, channel, 1, f"{text}: {known}"))
     return found

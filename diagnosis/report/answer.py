@@ -13,9 +13,10 @@ from cable_envs.diagnosis.evidence.candidates import SURE, WIDE, Joint
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
+from cable_envs.diagnosis.intake.after import Suspicion, after_fit
 from cable_envs.diagnosis.intake.gate import Quality
 from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES
-from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
+from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
 from cable_envs.diagnosis.model.verdict import NAMED, Diagnosis, EffectGain, Estimate, Trace
@@ -41,10 +42,15 @@ def answer(
     rng: np.random.Generator,
     about: Mapping[str, Any],
 ) -> Diagnosis:
-    """The verdict. Where nothing is named, the refit stands for the augmented model."""
+    """The verdict. Where nothing is named, the refit stands for the augmented model.
+
+    Where the last model brings to light that the data are to be mended first, nothing is named either.
+    """
     found = tuple(_found(a, question, selection) for a in selection.accepted)
     faults = tuple(_found(a, question, selection) for a in selection.faults)
-    verdict = selection.verdict
+    seen = () if selection.bands else after_fit(question, selection.final.fit, selection.null.fit)
+    to_mend = [one for one in seen if one.fatal]
+    verdict = "data_fault" if to_mend else selection.verdict
     named = verdict in NAMED
     mended = verdict == "data_fault" and not found
     final = selection.final if named or mended else selection.null
@@ -61,10 +67,10 @@ def answer(
         tuple(location),
         _absorbed(question, selection.null, final),
         _errors(_predictable(question, selection), selection.null, final, floors, helped),
-        _test(question, selection, faults),
+        _test(question, selection, faults, to_mend),
         () if named else found,
         faults,
-        _tried(question, selection),
+        _tried(question, selection, verdict),
         tuple(_leftovers(selection)),
         tuple(permuted(question.fit, selection.null, final, rng)),
         quality.visited,
@@ -72,7 +78,7 @@ def answer(
             *question.notes,
             *quality.notes,
             *_oscillating(selection),
-            *_faulty(selection, faults),
+            *_faulty(selection, faults, seen),
             *_unpredicted(selection),
         ),
         {**about, "version": cable_envs.__version__},
@@ -84,9 +90,9 @@ def answer(
     )
 
 
-def _faulty(selection: Selection, faults: Sequence[EffectGain]) -> list[str]:
+def _faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[Suspicion]) -> list[str]:
     """What is wrong with the data, in words."""
-    said = [in_words(fault) for fault in faults]
+    said = [*(one.text for one in seen), *map(in_words, faults)]
     if selection.after.cause and selection.more:
         said.append(selection.after.cause)
     return [f"of the data, not of the rig: {text}" for text in said]
@@ -229,13 +235,18 @@ def _rms(model: Model, series: Sequence[np.ndarray], channel: str) -> float:
     return float(np.sqrt(np.mean(np.concatenate(own) ** 2)))
 
 
-def _test(question: Question, selection: Selection, faults: Sequence[EffectGain]) -> dict[str, Any]:
+def _test(
+    question: Question, selection: Selection, faults: Sequence[EffectGain], to_mend: Sequence[Suspicion] = ()
+) -> dict[str, Any]:
     scored, after = selection.score_tests, selection.after
     most = max([selection.before.log_odds, *selection.tried.values()])
+    causes = [*(one.text for one in to_mend), *map(in_words, faults)]
+    if after.cause and selection.more:
+        causes.append(after.cause)
     return {
         "p_value": None if scored is None else min(scored.p_value, 1.0),
         "log_odds": most, "log_odds_left": after.log_odds, "share_left": after.share,
-        "cause": "; ".join([*map(in_words, faults), *([after.cause] if after.cause and selection.more else [])]),
+        "cause": "; ".join(causes),
         "cause_left": after.cause if selection.more else "", "sure": float(np.log(SURE)),
         "minimum_detectable": {h.name: _detectable(h, question, selection) for h in question.hypotheses},
     }  # fmt: skip
@@ -281,7 +292,7 @@ def _probed(score: Score, row: str) -> float:
     return score.directions[0].get(row, score.hypothesis.nulls[row])
 
 
-def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ...]:
+def _tried(question: Question, selection: Selection, verdict: str) -> tuple[dict[str, Any], ...]:
     """Every hypothesis: the log odds of the model with it, and what came of it."""
     taken = {a.hypothesis.name: a for a in (*selection.accepted, *selection.faults)}
     first = selection.score_tests
@@ -294,7 +305,7 @@ def _tried(question: Question, selection: Selection) -> tuple[dict[str, Any], ..
             "name": h.name, "effect": h.canonical, "score": 0.5 * score.gain if score else 0.0,
             "log_odds": selection.tried.get(h.name), "absorbability_deg": score.absorbability if score else 0.0,
             "looks_like": list(like), "declared_confusable": list(h.confusable),
-            "state": _state(h.name, taken, selection) + (TURNED if turned else ""), "equation": h.equation,
+            "state": _state(h.name, taken, selection, verdict) + (TURNED if turned else ""), "equation": h.equation,
         })  # fmt: skip
     return tuple(sorted(rows, key=_order(taken)))
 
@@ -315,9 +326,13 @@ def wrong_way(score: Score | None, model: Model, least: float) -> bool:
     return len(score.directions) == 1 and score.amount[0] < 0.0 and null in (row.low, row.high)
 
 
-def _state(name: str, taken: Mapping[str, EffectGain], selection: Selection) -> str:
+def _state(name: str, taken: Mapping[str, EffectGain], selection: Selection, verdict: str) -> str:
     if name in taken:
-        return "accepted" if selection.verdict != "unknown" else "improves the fit, but does not explain what is left"
+        return (
+            "accepted"
+            if verdict in NAMED or name.startswith(LOGGER)
+            else "improves the fit, but does not explain what is left"
+        )
     classes = [a.hypothesis.name for a in taken.values() if name in a.alternatives]
     if classes:
         return f"cannot be distinguished from {', '.join(classes)}"
