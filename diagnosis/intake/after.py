@@ -172,7 +172,7 @@ def _sizes(question: Question, fit: Fit) -> Iterator[Suspicion]:
 
 
 class _Pair(NamedTuple):
-    """One channel of one record: s at its first sample and between them, measured and predicted [T] less their means."""
+    """A channel of a record: s at its first sample and between them, measured and predicted less their means [T]."""
 
     record: str
     unit: str
