@@ -3,8 +3,10 @@
 Every kind of `cable_envs.proof.logs.corruptions` is made in a recording of each set: drives, cables through a hole and
 circuits of generator A, and the published sets where they are. A corrupted recording is "refused" on import or by the
 checks before the fit, "noted" where they say something that they do not say of the good recording, or it "passes".
-With ``--answers`` those that pass are diagnosed, and the table says which end with an effect's name. The good
-recordings are checked too: a refusal of one is a false alarm.
+With ``--refit`` the nominal parameters are refitted, and "after" is what the checks beside the refitted simulator find:
+a diagnosis answers it with "data_fault". With ``--answers`` those that pass are diagnosed, and the table says which end
+with an effect's name. The good recordings are checked too: a refusal of one, or a fault found after its refit, is a
+false alarm.
 """
 
 import argparse
@@ -22,10 +24,13 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.diagnosis.data.recording import Recording, load_recording
 from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.fit.likelihood import refit_nominals
+from cable_envs.diagnosis.intake.after import after_fit
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.real.sets import FOLDERS, imported
 from cable_envs.diagnosis.systems import looked_at
+from cable_envs.diagnosis.systems.question import Question
 from cable_envs.proof.cases import Case
 from cable_envs.proof.logs.cases import make
 from cable_envs.proof.logs.corruptions import CORRUPTIONS, Roles, corrupted
@@ -41,7 +46,7 @@ _POSITIONS = ("position", "drive_position", "load_position", "drive_angle", "out
 _EFFORTS = ("force", "drive_tension", "load_tension", "drive_torque", "output_torque")
 _COMMANDS = ("position_reference", "drive_velocity_command", "drive_angle_command")
 _OTHERS = ("load_tension", "output_torque", "velocity", "band_tension_1", "drive_velocity")
-REFUSED, NOTED, PASSES, NAMED = "refused", "noted", "passes", "named"
+REFUSED, AFTER, NOTED, PASSES, NAMED = "refused", "after", "noted", "passes", "named"
 
 
 def roles_of(recording: Recording) -> Roles:
@@ -72,24 +77,41 @@ def with_tables(recording: Recording, tables: list[dict[str, np.ndarray]]) -> Re
     )  # fmt: skip
 
 
-def said_of(recording: Recording) -> tuple[str, ...]:
-    """("refused", the faults), or ("noted", the notes), or ("passes",)."""
+def said_of(recording: Recording, refit: bool = False) -> tuple[str, ...]:
+    """("refused", the faults), ("after", those that a refit shows), ("noted", the notes), or ("passes",)."""
     quality = gate(recording, looked_at(recording))
     fatal = [str(fault) for fault in quality.faults if fault.fatal]
     if not fatal:
         fatal = _off_claims(recording)
     if fatal:
         return (REFUSED, *fatal)
+    seen = _after(recording) if refit else []
+    if seen:
+        return (AFTER, *seen)
     return (NOTED, *quality.notes) if quality.notes else (PASSES,)
 
 
-def _off_claims(recording: Recording) -> list[str]:
-    """What the simulator with the stated numbers says; nothing where the recording states too little to be asked."""
+def _question(recording: Recording) -> Question | None:
+    """None where the recording states too little to be asked."""
     try:
-        question = ask(recording, request_of(recording))
+        return ask(recording, request_of(recording))
     except ConfigurationError:
+        return None
+
+
+def _off_claims(recording: Recording) -> list[str]:
+    """What the simulator with the stated numbers says."""
+    question = _question(recording)
+    return [] if question is None else [str(fault) for fault in off_claims(recording, question)]
+
+
+def _after(recording: Recording) -> list[str]:
+    """What the simulator with refitted numbers says."""
+    question = _question(recording)
+    if question is None:
         return []
-    return [str(fault) for fault in off_claims(recording, question)]
+    fit = refit_nominals(question.fit, question.nominals).fit
+    return [one.text for one in after_fit(question, fit) if one.fatal]
 
 
 def simulated(system: str, seed: int, noise: str = "white, unstated") -> Recording:
@@ -115,7 +137,9 @@ def sets(shared: Path | None, seed: int) -> dict[str, Callable[[], Recording]]:
     return found
 
 
-def examined(recording: Recording, seed: int, answers: bool) -> Iterator[tuple[str, tuple[str, ...]]]:
+def examined(
+    recording: Recording, seed: int, answers: bool, refit: bool = False
+) -> Iterator[tuple[str, tuple[str, ...]]]:
     """(kind, what is said of it) for every corruption that the recording allows."""
     good, roles = said_of(recording), roles_of(recording)
     tables = [r.data for r in recording.records]
@@ -125,12 +149,12 @@ def examined(recording: Recording, seed: int, answers: bool) -> Iterator[tuple[s
             continue
         try:
             faulty = with_tables(recording, made)
-            said = said_of(faulty)
+            said = said_of(faulty, refit)
             if said[0] == NOTED:  # what is said of the good recording too is no note of the fault
                 known = {_words(text) for text in good[1:]}
                 new = [text for text in said[1:] if _words(text) not in known]
                 said = (NOTED, *new) if new else (PASSES,)
-            if answers and said[0] != REFUSED:
+            if answers and said[0] not in (REFUSED, AFTER):
                 said = _answered(faulty, said)
         except ConfigurationError as error:
             said = (REFUSED, str(error))
@@ -157,7 +181,7 @@ def table_of(results: Mapping[str, Mapping[str, tuple[str, ...]]]) -> str:
         cells = [results[name][kind][0] if kind in results[name] else "-" for name in results]
         lines.append(f"{kind:{width}}" + "".join(f"{cell:>16}" for cell in cells))
     every = [said[0] for found in results.values() for said in found.values()]
-    counts = ", ".join(f"{every.count(word)} {word}" for word in (REFUSED, NOTED, PASSES, NAMED))
+    counts = ", ".join(f"{every.count(word)} {word}" for word in (REFUSED, AFTER, NOTED, PASSES, NAMED))
     return "\n".join([*lines, "", f"{len(every)} corrupted recordings: {counts}"])
 
 
@@ -168,6 +192,7 @@ def main() -> None:
     )
     parser.add_argument("--seed", type=int, default=EXAM, help="of the rigs and of the places of the faults")
     parser.add_argument("--only", nargs="*", default=[], help="sets to take; all by default")
+    parser.add_argument("--refit", action="store_true", help="refit what is not refused, and check again (minutes)")
     parser.add_argument("--answers", action="store_true", help="diagnose what is not refused (minutes)")
     parser.add_argument("--out", type=Path, help="JSON file for what is said of every case")
     arguments = parser.parse_args()
@@ -179,9 +204,9 @@ def main() -> None:
     results, alarms = {}, []
     for name in arguments.only or every:
         recording = every[name]()
-        good = said_of(recording)
-        alarms += [f"{name}: {text}" for text in good[1:]] if good[0] == REFUSED else []
-        results[name] = dict(examined(recording, arguments.seed, arguments.answers))
+        good = said_of(recording, arguments.refit)
+        alarms += [f"{name}: {text}" for text in good[1:]] if good[0] in (REFUSED, AFTER) else []
+        results[name] = dict(examined(recording, arguments.seed, arguments.answers, arguments.refit))
     print(table_of(results))
     print(f"good recordings that are refused: {len(alarms)}", *alarms, sep="\n")
     if arguments.out is not None:
