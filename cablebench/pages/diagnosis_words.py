@@ -67,7 +67,10 @@ def not_noise(record: Mapping[str, Any]) -> bool:
 def title(record: Mapping[str, Any]) -> str:
     """The kind of the answer, and that something is left."""
     what = VERDICT[record["verdict"]]
-    return f"{what}; something is left that is not noise" if named(record) and unexplained(record) else what
+    more = record["verdict"] in ("named", "equivalence_class") and unexplained(
+        record
+    )  # of the third it says so already
+    return f"{what}; something is left that is not noise" if more else what
 
 
 def unexplained(record: Mapping[str, Any]) -> str:
