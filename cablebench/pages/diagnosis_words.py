@@ -69,7 +69,7 @@ def title(record: Mapping[str, Any]) -> str:
     what = VERDICT[record["verdict"]]
     more = record["verdict"] in ("named", "equivalence_class") and unexplained(
         record
-    )  # of the third it says so already
+    )
     return f"{what}; something is left that is not noise" if more else what
 
 
