@@ -67,9 +67,7 @@ def not_noise(record: Mapping[str, Any]) -> bool:
 def title(record: Mapping[str, Any]) -> str:
     """The kind of the answer, and that something is left."""
     what = VERDICT[record["verdict"]]
-    more = record["verdict"] in ("named", "equivalence_class") and unexplained(
-        record
-    )
+    more = record["verdict"] in ("named", "equivalence_class") and unexplained(record)
     return f"{what}; something is left that is not noise" if more else what
 
 
