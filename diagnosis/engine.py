@@ -31,6 +31,7 @@ from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
 from cable_envs.diagnosis.search import stages
+from cable_envs.diagnosis.search.elsewhere import groups_of
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
@@ -156,6 +157,7 @@ def examine(
     predicted = {b.channel for b in question.fit.blocks}
     selection = select(
         question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
+        groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
         stated={n: std for n, std in recording.noise.items() if n in predicted}, tell=tell, keep=steps,
     )  # fmt: skip
     tell(stages.LOCATING)

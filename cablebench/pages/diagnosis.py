@@ -34,7 +34,13 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         "cablebench.pages",
         "templates/diagnosis.html.j2",
         content,
-        filters={"plain": words.plain, "number": words.number, "interval": words.interval, "odds": words.odds},
+        filters={
+            "plain": words.plain,
+            "number": words.number,
+            "interval": words.interval,
+            "odds": words.odds,
+            "elsewhere": words.elsewhere,
+        },
         helpers={"shown": words.shown, "sure": words.sure},
     )
 

@@ -1,6 +1,6 @@
 """A diagnosis in words: for the terminal and at the head of the report, from the verdict's JSON."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 VERDICT = {
@@ -105,7 +105,7 @@ def headline(record: Mapping[str, Any]) -> str:
         return f"Your data, not your physics: nothing of the rig is missing, but {cause}.{besides}"
     if verdict == "unknown":
         return _unknown(record, rest)
-    several = " and ".join(_one(effect, bool(rest)) for effect in record["effects"])
+    several = "; ".join(" and ".join(part) for part in _by_place(record["effects"], bool(rest)) if part)
     probably = "probably " if verdict == "partly_named" else ""
     besides = f" Besides, of the data: {cause}." if cause else ""
     return f"The simulator {probably}lacks {several}{f', but that is not all: {rest}' if rest else ''}.{besides}"
@@ -117,7 +117,9 @@ def _unknown(record: Mapping[str, Any], rest: str) -> str:
     where += f" Besides, of the data: {cause}." if cause else ""
     if record.get("suspected"):
         alike = any(effect.get("alternatives") for effect in record["suspected"])
-        but = rest or ("unlike laws do as well" if alike else "a channel is predicted worse than by its own mean")
+        beaten = record["test"].get("worse_than_claim")
+        other = "unlike laws do as well" if alike else "a channel is predicted worse than by its own mean"
+        but = rest or ("held-out records are predicted better by the model as it was claimed" if beaten else other)
         return f"Something is missing. The fit improves with {_suspects(record)}, but {but}.{where}"
     more = f": {rest}" if rest else ""
     return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it{more}.{where}"
@@ -129,6 +131,35 @@ def sure(effect: Mapping[str, Any], rest: bool) -> str:
     if effect["alternatives"]:
         return f"{text} that it is one of them"
     return f"{text} that it is there" if rest else text
+
+
+def _by_place(effects: Sequence[Mapping[str, Any]], rest: bool) -> tuple[list[str], list[str]]:
+    """Effects in words: those that nothing speaks against, and those that are local."""
+    everywhere = [_one(effect, rest) for effect in effects if not effect.get("local")]
+    return everywhere, [f"{_one(effect, rest)} only where it was fitted" for effect in effects if effect.get("local")]
+
+
+def elsewhere(effect: Mapping[str, Any]) -> list[str]:
+    """On which records an effect holds that it was not fitted to, in sentences; none where it was not asked."""
+    if not (asked := effect.get("elsewhere")):
+        return []
+    local, holds = effect["local"], effect["holds"]
+    open_ = [group for group in asked if group not in local and group not in holds]
+    found = []
+    if local:
+        found.append(
+            f"Local: fitted to the other records it does not hold on {_listed(local)}, where the model without it is "
+            "better."
+        )
+    if holds:
+        found.append(f"Fitted to the other records it holds on {_listed(holds)}.")
+    if open_:
+        found.append(f"Whether it holds there, {_listed(open_)} {'does' if len(open_) == 1 else 'do'} not tell.")
+    return found
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names)
 
 
 def _one(effect: Mapping[str, Any], rest: bool) -> str:
@@ -255,6 +286,7 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for effect in (*record["effects"], *record.get("suspected", ())):
         found.append(f"  {_called(effect)}: {effect['equation']}")
         found += [f"    {name} = {interval(p)}" for name, p in effect["parameters"].items()]
+        found += [f"    {sentence}" for sentence in elsewhere(effect)]
     found += [f"  {said}" for said in products(record)]
     if len(record["steps"]) > 2:
         found += [_stepped(step, record["fit"]) for step in record["steps"][1:]]

@@ -14,6 +14,7 @@ from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
 from cable_envs.diagnosis.model.noise import Noise, resolution
+from cable_envs.diagnosis.model.verdict import SURE as SURE
 
 SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
@@ -29,8 +30,6 @@ their own optimum is looked for, and the iterations to that."""
 DOMINANT = 1.0
 """RMS of a discrepancy over that of the noise from which it is no stationary noise that limits: each channel then
 counts by the size of all that is left of it and by its effective sample size (`cable_envs.diagnosis.fit.weights`)."""
-SURE = 20.0
-"""Odds from which one model is preferred to another."""
 
 
 class Joint:
@@ -327,6 +326,15 @@ def remainder(
 
     fit: where it is, with residual and slopes under the frame's noise.
     """
+    variances, off = priors(joint, effects, fit)
+    units = np.sqrt(variances)
+    matrix = np.outer(units, units) * (fit.jacobian.T @ fit.jacobian) + np.eye(len(units))
+    occam = -0.5 * float(np.linalg.slogdet(matrix)[1]) - 0.5 * float(np.sum(off**2 / variances))
+    return Remainder(fit.residual, occam, sizes, frame.products(fit.residual))
+
+
+def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """(variances of the priors of a fit's free parameters, how far each is from the middle of its own), [free]."""
     rows = {p.name: p for p in joint.parameters}
     nulls = {name: null for h in effects for name, null in h.nulls.items()}
     added = {name for h in effects for name in h.names}
@@ -343,7 +351,4 @@ def remainder(
         else:
             spread = WIDE * p.scale if name in added else max(abs(p.start), p.scale)
         variances[k] = spread**2
-    units = np.sqrt(variances)
-    matrix = np.outer(units, units) * (fit.jacobian.T @ fit.jacobian) + np.eye(len(units))
-    occam = -0.5 * float(np.linalg.slogdet(matrix)[1]) - 0.5 * float(np.sum(off**2 / variances))
-    return Remainder(fit.residual, occam, sizes, frame.products(fit.residual))
+    return variances, off

@@ -114,10 +114,14 @@ class Whitener:
         return np.concatenate(parts)
 
 
+HELD_OUT = ", held out"
+"""How the name of a fitted record ends where what is held out of it is meant."""
+
+
 def of_all_records(fit: Model, heldout: Model) -> list[Block]:
     """Blocks of the fitted and of the held-out records; what is held out of a fitted record is called so."""
     fitted = {b.record for b in fit.blocks}
-    others = [replace(b, record=f"{b.record}, held out") if b.record in fitted else b for b in heldout.blocks]
+    others = [replace(b, record=f"{b.record}{HELD_OUT}") if b.record in fitted else b for b in heldout.blocks]
     return [*fit.blocks, *others]
 
 

@@ -17,6 +17,8 @@ SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "partly_named", "unknown", "data_fault", "no_detectable_mismatch")
 NAMED = ("named", "equivalence_class", "partly_named")
 """Verdicts with effects."""
+SURE = 20.0
+"""Odds from which one model is preferred to another."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,9 @@ class EffectGain:
         Gain of every hypothesis that was refitted beside it.
     dropped : tuple of str
         Effects that were in before, and are not missed once this one is in.
+    elsewhere : Mapping of str to float
+        Group of records -> log odds of the model with it over the one without it on these, given all others
+        (`cable_envs.diagnosis.search.elsewhere`); empty where it was not asked.
     """
 
     hypothesis: Hypothesis
@@ -83,6 +88,21 @@ class EffectGain:
     heldout: Mapping[str, float] = field(default_factory=dict)
     rivals: Mapping[str, float] = field(default_factory=dict)
     dropped: tuple[str, ...] = ()
+    elsewhere: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def holds(self) -> tuple[str, ...]:
+        """Groups of records on which it holds, given the others."""
+        return tuple(group for group, odds in self.elsewhere.items() if odds > np.log(SURE))
+
+    @property
+    def local(self) -> tuple[str, ...]:
+        """Groups of records on which it does not hold: the model without it, fitted to the others, is better there.
+
+        The more groups are asked, the more it takes (Bonferroni): one may speak against it by chance.
+        """
+        least = np.log(SURE * max(len(self.elsewhere), 1))
+        return tuple(group for group, odds in self.elsewhere.items() if odds < -least)
 
     @property
     def name(self) -> str:
@@ -109,6 +129,7 @@ class EffectGain:
             "name": self.name, "confidence": self.confidence, "parameters": parameters, "equation": self.equation,
             "alternatives": self.alternatives, "separating_experiment": self.separating_experiment,
             "hypothesis": self.hypothesis.name, "log_odds": self.gain, "margin": self.margin, "rivals": self.rivals,
+            "elsewhere": self.elsewhere, "holds": self.holds, "local": self.local,
         }  # fmt: skip
 
     def as_step(self) -> dict[str, Any]:
@@ -275,6 +296,7 @@ def _read(entry: Mapping[str, Any]) -> EffectGain:
     return EffectGain(
         hypothesis, entry.get("log_odds", 0.0), margin=entry.get("margin", 0.0), rivals=entry.get("rivals", {}),
         alternatives=tuple(entry["alternatives"]), confidence=entry["confidence"], parameters=parameters,
+        elsewhere=entry.get("elsewhere", {}),
     )  # fmt: skip
 
 

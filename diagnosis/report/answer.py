@@ -80,6 +80,7 @@ def answer(
             *_oscillating(selection),
             *_faulty(selection, faults, seen),
             *_unpredicted(selection),
+            *_unseen(selection),
         ),
         {**about, "version": cable_envs.__version__},
         steps=tuple(_with_units(step, question) for step in selection.steps),
@@ -115,6 +116,18 @@ def _unpredicted(selection: Selection) -> list[str]:
         f"{channel.replace('_', ' ')} is predicted worse than by its own mean, so that nothing is named"
         for channel in selection.unpredicted
     ]
+
+
+def _unseen(selection: Selection) -> list[str]:
+    """What was given up because the claim predicts unseen records better."""
+    found = []
+    if selection.worse:
+        found.append("held-out records are predicted better by the model as it was claimed, so that nothing is named")
+    if selection.as_claimed:
+        found.append(
+            "the nominal parameters are left as they were claimed: refitted, they predict held-out records worse"
+        )
+    return found
 
 
 def _oscillating(selection: Selection) -> list[str]:
@@ -248,6 +261,7 @@ def _test(
         "log_odds": most, "log_odds_left": after.log_odds, "share_left": after.share,
         "cause": "; ".join(causes),
         "cause_left": after.cause if selection.more else "", "sure": float(np.log(SURE)),
+        "worse_than_claim": selection.worse,
         "minimum_detectable": {h.name: _detectable(h, question, selection) for h in question.hypotheses},
     }  # fmt: skip
 

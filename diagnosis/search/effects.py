@@ -217,6 +217,11 @@ class Search:
             best = None
         return Round(current, odds, scored, stuck, others), best
 
+    def known(self, effects: Effects) -> Fit | None:
+        """The refit with these effects, where the search has come by it."""
+        done = self._done.get(_names(effects))
+        return None if done is None else done[0]
+
     def explained(self, candidate: Candidate) -> float:
         """What effects explain, those of the rig too: half the fall of the whitened sum of squares."""
         frame = candidate.frame

@@ -16,14 +16,15 @@ import numpy as np
 from cable_envs.diagnosis.evidence.bands import Spectra
 from cable_envs.diagnosis.evidence.candidates import SURE, Candidate
 from cable_envs.diagnosis.evidence.left import left_by
-from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
-from cable_envs.diagnosis.fit.refit import Fit
+from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import rms_by_channel
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
-from cable_envs.diagnosis.model.verdict import NOMINAL, EffectGain, Estimate
+from cable_envs.diagnosis.model.verdict import NAMED, NOMINAL, EffectGain, Estimate
 from cable_envs.diagnosis.search import limit_cycles, stages
 from cable_envs.diagnosis.search.effects import Found, Round, Search
+from cable_envs.diagnosis.search.elsewhere import Group, asked_elsewhere, worse_than_claim
 from cable_envs.diagnosis.search.selection import Selection, confidence
 
 WORSE = 1.05
@@ -39,6 +40,7 @@ def select(
     *,
     stated: Mapping[str, float] | None = None,
     without: Mapping[str, float] | None = None,
+    groups: Sequence[Group] = (),
     tell: Callable[[str], None] = lambda text: None,
     keep: Callable[[str, Callable[[], Any]], Any] = lambda name, make: make(),
 ) -> Selection:  # fmt: skip
@@ -60,6 +62,8 @@ def select(
     without : Mapping of str to float, optional
         Channel -> RMS of what the models leave without the effects that they have already (of an augmented rig), SI.
         What a formulation may be off by is counted in that.
+    groups : sequence of Group, optional
+        Of the records: on each, every effect is asked given all others (`cable_envs.diagnosis.search.elsewhere`).
     tell : callable
         Called with what is being done.
     keep : callable
@@ -83,7 +87,13 @@ def select(
     )  # fmt: skip
     found = search.run()
     tell(stages.LEFT)
-    smooth = _selection(found, search, heldout, stated)
+    smooth = _unseen(_selection(found, search, heldout, stated), found, search)
+    if smooth.accepted and groups:
+        tell(stages.ELSEWHERE)
+        told = keep("elsewhere", partial(asked_elsewhere, search.joint, found.best, groups, search.known))
+        smooth = replace(
+            smooth, accepted=tuple(replace(a, elsewhere=told.get(a.hypothesis.name, {})) for a in smooth.accepted)
+        )
     if by_itself or (smooth.accepted and smooth.verdict != "unknown"):
         return smooth
     tell(stages.SPECTRA)
@@ -113,6 +123,21 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
         tuple(_steps(found, search.fit, heldout)),
         tuple(_unpredicted(heldout, best.fit)) if best.effects else (),
     )  # fmt: skip
+
+
+def _unseen(selection: Selection, found: Found, search: Search) -> Selection:
+    """The selection, with nothing kept that predicts unseen records worse than the model as it was claimed."""
+    claim = {p.name: p.start for p in search.fit.parameters}
+    seen = len(search.fit.blocks)
+    if selection.accepted:
+        selection = replace(selection, worse=worse_than_claim(search.joint, found.best, seen, claim))
+    if selection.verdict in NAMED or not worse_than_claim(search.joint, found.bare, seen, claim):
+        return selection
+    start = Start("as claimed", found.null.fit.free, {})
+    fit = refit(search.fit, found.bare.frame.whitener, [start], 0)[0]
+    null = replace(judge(search.fit, fit)[0], whitener=found.bare.frame.whitener)
+    final = selection.final if found.best.effects else null
+    return replace(selection, null=null, final=final, as_claimed=True)
 
 
 def _judged(model: Model, candidate: Candidate, null: Judged) -> Judged:

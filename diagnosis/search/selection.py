@@ -49,6 +49,10 @@ class Selection:
         The refit without effects, and with each that was accepted, in order.
     unpredicted : tuple of str
         Channels that the last model predicts worse than their own mean does.
+    worse : bool
+        Whether the last model predicts unseen records worse than the model as it was claimed.
+    as_claimed : bool
+        Whether the refit of the nominals did, so that ``null`` is the claim.
     bands : Bands, optional
         Spectra of the last model, where it was compared by these (`cable_envs.diagnosis.search.limit_cycles`).
     """
@@ -65,6 +69,8 @@ class Selection:
     refused: Mapping[str, str] = field(default_factory=dict)
     steps: tuple[EffectGain, ...] = ()
     unpredicted: tuple[str, ...] = ()
+    worse: bool = False
+    as_claimed: bool = False
     bands: Bands | None = None
 
     @property
@@ -80,7 +86,7 @@ class Selection:
             return self._without_effects(of_rig)
         if self._drifts_more():
             return "data_fault"
-        if self.unpredicted or self._like_others() or (of_rig and self.after.share > MOST):
+        if self.worse or self.unpredicted or self._like_others() or (of_rig and self.after.share > MOST):
             return "unknown"
         if of_rig and self.after.share > REST and self.bands is None:
             return "partly_named"

@@ -47,6 +47,13 @@ def answer(verdict, left, effects=(), suspected=(), cause="", share=0.04, cause_
 
 
 ONE, TWO = effect("backlash", 0.9), effect("viscoelastic_creep", 0.85)
+ASKED = {
+    "elsewhere": {"load = 70": -40.0, "load = 10": 30.0, "load = 50": 0.4}, "holds": ["load = 10"],
+    "local": ["load = 70"],
+}  # fmt: skip
+LOCAL, HELD = TWO | ASKED, ONE | {"elsewhere": {"load = 10": 30.0}, "holds": ["load = 10"], "local": []}
+BEATEN = answer("unknown", 0.2, suspected=[TWO])
+BEATEN["test"]["worse_than_claim"] = True
 EITHER = effect("backlash", 0.9, ("slack",))
 CLOCK = "the logger's clock is off by +0.12 %"
 DRIFTS = "load position: its zero drifts"
@@ -58,6 +65,10 @@ CASES = {
     "named, and both": answer("named", 88.0, [ONE], cause=CLOCK, cause_left=""),
     "two": answer("named", 1.0, [ONE, TWO]),
     "two, and more is left": answer("named", 19.0, [ONE, TWO]),
+    "two, one of them local": answer("named", 1.0, [LOCAL, HELD]),
+    "local alone": answer("named", 1.0, [LOCAL]),
+    "unknown, with what helps in places": answer("unknown", 27.0, suspected=[LOCAL]),
+    "unknown, as the claim is better": BEATEN,
     "class": answer("equivalence_class", -4.0, [EITHER]),
     "class, and more is left": answer("equivalence_class", 19.0, [EITHER, TWO]),
     "probably": answer("partly_named", 25.0, [ONE], share=0.18),
@@ -149,6 +160,29 @@ def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():
     said = "Only the product gap * stiffness^-0.5 = 2 m is known"
     assert said in text_of(render(record)) and any(said in line for line in lines(record))
     assert "Only the product" not in text_of(render(CASES["two"]))
+
+
+@pytest.mark.parametrize("kind", ["two, one of them local", "local alone", "unknown, with what helps in places"])
+def test_where_an_effect_holds_is_said(kind):
+    record = CASES[kind]
+    page, small = text_of(render(record)), " ".join(lines(record))
+    for said in (
+        "Local: fitted to the other records it does not hold on load = 70, where the model without it is better.",
+        "Fitted to the other records it holds on load = 10.",
+        "Whether it holds there, load = 50 does not tell.",
+    ):
+        assert said in page and said in small
+
+
+def test_the_headline_says_what_is_local():
+    assert headline(CASES["two, one of them local"]) == (
+        "The simulator lacks backlash (90 % sure); viscoelastic creep (85 % sure) only where it was fitted."
+    )
+    assert headline(CASES["local alone"]) == (
+        "The simulator lacks viscoelastic creep (85 % sure) only where it was fitted."
+    )
+    assert "better by the model as it was claimed" in headline(BEATEN)
+    assert "only where" not in headline(CASES["two"]) and "Local" not in " ".join(lines(CASES["two"]))
 
 
 def test_odds_are_said_as_people_say_them():
