@@ -301,4 +301,13 @@ def lines(record: Mapping[str, Any]) -> list[str]:
             f"{shown(held['refit'], unit)}, with the answer {shown(held['augmented'], unit)}; noise "
             f"{shown(fit['noise_floor'], unit)}"
         )
+    found += [f"  not asked: {what} ({why})" for why, what in not_asked(record)]
     return found + [f"  note: {note}" for note in record["notes"]]
+
+
+def not_asked(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """(why, the effects that were not looked for because of it), each reason once, in the order of the record."""
+    by_reason: dict[str, list[str]] = {}
+    for name, why in record.get("not_asked", {}).items():
+        by_reason.setdefault(why, []).append(plain(name))
+    return [(why, ", ".join(names)) for why, names in by_reason.items()]

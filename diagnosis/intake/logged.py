@@ -28,6 +28,7 @@ SLOWEST, TYPICAL = 0.2, 0.01
 SPEEDS = ("m/s", "rad/s")
 LONGEST = 5.0
 """Samples' distance of an earlier clock, at most, over that of the recording."""
+UNSEEN = "no prediction changes with the clock, or the records cannot be read with a longer one"
 SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
 
@@ -165,6 +166,7 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
     law = "x(f) -> sinc(f P)^2 x(f)"
     hypotheses.append(_hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken"))
     units[LINES] = "s"
+    refused = {} if slopes else {CLOCK: UNSEEN}
     models = [
         Logged(m, own, list(speeds))
         for m, own in zip((question.fit, question.heldout), slopes or ([], []), strict=True)
@@ -172,6 +174,7 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
     return replace(
         question, fit=models[0], heldout=models[1], hypotheses=(*question.hypotheses, *hypotheses),
         units={**question.units, **units}, rig=lambda values, accepted: question.rig(_of_rig(values), accepted),
+        not_asked={**question.not_asked, **refused},
     )  # fmt: skip
 
 

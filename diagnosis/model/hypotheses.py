@@ -4,7 +4,7 @@ Many effects have no slope at their null (a gap, a lag, an excess that falls wit
 probed at finite sizes and shapes; a probe is a direction in the space of recordings, or several that act together.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
@@ -19,6 +19,9 @@ from cable_envs.plants.base import Plant
 
 LOGGER = "logger."
 """How the names of hypotheses begin that are of the data and not of the rig."""
+REFITTED, KNOWN = "refitted already", "stated as known"
+"""How a parameter is in a model."""
+BY_NAME = "it is asked only where it is named (--effects)"
 WAVES = (1.75, 20.0, 0.5)
 """Waves along the travel at which an effect that is a sine along it is probed: from, to, step."""
 
@@ -111,6 +114,50 @@ class Hypothesis:
         return f"{self.effect.name}.{period}", f"{self.effect.name}.{phase}"
 
 
+@dataclass(frozen=True)
+class Candidates:
+    """Which effects are asked, and why others are not.
+
+    Parameters
+    ----------
+    asked : tuple of Hypothesis
+        What may be missing.
+    not_asked : Mapping of str to str
+        Name of a hypothesis that is not among them, or of a parameter that is left out of one -> why, in plain words.
+        What the caller himself left out is not here.
+    """
+
+    asked: tuple[Hypothesis, ...] = ()
+    not_asked: Mapping[str, str] = field(default_factory=dict)
+
+    def less(self, reasons: Mapping[str, str]) -> "Candidates":
+        """The candidates without those of them for which there are ``reasons`` not to ask, by name."""
+        gone = {h.name: reasons[h.name] for h in self.asked if h.name in reasons}
+        return Candidates(tuple(h for h in self.asked if h.name not in gone), {**self.not_asked, **gone})
+
+    def each(self, change: Callable[[Hypothesis], Hypothesis]) -> "Candidates":
+        """The candidates with every hypothesis as ``change`` makes it."""
+        return replace(self, asked=tuple(change(h) for h in self.asked))
+
+    def and_also(self, others: "Candidates") -> "Candidates":
+        """These and ``others``."""
+        return Candidates((*self.asked, *others.asked), {**self.not_asked, **others.not_asked})
+
+
+def unsearched(plant: Plant, searched: Collection[str], alike: Mapping[str, str]) -> dict[str, str]:
+    """Why a plant's sensors' effects are no hypotheses of a model that searches for some only, by name.
+
+    searched: names of the hypotheses; alike: name -> the refitted parameter that does the same.
+    """
+    names = [
+        f"{e.name}.{p.name}" for e in plant.effects.effects.values() if e.each_sensor for p in e.parameters
+    ]  # fmt: skip
+    why = "the model of this recording declares no search for it"
+    return {
+        n: f"it looks the same as the refitted {alike[n]}" if n in alike else why for n in names if n not in searched
+    }
+
+
 def effect_name(hypothesis: str) -> str:
     """Name of the effect of a hypothesis: "sensor_bias" of "sensor_bias.velocity"; a logger's fault has its own."""
     return hypothesis if hypothesis.startswith(LOGGER) else hypothesis.partition(".")[0]
@@ -119,17 +166,18 @@ def effect_name(hypothesis: str) -> str:
 def hypotheses_for(
     plant: Plant,
     values: Mapping[str, float],
-    modelled: Collection[str],
+    modelled: Mapping[str, str],
     signals: Sequence[str],
     *,
     only: Sequence[str] | None = None,
     without: Sequence[str] = (),
     travel: float | None = None,
-) -> list[Hypothesis]:
-    """Effects that the model of ``values`` leaves out and that could show in ``signals``.
+) -> Candidates:
+    """Effects that the model of ``values`` leaves out and that could show in ``signals``; of the others, why not.
 
-    modelled: parameters that are refitted already, or known; only, without: names of effects, from the command line;
-    travel: range of positions in the recording, m or rad, over which a ripple is looked for.
+    modelled: parameters that are in the model already -> whether they are `REFITTED` or `KNOWN`; only, without: names
+    of effects, from the command line; travel: range of positions in the recording, m or rad, over which a ripple is
+    looked for.
     A sensor's effect is a hypothesis for each signal, named "sensor_bias.force". Raises ConfigurationError for names
     that are no effects of the plant.
     """
@@ -139,8 +187,12 @@ def hypotheses_for(
         if not known[name].parameters:
             raise ConfigurationError(f"effect '{name}' does not act on {plant.name}")
     found: list[Hypothesis] = []
+    refused: dict[str, str] = {}
     for effect in known.values():
-        if effect.name in without or (effect.name not in only if only is not None else not effect.hypothesis):
+        if effect.name in without or (only is not None and effect.name not in only):
+            continue
+        if only is None and not effect.hypothesis:
+            refused |= {effect.name: BY_NAME} if effect.parameters else {}
             continue
         parameters = effect.parameters
         groups: list[tuple[str, Sequence[EffectParameter]]]
@@ -148,27 +200,46 @@ def hypotheses_for(
             groups = [(f"{effect.name}.{p.name}", (p,)) for p in parameters if p.name in signals]
         else:
             groups = [(effect.name, parameters)] if parameters else []
-        found += [
-            h for name, group in groups if (h := _hypothesis(plant, effect, name, group, values, modelled, travel))
-        ]
-    return found
+        for name, group in groups:
+            if why := _in_already(plant, effect, group, values, modelled):
+                refused[name] = why
+            else:
+                found.append(_hypothesis(effect, name, group, values, modelled, travel))
+    return Candidates(tuple(found), refused)
+
+
+def _in_already(
+    plant: Plant, effect: Effect, parameters: Sequence[EffectParameter], values: Mapping[str, float],
+    modelled: Mapping[str, str],
+) -> str:  # fmt: skip
+    """Why the model has an effect already, in words; empty where one of its sizes may be missing."""
+    sizes = [(effect.row(p), p) for p in parameters if not p.shape]
+    if any(row not in modelled and values[row] == p.null for row, p in sizes):
+        return ""
+    return "; ".join(_has(plant, row, values[row], modelled.get(row)) for row, _ in sizes)
+
+
+def _has(plant: Plant, row: str, value: float, how: str | None) -> str:
+    """How the model has a parameter."""
+    if how:
+        return f"{row} is {how}"
+    unit = "" if plant.table[row].unit == "1" else f" {plant.table[row].unit}"
+    default = ", the default of its simulator" if value == plant.table[row].default else ""
+    return f"the model has it: {row} is {value:.4g}{unit}{default}"
 
 
 def _hypothesis(
-    plant: Plant,
     effect: Effect,
     name: str,
     parameters: Sequence[EffectParameter],
     values: Mapping[str, float],
-    modelled: Collection[str],
+    modelled: Mapping[str, str],
     travel: float | None,
-) -> Hypothesis | None:
+) -> Hypothesis:
     rows = {effect.row(p): p for p in parameters}
     # what a recording claims to know as absent is what may be missing
     absent = {row: p for row, p in rows.items() if row not in modelled and values[row] == p.null}
     sizes = {row: p for row, p in absent.items() if not p.shape}
-    if not sizes:
-        return None  # the model has it already
     free = [_free(row, p) for row, p in absent.items() if _searched(effect, p)]
     probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent)]
     if effect.wave and travel:

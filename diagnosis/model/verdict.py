@@ -228,6 +228,8 @@ class Diagnosis:
         Content of augmented.yaml.
     traces : tuple of Trace
         For figures; not in the JSON.
+    not_asked : Mapping of str to str
+        Effect, or a parameter of one, that was not looked for -> why; without those that the caller left out.
     """
 
     verdict: str
@@ -250,6 +252,7 @@ class Diagnosis:
     products: tuple[Mapping[str, Any], ...] = ()
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
+    not_asked: Mapping[str, str] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:
         """JSON types only, schema `SCHEMA`; numbers that are not finite are null."""

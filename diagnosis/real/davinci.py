@@ -21,7 +21,7 @@ from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.real.finding import inside
 from cable_envs.diagnosis.search.effects import Found, Search
 from cable_envs.diagnosis.systems.transmission import models
-from cable_envs.diagnosis.systems.transmission_effects import LIMITS, hypotheses
+from cable_envs.diagnosis.systems.transmission_effects import LIMITS, candidates
 
 SERIES = "Tool_4_Maryland_L_4"
 ABLATED = (
@@ -135,7 +135,7 @@ def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str,
     """Each of `ABLATED` taken out of the full model, all else refitted, and the rest diagnosed."""
     fit, heldout, whole_steps = whole.question.fit, whole.question.heldout, whole.diagnosis.steps
     full, there = whole.selection.final.fit, inside(whole_steps)
-    known = {h.name: h for h in hypotheses()}
+    known = {h.name: h for h in candidates().asked}
     rows = []
     for name in (n for n in ABLATED if n in there):
         gone = known[name].names
@@ -143,7 +143,7 @@ def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str,
             gone += known["stiffness_hardening"].names
         free = tuple(n for n in full.free if n not in gone)
         start = Start("", free, {**full.values, **{n: LIMITS[n].null for n in gone}})
-        missing = [h for h in hypotheses() if not set(h.names) & set(free)]
+        missing = [h for h in candidates().asked if not set(h.names) & set(free)]
         null = refit_and_learn(fit, [start])
         found = Search(fit, heldout, (), missing, np.random.default_rng(0), most=1).run(null)
         rows.append(_ablated(name, whole, null.fit, found))

@@ -26,7 +26,7 @@ from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
 from cable_envs.diagnosis.real.davinci import DEG, MNM, Tell, load_of
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.systems.transmission import Run, TransmissionModel, assemble, nominals_of, run_of
-from cable_envs.diagnosis.systems.transmission_effects import hypotheses
+from cable_envs.diagnosis.systems.transmission_effects import candidates
 
 CLOSING = -0.25
 """rad/s."""
@@ -147,7 +147,7 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     starts = [{n: v for n, v in begin.items() if n in wanted} for begin in (values, SOFT)]
     fit = min((reweighted_refit(model, Start("", wanted, begin), rounds=3)[0] for begin in starts), key=_misfit(model))
     if choose:
-        missing = [h for h in hypotheses() if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
+        missing = [h for h in candidates().asked if not set(h.names) & set(wanted) and set(h.names) <= set(fit.values)]
         search = Search(model, other, (), missing, np.random.default_rng(0), most=MORE)
         fit = search.run(*judge(model, fit)).best.fit
     full = TransmissionModel(fine, model.parameters, model.base, _period(fine[0]), ("all",))

@@ -23,7 +23,7 @@ from cable_envs.diagnosis.real.davinci_splits import PUBLISHED, compare
 from cable_envs.diagnosis.real.feedforward import replayed, traces
 from cable_envs.diagnosis.real.finding import inside, named_again
 from cable_envs.diagnosis.systems.transmission import TransmissionModel
-from cable_envs.diagnosis.systems.transmission_effects import hypotheses
+from cable_envs.diagnosis.systems.transmission_effects import candidates
 
 SHOWN = "Tool_4_Maryland_L_4_24.csv"
 """The record of the figures: 50 % load at 0.3 Hz, held out."""
@@ -40,7 +40,7 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
     heldout = cast(TransmissionModel, whole.question.heldout)
     naive, full = whole.selection.null.fit, whole.selection.final.fit
     uses = {"naive": naive.values, "augmented": full.values}
-    known = {h.name: h for h in hypotheses()}
+    known = {h.name: h for h in candidates().asked}
     return {
         "records": {"fit": [r.name for r in recording.used_for("fit")],
                     "heldout": [r.name for r in recording.used_for("heldout")]},

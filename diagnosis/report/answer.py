@@ -88,6 +88,7 @@ def answer(
         products=tuple(_products(question, selection)),
         rig=rig | ({"valid": valid} if valid else {}),
         traces=traces,
+        not_asked=dict(question.not_asked),
     )
 
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import Candidates, Hypothesis, unsearched
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.common import fitted_rig, motion_coordinates, plant_values, resample
 from cable_envs.diagnosis.systems.conditions import given, usual, with_given
@@ -119,12 +119,14 @@ def prepare(recording: Recording, request: Request) -> Question:
     models = [
         BandBrake(parameters, [t for t, _ in p], [b for _, pair in p for b in pair], base) for p in parts.values()
     ]
-    hypotheses = tuple(h for h in _hypotheses(base) if _wanted(h.name, request))
+    candidates = _candidates(base, request)
     return Question(
-        "linear_drive", models[0], models[1], (*nominals, *NOMINALS), ("force_offset", "tension_offset"), hypotheses,
+        "linear_drive", models[0], models[1], (*nominals, *NOMINALS), ("force_offset", "tension_offset"),
+        candidates.asked,
         {name: PLANT.table[name].unit for name in PARAMETERS},
         lambda found, accepted: fitted_rig(PLANT, {**base, **found}),
         (f"averaged to {RATE:g} Hz; force from the recorded tensions, tensions from the recorded displacement", how),
+        not_asked=candidates.not_asked,
     )  # fmt: skip
 
 
@@ -185,10 +187,6 @@ def _prepared(record: Record, period: float) -> tuple[Track, list[Block]]:
     return Track(x, v, pull, step * period, given(record, PLANT)), blocks
 
 
-def _wanted(name: str, request: Request) -> bool:
-    return name not in request.without and (request.only is None or name in request.only)
-
-
 _PROBES: Mapping[str, tuple[tuple[str, ...], tuple[dict[str, float], ...]]] = {
     "load_dependent_friction": (
         ("load_dependent_friction.coefficient",),
@@ -227,18 +225,30 @@ _PROBES: Mapping[str, tuple[tuple[str, ...], tuple[dict[str, float], ...]]] = {
 _SHAPES = ("stribeck_friction.velocity",)
 
 
-def _hypotheses(base: Mapping[str, float]) -> list[Hypothesis]:
+_ZEROS = {"sensor_bias.force": "force_offset", f"sensor_bias.{PULL}": "tension_offset"}
+"""What the nominal parameters do as well."""
+
+
+def _candidates(base: Mapping[str, float], request: Request) -> Candidates:
     """What the brake of ``base`` may lack."""
-    found = []
+    found, refused = [], {}
     for name, (names, probes) in _PROBES.items():
         form = PLANT.effects.effects[name.split(".")[0]]
         free = {n: PARAMETERS[n] for n in names}
         nulls = {n: p.start for n, p in free.items() if n not in _SHAPES}
         if name == "stiffness_hardening":  # a band that hardens is a band that gives
             nulls = {"stiffness_hardening.coefficient": 0.0}
-        if all(base[n] == null for n, null in nulls.items()):
-            found.append(Hypothesis(
-                name, tuple(free.values()), tuple((p,) for p in probes), form.equation, form.experiment,
-                form.confusable, nulls, form,
-            ))  # fmt: skip
-    return found
+        if any(base[n] != null for n, null in nulls.items()):
+            refused[name] = "the rig has it"
+        found.append(Hypothesis(
+            name, tuple(free.values()), tuple((p,) for p in probes), form.equation, form.experiment,
+            form.confusable, nulls, form,
+        ))  # fmt: skip
+    asked = Candidates(tuple(h for h in found if _wanted(h.name, request))).less(refused)
+    others = {name: why for name, why in unsearched(PLANT, tuple(_PROBES), _ZEROS).items() if _wanted(name, request)}
+    return asked.and_also(Candidates((), others))
+
+
+def _wanted(name: str, request: Request) -> bool:
+    names = {name, name.split(".")[0]}
+    return not names & set(request.without) and (request.only is None or bool(names & set(request.only)))

@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import Candidates
 from cable_envs.diagnosis.model.model import Coordinate, Free
 from cable_envs.diagnosis.systems.common import (
     HELD_STEPS,
@@ -71,16 +71,17 @@ def prepare(recording: Recording, request: Request) -> Question:
     drive = "speed" if "drive_velocity_command" in channels else "follow"
     if drive == "follow":
         signals = [name for name in signals if name not in ("drive_position", "drive_velocity")]
-    hypotheses = _hypotheses(recording, plant, values, nominals, signals, request)
-    found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
+    candidates = _candidates(recording, plant, values, nominals, signals, request)
+    found = {p.name: p for p in (*nominals, *(p for h in candidates.asked for p in h.free))}
     period = sample_period(recording.records)
     models = [
         _model(recording, use, plant, values, list(found.values()), period, signals) for use in ("fit", "heldout")
     ]
     return Question(
-        "cable_hole", models[0], models[1], tuple(p.name for p in nominals), (), tuple(hypotheses),
+        "cable_hole", models[0], models[1], tuple(p.name for p in nominals), (), candidates.asked,
         {name: plant.table[name].unit for name in found},
         lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted), at_rest=drive == "speed",
+        not_asked=candidates.not_asked,
     )  # fmt: skip
 
 
@@ -93,11 +94,11 @@ def _values(recording: Recording, plant: Plant, request: Request) -> dict[str, f
     return values
 
 
-def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
+def _candidates(recording, plant, values, nominals, signals, request: Request) -> Candidates:
     soft = {"cable_stiffness": values["cable_stiffness"] >= STIFF}
     found = missing(recording, plant, values, nominals, signals, request, soft, ("drive_position", "load_position"))
     if "friction_coefficient" in {p.name for p in nominals}:
-        found = [leave_out(h, AS_FRICTION) for h in found]
+        found = leave_out(found, AS_FRICTION, "it looks the same as the refitted friction_coefficient")
     return claimed(found, values)
 
 

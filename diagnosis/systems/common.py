@@ -10,7 +10,7 @@ from scipy.signal import savgol_filter
 from cable_envs.diagnosis.data.clock import zero
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
@@ -201,7 +201,7 @@ def free_parameters(
 def missing(
     recording: Recording, plant: Plant, values: Mapping[str, float], nominals: Sequence[Free], signals: Sequence[str],
     request: Request, soft: Mapping[str, bool], places: Sequence[str],
-) -> list[Hypothesis]:  # fmt: skip
+) -> Candidates:  # fmt: skip
     """What a replayed plant may lack; what a recording claims to know as (nearly) absent may be there after all.
 
     soft: parameters that say how stiff or how damped the plant is -> whether they count as absent at ``values``; of all
@@ -210,15 +210,23 @@ def missing(
     effects = plant.effects.effects.values()
     rows = {p.alias: p for e in effects for p in e.parameters if p.alias}
     absent = dict(soft) | {name: values[name] == p.null for name, p in rows.items() if name not in soft}
-    modelled = {p.name for p in nominals} | {name for name in recording.known if not absent.get(name, False)}
+    modelled = {name: KNOWN for name in recording.known if not absent.get(name, False)}
+    modelled |= {p.name: REFITTED for p in nominals}
     as_null = {name: rows[name].null for name in recording.known if absent.get(name, False)}
     place = next((n for n in places if n in recording.channels), None)
     travel = None
     if place:
         travel = max(float(np.ptp(r.data[place][r.usable(place)])) for r in recording.used_for("fit"))
-    return hypotheses_for(
+    found = hypotheses_for(
         plant, {**values, **as_null}, modelled, signals, only=request.only, without=request.without, travel=travel
     )
+    wanted = [e for e in effects if e.each_sensor and e.name not in request.without]
+    wanted = [e for e in wanted if request.only is None or e.name in request.only]
+    inputs = {
+        f"{e.name}.{p.name}": f"the recorded {p.name} drives the simulator or is not used, and is not predicted"
+        for e in wanted for p in e.parameters if p.name in recording.channels and p.name not in signals
+    }  # fmt: skip
+    return replace(found, not_asked={**found.not_asked, **inputs})
 
 
 def blocks_of(
@@ -240,24 +248,31 @@ def blocks_of(
     )  # fmt: skip
 
 
-def claimed(hypotheses: Sequence[Hypothesis], values: Mapping[str, float]) -> list[Hypothesis]:
-    """The hypotheses with what the recording claims to know in the place of the effects' nulls.
+def claimed(candidates: Candidates, values: Mapping[str, float]) -> Candidates:
+    """The candidates with what the recording claims to know in the place of the effects' nulls.
 
     A cable said to have 2e5 N may be softer, a bearing said to have next to no friction may have more.
     """
-    found = []
-    for h in hypotheses:
+
+    def of(h: Hypothesis) -> Hypothesis:
         probes = h.probes
         for name in h.nulls:
             if name in h.inverse and values[name] > 0.0:
                 probes = tuple(({name: values[name] / (1.0 + more)},) for more in SOFTER)
         free = tuple(replace(p, start=p.clip(values[p.name])) if p.name in h.nulls else p for p in h.free)
-        found.append(replace(h, free=free, probes=probes, nulls={name: values[name] for name in h.nulls}))
-    return found
+        return replace(h, free=free, probes=probes, nulls={name: values[name] for name in h.nulls})
+
+    return candidates.each(of)
 
 
-def leave_out(hypothesis: Hypothesis, names: Sequence[str]) -> Hypothesis:
-    """The hypothesis without some of its parameters, where it has others: what the nominals can do as well."""
+def leave_out(candidates: Candidates, names: Sequence[str], why: str) -> Candidates:
+    """The candidates without some of their parameters, where they have others: what the nominals can do as well."""
+    found = candidates.each(lambda h: _without(h, names))
+    freed = [{n for h in c.asked for n in h.names} for c in (candidates, found)]
+    return replace(found, not_asked={**found.not_asked, **{name: why for name in names if name in freed[0] - freed[1]}})
+
+
+def _without(hypothesis: Hypothesis, names: Sequence[str]) -> Hypothesis:
     nulls = {name: null for name, null in hypothesis.nulls.items() if name not in names}
     if not nulls:
         return hypothesis

@@ -16,6 +16,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.model.hypotheses import Candidates
 from cable_envs.diagnosis.systems.question import Question
 from cable_envs.plants.base import Plant
 
@@ -137,10 +138,14 @@ def heeded(recording: Recording, plant: Plant, question: Question) -> Question:
         Nominals and hypotheses that all records to fit state are left out.
     """
     shared = set(_shared(given(record, plant) for record in recording.used_for("fit")))
+    stated = {h.name: ", ".join(n for n in h.names if n in shared) for h in question.hypotheses}
+    why = {name: f"every record to fit states {names} under its conditions" for name, names in stated.items() if names}
+    kept = Candidates(question.hypotheses, question.not_asked).less(why)
     return replace(
         question,
         nominals=tuple(name for name in question.nominals if name not in shared),
-        hypotheses=tuple(h for h in question.hypotheses if not set(h.names) & shared),
+        hypotheses=kept.asked,
+        not_asked=kept.not_asked,
         notes=(*question.notes, *_notes(recording, plant)),
     )
 

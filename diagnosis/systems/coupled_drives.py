@@ -19,7 +19,7 @@ import numpy as np
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
-from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
 from cable_envs.diagnosis.model.noise import Noise
 from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample
@@ -100,7 +100,8 @@ def prepare(recording: Recording, request: Request) -> Question:
     plant = with_own_effects(PLANT, request.own)
     values = plant_values(recording, plant, request.rig)
     nominal = [Free(n, values[n], *_BOUNDS[n], max(values[n], 1e-2)) for n in DYNAMICS]
-    found = _hypotheses(plant, values, request)
+    candidates = _candidates(plant, values, request)
+    found = list(candidates.asked)
     freed = {p.name: p for h in found for p in h.free}
     parameters = [*nominal, _sensed(ZERO, values), *freed.values()]
     models = {}
@@ -119,6 +120,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         {p.name: p.unit for p in plant.table},
         lambda found, accepted: fitted_rig(plant, {**values, **found}) | {"description": _SCALES.format(**values)},
         (f"neither force nor speed is measured: {_SCALES.format(**values)}",),
+        not_asked=candidates.not_asked,
     )  # fmt: skip
 
 
@@ -175,19 +177,28 @@ def _moved(free: Free, start: Mapping[str, float]) -> Free:
     return Free(free.name, value, free.low, free.high, max(abs(value), free.scale), free.std)
 
 
-def _hypotheses(plant: Plant, values: Mapping[str, float], request: Request) -> list[Hypothesis]:
+def _candidates(plant: Plant, values: Mapping[str, float], request: Request) -> Candidates:
     """What the drives of ``values`` may lack, and their sensor; its scale and its bias are nominal parameters."""
     without = {*request.without, *_OF_THE_SENSOR}
     only = None if request.only is None else [n for n in request.only if n not in _OF_THE_SENSOR]
-    found = hypotheses_for(plant, values, ("belt_stiffness", "viscous"), (), only=only, without=sorted(without))
-    sensor = [
-        h for h in _sensor(plant, values)
-        if h.canonical not in request.without and (request.only is None or h.canonical in request.only)
-        if all(values[name] == null for name, null in h.nulls.items())
-    ]  # fmt: skip
-    return [*found, *sensor]
+    modelled = {"belt_stiffness": REFITTED, "viscous": REFITTED}
+    found = hypotheses_for(plant, values, modelled, (), only=only, without=sorted(without))
+
+    def wanted(effect: str) -> bool:
+        return effect not in request.without and (request.only is None or effect in request.only)
+
+    sensor = Candidates(tuple(h for h in _sensor(plant, values) if wanted(h.canonical)))
+    sensor = sensor.less({
+        h.name: "the model has it" for h in sensor.asked if any(values[n] != null for n, null in h.nulls.items())
+    })  # fmt: skip
+    nominal = {name: why for name, why in _AS_NOMINAL.items() if wanted(name)}
+    return found.and_also(sensor).and_also(Candidates((), nominal))
 
 
+_AS_NOMINAL = {
+    "sensor_bias": f"it looks the same as the refitted {ZERO}",
+    "sensor_scale": "it looks the same as the refitted force_per_volt",
+}
 _OF_THE_SENSOR = ("sensor_rectification", "detector_power", "sensor_delay", "sensor_bias", "sensor_scale")
 
 

@@ -66,16 +66,16 @@ def prepare(recording: Recording, request: Request) -> Question:
     nominals = free_parameters(recording, plant, values, (*how.refitted, *servo), request)
     soft = {name: values[name] >= stiff for name, stiff in how.stiff.items()}
     signals = [told.signals.get(n, n) for n in names]
-    hypotheses = claimed(missing(recording, plant, values, nominals, signals, request, soft, how.places), values)
-    found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
+    candidates = claimed(missing(recording, plant, values, nominals, signals, request, soft, how.places), values)
+    found = {p.name: p for p in (*nominals, *(p for h in candidates.asked for p in h.free))}
     period = sample_period(recording.records)
     made = [_model(recording, use, plant, values, list(found.values()), period, names, mode) for use in
             ("fit", "heldout")]  # fmt: skip
     return Question(
-        recording.system, made[0], made[1], tuple(p.name for p in nominals), servo, tuple(hypotheses),
+        recording.system, made[0], made[1], tuple(p.name for p in nominals), servo, candidates.asked,
         {name: plant.table[name].unit for name in found},
         lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted), at_rest=bool(mode),
-        ways=told.ways,
+        ways=told.ways, not_asked=candidates.not_asked,
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ from scipy.interpolate import CubicSpline
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import (
@@ -68,6 +68,10 @@ _SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
 _NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position")
 """A position's zero says nothing."""
+_OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep")
+"""What only a drive with a belt can have."""
+_OF_LOOP = ("sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag")
+"""What is asked only where the control loop is replayed."""
 
 
 @dataclass(frozen=True)
@@ -355,9 +359,9 @@ def prepare(recording: Recording, request: Request) -> Question:
         )
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
     control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
-    hypotheses = _hypotheses(plant, recording, values, nominals, request, closed)
-    free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in hypotheses for f in h.free}
-    steps = _substeps(values, period, {h.name for h in hypotheses})
+    candidates = _candidates(plant, recording, values, nominals, request, closed)
+    free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
+    steps = _substeps(values, period, {h.name for h in candidates.asked})
     made = {
         use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
         for use in ("fit", "heldout")
@@ -367,8 +371,9 @@ def prepare(recording: Recording, request: Request) -> Question:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
-        (*GAINS, HOLD, OFFSET), tuple(hypotheses), {f.name: _unit(plant, f.name) for f in free.values()},
+        (*GAINS, HOLD, OFFSET), candidates.asked, {f.name: _unit(plant, f.name) for f in free.values()},
         lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,), at_rest=closed,
+        not_asked=candidates.not_asked,
     )  # fmt: skip
 
 
@@ -396,20 +401,28 @@ def _unit(plant: Plant, name: str) -> str:
     return own[name] if name in own else plant.table[name].unit
 
 
-def _hypotheses(plant, recording, values, nominals, request: Request, closed: bool) -> list[Hypothesis]:
-    modelled = {f.name for f in nominals} | {n for n in recording.known if values.get(n)}
+def _candidates(plant, recording, values, nominals, request: Request, closed: bool) -> Candidates:
+    modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: REFITTED for f in nominals}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
     travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
     found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
-    gone = set(_NO_HYPOTHESIS)
-    if values["belt_stiffness"] <= 0.0:
-        gone |= {"backlash", "stiffness_hardening", "viscoelastic_creep"}
-    if values["motor_mass"] <= 0.0:
-        gone.add("cable_elongation")  # a belt has two ends
-    if not closed:
-        gone |= {"sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag"}
+    found = found.less(_why_not(values, closed))
     unsaid = "belt_damping" not in {*recording.known, *recording.nominal, *(request.rig or {})}
-    return [_damped(h, values) if unsaid and h.name == "cable_elongation" else h for h in found if h.name not in gone]
+    return found.each(lambda h: _damped(h, values) if unsaid and h.name == "cable_elongation" else h)
+
+
+def _why_not(values: Mapping[str, float], closed: bool) -> dict[str, str]:
+    """Why hypotheses of the plant are not asked of a drive of those ``values``, by name."""
+    gone = dict.fromkeys(_NO_HYPOTHESIS, "the zero of a position says nothing")
+    if values["belt_stiffness"] <= 0.0:
+        gone |= dict.fromkeys(_OF_BELT, "the drive has no belt: state its belt_stiffness where there is one")
+    if values["motor_mass"] <= 0.0:
+        gone["cable_elongation"] = "a belt has two ends, and the motor's inertia apart from the mass is not stated"
+    if not closed:
+        gone |= dict.fromkeys(
+            _OF_LOOP, "no controller is replayed: the recorded effort and position drive the simulator"
+        )
+    return gone
 
 
 def _damped(belt: Hypothesis, values: Mapping[str, float]) -> Hypothesis:

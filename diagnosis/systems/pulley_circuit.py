@@ -20,7 +20,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import Candidates
 from cable_envs.diagnosis.model.model import Coordinate, Free
 from cable_envs.diagnosis.systems.common import (
     HELD_STEPS,
@@ -88,15 +88,15 @@ def prepare(recording: Recording, request: Request) -> Question:
     servo = SERVO if commanded and "drive_angle" in channels else ()
     nominals = free_parameters(recording, plant, values, (*REFITTED, *servo), request)
     names = [name for name in SIGNALS if name in channels and (commanded or name != "drive_angle")]
-    hypotheses = _hypotheses(recording, plant, values, nominals, [SIGNALS[name] for name in names], request)
-    found = {p.name: p for p in (*nominals, *(p for h in hypotheses for p in h.free))}
+    candidates = _candidates(recording, plant, values, nominals, [SIGNALS[name] for name in names], request)
+    found = {p.name: p for p in (*nominals, *(p for h in candidates.asked for p in h.free))}
     period = sample_period(recording.records)
     models = [_model(recording, use, plant, values, list(found.values()), period, names) for use in ("fit", "heldout")]
     return Question(
-        "pulley_circuit", models[0], models[1], tuple(p.name for p in nominals), servo, tuple(hypotheses),
+        "pulley_circuit", models[0], models[1], tuple(p.name for p in nominals), servo, candidates.asked,
         {name: plant.table[name].unit for name in found},
         lambda fitted, accepted: augmented_rig(plant, _without_tension({**values, **fitted}), accepted),
-        at_rest=commanded,
+        at_rest=commanded, not_asked=candidates.not_asked,
     )  # fmt: skip
 
 
@@ -123,7 +123,7 @@ def _without_tension(values: Mapping[str, Any]) -> dict[str, Any]:
     return {**values, STIFFNESS: values[STIFFNESS] / _growth(values)}
 
 
-def _hypotheses(recording, plant, values, nominals, signals, request: Request) -> list[Hypothesis]:
+def _candidates(recording, plant, values, nominals, signals, request: Request) -> Candidates:
     soft = {"tensile_stiffness": values["tensile_stiffness"] >= STIFF, "output_damping": True}
     places = ("drive_angle", "drive_angle_command")
     return claimed(missing(recording, plant, values, nominals, signals, request, soft, places), values)

@@ -71,6 +71,8 @@ class Question:
         drives the simulator, or where the model's own error is expected.
     ways : tuple of str
         For people: what motion with a rising, and with a falling position is called.
+    not_asked : Mapping of str to str
+        Hypothesis that is not among ``hypotheses``, or a parameter that is left out of one -> why, in plain words.
     """
 
     system: str
@@ -84,3 +86,4 @@ class Question:
     notes: tuple[str, ...] = field(default=())
     at_rest: bool = False
     ways: tuple[str, str] = ("moving forward", "moving backward")
+    not_asked: Mapping[str, str] = field(default_factory=dict)

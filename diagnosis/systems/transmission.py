@@ -22,7 +22,7 @@ from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.common import motion_coordinates, plant_values, resample, smooth_speed
 from cable_envs.diagnosis.systems.conditions import given, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
-from cable_envs.diagnosis.systems.transmission_effects import LIMITS, NULLS, hypotheses, rig_of
+from cable_envs.diagnosis.systems.transmission_effects import LIMITS, NULLS, candidates, rig_of
 from cable_envs.plants.transmission.plant import PLANT
 from cable_envs.sim.replay import replay
 
@@ -120,7 +120,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     """What such a recording asks. Raises ConfigurationError where a channel is missing."""
     source = "drive_torque" if "drive_torque" in recording.channels else "drive_current"
     fit, heldout = models(recording, source, request.rig)
-    missing = hypotheses(request, fit.base)
+    missing = candidates(request, fit.base)
     nominals = nominals_of(fit.parameters)
     units = {p.name: "rad" if p.name.startswith("zero.") else LIMITS[p.name].unit for p in fit.parameters}
     notes: tuple[str, ...] = (f"low-pass {FILTER_HZ:g} Hz, zero phase; samples every {1e3 * fit.period:g} ms",)
@@ -128,8 +128,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     if len(zeros) > 1:
         notes += (f"the rig does not hold the output angle's zero: each of {len(zeros)} groups of records has its own",)
     return Question(
-        "pulley_circuit", fit, heldout, nominals, tuple(n for n in nominals if n != "ratio"), missing, units,
+        "pulley_circuit", fit, heldout, nominals, tuple(n for n in nominals if n != "ratio"), missing.asked, units,
         lambda found, accepted: rig_of({**fit.base, **found}, accepted), notes,
+        not_asked=missing.not_asked,
     )  # fmt: skip
 
 

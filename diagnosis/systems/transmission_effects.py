@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cable_envs.core.errors import require_known
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import Candidates, Hypothesis, unsearched
 from cable_envs.diagnosis.model.model import Free
 from cable_envs.diagnosis.systems.common import fitted_rig
 from cable_envs.diagnosis.systems.question import Request
@@ -53,33 +53,40 @@ def _limits() -> dict[str, Limit]:
 LIMITS: Mapping[str, Limit] = _limits()
 """What a refit may move. Bounds are wide: what a tool's drive can have, in either sense."""
 NULLS: Mapping[str, float] = {name: limit.null for name, limit in LIMITS.items()}
+_ZEROS = {"sensor_bias.output_angle": "zero of the angle", "sensor_bias.output_torque": "torque_zero"}
+"""What the nominal parameters do as well."""
 SIZES = (0.1, 1.0)
 """Probed sizes over `Limit.scale`."""
 NAMES = tuple(dict.fromkeys(n if n.startswith("sensor_") else n.split(".")[0] for n in LIMITS if "." in n))
 """Hypotheses; a sensor's effect is one for each signal."""
 
 
-def hypotheses(request: Request | None = None, base: Mapping[str, float] | None = None) -> tuple[Hypothesis, ...]:
-    """Every effect that the transmission of ``base`` lacks, by default the rigid, frictionless one.
+def candidates(request: Request | None = None, base: Mapping[str, float] | None = None) -> Candidates:
+    """What the transmission of ``base`` may lack, by default the rigid, frictionless one.
 
     Raises ConfigurationError for unknown names.
     """
     request, base = request or Request(), base or NULLS
     for name in (*(request.only or ()), *request.without):
         require_known("effect", [name], EFFECTS)
-    wanted = [e for e in NAMES if e.split(".")[0] not in request.without]
-    if request.only is not None:
-        wanted = [e for e in wanted if e.split(".")[0] in request.only]
-    return tuple(h for effect in wanted if (h := _hypothesis(effect, base)) is not None)
+
+    def wanted(name: str) -> bool:
+        effect = name.split(".")[0]
+        return effect not in request.without and (request.only is None or effect in request.only)
+
+    found = Candidates(tuple(_hypothesis(name) for name in NAMES if wanted(name)))
+    there = {
+        h.name: "the rig has it" for h in found.asked if any(base.get(n, null) != null for n, null in h.nulls.items())
+    }
+    others = {name: why for name, why in unsearched(PLANT, NAMES, _ZEROS).items() if wanted(name)}
+    return found.less(there).and_also(Candidates((), others))
 
 
-def _hypothesis(effect: str, base: Mapping[str, float]) -> Hypothesis | None:
-    """The effect as one that may be missing; None where ``base`` has it already."""
+def _hypothesis(effect: str) -> Hypothesis:
+    """The effect as one that may be missing."""
     form = PLANT.effects.effects[effect.split(".")[0]]
     mine = {name: limit for name, limit in LIMITS.items() if name == effect or name.startswith(f"{effect}.")}
     sizes = {name: limit for name, limit in mine.items() if not limit.shape}
-    if any(base.get(name, limit.null) != limit.null for name, limit in sizes.items()):
-        return None
     shapes: list[dict[str, float]] = [{}]
     for p in form.parameters:
         if p.shape and p.probes:

@@ -118,7 +118,8 @@ def test_they_are_no_hypotheses_unless_they_are_named():
     drive = plant_for("linear_drive")
     values = drive.table.unpack(drive.table.pack({}))
     new = {"lugre_friction", "elastoplastic_friction"}
-    found = hypotheses_for(drive, values, (), ["position"])
-    assert not new & {h.canonical for h in found}
-    assert {h.canonical for h in hypotheses_for(drive, values, (), ["position"], only=sorted(new))} == new
+    found = hypotheses_for(drive, values, {}, ["position"])
+    assert not new & {h.canonical for h in found.asked} and new <= set(found.not_asked)
+    named = hypotheses_for(drive, values, {}, ["position"], only=sorted(new))
+    assert {h.canonical for h in named.asked} == new and not named.not_asked
     assert {name for name, effect in EFFECTS.items() if not effect.hypothesis} == new

@@ -25,7 +25,7 @@ from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.systems import prepare, transmission
 from cable_envs.diagnosis.systems.question import Request
 from cable_envs.diagnosis.systems.transmission import Run, assemble, driven, nominals_of
-from cable_envs.diagnosis.systems.transmission_effects import NULLS, hypotheses, rig_of
+from cable_envs.diagnosis.systems.transmission_effects import NULLS, candidates, rig_of
 from cable_envs.plants.transmission.plant import PLANT
 from cable_envs.sim.rigs import load_rig, rig_from_mapping
 
@@ -125,7 +125,7 @@ TRUTH = {
 
 
 def some(*names):
-    return [h for h in hypotheses() if h.name in names]
+    return [h for h in candidates().asked if h.name in names]
 
 
 def _of_four(loads):
@@ -188,10 +188,10 @@ def test_feedforward_undoes_the_transmission():
 
 
 def test_hypotheses_of_the_command_line():
-    assert [h.name for h in hypotheses(Request(only=("backlash",)))] == ["backlash"]
-    assert "sensor_scale.output_torque" not in [h.name for h in hypotheses(Request(without=("sensor_scale",)))]
+    assert [h.name for h in candidates(Request(only=("backlash",))).asked] == ["backlash"]
+    assert "sensor_scale.output_torque" not in [h.name for h in candidates(Request(without=("sensor_scale",))).asked]
     with pytest.raises(ConfigurationError, match="backlash"):
-        hypotheses(Request(only=("backlsh",)))
+        candidates(Request(only=("backlsh",)))
 
 
 def test_the_rig_found_has_what_was_fitted_and_nothing_else():
