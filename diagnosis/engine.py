@@ -1,6 +1,6 @@
 """`diagnose`: from a recording to a verdict, by steps that can be called by themselves.
 
-    load_recording -> gate -> kept_back -> prepare -> told_at_rest
+    load_recording -> gate -> kept_back -> prepare -> told_at_rest -> converged
     -> select (refit, score tests, comparison of models by their evidence, what is left) -> answer
 
 Records for "heldout" are never fitted, and count as evidence of every model. A recording without any keeps back the
@@ -24,6 +24,7 @@ from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.evidence.candidates import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
+from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
 from cable_envs.diagnosis.model.noise import resolution
@@ -147,7 +148,7 @@ def examine(
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
-    question = told_at_rest(recording, without_spikes(_with_logger(recording, request)))
+    question = converged(told_at_rest(recording, without_spikes(_with_logger(recording, request))))
     Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())

@@ -118,6 +118,10 @@ class DriveModel:
         for record in recording.used_for(use):
             self._add(record)
 
+    def resolve(self, substeps: int) -> None:
+        """Take so many steps of integration in every fine step of the input."""
+        self.substeps = substeps
+
     def _add(self, record: Record) -> None:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
         time, series = resample(record, self.period, sorted(needs))

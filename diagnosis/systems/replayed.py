@@ -61,13 +61,19 @@ class ReplayModel:
         period: float, *, drive: str, substeps: int, shifted: float = 0.0, lead: int = 0,
     ):  # fmt: skip
         self.plant, self.runs, self.parameters = plant, tuple(runs), tuple(parameters)
-        self.period, self.drive, self.substeps, self.lead = period, drive, substeps, lead
+        self.period, self.drive, self.lead = period, drive, lead
         self.blocks: list[Block] = [block for run in runs for block in run.blocks]
         self._base = plant.table.pack(values)
         self._rows = [plant.table.index(p.name) for p in self.parameters]
         self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
         self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
-        self._shifts = [self._responses(run, shifted) for run in runs]
+        self._shifted = shifted
+        self.resolve(substeps)
+
+    def resolve(self, substeps: int) -> None:
+        """Take so many steps of integration in every control step."""
+        self.substeps = substeps
+        self._shifts = [self._responses(run, self._shifted) for run in self.runs]
 
     @property
     def resolved(self) -> float:
