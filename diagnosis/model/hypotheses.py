@@ -240,7 +240,7 @@ def _hypothesis(
     # what a recording claims to know as absent is what may be missing
     absent = {row: p for row, p in rows.items() if row not in modelled and values[row] == p.null}
     sizes = {row: p for row, p in absent.items() if not p.shape}
-    free = [_free(row, p) for row, p in absent.items() if _searched(effect, p)]
+    free = [free_of(row, p) for row, p in absent.items() if _searched(effect, p)]
     probes: list[tuple[dict[str, float], ...]] = [(one,) for one in _probes(effect, sizes, absent)]
     if effect.wave and travel:
         period, phase = (f"{effect.name}.{name}" for name in effect.wave)
@@ -257,7 +257,8 @@ def _searched(effect: Effect, p: EffectParameter) -> bool:
     return not p.shape or bool(p.probes) or p.name in (effect.wave or ())
 
 
-def _free(row: str, p: EffectParameter) -> Free:
+def free_of(row: str, p: EffectParameter) -> Free:
+    """A parameter of an effect as a refit moves it, by its row of the plant's table."""
     typical = p.typical
     scale = abs(typical - p.null) or abs(p.null) or 1.0
     return Free(row, p.null, p.low if p.search_low is None else p.search_low, p.high, scale)

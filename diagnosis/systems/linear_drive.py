@@ -23,7 +23,7 @@ from scipy.interpolate import CubicSpline
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, free_of, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import (
@@ -41,6 +41,7 @@ from cable_envs.diagnosis.systems.conditions import given, usual, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import delayed
 from cable_envs.diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
+from cable_envs.effects import EFFECTS
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
@@ -70,8 +71,15 @@ _NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position")
 """A position's zero says nothing."""
 _OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep")
 """What only a drive with a belt can have."""
-_OF_LOOP = ("sensor_delay.force", "sensor_rectification.force", "sensor_scale.position", "actuator_lag")
+_OF_LOOP = ("sensor_delay.force", "sensor_rectification.force", "sensor_scale.position")
 """What is asked only where the control loop is replayed."""
+_GEARED = 2
+"""Steps in each fine one where a drive without a belt may have one, or a gap."""
+_TURN = 0.2
+"""rad by which the vibration of a gear or a belt that closes a gap turns in a step of integration: what is stiffer
+cannot be told from it."""
+_SLOW = 4.0
+"""1/s: what a record starts with and dies out more slowly is in a good part of it."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +151,8 @@ class DriveModel:
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         for k, row in self._inside:
             columns[row] = values[k]
+        gap = self.plant.table.index("backlash.gap")  # a drive that is rigid altogether has none
+        columns[gap] = np.where(self._of(columns, "belt_stiffness") > 0.0, columns[gap], 0.0)
         shown = {name: values[k] for name, k in self._rows.items()}
         shown.setdefault(OFFSET, np.full(values.shape[1], self._given.get(OFFSET, 0.0)))
         found: list[np.ndarray] = []
@@ -363,7 +373,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         )
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
     control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
-    candidates = _candidates(plant, recording, values, nominals, request, closed)
+    candidates = _candidates(plant, recording, values, nominals, request, closed, period)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
     steps = _substeps(values, period, {h.name for h in candidates.asked})
     made = {
@@ -373,10 +383,17 @@ def prepare(recording: Recording, request: Request) -> Question:
     how = "no controller was found to replay, so the carriage is held to its recorded position by a soft servo"
     if closed:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
+    notes = [how]
+    if not closed and (rate := _forgets(values)) < _SLOW:
+        early = 3.0 / max(rate, 1e-3)
+        notes.append(
+            f"what the belt starts with dies out with {rate:.2g} 1/s only where the carriage is held to its recorded "
+            f"position: the first {early:.2g} s of each record depend on how it started"
+        )
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
         (*GAINS, HOLD, OFFSET), candidates.asked, {f.name: _unit(plant, f.name) for f in free.values()},
-        lambda found, accepted: _rig(plant, {**values, **found}, accepted), (how,), at_rest=closed,
+        lambda found, accepted: _rig(plant, {**values, **found}, accepted), tuple(notes), at_rest=closed,
         not_asked=candidates.not_asked,
     )  # fmt: skip
 
@@ -385,9 +402,8 @@ def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) 
     """Steps in each fine one: a quarter of a radian of the belt's vibration where there is or may be one."""
     stiffness = values["belt_stiffness"]
     if stiffness <= 0.0:
-        return 2 if "cable_elongation" in hypotheses else 1
-    lighter = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
-    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / lighter) / 0.4), 1, 4))
+        return _GEARED if {"cable_elongation", "backlash"} & hypotheses else 1
+    return int(np.clip(np.ceil(period / FINE * np.sqrt(stiffness / _reduced(values)) / 0.4), 1, 4))
 
 
 def _absent(recording: Recording, values: Mapping[str, float], request: Request) -> dict[str, float]:
@@ -405,14 +421,16 @@ def _unit(plant: Plant, name: str) -> str:
     return own[name] if name in own else plant.table[name].unit
 
 
-def _candidates(plant, recording, values, nominals, request: Request, closed: bool) -> Candidates:
+def _candidates(plant, recording, values, nominals, request: Request, closed: bool, period: float) -> Candidates:
     modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: REFITTED for f in nominals}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
     travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
     found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
     found = found.less(_why_not(values, closed))
     unsaid = "belt_damping" not in {*recording.known, *recording.nominal, *(request.rig or {})}
-    return found.each(lambda h: _damped(h, values) if unsaid and h.name == "cable_elongation" else h)
+    found = found.each(lambda h: _damped(h, values) if unsaid and h.name == "cable_elongation" else h)
+    rigid = values["belt_stiffness"] <= 0.0
+    return found.each(lambda h: _geared(h, values, period) if rigid and h.name == "backlash" else h)
 
 
 def _why_not(values: Mapping[str, float], closed: bool) -> dict[str, str]:
@@ -420,6 +438,10 @@ def _why_not(values: Mapping[str, float], closed: bool) -> dict[str, str]:
     gone = dict.fromkeys(_NO_HYPOTHESIS, "the zero of a position says nothing")
     if values["belt_stiffness"] <= 0.0:
         gone |= dict.fromkeys(_OF_BELT, "the drive has no belt: state its belt_stiffness where there is one")
+        if not closed and values["motor_mass"] > 0.0:
+            del gone["backlash"]  # of a gear, behind which the motor moves by itself
+        elif not closed:
+            gone["backlash"] = "in a gap the motor moves by itself, and its inertia apart from the mass is not stated"
     if values["motor_mass"] <= 0.0:
         gone["cable_elongation"] = "a belt has two ends, and the motor's inertia apart from the mass is not stated"
     if not closed:
@@ -429,15 +451,47 @@ def _why_not(values: Mapping[str, float], closed: bool) -> dict[str, str]:
     return gone
 
 
+def _reduced(values: Mapping[str, float]) -> float:
+    """kg, of motor and carriage against each other."""
+    return values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
+
+
+def _geared(gap: Hypothesis, values: Mapping[str, float], period: float) -> Hypothesis:
+    """A gap in a drive without a belt: between its edges nothing acts, beyond them a gear, as stiff as can be seen."""
+    reduced, step = _reduced(values), period / FINE / _GEARED
+    (gear,) = (free_of(p.name, p) for p in EFFECTS["cable_elongation"].parameters if p.name == "belt_stiffness")
+    stiff = reduced * (_TURN / step) ** 2
+    damping = 2.0 * _DAMPED * float(np.sqrt(stiff * reduced))
+    probes = tuple(tuple({**one, "belt_stiffness": stiff, DAMPING: damping} for one in probe) for probe in gap.probes)
+    return replace(gap, free=(*gap.free, gear, _belt_damping(values)), probes=probes)
+
+
+def _belt_damping(values: Mapping[str, float]) -> Free:
+    return Free(DAMPING, values[DAMPING], 1.0, 1e6, values[DAMPING])
+
+
+def _forgets(values: Mapping[str, float]) -> float:
+    """1/s with which an observed drive forgets its start at least: the slowest pole under our own servo."""
+    mass, motor = values["mass"], values["motor_mass"]
+    total, k, c = mass + motor, values["belt_stiffness"], values[DAMPING]
+    stiff, damping = total * _SOFT**2, 1.4 * total * _SOFT + values["viscous"]
+    if k <= 0.0 or motor <= 0.0:
+        return -float(np.max(np.roots([total, damping, stiff]).real))
+    system = np.array([
+        [0.0, 1.0, 0.0, 0.0], [-(stiff + k) / mass, -(damping + c) / mass, k / mass, c / mass],
+        [0.0, 0.0, 0.0, 1.0], [k / motor, c / motor, -k / motor, -c / motor],
+    ])  # fmt: skip
+    return -float(np.max(np.linalg.eigvals(system).real))
+
+
 def _damped(belt: Hypothesis, values: Mapping[str, float]) -> Hypothesis:
     """A belt with its damping: with the carriage's position fed back, one that has too little is not stable."""
-    reduced = values["mass"] * values["motor_mass"] / (values["mass"] + values["motor_mass"])
+    reduced = _reduced(values)
     probes = [
         tuple({**one, DAMPING: 2.0 * _DAMPED * float(np.sqrt(one["belt_stiffness"] * reduced))} for one in probe)
         for probe in belt.probes
     ]
-    start = values[DAMPING]
-    return replace(belt, free=(*belt.free, Free(DAMPING, start, 1.0, 1e6, start)), probes=tuple(probes))
+    return replace(belt, free=(*belt.free, _belt_damping(values)), probes=tuple(probes))
 
 
 def _rig(plant: Plant, values: Mapping[str, float], accepted: Sequence[str]) -> dict:

@@ -46,3 +46,112 @@ def test_a_belt_drive_is_followed_whatever_its_damping(damping):
     (predicted,) = model.predict(np.array([[p.start] for p in model.parameters]))
     left = (model.blocks[0].measured - predicted[:, 0])[model.blocks[0].good]
     assert np.sqrt(np.mean(left**2)) < 1e-5  # of a motion of 30 mm
+
+
+GAP, CONTACT, RUB, LAG = 1.5e-3, 6e4, 60.0, 0.012
+
+
+def _path(t):
+    """(place, speed) that the motor is told: with stops, so that a gap is crossed at many speeds."""
+    return (
+        0.03 * np.sin(4.0 * t) + 0.01 * np.sin(11.0 * t),
+        0.12 * np.cos(4.0 * t) + 0.11 * np.cos(11.0 * t),
+    )
+
+
+def _told(x, v, t):
+    path, rate = _path(t)
+    return 6000.0 * (path - x) + 250.0 * (rate - v)
+
+
+def _geared(t, s):
+    """A motor and a carriage with a gap between them; the force that the motor is told acts at once."""
+    x, v, xm, vm = s
+    apart, force = xm - x, _told(xm, vm, t)
+    beyond = max(apart - 0.5 * GAP, 0.0) + min(apart + 0.5 * GAP, 0.0)
+    push = CONTACT * beyond + (RUB * (vm - v) if beyond else 0.0)
+    return np.array([v, (push - VISCOUS * v) / MASS, vm, (force - push) / MOTOR]), force
+
+
+def _lagging(t, s):
+    """A rigid drive whose amplifier is late: what is recorded is what it was told."""
+    x, v, acts = s
+    told = _told(x, v, t)
+    return np.array([v, (acts - VISCOUS * v) / (MASS + MOTOR), (told - acts) / LAG]), told
+
+
+def _made(slope, size, every, seconds=5.0, step=1e-4):
+    s, rows = np.zeros(size), []
+    for k in range(round(seconds / step)):
+        t = k * step
+        first, force = slope(t, s)
+        if k % every == 0:
+            rows.append((t, s[0], force))
+        second = slope(t + 0.5 * step, s + 0.5 * step * first)[0]
+        third = slope(t + 0.5 * step, s + 0.5 * step * second)[0]
+        last = slope(t + step, s + step * third)[0]
+        s = s + step / 6.0 * (first + 2.0 * second + 2.0 * third + last)
+    table = dict(zip(("time", "position", "force"), np.array(rows).T, strict=True))
+    return Recording.from_arrays(
+        "linear_drive", {"one": table, "two": table}, heldout="two", noise={"position": 1e-5},
+        known={"motor_mass": MOTOR, "coulomb": 0.0, "viscous": VISCOUS}, nominal={"mass": MASS},
+    )  # fmt: skip
+
+
+def _left(recording, **there):
+    """RMS that the observer leaves of the position, m, with what is there."""
+    model = prepare(recording).fit
+    column = np.array([[there.get(p.name.replace(".", "_"), p.start)] for p in model.parameters])
+    (predicted,) = model.predict(column)
+    return np.sqrt(np.mean((model.blocks[0].measured - predicted[:, 0])[model.blocks[0].good] ** 2))
+
+
+def test_a_late_amplifier_is_asked_of_an_observed_drive():
+    recording = _made(_lagging, 3, 50)
+    assert "actuator_lag" in {h.name for h in prepare(recording).hypotheses}
+    none, right, twice = (_left(recording, actuator_lag_time=t) for t in (0.0, LAG, 2.0 * LAG))
+    assert right < 0.05 * none and right < 0.05 * twice
+    assert right < 2e-5
+
+
+def test_a_gap_of_a_gear_is_asked_where_the_motor_has_an_inertia():
+    recording = _made(_geared, 4, 20)
+    question = prepare(recording)
+    (gap,) = (h for h in question.hypotheses if h.name == "backlash")
+    assert gap.names == ("backlash.gap", "belt_stiffness", "belt_damping")
+    assert all(set(one) == set(gap.names) for probe in gap.probes for one in probe)
+    gear = {"belt_stiffness": CONTACT, "belt_damping": RUB}
+    none, right = _left(recording), _left(recording, backlash_gap=GAP, **gear)
+    assert right < 0.1 * none
+    assert _left(recording, backlash_gap=0.0, **gear) > 5.0 * right
+    assert _left(recording, backlash_gap=GAP) == none  # a drive that is rigid altogether has no gap
+    known = {name: q.value for name, q in recording.known.items() if name != "motor_mass"}
+    table = {"time": recording.records[0].time, **{c: recording.records[0].data[c] for c in ("position", "force")}}
+    one = Recording.from_arrays("linear_drive", {"one": table, "two": table}, heldout="two", known=known,
+                                nominal={"mass": MASS})  # fmt: skip
+    assert "inertia apart from the mass is not stated" in prepare(one).not_asked["backlash"]
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "damping", "told"), [(500.0, 1.0, True), (500.0, 200.0, True), (2e3, 5.0, False), (3e4, 50.0, False)]
+)
+def test_a_belt_that_forgets_its_start_slowly_is_told(stiffness, damping, told):
+    """A free motion of motor and carriage under the servo, by small steps, against the bound of 4 1/s."""
+    recording = Recording.from_arrays(
+        "linear_drive", {name: _run(stiffness, damping, 2.0) for name in ("one", "two")}, heldout="two",
+        known={"motor_mass": MOTOR, "belt_stiffness": stiffness, "belt_damping": damping}, nominal={"mass": MASS},
+    )  # fmt: skip
+    noted = any("what the belt starts with dies out" in note for note in prepare(recording).notes)
+    held, damped, step = (MASS + MOTOR) * 30.0**2, 1.4 * (MASS + MOTOR) * 30.0, 2e-4
+
+    def free(s):
+        x, v, xm, vm = s
+        belt = stiffness * (xm - x) + damping * (vm - v)
+        return np.array([v, (belt - held * x - damped * v) / MASS, vm, -belt / MOTOR])
+
+    s, sizes = np.array([0.0, 0.0, 1e-3, 0.0]), []
+    for _ in range(round(3.0 / step)):
+        s = s + step * free(s + 0.5 * step * free(s))
+        sizes.append(np.sqrt(0.5 * MOTOR * s[3] ** 2 + 0.5 * stiffness * (s[2] - s[0]) ** 2 + 0.5 * held * s[0] ** 2))
+    first, last = max(sizes[round(1.0 / step) : round(1.3 / step)]), max(sizes[round(2.0 / step) : round(2.3 / step)])
+    assert noted == told == (np.log(first / last) < 4.0)
