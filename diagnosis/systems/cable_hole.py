@@ -22,6 +22,7 @@ from cable_envs.diagnosis.systems.common import (
     augmented_rig,
     blocks_of,
     claimed,
+    command_rows,
     free_parameters,
     held_command,
     leave_out,
@@ -126,9 +127,8 @@ def _run(
     if hold == "step":
         command, rate = held_command(record, "drive_velocity_command", time, period, 0.0), None
     elif "drive_velocity_command" in seen:
-        usable = record.usable("drive_velocity_command")
-        spline = CubicSpline(record.time[usable], record.data["drive_velocity_command"][usable])
-        command = spline(np.minimum(time, record.time[usable][-1]))
+        stamps, told = command_rows(record, "drive_velocity_command", period)
+        command = CubicSpline(stamps, told)(np.minimum(time, stamps[-1]))
         # straight lines between samples h apart integrate to h^2 / 12 c' too much
         command[1:-1] -= np.diff(command, 2) / 12.0
         rate = None

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
-from cable_envs.diagnosis.data.clock import zero
+from cable_envs.diagnosis.data.clock import numbers, zero
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
@@ -62,13 +63,44 @@ HELD_STEPS = 20
 a simulated drive's way depend on them: with 17, 0.6 um in a sine of 10 mm."""
 
 
+REPEATS = 0.5
+"""Share of samples that are as the last one, from which a command does not move from sample to sample."""
+
+
+def command_rows(record: Record, channel: str, period: float, held: bool = False) -> tuple[np.ndarray, np.ndarray]:
+    """(times, values) of a command's rows, with the rows that were lost.
+
+    A command goes on where nothing is recorded, and the rig with it. What it was in lost rows is a cubic through the
+    others. Of one that mostly repeats itself it is the value before them where it is ``held``, else a straight line.
+    """
+    usable = record.usable(channel)
+    stamps, values = record.time[usable], record.data[channel][usable]
+    count = np.diff(numbers(stamps, period)).astype(int)
+    if len(stamps) < 4 or np.all(count <= 1):
+        return stamps, values
+    share = np.concatenate([np.arange(1, n) / n for n in count if n > 1])
+    after = np.repeat(np.arange(len(count)), count - 1)
+    lost = stamps[after] + share * (stamps[after + 1] - stamps[after])
+    if np.mean(np.diff(values) == 0.0) > REPEATS:
+        filled = values[after] if held else np.interp(lost, stamps, values)
+    else:
+        first = np.r_[True, np.diff(stamps) > 0.0]
+        filled = CubicSpline(stamps[first], values[first])(lost)
+    order = np.argsort(np.r_[stamps, lost], kind="stable")
+    return np.r_[stamps, lost][order], np.r_[values, filled][order]
+
+
+def moving_command(record: Record, channel: str, time: np.ndarray, period: float) -> np.ndarray:
+    """A command that goes from row to row in straight lines, at ``time`` [T]."""
+    return np.interp(time, *command_rows(record, channel, period))
+
+
 def held_command(record: Record, channel: str, time: np.ndarray, period: float, before: float) -> np.ndarray:
     """A command that acts in steps, at ``time`` [T]: what acted over the ``period`` that ends there.
 
     A row's command acts until the next row; ``before``: what acted before the first one.
     """
-    usable = record.usable(channel)
-    stamps, values = record.time[usable], record.data[channel][usable]
+    stamps, values = command_rows(record, channel, period, held=True)
     return np.r_[before, values][np.searchsorted(stamps, time - 0.5 * period)]
 
 

@@ -22,7 +22,7 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.model.hypotheses import REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free, Whitener, residuals
 from cable_envs.diagnosis.model.noise import Noise
-from cable_envs.diagnosis.systems.common import fitted_rig, plant_values, resample
+from cable_envs.diagnosis.systems.common import fitted_rig, held_command, plant_values, resample
 from cable_envs.diagnosis.systems.conditions import given, with_given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.plants.base import Plant
@@ -137,15 +137,18 @@ def _series(recording: Recording, record: Record, period: float) -> tuple[tuple[
         if other is not record and abs(time[0] - other.time[-1] - period) < 0.5 * period
         and record.name.startswith(other.name.rsplit(".", 1)[0])
     ]  # fmt: skip
-    past = resample(before[0], period, ("voltage",))[1]["voltage"].values if before else np.empty(0)
+    past = np.empty(0)
+    if before:
+        past = held_command(before[0], "voltage", resample(before[0], period, ())[0] + period, period, 0.0)
+    acts = held_command(record, "voltage", time + period, period, 0.0)  # from each sample on
     good = voltage.good & reading.good
     along = (
-        Coordinate("voltage", "V", voltage.values),
+        Coordinate("voltage", "V", acts),
         Coordinate("reading", "V", reading.values, "speed_reading"),
-        Coordinate("time since the voltage stepped", "s", _since_step(voltage.values, period)),
+        Coordinate("time since the voltage stepped", "s", _since_step(acts, period)),
     )
     block = Block(record.name, "speed_reading", time, reading.values, good, "V", along, memory=0)
-    return (np.concatenate([past, voltage.values]), len(past)), block
+    return (np.concatenate([past, acts]), len(past)), block
 
 
 def _since_step(voltage: np.ndarray, period: float) -> np.ndarray:

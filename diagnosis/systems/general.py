@@ -22,6 +22,7 @@ from cable_envs.diagnosis.systems.common import (
     held_command,
     missing,
     motion_coordinates,
+    moving_command,
     plant_values,
     resample,
     smoothed,
@@ -106,7 +107,7 @@ def _run(
         kept = told.signals.get(how.drive, how.drive)
     else:
         kept = next(m for m in plant.action_modes if m.name == mode).rest_signal
-        command = seen[channel].values
+        command = moving_command(record, channel, time, period)
         if recording.holds(channel):
             hold = "step"
             first = seen[kept].values if kept in seen else command

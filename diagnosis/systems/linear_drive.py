@@ -33,6 +33,7 @@ from cable_envs.diagnosis.systems.common import (
     free_parameters,
     mean_over_samples,
     motion_coordinates,
+    moving_command,
     plant_values,
     resample,
     smooth_speed,
@@ -132,7 +133,7 @@ class DriveModel:
 
     def _add(self, record: Record) -> None:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
-        time, series = resample(record, self.period, sorted(needs))
+        time, series = _recorded(record, self.period, sorted(needs))
         effort = None if self.closed else self.effort
         own = given(record, self.plant)
         self._runs.append(_run(time, series, self.period, effort, record.over > 0.0, own))
@@ -265,6 +266,15 @@ class DriveModel:
 _UNIT = {"position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "motor_position": "m"}
 
 
+def _recorded(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
+    """As `resample`, with the reference where its rows were lost."""
+    time, series = resample(record, period, channels)
+    if "position_reference" in series:
+        told = moving_command(record, "position_reference", time, period)
+        series["position_reference"] = replace(series["position_reference"], values=told)
+    return time, series
+
+
 def _effort(recording: Recording) -> str:
     return "force" if "force" in recording.channels else "voltage"
 
@@ -308,7 +318,7 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
     effort = _effort(recording)
     rows, told, target, noise = [], [], [], []
     for record in recording.used_for("fit"):
-        _, series = resample(record, period, ("position", "position_reference", effort))
+        _, series = _recorded(record, period, ("position", "position_reference", effort))
         reference, position = series["position_reference"].values, series["position"].values
         speed = smooth_speed(position, period, 0.05)
         if "velocity" in recording.channels:

@@ -32,6 +32,7 @@ from cable_envs.diagnosis.systems.common import (
     held_command,
     missing,
     motion_coordinates,
+    moving_command,
     plant_values,
     resample,
     smoothed,
@@ -149,7 +150,7 @@ def _run(recording: Recording, record: Record, plant: Plant, values, period: flo
         at_rest = seen["drive_angle" if "drive_angle" in seen else "drive_angle_command"].values[0]
         command, rate = held_command(record, "drive_angle_command", time, period, at_rest), None
     elif "drive_angle_command" in seen:
-        command, rate = seen["drive_angle_command"].values, None
+        command, rate = moving_command(record, "drive_angle_command", time, period), None
     else:
         command, rate = smoothed(seen["drive_angle"].values, period)
     own = given(record, plant)
