@@ -15,7 +15,7 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search import limit_cycles
 from cable_envs.diagnosis.search.select import select
-from cable_envs.diagnosis.systems.linear_drive import controller
+from cable_envs.diagnosis.systems.drive.loop import controller
 from cable_envs.proof.cases import Case, make
 from cablebench.pages import diagnosis_words as words
 from cablebench.pages.diagnosis import render

@@ -8,7 +8,7 @@ from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.model.noise import LONG, Noise, learn_noise
 from cable_envs.diagnosis.search.select import select
-from cable_envs.diagnosis.systems.linear_drive import EXPLAINED, controller
+from cable_envs.diagnosis.systems.drive.loop import EXPLAINED, controller
 from tests.support import drive_recording as drive
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Toy
 

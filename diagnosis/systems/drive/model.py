@@ -1,0 +1,269 @@
+"""A one-axis drive on the project's kernel, under its own controller or held to its recorded motion.
+
+The loop is `replay(..., drive="observed")`: it feels the carriage, and the amplifier's lag acts on its force. Our own
+servo pulls at the carriage, which it feels: then it is stable whatever the belt is (`DriveModel._followed`). The
+reference goes between samples as a cubic, since straight lines would change the force by kp x'' dt^2 / 12.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.systems.common import (
+    Sampled,
+    at_first,
+    mean_over_samples,
+    motion_coordinates,
+    moving_command,
+    resample,
+    smooth_speed,
+)
+from cable_envs.diagnosis.systems.conditions import given, with_given
+from cable_envs.diagnosis.systems.replayed import delayed
+from cable_envs.plants.base import Plant
+from cable_envs.sim.replay import distort, replay
+
+FINE = 10
+"""Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
+had nothing wrong were answered with a Stribeck curve as wide as the motion (gains of 57 and 74; 2 and 0 with 10)."""
+AT_ONCE = 64
+"""Columns at a time: the inputs of a fine step are each column's own, 2.5 MB of them for 45 s at 100 Hz, and what is
+larger than the processor's cache takes twice as long."""
+GAINS = ("control.kp", "control.kv", "control.kd")
+HOLD = "control.hold"
+"""s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
+OFFSET = "force_offset"
+SOFT = 30.0
+"""rad/s, the natural frequency of our own servo."""
+DAMPING_RATIO = 0.7
+"""Of our own servo."""
+
+
+@dataclass(frozen=True)
+class _Run:
+    """One record on the even clock: finely sampled input, and what the drive started from."""
+
+    path: np.ndarray
+    """[FINE (T - 1)] m, in the middle of each fine step"""
+    rate: np.ndarray
+    """the same, m/s"""
+    effort: np.ndarray
+    """[FINE (T - 1)] of an observed drive; 0 under its own controller"""
+    samples: np.ndarray
+    """[T] m of the path, at the samples"""
+    rates: np.ndarray
+    """the same, m/s"""
+    start: float
+    speed: float
+    mean: bool
+    """whether samples are means over the period around them"""
+    given: Mapping[str, float]
+    """parameters that only this record has, SI"""
+
+
+class DriveModel:
+    """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+
+    def __init__(
+        self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
+        period: float, closed: bool, substeps: int = 2,
+    ):  # fmt: skip
+        self.plant, self.parameters, self.period, self.closed = plant, tuple(parameters), period, closed
+        self.substeps = substeps
+        self.effort = effort_of(recording)
+        table = plant.table
+        self._base = np.array([values[p.name] for p in table])
+        self._rows = {p.name: k for k, p in enumerate(self.parameters)}
+        self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters) if p.name in table]
+        self._given = dict(values)
+        wanted = [c for c in ("position", "velocity", self.effort, "motor_position") if c in recording.channels]
+        self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity")]
+        self.blocks: list[Block] = []
+        self._runs: list[_Run] = []
+        for record in recording.used_for(use):
+            self._add(record)
+
+    def resolve(self, substeps: int) -> None:
+        """Take so many steps of integration in every fine step of the input."""
+        self.substeps = substeps
+
+    def _add(self, record: Record) -> None:
+        needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
+        time, series = recorded(record, self.period, sorted(needs))
+        effort = None if self.closed else self.effort
+        own = given(record, self.plant)
+        self._runs.append(_run(time, series, self.period, effort, record.over > 0.0, own))
+        along = motion_coordinates(time, series["position"].values, "m", "position")
+        late = ~at_first(time, series["position"].values)
+        for channel in self.channels:
+            got = series[channel]
+            self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along))
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
+        parts = [self._predicted(values[:, k : k + AT_ONCE]) for k in range(0, values.shape[1], AT_ONCE)]
+        return [np.concatenate(series, axis=1) for series in zip(*parts, strict=True)] if len(parts) > 1 else parts[0]
+
+    def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
+        columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
+        for k, row in self._inside:
+            columns[row] = values[k]
+        gap = self.plant.table.index("backlash.gap")  # a drive that is rigid altogether has none
+        columns[gap] = np.where(self._of(columns, "belt_stiffness") > 0.0, columns[gap], 0.0)
+        shown = {name: values[k] for name, k in self._rows.items()}
+        shown.setdefault(OFFSET, np.full(values.shape[1], self._given.get(OFFSET, 0.0)))
+        found: list[np.ndarray] = []
+        for run in self._runs:
+            own = with_given(self.plant, columns, run.given)
+            signals = self._closed(own, shown, run) if self.closed else self._observed(own, shown, run)
+            found += [signals[channel] for channel in self.channels]
+        return found
+
+    def _of(self, columns: np.ndarray, name: str) -> np.ndarray:
+        return columns[self.plant.table.index(name)]
+
+    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+        per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
+        kp, kv, kd = (shown[name] for name in GAINS)
+        scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
+        # the controller feels scale x(t - late): kp (r - scale (x - late x' + late^2 x'' / 2)) + kv r' - kd x'
+        stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
+        columns = columns.copy()
+        columns[self.plant.table.index("actuator_lag.time")] += shown[HOLD]
+        behind = 0.5 * stiff * late**2  # acts as a mass that is not there
+        columns[self.plant.table.index("motor_mass")] += behind * per_volt
+        path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
+        y, v, motor, first = self._replay(
+            columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET]
+        )
+        effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
+        if np.any(behind):
+            effort = effort - behind * np.gradient(v, self.period, axis=0)
+        return self._seen(columns, {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}, first)
+
+    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+        per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
+        scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
+        total = self._of(columns, "mass") + self._of(columns, "motor_mass")
+        force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
+        y, v, motor, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
+        return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+
+    def _followed(self, columns, stiff, damping, run: _Run, force):
+        """As `_replay`, with the recorded force on the motor, and our servo between carriage and recorded place.
+
+        The servo acts where it feels, as a spring and a damper would, so that whatever the belt is it takes energy out:
+
+            m x'' = b - friction + stiff (path - x) + damping (path' - x'),   m_m x_m'' = force - b
+
+        A servo on the motor that feels the carriage adds damping / (2 (m + m_m)) to the real part of the belt's poles,
+        -belt_damping (1 / m + 1 / m_m) / 2: 21 1/s with `SOFT`, more than most belts have.
+        """
+        neutral = self._of(columns, "position_dependent_load.neutral")
+        pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
+        state, first, signals = self._begun(columns, run)
+        held = columns.copy()
+        held[self.plant.table.index("force_limit")] = 1e6
+        held[self.plant.table.index("viscous")] += damping
+        held[self.plant.table.index("position_dependent_load.stiffness")] += stiff
+        out = replay(
+            self.plant, held, np.broadcast_to(force, pushed.shape), self.period / FINE, drive="force", hold="step",
+            signals=signals, state=state, substeps=self.substeps, disturbance=pushed, sensors=False,
+        )  # fmt: skip
+        return self._sampled(out, first, run)
+
+    def _begun(self, columns, run: _Run):
+        """(state at the start of a record, the signals [3, n] there, their names)."""
+        state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
+        signals = ["position", "velocity", "motor_position"]
+        for name in ("velocity", "motor_velocity"):
+            state[self.plant.row(name)] = run.speed
+        return state, state[[self.plant.row(name) for name in signals]].copy(), signals
+
+    def _sampled(self, out: np.ndarray, first: np.ndarray, run: _Run):
+        if run.mean:
+            whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
+        else:
+            whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
+        return whole[:, 0], whole[:, 1], whole[:, 2], first
+
+    def _replay(self, columns, path, rate, stiff, damping, run: _Run, force):
+        """(position, speed, motor's position [T, n], the three at the start [3, n]) under a servo of those gains."""
+        table, n = self.plant.table, columns.shape[1]
+        columns, steps = columns.copy(), len(run.path)
+        total = columns[table.index("mass")] + columns[table.index("motor_mass")]
+        frequency = np.sqrt(np.maximum(stiff, 1e-9) / total)
+        columns[table.index("servo_frequency")] = frequency
+        columns[table.index("servo_damping_ratio")] = damping / (2.0 * frequency * total)
+        columns[table.index("force_limit")] = 1e6
+        state, first, signals = self._begun(columns, run)
+        out = replay(
+            self.plant, columns, np.broadcast_to(path, (steps, n)), self.period / FINE, drive="observed", hold="step",
+            signals=signals, rate=np.broadcast_to(rate, (steps, n)), state=state, substeps=self.substeps,
+            disturbance=np.broadcast_to(force, (steps, n)), sensors=False,
+        )  # fmt: skip
+        return self._sampled(out, first, run)
+
+    def _seen(self, columns: np.ndarray, signals: dict[str, np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
+        """What the sensors show. A voltage is what the amplifier was told: it has no sensor."""
+        names = [name for name in self.channels if name != "voltage"]
+        out = np.stack([signals[name][1:] for name in names], axis=1)
+        start = np.stack([signals[name][0] for name in names])
+        late = {name: self._of(columns, f"sensor_delay.{name}") / self.period for name in names}
+        prompt = columns.copy()
+        for name in names:  # delays below: straight lines between samples would bend the motion
+            prompt[self.plant.table.index(f"sensor_delay.{name}")] = 0.0
+        shown = distort(self.plant, self.plant.prepare(prompt), names, out, self.period, start)
+        seen = {name: np.concatenate([start[None, k], shown[:, k]]) for k, name in enumerate(names)}
+        seen = {name: delayed(series, late[name]) if np.any(late[name]) else series for name, series in seen.items()}
+        return {**signals, **seen}
+
+
+_UNIT = {"position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "motor_position": "m"}
+
+
+def recorded(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
+    """As `resample`, with the reference where its rows were lost."""
+    time, series = resample(record, period, channels)
+    if "position_reference" in series:
+        told = moving_command(record, "position_reference", time, period)
+        series["position_reference"] = replace(series["position_reference"], values=told)
+    return time, series
+
+
+def effort_of(recording: Recording) -> str:
+    """Channel of the motor's effort."""
+    return "force" if "force" in recording.channels else "voltage"
+
+
+def middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(values and slopes in the middle of each fine step, slopes at the samples) of a cubic through samples [T]."""
+    curve = CubicSpline(np.arange(len(values)) * period, values)
+    at = (np.arange(FINE * (len(values) - 1)) + 0.5) * (period / FINE)
+    return curve(at), curve(at, 1), curve(np.arange(len(values)) * period, 1)
+
+
+def _run(
+    time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool,
+    own: Mapping[str, float],
+) -> _Run:  # fmt: skip
+    position = series["position"].values
+    samples = series["position_reference"].values if effort is None else position
+    path, rate, rates = middle(samples, period)
+    pushed = np.zeros(len(path)) if effort is None else np.repeat(_halfway(series[effort].values), FINE)
+    early = max(int(0.3 / period), 1)
+    first = position[:early]
+    moving = smooth_speed(position, period)[0]
+    still = abs(moving) * early * period < 4.0 * max(float(np.std(np.diff(first))) if early > 2 else 0.0, 1e-12)
+    start = float(first.mean()) if still else float(position[0])
+    if mean:  # what the effort is computed from is averaged as the effort is
+        samples, rates = mean_over_samples(samples, 1), mean_over_samples(rates, 1)
+    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean, own)
+
+
+def _halfway(values: np.ndarray) -> np.ndarray:
+    return 0.5 * (values[1:] + values[:-1])
