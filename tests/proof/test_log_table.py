@@ -1,0 +1,34 @@
+"""The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
+
+from benchmarks.logs import coverage, reliability, table
+
+
+def row(kind, noise, outcome, intervals=()):
+    return {"kind": kind, "noise": noise, "outcome": outcome, "intervals": intervals}
+
+
+def test_outcomes_are_counted_by_what_is_missing_and_by_kind_of_log():
+    rows = [row("nothing", "hum", "none"), row("nothing", "hum", "data"), row("nothing", "jitter", "none")]
+    rows += [row("single", "hum", "exact"), row("strange", "hum", "unknown")]
+    said = table(rows)
+    assert "| nothing missing | none | data |" in said
+    assert "| hum | 1 | 1 |" in said and "| jitter | 1 | 0 |" in said and "| all | 2 | 1 |" in said
+    assert "| one effect | exact |" in said and "| physics of no library | unknown |" in said
+
+
+def test_the_calibration_error_is_the_mean_distance_of_stated_and_right():
+    claims = [(0.9, k % 10 > 0) for k in range(50)] + [(0.5, k % 2 > 0) for k in range(50)]
+    said = reliability(claims)
+    error = float(said.split("error ")[1].split(",")[0])
+    assert error < 0.06 and said.endswith("100 named effects")
+    assert "error 0.500" in reliability([(1.0, False), (1.0, True)] * 10)
+    assert reliability([]) == "no effect was named"
+
+
+def test_intervals_are_counted_parameter_by_parameter():
+    rows = [
+        row("single", "hum", "exact", [("a.x", True), ("b.y", False)]),
+        row("single", "hum", "exact", [("a.x", True)]),
+    ]
+    assert "| a.x | 2 of 2 |" in coverage(rows) and "| b.y | 0 of 1 |" in coverage(rows)
+    assert coverage(rows).endswith("| all | 2 of 3 |")
