@@ -6,7 +6,7 @@ looked at. Spectra are asked only where noise
 limits: what a model is off by is no noise of a sensor.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -77,7 +77,7 @@ def _left(
     seen = [*spectra, *known]
     of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
     share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
-    cause = _of_a_sensor(candidate)
+    cause = _of_sensors(candidate, smooth)
     physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
     kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
     sure = [k for k in of_sensors if k.log_odds - float(np.log(len(seen))) > np.log(SURE)]
@@ -99,13 +99,16 @@ def _share(compared: Candidate, bare: Candidate, before: float, size: float) -> 
     return left / explained if explained > 0.0 else np.inf
 
 
-def _of_a_sensor(candidate: Candidate) -> str:
-    """What the discrepancy is of a sensor, where it is nothing else."""
+def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
+    """What the discrepancy is of sensors, where it is nothing else: zeros that drift."""
     chosen = candidate.best.chosen
-    if chosen is None or len(chosen) != 1:
-        return ""
-    family = candidate.frame.families[chosen[0]]
-    return f"{_plain(family.channel)}: {DRIFT}" if family.name == ELAPSED else ""
+    alone = chosen is not None and len(chosen) == 1
+    families = [candidate.frame.families[chosen[0]]] if alone and chosen is not None else []
+    found = [family.channel for family in families if family.name == ELAPSED]
+    if not alone:
+        sure = [kind for kind in smooth if kind.log_odds > np.log(SURE)]
+        found = [kind.channel for kind in sure] if all(kind.coordinate == ELAPSED for kind in sure) else []
+    return "; ".join(f"{_plain(channel)}: {DRIFT}" for channel in found)
 
 
 def _smooth(candidate: Candidate, family: int) -> Leftover:

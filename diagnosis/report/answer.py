@@ -107,6 +107,9 @@ def in_words(fault: EffectGain) -> str:
         return f"the logger's clock is off by {100.0 * estimate.value:+.3g} %"
     if fault.hypothesis.name == LINES:
         return f"all channels were brought from another clock, of {1e3 * estimate.value:.3g} ms, by straight lines"
+    if not fault.hypothesis.of_logger:  # the bias of a sensor that drifts
+        channel = fault.hypothesis.name.partition(".")[2].replace("_", " ")
+        return f"{channel}: its zero is off by {estimate.value:.3g} {estimate.unit} on average, and drifts"
     channel = fault.hypothesis.name.removeprefix(f"{FILTER}.").replace("_", " ")
     return f"{channel} was filtered with a time constant of {1e3 * estimate.value:.3g} ms"
 

@@ -19,6 +19,7 @@ from cable_envs.diagnosis.evidence.left import left_by
 from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import rms_by_channel
+from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.model.verdict import NAMED, NOMINAL, EffectGain, Estimate
@@ -27,6 +28,8 @@ from cable_envs.diagnosis.search.effects import Found, Round, Search
 from cable_envs.diagnosis.search.elsewhere import Group, asked_elsewhere, worse_than_claim
 from cable_envs.diagnosis.search.selection import Selection, confidence
 
+BIAS = "sensor_bias"
+"""Effect that is no constant, and nothing of the rig, where the sensor's zero drifts."""
 WORSE = 1.05
 """RMS of a channel's error over its standard deviation from which its own mean would have predicted it better."""
 
@@ -113,8 +116,12 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
     after = left_by(search.joint, best, bare, of_the_rig, stated)
     before = left_by(search.joint, bare, bare, of_the_rig, stated) if best is not bare else after
 
-    def gains(of_logger: bool) -> tuple[EffectGain, ...]:
-        return tuple(_gain(h, found) for h in best.effects if h.of_logger is of_logger)
+    drifting = {
+        f"sensor_bias.{k.channel}" for k in after.kinds if k.coordinate == ELAPSED and k.log_odds > np.log(SURE)
+    }
+
+    def gains(of_data: bool) -> tuple[EffectGain, ...]:
+        return tuple(_gain(h, found) for h in best.effects if (h.of_logger or h.name in drifting) is of_data)
 
     return Selection(
         _judged(search.fit, bare, found.null), _judged(search.fit, best, found.null),

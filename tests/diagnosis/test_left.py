@@ -2,17 +2,19 @@
 
 from dataclasses import replace
 from itertools import product
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.signal import lfilter, savgol_filter
 
 from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
-from cable_envs.diagnosis.evidence.left import left_by
+from cable_envs.diagnosis.evidence.left import _of_sensors, left_by
 from cable_envs.diagnosis.evidence.shared import bayes_bound, coherence_evidence, coherences, tones, without_tones
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
-from cable_envs.diagnosis.model.leftover import ALL
+from cable_envs.diagnosis.model.features import ELAPSED
+from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
 from tests.support.diagnosis_toy import NOMINALS, Moving, Toy, along
 
@@ -54,14 +56,14 @@ class Sensors(Toy):
         return [p for p in super().predict(values) for _ in range(self._sensors)]
 
 
-def _of_sensors(seed, **options):
+def _seen_by(seed, **options):
     return _left(Sensors(seed, **options), Sensors(seed + 500, records=1, **options))
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_nothing_is_left_of_a_right_model(seed):
     assert _left(Moving({}, seed, colour=0.3 * seed), Moving({}, seed + 300, 1, colour=0.3 * seed)).log_odds < SURE
-    assert _of_sensors(seed).log_odds < SURE
+    assert _seen_by(seed).log_odds < SURE
 
 
 def _pawl(t, y, v):
@@ -83,7 +85,7 @@ def test_a_drag_that_drifts_is_left():
     def warm(t, y, v):
         return 0.3 * 20.0 * v * np.cos(np.pi * t / t[-1])
 
-    found = _of_sensors(3, seen=warm)
+    found = _seen_by(3, seen=warm)
     assert found.log_odds > SURE and not found.cause
 
 
@@ -104,7 +106,7 @@ def test_what_two_sensors_share_is_no_noise(seed):
         rng = np.random.default_rng(round(1e6 * abs(y[5])))
         return lfilter([1.0], [1.0, -0.98], rng.normal(0.0, 0.4 * np.sqrt(1.0 - 0.98**2), len(t)))
 
-    found = _of_sensors(seed, seen=wave)
+    found = _seen_by(seed, seen=wave)
     assert found.log_odds > SURE and not found.cause
     assert any(k.channel == "force_0 and force_1" and k.log_odds > SURE for k in found.kinds)
 
@@ -150,16 +152,24 @@ def _hum(rng, t, k):
 
 
 def test_hum_in_each_sensor_is_of_the_sensors_and_a_vibration_is_not():
-    found = _of_sensors(4, own=_hum)
+    found = _seen_by(4, own=_hum)
     assert found.log_odds > SURE and "a steady tone of 7." in found.cause
-    shaken = _of_sensors(4, seen=lambda t, y, v: 0.4 * np.sin(2.0 * np.pi * 7.3 * t))
+    shaken = _seen_by(4, seen=lambda t, y, v: 0.4 * np.sin(2.0 * np.pi * 7.3 * t))
     assert shaken.log_odds > SURE and not shaken.cause
     line = next(k for k in shaken.kinds if k.coordinate == "frequency" and " and " not in k.channel)
     assert line.at[0] == pytest.approx(7.3, abs=0.1)
 
 
+def test_zeros_that_drift_are_of_the_sensors_if_nothing_else_is_sure():
+    of_all = SimpleNamespace(best=SimpleNamespace(chosen=None))
+    drifts = [Leftover(f"force_{k}", ELAPSED, "s", 40.0) for k in range(2)]
+    weak, sure = (Leftover("force_0", "direction with elapsed time", "s", odds) for odds in (2.0, 9.0))
+    assert _of_sensors(of_all, [*drifts, weak]) == "force 0: its zero drifts; force 1: its zero drifts"
+    assert _of_sensors(of_all, [*drifts, sure]) == "" and _of_sensors(of_all, [weak]) == ""
+
+
 def test_a_hum_does_not_hide_what_is_left_beside_it():
-    both = _of_sensors(4, own=_hum, seen=lambda t, y, v: 1.5 * np.sin(40.0 * y))
+    both = _seen_by(4, own=_hum, seen=lambda t, y, v: 1.5 * np.sin(40.0 * y))
     assert both.log_odds > SURE and not both.cause
 
 
