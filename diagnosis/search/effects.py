@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import (
+    CALIBRATED,
     SURE,
     Candidate,
     Joint,
@@ -47,9 +48,6 @@ SEVERAL = 2
 """Effects from which a model is refitted from several starts before the search goes on."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
-LEARNT = 8.0
-"""Log odds from which one model is preferred where the noise is learnt from what is left, and not `SURE`: of effects
-with 3 to 10 on logs of generator A (`cable_envs.proof.logs`, seed 5) 1 of 7 was right, of those with more 14 of 16."""
 MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
 FORMULATION = 0.01
@@ -100,6 +98,11 @@ class Found:
     rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     sure: float = float(np.log(SURE))
 
+    @property
+    def learnt(self) -> bool:
+        """Whether the noise is learnt from what the best model leaves: odds are then less than they say."""
+        return self.sure > np.log(SURE)
+
     def alternatives(self, name: str) -> tuple[str, ...]:
         """Hypotheses that the records do not tell from an effect."""
         return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < self.sure)
@@ -147,7 +150,7 @@ class Search:
         self._bare: list[np.ndarray] = []
         """what the nominal refit leaves of all records [T] by block"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
-        self._sure = float(np.log(SURE)) if known else LEARNT
+        self._sure = float(np.log(SURE)) if known else float(np.exp(-CALIBRATED[0] / CALIBRATED[1]))
         self._prior = -float(np.log(max(len(self._hypotheses), 1)))
         self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
         """names of effects -> refit with them, and the best refits of one more on top"""
@@ -324,7 +327,7 @@ class Search:
             else:
                 odds += self._prior - self._formulation(model)
                 without[name] = odds
-            behind.append((odds + (MARGIN if other else 0.0), model))
+            behind.append((odds + MARGIN if other else odds - self._from(best), model))
         odds, better = min(behind, key=lambda pair: pair[0])
         return Found(null, bare, best, rounds, without, rivals, self._from(best)), better if odds < 0.0 else None
 

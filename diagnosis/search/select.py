@@ -160,7 +160,8 @@ def _gain(h: Hypothesis, found: Found) -> EffectGain:
     rivals = found.rivals.get(h.name, {})
     margin = min(against)
     return EffectGain(
-        h, float(found.without[h.name]), 0.0, float(margin), found.alternatives(h.name), confidence=confidence(against),
+        h, float(found.without[h.name]), 0.0, float(margin), found.alternatives(h.name),
+        confidence=confidence(against, found.learnt),
         rivals={name: float(odds) for name, odds in rivals.items()},
     )  # fmt: skip
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cable_envs.diagnosis.evidence.bands import Bands
-from cable_envs.diagnosis.evidence.candidates import SURE
+from cable_envs.diagnosis.evidence.candidates import CALIBRATED, SURE
 from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
@@ -117,6 +117,14 @@ class Selection:
         return effect_name(other) in mine.confusable or (theirs is not None and mine.canonical in theirs.confusable)
 
 
-def confidence(against: Sequence[float]) -> float:
-    """Probability of what has these log odds against all else, `SUREST` at the most."""
-    return min(SUREST, float(1.0 / (1.0 + np.sum(np.exp(-np.clip(against, 0.0, 50.0))))))
+def confidence(against: Sequence[float], learnt: bool = False) -> float:
+    """Probability of what has these log odds against all else, `SUREST` at the most.
+
+    learnt: whether the noise was, so that the odds are less than they say (`CALIBRATED`).
+    """
+    posterior = float(1.0 / (1.0 + np.sum(np.exp(-np.clip(against, 0.0, 50.0)))))
+    if not learnt:
+        return min(SUREST, posterior)
+    constant, slope = CALIBRATED
+    logit = constant + slope * float(np.log(max(min(against), 1.0)))
+    return min(SUREST, posterior, 1.0 / (1.0 + float(np.exp(-logit))))
