@@ -10,9 +10,8 @@ import argparse
 import json
 import shutil
 import warnings
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -22,13 +21,13 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.engine import diagnose
 from cable_envs.proof.cases import Case
+from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.logs.cases import make, plan
-from cable_envs.proof.scoring import judge
+from cable_envs.proof.scoring import Result, judge, restored
 
+FIELDS = tuple(field.name for field in fields(Result))
 DEVELOPED_ON = 5
 """Seed on which numbers of the tool were set (`docs/evidence.md`); any other tells how good these are."""
-KINDS = {"nothing": "nothing missing", "single": "one effect", "strange": "physics of no library"}
-SHOWN = ("none", "data", "exact", "class", "partly", "unknown", "wrong", "failed")
 
 
 def answered(case: Case, folder: Path) -> dict[str, Any]:
@@ -47,20 +46,6 @@ def answered(case: Case, folder: Path) -> dict[str, Any]:
     named = verdict["effects"] if row["answer"] else []
     row["gains"] = [min(e["log_odds"], e["margin"]) for e in named if e["name"] not in key["ambient"]]
     return {**row, "cause": verdict["test"]["cause"], "seconds": verdict["about"]["seconds"]}
-
-
-def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Outcomes by what is missing and by kind of log, in Markdown."""
-    lines = []
-    for kind, said in KINDS.items():
-        own = [row for row in rows if row["kind"] == kind]
-        seen = [outcome for outcome in SHOWN if any(row["outcome"] == outcome for row in own)]
-        lines += [f"| {said} | {' | '.join(seen)} |", f"|---|{'--:|' * len(seen)}"]
-        for noise in (*dict.fromkeys(sorted(row["noise"] for row in own)), "all"):
-            counts = Counter(row["outcome"] for row in own if noise in ("all", row["noise"]))
-            lines.append(f"| {noise} | {' | '.join(str(counts[outcome]) for outcome in seen)} |")
-        lines.append("")
-    return "\n".join(lines)
 
 
 def reliability(claims: Iterable[tuple[float, bool]]) -> str:
@@ -114,7 +99,7 @@ def main() -> None:
             print(row["name"], row["noise"], *row["truth"], "->", row["outcome"], *row["answer"], flush=True)
     rows = _read(folder)
     print(f"\n{len(rows)} recordings of seed {arguments.seed}\n")
-    print(table(rows))
+    print(outcomes([restored({k: row[k] for k in FIELDS}) for row in rows]))
     print(reliability(claim for row in rows for claim in row["claims"]), "\n")
     print(coverage(rows))
 

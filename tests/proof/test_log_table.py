@@ -1,19 +1,27 @@
 """The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
 
-from benchmarks.logs import coverage, reliability, table
+from benchmarks.logs import coverage, reliability
+from cable_envs.proof.logs.by_kind import outcomes
+from cable_envs.proof.scoring import Result
 
 
 def row(kind, noise, outcome, intervals=()):
     return {"kind": kind, "noise": noise, "outcome": outcome, "intervals": intervals}
 
 
+def result(kind, noise, outcome, band=""):
+    return Result("case", "cable_hole", kind, (), band, noise, (), "", (), outcome)
+
+
 def test_outcomes_are_counted_by_what_is_missing_and_by_kind_of_log():
-    rows = [row("nothing", "hum", "none"), row("nothing", "hum", "data"), row("nothing", "jitter", "none")]
-    rows += [row("single", "hum", "exact"), row("strange", "hum", "unknown")]
-    said = table(rows)
-    assert "| nothing missing | none | data |" in said
-    assert "| hum | 1 | 1 |" in said and "| jitter | 1 | 0 |" in said and "| all | 2 | 1 |" in said
-    assert "| one effect | exact |" in said and "| physics of no library | unknown |" in said
+    rows = [result("nothing", noise, o) for noise, o in (("hum", "none"), ("hum", "data"), ("jitter", "none"))]
+    rows += [result("single", "hum", o, ">10") for o in ("exact", "class", "class")]
+    rows += [result("strange", "hum", "unknown", ">10")]
+    said = outcomes(rows)
+    assert "| nothing missing | no mismatch | fault of the data | recordings |" in said
+    assert "| hum | 1 | 1 | 2 |" in said and "| jitter | 1 | 0 | 1 |" in said and "| all | 2 | 1 | 3 |" in said
+    assert "| effect adds more than 10 % | exact name | class that holds it | recordings |" in said
+    assert "| all | 1 | 2 | 3 |" in said and "| physics outside the library | unknown | recordings |" in said
 
 
 def test_the_calibration_error_is_the_mean_distance_of_stated_and_right():
