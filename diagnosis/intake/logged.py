@@ -26,8 +26,8 @@ STEP, MOST = 1e-4, 1e-2
 SLOWEST, TYPICAL = 0.2, 0.01
 """s of a filter's time constant: its bound, and what is usual."""
 SPEEDS = ("m/s", "rad/s")
-LONGEST = 5.0
-"""Samples' distance of an earlier clock, at most, over that of the recording."""
+SHORTEST, LONGEST = 0.5, 5.0
+"""Samples' distance of an earlier clock over that of the recording: what is told of it, and the bound."""
 UNSEEN = "no prediction changes with the clock, or the records cannot be read with a longer one"
 SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
@@ -164,7 +164,8 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
         units[free.name] = "s"
     lines = _lines(float(np.median(np.diff(question.fit.blocks[0].time))))
     law = "x(f) -> sinc(f P)^2 x(f)"
-    hypotheses.append(_hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken"))
+    earlier = _hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken")
+    hypotheses.append(replace(earlier, least=SHORTEST * lines.scale))
     units[LINES] = "s"
     refused = {} if slopes else {CLOCK: UNSEEN}
     models = [

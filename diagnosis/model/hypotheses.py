@@ -47,6 +47,8 @@ class Hypothesis:
         Value of each parameter that leaves the effect out; those that only shape it are not here.
     effect : Effect, optional
         What it declares; by default the registered effect of that name, if there is one.
+    least : float
+        Size, SI, below which its parameter says nothing of it.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Hypothesis:
     confusable: tuple[str, ...] = ()
     nulls: Mapping[str, float] = field(default_factory=dict)
     effect: Effect | None = None
+    least: float = 0.0
 
     def __post_init__(self) -> None:
         if self.effect is None:

@@ -274,6 +274,8 @@ class Search:
         step = float(getattr(self.fit, "resolved", 0.0))
         if unresolved(hypothesis, fit, step):
             return f"it is far shorter than a step of integration, {1e3 * step:.2g} ms"
+        if all(abs(fit.values[name] - null) < hypothesis.least for name, null in hypothesis.nulls.items()):
+            return f"it is smaller than {hypothesis.least:.2g}, below which nothing is told"
         ends = bounded(hypothesis, fit)
         return f"{', '.join(ends)} ended on a bound" if ends else ""
 

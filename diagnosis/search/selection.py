@@ -14,8 +14,9 @@ from cable_envs.diagnosis.model.leftover import DRIFT, Left
 from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.effects import EFFECTS
 
-SUREST = 0.95
-"""No answer is surer: what the odds leave out, a law that is in no library, no count has shown to be rarer yet."""
+SUREST = 0.98
+"""No answer is surer. On recordings of generator A none of 51 effects was wrong that had log odds above 100 where the
+noise was learnt (26), or was taken where it was known (25): (n + 1) / (n + 2), Laplace's rule of succession."""
 REST = 0.05
 """Share of what was to be explained from which what is left is part of the answer."""
 MOST = 0.25

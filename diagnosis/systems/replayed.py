@@ -77,8 +77,8 @@ class ReplayModel:
 
     @property
     def resolved(self) -> float:
-        """Step of integration, s: a simulator's own jumps take as long."""
-        return self.period / self.substeps
+        """Step of integration, s, where commands jump: a simulator's drive takes as long to follow; 0 where none do."""
+        return self.period / self.substeps if any(run.hold == "step" for run in self.runs) else 0.0
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
