@@ -30,7 +30,7 @@ their own optimum is looked for, and the iterations to that."""
 CALIBRATED = (-4.65, 1.40)
 """Where the noise is learnt from what is left: logit of the share of right names, constant and slope over the logarithm
 of their log odds. By maximum likelihood from 42 effects that were named on 126 logs of generator A
-(`cable_envs.proof.logs`, seed 5), 35 of them right. Above exp(-constant / slope) a name is rather right than wrong."""
+(`cable_envs.proof.logs`, seed 5), 35 of them right."""
 DOMINANT = 1.0
 """RMS of a discrepancy over that of the noise from which it is no stationary noise that limits: each channel then
 counts by the size of all that is left of it and by its effective sample size (`cable_envs.diagnosis.fit.weights`)."""
