@@ -8,6 +8,8 @@ STEPS_PER_POINT = 10
 """Grid of the coordinates, steps per point (1/72 inch): finer than a screen or a printer resolves."""
 
 _TOKEN = re.compile(r"<!--.*?-->|<text\b.*?</text>|<style\b.*?</style>|<[^>]+>", re.DOTALL)
+_FAMILIES = re.compile(r"font-family:\s*('[^']*'),[^;}\"]*?(sans-serif|monospace|serif)(?=[;}\"])")
+"""A list of fonts: the first is drawn with, and the kind stands for whoever has it not."""
 _COORDINATES = {"M": 2, "L": 2, "Q": 4, "C": 6, "z": 0}
 
 
@@ -15,8 +17,8 @@ def compact_svg(svg: str) -> str:
     r"""The same picture in about a third of the characters.
 
     Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, numbers of other places are rounded
-    to it, a style that several elements have becomes a class; ids that nothing refers to, groups that say nothing,
-    comments and space between elements are left out.
+    to it, a style that several elements have becomes a class, and of a list of fonts the first and the kind are kept;
+    ids that nothing refers to, groups that say nothing, comments and space between elements are left out.
 
     Parameters
     ----------
@@ -37,6 +39,7 @@ def compact_svg(svg: str) -> str:
     svg = re.sub(r'\b(x|y)="(-?\d+\.\d+)"', lambda found: f'{found[1]}="{_short(float(found[2]))}"', svg)
     svg = re.sub(r"\btranslate\(([^)]*)\)", lambda found: f"translate({_rounded(found[1])})", svg)
     svg = re.sub(r'\bstyle="[^"]*"', lambda found: re.sub(r"([:;]) +", r"\1", found[0]), svg)
+    svg = _FAMILIES.sub(r"font-family:\1,\2", svg)
     used = set(re.findall(r'href="#([^"]+)"', svg)) | set(re.findall(r"url\(#([^)]+)\)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     return _with_classes(_without_idle_groups(svg))
