@@ -14,6 +14,8 @@ VERDICT = {
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
 
 
+EVEN = 0.5
+"""Confidence below which an effect is rather not there than there."""
 HARDLY = 0.03
 """Share of an RMS error below which its fall needs no number."""
 
@@ -106,7 +108,8 @@ def headline(record: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         return _unknown(record, rest)
     several = "; ".join(" and ".join(part) for part in _by_place(record["effects"], bool(rest)) if part)
-    probably = "probably " if verdict == "partly_named" else ""
+    unsure = any(effect["confidence"] < EVEN for effect in record["effects"])
+    probably = "possibly " if unsure else "probably " if verdict == "partly_named" else ""
     besides = f" Besides, of the data: {cause}." if cause else ""
     return f"The simulator {probably}lacks {several}{f', but that is not all: {rest}' if rest else ''}.{besides}"
 

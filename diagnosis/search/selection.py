@@ -17,8 +17,6 @@ from cable_envs.effects import EFFECTS
 SUREST = 0.98
 """No answer is surer. On recordings of generator A none of 51 effects was wrong that had log odds above 100 where the
 noise was learnt (26), or was taken where it was known (25): (n + 1) / (n + 2), Laplace's rule of succession."""
-HALF = 0.5
-"""Confidence of the effect with the largest odds below which nothing is named: it would rather be wrong than right."""
 REST = 0.05
 """Share of what was to be explained from which what is left is part of the answer."""
 MOST = 0.25
@@ -89,13 +87,7 @@ class Selection:
             return self._without_effects(of_rig)
         if self._drifts_more():
             return "data_fault"
-        if (
-            self.worse
-            or self.unpredicted
-            or self._doubtful()
-            or self._like_others()
-            or (of_rig and self.after.share > MOST)
-        ):
+        if self.worse or self.unpredicted or self._like_others() or (of_rig and self.after.share > MOST):
             return "unknown"
         if of_rig and self.after.share > REST and self.bands is None:
             return "partly_named"
@@ -110,10 +102,6 @@ class Selection:
         """Whether a sensor's drift is surer than every effect: what is slow is then no sure sign of any."""
         drifts = self.more and self.after.cause.endswith(DRIFT)
         return drifts and self.after.log_odds > max(a.gain for a in self.accepted)
-
-    def _doubtful(self) -> bool:
-        """Whether the effect with the largest odds is rather not there than there."""
-        return max(self.accepted, key=lambda a: a.gain).confidence < HALF
 
     def _like_others(self) -> bool:
         """Whether the effect with the largest odds cannot be distinguished from one that is not declared alike.
