@@ -28,6 +28,8 @@ ABLATED = (
     "cable_elongation", "stiffness_hardening", "coulomb_friction", "load_dependent_friction", "presliding_hysteresis",
 )  # fmt: skip
 """Taken out of the full model one at a time."""
+LEVELS = ("coulomb_friction.level", "stribeck_friction.excess")
+"""Friction that no load makes, by whichever law has been named."""
 DEG, MNM = 180 / np.pi, 1e3
 BINS = 12
 Tell = Callable[[str], None]
@@ -176,7 +178,8 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
     """
     recording = load_recording(folder)
     names = dict.fromkeys(str(r.conditions["series"]) for r in recording.records)
-    moved = ("coulomb_friction.level", "load_dependent_friction.exponent", "torque_zero")
+    level = next((n for n in LEVELS if n in free), LEVELS[0])
+    moved = (level, "load_dependent_friction.exponent", "torque_zero")
     rows = []
     for series in names:
         model, _ = models(load(folder, series, lambda record: False))
@@ -188,7 +191,7 @@ def pitch(folder: Path | str, free: Sequence[str], values: dict[str, float]) -> 
         rows.append({
             "series": series, "pitch_deg": None if angles[0] is None else DEG * float(angles[0]),
             "carried": in_units(rmse(model, as_is)), "refitted": in_units(rmse(model, own)),
-            "level_mnm": MNM * own.values["coulomb_friction.level"],
+            "level_mnm": MNM * own.values[level],
             "exponent": own.values["load_dependent_friction.exponent"], "zero_mnm": MNM * own.values["torque_zero"],
         })  # fmt: skip
     return rows

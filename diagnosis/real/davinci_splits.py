@@ -143,9 +143,8 @@ def _physics(free: Sequence[str], choose, fine, train, source, values):
     coarse = [_thinned(run, mask) for run, mask in zip(fine, train, strict=True)]
     judges = [_thinned(run, mask) for run, mask in zip(fine, choose, strict=True)] if choose else ()
     model, other = assemble(coarse, judges, _period(coarse[0]), source)
-    has = {
-        p.name for p in model.parameters
-    }  # a current leaves the scale of the output's torque to the motor's constant
+    # with a current as input, the motor's constant takes the scale of the output's torque
+    has = {p.name for p in model.parameters}
     taken = (n for n in free if n in has and not n.startswith("zero."))
     wanted = tuple(dict.fromkeys((*nominals_of(model.parameters), *taken)))
     starts = [{n: v for n, v in begin.items() if n in wanted} for begin in (values, SOFT)]
