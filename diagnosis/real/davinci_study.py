@@ -19,6 +19,7 @@ from cable_envs.diagnosis.real.davinci import (
     pitch,
     steps_table,
 )
+from cable_envs.diagnosis.real.davinci_elsewhere import elsewhere
 from cable_envs.diagnosis.real.davinci_splits import PUBLISHED, compare
 from cable_envs.diagnosis.real.feedforward import replayed, traces
 from cable_envs.diagnosis.real.finding import inside, named_again
@@ -52,6 +53,7 @@ def study(folder: Path | str, tell: Tell = lambda text: None, controls: bool = T
         "concealed": ablations(whole, tell),
         "feedforward": replayed(heldout, uses),
         "pitch": pitch(folder, full.free, full.values),
+        "elsewhere": elsewhere(folder, whole),
         "published": PUBLISHED,
         "compare": compare(recording, full.free, full.values, controls=controls, tell=tell),
     }  # fmt: skip
