@@ -1,9 +1,8 @@
 """What a model leaves: the discrepancy that its evidence asks for, what channels share, and lines.
 
 Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
-A tone in one sensor alone, and what drifts in one alone, are nothing of the rig; tones are taken out before the rest is
-looked at. Spectra are asked only where noise
-limits: what a model is off by is no noise of a sensor.
+A tone in one sensor alone, and zeros that drift, are nothing of the rig; tones are taken out before the rest is looked
+at. Spectra are asked only where noise limits: what a model is off by is no noise of a sensor.
 """
 
 from collections.abc import Mapping, Sequence
