@@ -15,7 +15,7 @@ How a command line calls it (nothing here imports torch; rich, jinja2 and matplo
     evaluate(protocol, entrants, store=store, progress=lambda p: print(p.done, p.total, p.text))
     board = build_board(protocol, store.records())
     print_board(board, rich_console)
-    paths = write_board(board, "results/quick", store.trajectories)          # {"json", "markdown", "html": Path}
+    paths = write_board(board, "results/quick", store.trajectories.of)       # {"json", "markdown", "html": Path}
     text = render_json(board)                                                # what --json prints
 
     env = gymnasium.make(env_id, **options)                                  # one episode:

@@ -28,7 +28,7 @@ def write_board(
     folder : str or Path
         Where to write.
     trajectories : callable, optional
-        `ResultStore.trajectories` of the store that the board was made from.
+        `ResultStore.trajectories.of` of the store that the board was made from.
     curves : sequence of Curve
         The agents' learning curves.
 

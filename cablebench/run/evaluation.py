@@ -183,7 +183,7 @@ def evaluate(
                 if store is None:
                     continue
                 if seed == seeds[-1]:  # with the last record the run is whole, and a resumed evaluation leaves it out
-                    store.keep_trajectories(run, typical(kept))
+                    store.trajectories.keep(run, typical(kept))
                 store.append(record)
     if progress is not None:
         progress(Progress(total, total, "done"))

@@ -87,7 +87,7 @@ def evaluate_in_jobs(
             episodes, trajectories = done.value()
             found[run] = [make_record(protocol, *about[run], run, seed, seen) for seed, seen in episodes]
             if store is not None:
-                store.keep_trajectories(run, trajectories)  # first: with its records a run counts as done
+                store.trajectories.keep(run, trajectories)  # first: with its records a run counts as done
                 store.append(found[run])
             running.pop(run, None)
             finished += len(episodes)

@@ -1,23 +1,20 @@
 """The results store: append-only JSON Lines, one record for each episode. A crash leaves it readable."""
 
-import io
 import json
 import os
 import warnings
-import zipfile
-import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from filelock import FileLock, Timeout
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import PACKED, CannotWrite, flush_folder, jsonable, packed, unpacked, write_atomic
 from cablebench.run.schema import SCHEMA, wrong_with
+from cablebench.run.trajectories import Trajectories
 
 LARGEST = 2**31
 """Bytes that a compressed part may unpack to: a few kilobytes of zeros must not fill the memory."""
@@ -80,8 +77,8 @@ class ResultStore:
         self.base = base
         self.packed = self.path.with_name(self.path.name + PACKED)
         """the compressed part, for committing"""
-        self.folder = self.path.with_suffix("")
-        """where the trajectories of median and worst episodes lie, one file for each run"""
+        self.trajectories: Trajectories = Trajectories(self.path.with_suffix(""), base.trajectories if base else None)
+        """those of median and worst episodes, by run"""
 
     @property
     def places(self) -> tuple[Path, ...]:
@@ -249,67 +246,3 @@ class ResultStore:
             return unpacked(self.packed.read_bytes(), LARGEST)
         except ValueError as error:
             raise ConfigurationError(f"{self.packed} is {error}: restore it from version control") from None
-
-    def keep_trajectories(self, run: str, episodes: Mapping[str, Mapping[str, np.ndarray]]) -> Path:
-        """Save the trajectories of a run; they replace what was there.
-
-        Parameters
-        ----------
-        run : str
-            Key of the run, as in its records.
-        episodes : mapping
-            "median" and "worst" -> arrays by name.
-
-        Returns
-        -------
-        Path
-            The compressed file.
-        """
-        buffer = io.BytesIO()
-        flat: dict[str, Any] = {
-            f"{kind}/{name}": array for kind, arrays in episodes.items() for name, array in arrays.items()
-        }
-        np.savez_compressed(buffer, **flat)
-        return write_atomic(self.folder / f"{run}.npz", buffer.getvalue())
-
-    def forget_trajectories(self, but: Collection[str]) -> int:
-        """Remove the trajectories of all runs but those; returns how many runs lost theirs. Records are untouched."""
-        lost = [path for path in self.folder.glob("*.npz") if path.stem not in but]
-        for path in lost:
-            path.unlink()
-        return len(lost)
-
-    def thin_trajectories(self, runs: Collection[str], keep: Callable[[str], bool], points: int) -> None:
-        """Of the trajectories of ``runs`` keep about ``points`` of the signals whose name ``keep`` says yes to."""
-        for run in runs:
-            found = self.trajectories(run)
-            thin = {k: {n: _thinned(a, points) for n, a in arrays.items() if keep(n)} for k, arrays in found.items()}
-            if _sizes(thin) != _sizes(found):
-                self.keep_trajectories(run, thin)
-
-    def trajectories(self, run: str) -> dict[str, dict[str, np.ndarray]]:
-        """What `keep_trajectories` saved for that run; empty where there is nothing, or a damaged file."""
-        path = self.folder / f"{run}.npz"
-        if not run or not path.exists():
-            return self.base.trajectories(run) if self.base else {}
-        found: dict[str, dict[str, np.ndarray]] = {}
-        try:
-            with np.load(path, allow_pickle=False) as data:
-                if sum(entry.file_size for entry in data.zip.infolist()) > LARGEST:
-                    return {}
-                for key in data.files:
-                    kind, _, name = key.partition("/")
-                    found.setdefault(kind, {})[name] = data[key]
-        except (OSError, ValueError, EOFError, KeyError, AttributeError, zipfile.BadZipFile, zlib.error):
-            return {}  # nothing to draw: a picture less, and no board less
-        return found
-
-
-def _thinned(values: np.ndarray, points: int) -> np.ndarray:
-    """Every second, third, ... of them and the last, so that about ``points`` are left."""
-    every = max(len(values) // points, 1) if values.ndim else 1
-    return values if every == 1 else np.append(values[:-1:every], values[-1])
-
-
-def _sizes(episodes: Mapping[str, Mapping[str, np.ndarray]]) -> dict[tuple[str, str], int]:
-    return {(kind, name): array.size for kind, arrays in episodes.items() for name, array in arrays.items()}

@@ -270,7 +270,7 @@ def small(made):
 
 def test_the_page_is_one_file_that_needs_no_network(made, tmp_path):
     board, store = small(made)
-    paths = write_board(board, tmp_path / "out", store.trajectories)
+    paths = write_board(board, tmp_path / "out", store.trajectories.of)
     assert {k: p.name for k, p in paths.items()} == {
         "json": "board.json", "markdown": "board.md", "html": "board.html"
     }  # fmt: skip

@@ -105,37 +105,62 @@ def test_written_files_have_the_usual_permissions(tmp_path):
 def test_trajectories_round_trip_and_lie_beside_the_records(tmp_path):
     store = ResultStore(tmp_path / "quick.jsonl")
     arrays = {"time": np.arange(5.0), "output": np.linspace(0, 1, 5, dtype=np.float32)}
-    path = store.keep_trajectories("abc", {"median": arrays, "worst": {"time": np.arange(2.0)}})
+    path = store.trajectories.keep("abc", {"median": arrays, "worst": {"time": np.arange(2.0)}})
     assert path == tmp_path / "quick" / "abc.npz"
-    found = store.trajectories("abc")
+    found = store.trajectories.of("abc")
     assert set(found) == {"median", "worst"}
     np.testing.assert_array_equal(found["median"]["output"], arrays["output"])
-    assert store.trajectories("unknown") == {} and store.trajectories("") == {}
+    assert store.trajectories.of("unknown") == {} and store.trajectories.of("") == {}
 
 
 def test_thinned_trajectories_keep_the_signals_that_are_asked_for(tmp_path):
     store = ResultStore(tmp_path / "quick.jsonl")
     arrays = {"time": np.arange(5.0), "effort": np.ones(5)}
-    kept, other = (store.keep_trajectories(run, {"median": arrays, "worst": arrays}) for run in ("abc", "other"))
+    kept, other = (store.trajectories.keep(run, {"median": arrays, "worst": arrays}) for run in ("abc", "other"))
     before = other.read_bytes()
-    store.thin_trajectories(["abc", "never run"], lambda name: name == "time", 1000)
-    assert {kind: list(found) for kind, found in store.trajectories("abc").items()} == {
+    store.trajectories.thin(["abc", "never run"], lambda name: name == "time", 1000)
+    assert {kind: list(found) for kind, found in store.trajectories.of("abc").items()} == {
         "median": ["time"],
         "worst": ["time"],
     }
     assert other.read_bytes() == before
     thinned = kept.read_bytes()
-    store.thin_trajectories(["abc"], lambda name: name == "time", 1000)
+    store.trajectories.thin(["abc"], lambda name: name == "time", 1000)
     assert kept.read_bytes() == thinned  # nothing for version control to see
 
 
 def test_thinned_trajectories_keep_their_course_and_their_end(tmp_path):
     store = ResultStore(tmp_path / "quick.jsonl")
-    store.keep_trajectories("abc", {"worst": {"time": np.arange(1000.0), "failed": np.array([False])}})
-    store.thin_trajectories(["abc"], lambda name: True, 200)
-    found = store.trajectories("abc")["worst"]
+    store.trajectories.keep("abc", {"worst": {"time": np.arange(1000.0), "failed": np.array([False])}})
+    store.trajectories.thin(["abc"], lambda name: True, 200)
+    found = store.trajectories.of("abc")["worst"]
     assert len(found["time"]) == 201 and found["time"][-1] == 999.0 and found["time"][1] == 5.0
     assert found["failed"].shape == (1,)
+
+
+def test_packed_trajectories_are_the_same_numbers_in_one_file(tmp_path):
+    store, rng = ResultStore(tmp_path / "quick.jsonl"), np.random.default_rng(1)
+    runs = {f"run{i}": {"worst": {"time": np.arange(50.0), "output": rng.normal(size=50)}} for i in range(6)}
+    for run, episodes in runs.items():
+        store.trajectories.keep(run, episodes)
+    apart = sum(path.stat().st_size for path in (tmp_path / "quick").iterdir())
+    path = store.trajectories.pack()
+    first = path.read_bytes()
+    assert [p.name for p in tmp_path.iterdir()] == ["quick.npz.xz"] and len(first) < apart / 1.5
+    for run, episodes in runs.items():
+        np.testing.assert_array_equal(store.trajectories.of(run)["worst"]["output"], episodes["worst"]["output"])
+    store.trajectories.pack()
+    assert path.read_bytes() == first  # nothing for version control to see
+    # a run that is done again replaces its own alone; what is forgotten is gone; a store on top of this one reads it
+    store.trajectories.keep("run1", {"worst": {"time": np.zeros(3)}})
+    assert store.trajectories.of("run1")["worst"]["time"].size == 3
+    store.trajectories.pack()
+    assert store.trajectories.forget({"run1", "run2"}) == 4
+    again = ResultStore(tmp_path / "own.jsonl", ResultStore(store.path))
+    assert [len(again.trajectories.of(f"run{i}")) for i in range(6)] == [0, 1, 1, 0, 0, 0]
+    assert again.trajectories.of("run1")["worst"]["time"].size == 3
+    path.write_bytes(b"damaged")
+    assert ResultStore(store.path).trajectories.of("run1") == {}
 
 
 def test_packing_keeps_every_record_and_appending_goes_on_beside_it(tmp_path):

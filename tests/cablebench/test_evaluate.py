@@ -205,7 +205,7 @@ def test_every_reference_enters_where_it_applies_and_the_board_scores_it(tmp_pat
     board = build_board(plan, store.records())
     rows = {r.entrant: r for r in board.table(HOLE, "nominal").rows}
     assert rows["open-loop"].score.value == 0.0 and rows["oracle"].score.value == pytest.approx(1.0)
-    kept = store.trajectories(rows["pid"].trajectory)
+    kept = store.trajectories.of(rows["pid"].trajectory)
     assert set(kept) == {"median", "worst"} and len(kept["worst"]["time"]) == 50
 
 
@@ -253,7 +253,7 @@ def test_an_evaluation_that_was_stopped_resumes_and_counts_nothing_twice(tmp_pat
     assert len(rest) == len(whole) - 2 and len(store.records()) == len(whole) + 1
     counted = latest(store.records())
     assert sorted(map(str, numbers(counted))) == sorted(map(str, numbers(whole)))
-    assert all(store.trajectories(r["run"]) for r in counted)
+    assert all(store.trajectories.of(r["run"]) for r in counted)
     assert evaluate(protocol(), entrants, tasks=[HOLE], store=store, resume=True) == []
 
 
@@ -299,6 +299,8 @@ class DyingStore(ResultStore):
     def __init__(self, path, writes):
         super().__init__(path)
         self.writes = writes
+        keep = self.trajectories.keep
+        self.trajectories.keep = lambda run, episodes: (self._write(), keep(run, episodes))[1]
 
     def _write(self):
         if self.writes == 0:
@@ -308,10 +310,6 @@ class DyingStore(ResultStore):
     def append(self, records):
         self._write()
         super().append(records)
-
-    def keep_trajectories(self, run, episodes):
-        self._write()
-        return super().keep_trajectories(run, episodes)
 
 
 class Here:
@@ -344,5 +342,5 @@ def test_whoever_is_killed_a_whole_run_has_its_trajectories(tmp_path, jobs):
         again = ResultStore(store.path)
         run(again, resume=True)
         records = latest(again.records())
-        assert len(records) == 2 and set(again.trajectories(records[0]["run"])) == {"median", "worst"}, writes
+        assert len(records) == 2 and set(again.trajectories.of(records[0]["run"])) == {"median", "worst"}, writes
     assert writes == (2 if jobs else 3)  # every place to be killed at was tried

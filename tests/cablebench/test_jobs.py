@@ -120,7 +120,7 @@ def test_an_evaluation_in_jobs_has_the_serial_records(tmp_path):
         assert numbers(parallel) == numbers(serial)
         stored = {(r["run"], r["seed"]): r["metrics"]["rmse"] for r in store.records()}
         assert stored == {(r["run"], r["seed"]): r["metrics"]["rmse"] for r in serial}
-        assert all(store.trajectories(r["run"]) for r in serial)
+        assert all(store.trajectories.of(r["run"]) for r in serial)
         assert (heard[-1].done, heard[-1].total) == (len(serial), len(serial))
         assert all(a.done <= b.done for a, b in itertools.pairwise(heard))
         assert evaluate_in_jobs(protocol(), RECIPES, backend, store=store, resume=True) == []

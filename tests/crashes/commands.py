@@ -147,7 +147,7 @@ def _board(folder: Path) -> Any:
     reading = store.read()
     board = jsonable(asdict(build_board(load_protocol(str(folder / "tiny.yaml")), reading.records)))
     runs = {r["run"] for r in reading.records}
-    drawn = {run: _sum(store.trajectories(run)) for run in sorted(runs)}
+    drawn = {run: _sum(store.trajectories.of(run)) for run in sorted(runs)}
     return {"board": same(board), "drawn": drawn}
 
 

@@ -151,7 +151,7 @@ def made_records(protocol: Protocol, store=None, entrants=ENTRANTS) -> list[dict
                     )
                 if store is not None:
                     order = sorted(kept, key=lambda e: (e.terminated, measure(e)["rmse"]))
-                    store.keep_trajectories(
+                    store.trajectories.keep(
                         run, {"median": order[len(order) // 2].thinned(300), "worst": order[-1].thinned(300)}
                     )
     return records

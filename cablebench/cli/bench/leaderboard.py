@@ -58,8 +58,9 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
     from cablebench.board.page import shown_runs
 
     path, shown = store.pack(), shown_runs(board)
-    store.forget_trajectories(shown)
-    store.thin_trajectories(shown, is_drawn, DRAWN_POINTS)
+    store.trajectories.forget(shown)
+    store.trajectories.thin(shown, is_drawn, DRAWN_POINTS)
+    store.trajectories.pack()
     written = out / "board.json"
     write_atomic(out / "board.json.xz", packed_json(read_json(written)))
     written.unlink()
@@ -133,7 +134,7 @@ def make_board(
     board = build_board(protocol, reading.records, text, place, reading.remark)
     own = told_apart(r for r in reading.records if r["protocol_hash"] == protocol.hash())
     try:
-        paths = write_board(board, folder, store.trajectories, learning_curves(store.places, own))
+        paths = write_board(board, folder, store.trajectories.of, learning_curves(store.places, own))
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
     if as_json and show:
