@@ -46,7 +46,7 @@ from cable_envs.sim.rigs import Rig, load_rig
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
-LEARNT = (
+NOISE_IS_LEARNT = (
     "the noise is estimated from the residual, so that a slow or small mismatch may be taken for noise; two minutes in "
     "which nothing moves, as a record with 'use: rest', or a stated noise_std show more"
 )
@@ -311,7 +311,7 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     record = next(iter(recording.used_for("rest")), None)
     if record is None:
         learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)
-        return replace(question, notes=(*question.notes, LEARNT)) if learnt else question
+        return replace(question, notes=(*question.notes, NOISE_IS_LEARNT)) if learnt else question
     if not question.at_rest:
         why = "a recorded signal drives the simulator, so that its noise is in all predictions"
         return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))

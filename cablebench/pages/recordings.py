@@ -6,6 +6,7 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import packed_json, read_json
+from cable_envs.diagnosis.model.verdict import local_groups
 from cable_envs.drawing import pages
 
 FIGURES = "figures"
@@ -58,7 +59,7 @@ def render(out: Path, names: Sequence[str]) -> str:
         "cablebench.pages",
         "templates/recordings.html.j2",
         {"sets": sets, "missing": missing, "glance": glance(sets)},
-        filters={"plain": plain, "number": number, "estimate": estimate, "error": error},
+        filters={"local_groups": local_groups, "plain": plain, "number": number, "estimate": estimate, "error": error},
         helpers={"drawn": drawn},
     )
 

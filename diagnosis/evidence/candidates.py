@@ -14,7 +14,6 @@ from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
 from cable_envs.diagnosis.model.noise import Noise, resolution
-from cable_envs.diagnosis.model.verdict import SURE as SURE
 
 SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""

@@ -10,10 +10,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import SCALES, SURE, Candidate, Joint, under_its_noise
+from cable_envs.diagnosis.evidence.candidates import SCALES, Candidate, Joint, under_its_noise
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
+from cable_envs.diagnosis.model.verdict import SURE
 
 STATED = 0.025
 """Share by which a standard deviation that is stated, or was seen at rest, may be off."""

@@ -21,6 +21,24 @@ SURE = 20.0
 """Odds from which one model is preferred to another."""
 
 
+def local_groups(odds: Mapping[str, float]) -> tuple[str, ...]:
+    """Groups of records on which an effect does not hold.
+
+    The more groups are asked, the more it takes (Bonferroni): one may speak against it by chance.
+
+    Parameters
+    ----------
+    odds : Mapping of str to float
+        Group -> log odds of the model with the effect over the one without it, both fitted to the other groups.
+
+    Returns
+    -------
+    tuple of str
+    """
+    least = np.log(SURE * max(len(odds), 1))
+    return tuple(group for group, found in odds.items() if found < -least)
+
+
 @dataclass(frozen=True)
 class Estimate(Interval):
     """A parameter with its 95 % confidence interval.
@@ -97,12 +115,8 @@ class EffectGain:
 
     @property
     def local(self) -> tuple[str, ...]:
-        """Groups of records on which it does not hold: the model without it, fitted to the others, is better there.
-
-        The more groups are asked, the more it takes (Bonferroni): one may speak against it by chance.
-        """
-        least = np.log(SURE * max(len(self.elsewhere), 1))
-        return tuple(group for group, odds in self.elsewhere.items() if odds < -least)
+        """Groups of records on which it does not hold: the model without it, fitted to the others, is better there."""
+        return local_groups(self.elsewhere)
 
     @property
     def name(self) -> str:

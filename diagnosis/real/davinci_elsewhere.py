@@ -34,7 +34,7 @@ def elsewhere(folder: Path | str, whole: Examined) -> list[dict[str, Any]]:
     own = {e.hypothesis.name: e for e in whole.diagnosis.effects}
     series = by_series(folder, whole)
     return [
-        {"effect": name, "conditions": dict(e.elsewhere), "local": list(e.local), "series": dict(series.get(name, {}))}
+        {"effect": name, "conditions": dict(e.elsewhere), "series": dict(series.get(name, {}))}
         for name, e in own.items()
     ]
 

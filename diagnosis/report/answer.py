@@ -9,7 +9,7 @@ import numpy as np
 import cable_envs
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.evidence.bands import Averaged
-from cable_envs.diagnosis.evidence.candidates import SURE, WIDE, Joint
+from cable_envs.diagnosis.evidence.candidates import WIDE, Joint
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
@@ -19,7 +19,7 @@ from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
-from cable_envs.diagnosis.model.verdict import NAMED, Diagnosis, EffectGain, Estimate, Trace
+from cable_envs.diagnosis.model.verdict import NAMED, SURE, Diagnosis, EffectGain, Estimate, Trace
 from cable_envs.diagnosis.report.fitted_range import fitted_range
 from cable_envs.diagnosis.report.products import products
 from cable_envs.diagnosis.search.limit_cycles import RUNS

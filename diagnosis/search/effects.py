@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import (
-    SURE,
     Candidate,
     Joint,
     log_odds,
@@ -30,6 +29,7 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
+from cable_envs.diagnosis.model.verdict import SURE
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, unresolved
 from cable_envs.diagnosis.search.starts import from_about
@@ -47,7 +47,7 @@ SEVERAL = 2
 """Effects from which a model is refitted from several starts before the search goes on."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
-LEARNT = 8.0
+SURE_WHERE_LEARNT = 8.0
 """Log odds from which one model is preferred where the noise is learnt from what is left, and not `SURE`: of effects
 with 3 to 10 on logs of generator A (`cable_envs.proof.logs`, seed 5) 1 of 7 was right, of those with more 14 of 16."""
 MARGIN = 1.0
@@ -152,7 +152,7 @@ class Search:
         self._bare: list[np.ndarray] = []
         """what the nominal refit leaves of all records [T] by block"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
-        self._sure = float(np.log(SURE)) if known else LEARNT
+        self._sure = float(np.log(SURE)) if known else SURE_WHERE_LEARNT
         self._prior = -float(np.log(max(len(self._hypotheses), 1)))
         self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
         """names of effects -> refit with them, and the best refits of one more on top"""

@@ -20,12 +20,13 @@ import numpy as np
 
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.evidence.candidates import SURE, Candidate, Joint, priors
+from cable_envs.diagnosis.evidence.candidates import Candidate, Joint, priors
 from cable_envs.diagnosis.evidence.marginal import Frame
 from cable_envs.diagnosis.fit.refit import Fit, Start, look, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import HELD_OUT, Block, Free
+from cable_envs.diagnosis.model.verdict import SURE
 
 MOST = 8
 """Groups at the most, those that differ most: eight took a ninth of the time of a diagnosis with eight effects."""

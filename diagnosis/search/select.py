@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.evidence.bands import Spectra
-from cable_envs.diagnosis.evidence.candidates import SURE, Candidate
+from cable_envs.diagnosis.evidence.candidates import Candidate
 from cable_envs.diagnosis.evidence.left import left_by
 from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
@@ -22,7 +22,7 @@ from cable_envs.diagnosis.fit.weights import rms_by_channel
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
-from cable_envs.diagnosis.model.verdict import NAMED, NOMINAL, EffectGain, Estimate
+from cable_envs.diagnosis.model.verdict import NAMED, NOMINAL, SURE, EffectGain, Estimate
 from cable_envs.diagnosis.search import limit_cycles, stages
 from cable_envs.diagnosis.search.effects import Found, Round, Search
 from cable_envs.diagnosis.search.elsewhere import Group, asked_elsewhere, worse_than_claim

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import LEARNT, ask, request_of, told_at_rest
+from cable_envs.diagnosis.engine import NOISE_IS_LEARNT, ask, request_of, told_at_rest
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate
@@ -208,9 +208,9 @@ def test_who_tells_no_noise_is_told_what_it_costs(tmp_path):
         return told_at_rest(recording, ask(recording, request_of(recording))).notes
 
     without = notes(_with_rest(tmp_path / "learnt"), lambda content: content["records"].pop())
-    assert without[-1] == LEARNT and "use: rest" in LEARNT
-    assert LEARNT not in notes(drive.write(tmp_path / "stated"), lambda content: None)
-    assert LEARNT not in notes(_with_rest(tmp_path / "rest"), lambda content: None)
+    assert without[-1] == NOISE_IS_LEARNT and "use: rest" in NOISE_IS_LEARNT
+    assert NOISE_IS_LEARNT not in notes(drive.write(tmp_path / "stated"), lambda content: None)
+    assert NOISE_IS_LEARNT not in notes(_with_rest(tmp_path / "rest"), lambda content: None)
 
 
 def test_a_simulator_that_a_recorded_signal_drives_does_not_take_the_noise_at_rest(tmp_path):
