@@ -144,7 +144,7 @@ def examine(
     look = looked_at(recording)
     quality = gate(recording, look)
     quality.require_usable()
-    recording, averaged = _averaged(recording) if look.averages else (recording, None)
+    recording, averaged = averaged_if_long(recording)
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
@@ -187,8 +187,13 @@ def _with_logger(recording: Recording, request: Request) -> Question:
     return with_logger(question, stretched)
 
 
-def _averaged(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
-    """(a long recording with fewer samples, what an answer says of that); a short one as it is, and None."""
+def averaged_if_long(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
+    """(a long recording with fewer samples, what an answer says of that); a short one as it is, and None.
+
+    So is one whose model uses its samples as they are.
+    """
+    if not looked_at(recording).averages:
+        return recording, None
     how = thinning(recording, POSITIONS)
     if how.every == 1:
         return recording, None

@@ -45,6 +45,7 @@ INSIDE = {
     ),
     "cablebench.cli": ("", "bench", "learn", "physics", "shared"),
     "cable_envs.diagnosis": (
+        "experiment",
         "",
         "report",
         "search",

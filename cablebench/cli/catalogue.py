@@ -12,6 +12,7 @@ from cablebench.cli.physics import (
     identify,
     import_,
     inspect_,
+    next_experiment,
     real_data,
     reproduce,
     retrain_study,
@@ -66,6 +67,10 @@ COMMANDS = (
     Command(DIAGNOSE, "import", import_.import_, "cablebench import table logs --mapping jaw.yaml --out jaw"),
     Command(DIAGNOSE, "inspect", inspect_.inspect, "cablebench inspect jaw", former=("first-look",)),
     Command(DIAGNOSE, "diagnose", diagnose.diagnose, "cablebench diagnose jaw --out jaw-found"),
+    Command(
+        DIAGNOSE, "next-experiment", next_experiment.next_experiment,
+        "cablebench next-experiment jaw --answer jaw-found --out jaw-next",
+    ),
     Command(DIAGNOSE, "identify", identify.identify, "cablebench identify rig --method lsq"),
     Command(
         REPRODUCE, "reproduce", reproduce.reproduce, "cablebench reproduce gu-table2 zou-table3 --out results/papers"

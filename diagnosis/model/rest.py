@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.signal import oaconvolve
+from scipy.signal import lfilter, oaconvolve
 
 from cable_envs.diagnosis.model.noise import Noise, learn_noise
 
@@ -77,6 +77,11 @@ class RestNoise:
     def flat(self, series: np.ndarray, good: np.ndarray) -> np.ndarray:
         """Series [T] or [T, n] whitened, with straight lines over samples that do not count (good [T]), which are 0."""
         return self.whiten(bridged(series, good)) * good.reshape(-1, *[1] * (series.ndim - 1))
+
+    def simulate(self, count: int, rng: np.random.Generator) -> np.ndarray:
+        """So many samples [count] in a row of the noise, after as many as it remembers."""
+        white = rng.normal(size=count + 4 * len(self.taps)) * self.std
+        return lfilter([1.0], self.taps, white)[-count:]
 
     def counted(self, goods: Sequence[np.ndarray]) -> int:
         """Samples of records by which its size is known."""

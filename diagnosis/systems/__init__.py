@@ -1,10 +1,11 @@
 """Recordings as models: one module for each plant, found by its name.
 
     prepare(recording, request) -> Question     what a recording asks
+    DRIVEN_BY                                   channels, the first recorded one of which drives the simulator
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
 
-The last two may be absent, and the whole module: then the plant's family says how it is replayed
+The last three may be absent, and the whole module: then the plant's family says how it is replayed
 (`cable_envs.diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says
 itself
 (`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
@@ -58,6 +59,23 @@ def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Channels whose unit cannot be right, by what the plant says of its forces; none where it says nothing."""
     said = getattr(_of_plant(recording.system), "off_balance", None)
     return said(recording, record) if said else iter(())
+
+
+def driven_by(recording: Recording) -> str:
+    """The channel that drives the simulator: what it does in another motion can be predicted.
+
+    Raises
+    ------
+    ConfigurationError
+        Where other channels drive it, too, so that no other motion can be simulated.
+    """
+    chosen = _chosen(recording)
+    known = general.driven_by(recording.system) if chosen is general else getattr(chosen, "DRIVEN_BY", ())
+    for channel in known:
+        if channel in recording.channels:
+            return str(channel)
+    needed = f"record {known[0]}, the command" if known else "a recording of this kind is driven by what it measured"
+    raise ConfigurationError(f"{recording.path}: no other motion of this rig can be simulated: {needed}")
 
 
 def plant_of(recording: Recording) -> str:

@@ -47,6 +47,8 @@ AS_FRICTION = ("load_dependent_friction.coefficient", "extrusion_delta")
 """Parameters of effects that change nothing but the tension ratio, as the coefficient of friction does."""
 STIFF = 1.5e5
 """N/m: a cable claimed to be this stiff is claimed not to stretch, which may be wrong."""
+DRIVEN_BY = ("drive_velocity_command", "drive_position")
+"""Channels of which the first that was recorded drives the simulator."""
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""

@@ -46,6 +46,12 @@ def models(system: str) -> bool:
     return family(system).replayed is not None
 
 
+def driven_by(system: str) -> tuple[str, ...]:
+    """Channels of which the first that was recorded drives the simulator."""
+    told = family(system)
+    return (*told.commands.values(), *((told.replayed.drive,) if told.replayed else ()))
+
+
 def prepare(recording: Recording, request: Request) -> Question:
     """What a recording asks.
 

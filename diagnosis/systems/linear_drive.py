@@ -45,6 +45,8 @@ from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
 
+DRIVEN_BY = ("position_reference",)
+"""Channel that drives the simulator alone; without it the effort does, and the position beside it."""
 LONGEST_HOLD = 7e-4
 """Drives are controlled at 1 kHz or faster, and compute a while; what is later than this is a lag."""
 DAMPING = "belt_damping"

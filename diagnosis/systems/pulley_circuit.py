@@ -62,6 +62,8 @@ SIGNALS = {
 """channel -> signal of the plant"""
 SENSORS = {"drive_angle": "drive", "drive_torque": "drive"}
 """Channels whose noises may be one: a servo that acts on a noisy angle makes a noisy torque."""
+DRIVEN_BY = ("drive_angle_command", "drive_angle")
+"""Channels of which the first that was recorded drives the simulator."""
 PLACES = ("output_angle", "drive_angle", "drive_angle_command")
 """Channels that say where the circuit is, the best first."""
 REFITTED = ("shaft_friction", "tensile_stiffness", "pretension_top", "pretension_bottom", "output_inertia")

@@ -17,6 +17,9 @@ INTERRUPTED = 130
 def diagnose(
     recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
     out: Annotated[Path | None, typer.Option(help="Folder for diagnosis.json, augmented.yaml and report.html.")] = None,
+    add: Annotated[
+        list[Path] | None, typer.Option(help="Further records of the same rig, as of the next experiment: a recording.")
+    ] = None,
     effects: Annotated[
         str | None, typer.Option(help="Look for these effects only: names, with commas between.")
     ] = None,
@@ -40,6 +43,8 @@ def diagnose(
     with a part that nothing explains, are compared by their evidence. Answers: named, equivalence_class, partly_named,
     unknown, data_fault, or no_detectable_mismatch.
     """
+    from cable_envs.diagnosis.data.joined import joined
+    from cable_envs.diagnosis.data.recording import load_recording
     from cable_envs.diagnosis.engine import diagnose as run
     from cable_envs.diagnosis.fit.rounds import heard
 
@@ -47,10 +52,11 @@ def diagnose(
     if out is not None:
         require_writable(out)
         out.mkdir(parents=True, exist_ok=True)
+    loaded = joined(load_recording(recording), [load_recording(path) for path in add or ()])
     try:
         with stages() as (tell, hear), heard(hear):
             found = run(
-                recording, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
+                loaded, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
                 variant=variant, seed=seed, out=out, tell=tell,
             )  # fmt: skip
     except KeyboardInterrupt:

@@ -1,0 +1,167 @@
+"""The next experiment: what a motion is worth, motions within limits, and a record that settles what was open."""
+
+import importlib.util
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.joined import joined
+from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.diagnosis.engine import ask, diagnose, request_of, told_at_rest
+from cable_envs.diagnosis.experiment.design import next_experiment
+from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
+from cable_envs.diagnosis.experiment.rivals import names_of, rivals
+from cable_envs.diagnosis.experiment.worth import Told, divergence, narrowing
+from cable_envs.diagnosis.systems import driven_by
+
+ROOT = Path(__file__).parents[2]
+
+LIMITS = {"low": -0.7, "high": 0.7, "speed": 3.0, "acceleration": 30.0}
+
+
+def _told(rng, free, scale=1.0):
+    root = rng.normal(size=(free, free))
+    return Told(scale * rng.normal(size=25), rng.normal(size=(25, free)), 0.3 * root @ root.T)
+
+
+def _dense(told):
+    return np.eye(len(told.values)) + told.slopes @ told.covariance @ told.slopes.T
+
+
+def test_expected_log_odds_are_the_divergence_of_two_normal_distributions():
+    """Against the textbook's formula with full covariance matrices, and against drawn records."""
+    rng = np.random.default_rng(3)
+    one, other = _told(rng, 3), _told(rng, 4)
+    s, t, apart = _dense(one), _dense(other), one.values - other.values
+    inverse = np.linalg.inv(t)
+    plain = 0.5 * (apart @ inverse @ apart + np.trace(inverse @ s) - 25)
+    plain += 0.5 * (np.linalg.slogdet(t)[1] - np.linalg.slogdet(s)[1])
+    assert divergence(one, other) == pytest.approx(plain, rel=1e-9)
+    drawn = rng.multivariate_normal(one.values, s, size=20_000)
+
+    def log(model, covariance):
+        off = drawn - model.values
+        return -0.5 * (np.einsum("ki,ij,kj->k", off, np.linalg.inv(covariance), off) + np.linalg.slogdet(covariance)[1])
+
+    odds = log(one, s) - log(other, t)
+    assert divergence(one, other) == pytest.approx(odds.mean(), abs=4.0 * odds.std() / np.sqrt(len(odds)))
+
+
+def test_a_record_narrows_parameters_as_bayes_says():
+    one = _told(np.random.default_rng(4), 3)
+    after = np.linalg.inv(np.linalg.inv(one.covariance) + one.slopes.T @ one.slopes)
+    np.testing.assert_allclose(narrowing(one) ** 2, np.diag(after) / np.diag(one.covariance), rtol=1e-9)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_motions_keep_to_the_limits_and_begin_and_end_at_rest(family):
+    rng, limits, period = np.random.default_rng(7), Limits(-0.2, 0.5, 0.4, 3.0), 0.01
+    travels = []
+    for _ in range(40):
+        start = rng.uniform(limits.low, limits.high)
+        place = Motion(family, rng.uniform(size=4)).samples(limits, start, period, 1201)
+        still = round(REST / period)
+        assert np.ptp(place[:still]) == 0.0 and place[0] == pytest.approx(start) and np.ptp(place[-still + 1 :]) < 1e-12
+        assert limits.low - 1e-9 <= place.min() and place.max() <= limits.high + 1e-9
+        assert np.max(np.abs(np.diff(place))) / period <= limits.speed * (1 + 1e-9)
+        assert np.max(np.abs(np.diff(place, 2))) / period**2 <= limits.acceleration * (1 + 1e-9)
+        travels.append(np.ptp(place))
+    assert max(travels) > 0.3 * limits.span and min(travels) < 0.1 * limits.span
+
+
+def test_limits_that_nothing_can_keep_to_are_refused():
+    with pytest.raises(ConfigurationError, match="low < high"):
+        Limits(1.0, 0.0, 1.0, 1.0)
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory):
+    """The sample rig, and how it answers a motion: by the simulator that made it, which shares none with the tool."""
+    spec = importlib.util.spec_from_file_location("sample_rig", ROOT / "examples" / "sample_rig" / "make.py")
+    make = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(make)
+    folder = tmp_path_factory.mktemp("rig")
+
+    def recorded(name, path, use, seed):
+        """A recording with one record of a path, rad at every ms, and one at rest."""
+        at = np.arange(0.0, len(path) * 1e-3 - 1e-9, make.PERIOD)
+        content = yaml.safe_load(make.recording())
+        content["records"] = [{"data": f"{name}.csv", "use": use}, {"data": "rest.csv", "use": "rest"}]
+        (folder / name).mkdir()
+        (folder / name / "recording.yaml").write_text(yaml.safe_dump(content))
+        log = make.table(make.sensed(make.signals(path), at, np.random.default_rng(seed)))
+        (folder / name / f"{name}.csv").write_text(log)
+        (folder / name / "rest.csv").write_text((ROOT / "examples" / "sample_rig" / "rest.csv").read_text())
+        return load_recording(folder / name)
+
+    time = np.arange(5000) * 1e-3
+    first = recorded("first", 0.1 * np.sin(2.0 * np.pi * 0.3 * time) * np.minimum(2.0 * time, 1.0), "fit", 5)
+    return first, recorded
+
+
+def test_the_interval_narrows_as_was_expected(bench):
+    first, recorded = bench
+    found = diagnose(first)
+    (effect,) = found.effects
+    assert effect.name == "actuator_lag" and names_of(found) == [("actuator_lag",)]
+    plan = next_experiment(first, found, limits=LIMITS)
+    assert plan.purpose == "narrow" and plan.channel.name == "drive_angle_command" and plan.tried > 50
+    path = np.interp(np.arange(round(plan.time[-1] * 1e3)) * 1e-3, plan.time, plan.values)
+    both = joined(first, [recorded("next", path, "fit", 6)])
+    assert [r.use for r in both.records] == ["fit", "rest", "fit"]
+    (after,) = diagnose(both).effects
+    before, expected = plan.narrowed["actuator_lag.time"]
+    widths = [np.ptp((e.parameters["time"].low, e.parameters["time"].high)) for e in (effect, after)]
+    # the interval is of the discrepancy, too, and of batches of few records: a factor of two
+    assert 0.5 < (widths[1] / widths[0]) / (expected / before) < 2.0
+    assert after.parameters["time"].low < 0.015 < after.parameters["time"].high
+
+
+def test_odds_of_rivals_come_out_as_was_expected(bench):
+    """A delay of the angle's sensor is all but the lag of the drive in slow motion, and no more in the next record."""
+    first, recorded = bench
+    between = ["actuator_lag", "sensor_delay.output_angle"]
+    gentle = {"low": -0.1, "high": 0.1, "speed": 0.2, "acceleration": 3.0}
+    found = diagnose(first, effects=["actuator_lag"])
+    plan = next_experiment(first, found, between=between, limits=gentle, seconds=4.0)
+    assert plan.rivals[0] == "actuator_lag" and plan.behind[0] == 0.0 < plan.behind[1]
+    assert plan.least == plan.expected[0, 1]  # the other one is ruled out already
+    assert plan.expected[0, 1] > 2.0 * plan.repeated[0, 1]
+    path = np.interp(np.arange(4000) * 1e-3, plan.time, plan.values)
+    both = joined(first, [recorded("odds", path, "fit", 8)])
+    question = told_at_rest(both, ask(both, request_of(both)))
+    lead, other = rivals(question, [(n,) for n in between], {})
+    assert lead.name == "actuator_lag"
+    assert other.behind == pytest.approx(plan.expected[0, 1], rel=0.5)
+
+
+def test_a_plan_is_written_in_the_unit_of_the_recording_and_says_what_to_expect(bench, tmp_path):
+    first, _ = bench
+    plan = next_experiment(first, diagnose(first, effects=["actuator_lag"]), limits=LIMITS, seconds=3.0)
+    plan.write(tmp_path)
+    table = np.genfromtxt(tmp_path / "reference.csv", delimiter=",", skip_header=2)
+    np.testing.assert_allclose(table[:, 1], plan.in_unit(), rtol=1e-8, atol=1e-9)
+    said = json.loads((tmp_path / "experiment.json").read_text())
+    assert said["schema"] == "cable-experiment/1" and said["seconds"] == pytest.approx(3.0, abs=0.02)
+    assert any("standard deviation falls to" in line for line in plan.lines())
+
+
+def test_wrong_requests_are_refused(bench):
+    first, _ = bench
+    found = diagnose(first, effects=["actuator_lag"])
+    with pytest.raises(ConfigurationError, match=r"limit 'sped'.*speed"):
+        next_experiment(first, found, limits={"sped": 1.0})
+    with pytest.raises(ConfigurationError, match="actuator_lag"):
+        next_experiment(first, found, between=["actuator_lgg", "backlash"])
+    with pytest.raises(ConfigurationError, match="above 0 s"):
+        next_experiment(first, found, seconds=0.0)
+    time = np.linspace(0.0, 2.0, 401)
+    observed = Recording.from_arrays("linear_drive", {"position": np.sin(time), "force": np.cos(time)}, time=time)
+    with pytest.raises(ConfigurationError, match="record position_reference"):
+        driven_by(observed)
+    with pytest.raises(ConfigurationError, match="one rig can be joined"):
+        joined(first, [observed])
