@@ -29,6 +29,7 @@ from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
 from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
+from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
 from cable_envs.diagnosis.search import stages
@@ -149,6 +150,7 @@ def examine(
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
     question = converged(told_at_rest(recording, without_spikes(_with_logger(recording, request))))
+    question = replace(question, fit=Trials(question.fit), heldout=Trials(question.heldout))
     Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())

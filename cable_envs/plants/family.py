@@ -142,6 +142,9 @@ class Family:
         Parameters that one measures on a rig before it runs; that a simulator believes and a recording may correct.
     beside : tuple of Parameter
         What a recording may state besides the plant's parameters.
+    needs : tuple of tuple of str
+        Groups of channels, of each of which a recording must have one to be diagnosed; of what is ``replayed`` these
+        follow from that.
     replayed : Replayed, optional
         How recordings of it are diagnosed; None: by a module of their own in `cable_envs.diagnosis.systems`, or not at
         all.
@@ -170,6 +173,7 @@ class Family:
     known: tuple[str, ...] = ()
     nominal: tuple[str, ...] = ()
     beside: tuple[Parameter, ...] = ()
+    needs: tuple[tuple[str, ...], ...] = ()
     replayed: Replayed | None = None
     ways: tuple[str, str] = ("moving forward", "moving backward")
 
@@ -198,6 +202,14 @@ class Family:
             known = ", ".join(self.outputs) or "none"
             raise ConfigurationError(f"{self.name} has no {kind} task; its tasks control: {known}")
         return self.outputs[kind]
+
+    @property
+    def least(self) -> tuple[tuple[str, ...], ...]:
+        """Groups of channels, of each of which a recording must have one; empty where recordings are not diagnosed."""
+        if self.needs or self.replayed is None:
+            return self.needs
+        answers = tuple(name for name in self.replayed.predicted if name not in self.replayed.of_drive)
+        return ((*self.commands.values(), self.replayed.drive), answers)
 
     def draws(self) -> Any:
         """The class that draws it, imported now; ConfigurationError where there is none."""

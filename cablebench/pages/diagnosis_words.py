@@ -296,7 +296,9 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     found += [f"  where: {place['where']}" for place in record["location"][:4]]
     for name, p in record["absorbed"].items():
         values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]
-        found.append(f"  {name}: claimed {values[0]}, refitted {values[1]}, refitted with the answer {values[2]}")
+        found.append(
+            f"  {name}: {start_of(record, name)} {values[0]}, refitted {values[1]}, refitted with the answer {values[2]}"
+        )
     for channel, fit in record["fit"].items():
         held, unit = fit["heldout_rmse"], fit["unit"]
         found.append(
@@ -306,6 +308,22 @@ def lines(record: Mapping[str, Any]) -> list[str]:
         )
     found += [f"  not asked: {what} ({why})" for why, what in not_asked(record)]
     return found + [f"  note: {note}" for note in record["notes"]]
+
+
+def start_of(record: Mapping[str, Any], name: str) -> str:
+    """What the start of a refitted parameter is: claimed by the user, or assumed, or told by the records."""
+    about = next((p for p in record.get("parameters", ()) if p["name"] == name), None)
+    if about is None or about["stated"]:
+        return "claimed"
+    return "from the records" if about["source"] == "from the records" else "assumed"
+
+
+def numbers_of(record: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
+    """Status -> parameters of the simulator that have it: stated, assumed, fitted."""
+    found: dict[str, list[Mapping[str, Any]]] = {}
+    for status in ("stated", "fitted", "assumed"):
+        found[status] = [p for p in record.get("parameters", ()) if p["status"] == status]
+    return {status: rows for status, rows in found.items() if rows}
 
 
 def not_asked(record: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -243,6 +243,8 @@ def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: boo
         run.evaluations += new.shape[1]
         if run.known:
             mine = np.column_stack([run.residual, mine])
+        fine = np.isfinite(mine).all(axis=0)  # what the plant refuses has no slope; that of the other side does
+        pairs = [(a if fine[a] else 0, b if fine[b] else 0) for a, b in pairs]
         low, high = [a for a, _ in pairs], [b for _, b in pairs]
         widths = np.array([columns[k, b] - columns[k, a] for k, (a, b) in zip(run.rows, pairs, strict=True)])
         run.residual, run.known = mine[:, 0].copy(), True

@@ -244,6 +244,9 @@ class Diagnosis:
         For figures; not in the JSON.
     not_asked : Mapping of str to str
         Effect, or a parameter of one, that was not looked for -> why; without those that the caller left out.
+    parameters : tuple of Mapping
+        Every number of the simulator: name, value, SI unit, meaning, status ("stated", "assumed", "fitted"), source of
+        the value, or of where the refit starts, and whether the user stated that.
     """
 
     verdict: str
@@ -267,6 +270,7 @@ class Diagnosis:
     rig: Mapping[str, Any] = field(default_factory=dict)
     traces: tuple[Trace, ...] = ()
     not_asked: Mapping[str, str] = field(default_factory=dict)
+    parameters: tuple[Mapping[str, Any], ...] = ()
 
     def as_json(self) -> dict[str, Any]:
         """JSON types only, schema `SCHEMA`; numbers that are not finite are null."""

@@ -89,6 +89,7 @@ def answer(
         rig=rig | ({"valid": valid} if valid else {}),
         traces=traces,
         not_asked=dict(question.not_asked),
+        parameters=tuple(vars(origin) for origin in question.origins),
     )
 
 

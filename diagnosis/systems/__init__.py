@@ -2,10 +2,11 @@
 
     prepare(recording, request) -> Question     what a recording asks
     DRIVEN_BY                                   channels, the first recorded one of which drives the simulator
+    values_of(recording, plant, request)        numbers that its simulation starts from (else `common.plant_values`)
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
 
-The last three may be absent, and the whole module: then the plant's family says how it is replayed
+All but the first may be absent, and the whole module: then the plant's family says how it is replayed
 (`cable_envs.diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says
 itself
 (`cable_envs.plants.family`). ``prepare`` lays the records on an even clock, drives the plant's kernel by what was
@@ -22,17 +23,21 @@ from types import ModuleType
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems import general, transmission
+from cable_envs.diagnosis.systems.common import plant_values
 from cable_envs.diagnosis.systems.conditions import heeded, require_stated
+from cable_envs.diagnosis.systems.origins import assumptions, origins, require_possible, unused
 from cable_envs.diagnosis.systems.question import Look, Question, Request
 from cable_envs.diagnosis.systems.units import Suspect
 from cable_envs.plants import family, plant_for
+from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
 
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
 
-_AVERAGE = ("cable_hole", "general", "linear_drive", "pulley_circuit")
-"""Modules whose models average what they predict of samples that are means."""
+_OF_PLANTS = ("cable_hole", "general", "linear_drive", "pulley_circuit")
+"""Modules that run a plant as the recording states it. Their models average what they predict of samples that are
+means."""
 
 
 def prepare(recording: Recording, request: Request | None = None) -> Question:
@@ -50,9 +55,29 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     variant = request.variant or getattr(chosen, "VARIANT", family(name).variants[0])
     simulator = with_own_effects(plant_for(name, variant), request.own)
     require_stated(recording, simulator, request.rig)
+    values = starting_values(recording, simulator, request)
+    if values:
+        recording.require_least()
+        require_possible(recording, simulator, values, request.rig)
     question = heeded(recording, simulator, chosen.prepare(recording, request))
     _stated_is_white(recording, question)
-    return replace(question, ways=family(recording.system).ways)
+    if not values:
+        values = {p.name: p.start for p in question.fit.parameters if p.name in question.nominals}
+    from_where = origins(recording, simulator, values, question.nominals, request.rig)
+    said = tuple(filter(None, (assumptions(from_where), unused(recording, simulator))))
+    return replace(
+        question, ways=family(recording.system).ways, origins=from_where,
+        notes=(*question.notes, *said),
+    )  # fmt: skip
+
+
+def starting_values(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Numbers of the plant that its simulation of a recording starts from, SI; empty where the records tell them."""
+    chosen = _chosen(recording)
+    if chosen.__name__.rpartition(".")[2] not in _OF_PLANTS:
+        return {}
+    own = getattr(chosen, "values_of", None)
+    return own(recording, plant, request) if own else plant_values(recording, plant, request.rig)
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
@@ -103,7 +128,7 @@ def looked_at(recording: Recording) -> Look:
         return Look(transmission.PERIOD, transmission.EDGE)
     if hasattr(chosen, "RATE"):
         return Look(1.0 / chosen.RATE)
-    return Look(averages=chosen.__name__.rpartition(".")[2] in _AVERAGE)
+    return Look(averages=chosen.__name__.rpartition(".")[2] in _OF_PLANTS)
 
 
 def _of_plant(name: str) -> ModuleType | None:

@@ -63,12 +63,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     recorded.
     """
     channels = recording.channels
-    if "drive_velocity_command" not in channels:
-        recording.require("drive_position", purpose="replaying the drive")
-    if not {"drive_tension", "load_position", "load_tension"} & set(channels):
-        recording.require("drive_tension", purpose="the diagnosis of a cable in a hole")
+    recording.require_least()
     plant = with_own_effects(plant_for("cable_hole"), request.own)
-    values = _values(recording, plant, request)
+    values = values_of(recording, plant, request)
     nominals = free_parameters(recording, plant, values, REFITTED, request)
     signals = [name for name in PREDICTED if name in channels]
     drive = "speed" if "drive_velocity_command" in channels else "follow"
@@ -88,7 +85,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     )  # fmt: skip
 
 
-def _values(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
     """Start of all numbers of the plant; the hole's radius, where measured, makes the radius ratio."""
     values = plant_values(recording, plant, request.rig)
     radius = recording.value("hole_radius")

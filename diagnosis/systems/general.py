@@ -60,13 +60,9 @@ def prepare(recording: Recording, request: Request) -> Question:
     told, channels = family(recording.system), recording.channels
     how = told.replayed
     assert how is not None, "asked for by `models`"
+    recording.require_least()
     mode = next((m for m, channel in told.commands.items() if channel in channels), "")
-    if not mode:
-        recording.require(how.drive, purpose="replaying the drive")
     names = [n for n in how.predicted if n in channels and (mode or n not in how.of_drive)]
-    if not set(names) - set(how.of_drive):
-        answers = [n for n in how.predicted if n not in how.of_drive]
-        recording.require(answers[0], purpose=f"the diagnosis of {recording.system}")
     plant = with_own_effects(plant_for(recording.system), request.own)
     values = plant_values(recording, plant, request.rig)
     servo = how.servo if mode and how.drive in channels and told.commands[mode] in how.by_servo else ()

@@ -73,14 +73,10 @@ def prepare(recording: Recording, request: Request) -> Question:
     The servo of an observed drive is as stiff as its mass asks, so that its noise is the same whatever the mass is. A
     refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right).
     """
-    if not {"force", "voltage"} & set(recording.channels):
-        raise ConfigurationError(f"{recording.path}: a linear drive's diagnosis needs the channel force or voltage")
-    recording.require("position", purpose="a linear drive's diagnosis")
+    recording.require_least()
     plant = with_own_effects(plant_for("linear_drive"), request.own)
-    left_out = {"viscous": 0.0, "coulomb": 0.0, "motor_mass": 0.0}
-    values = left_out if recording.rig is None and request.rig is None else {}
     stated = usual(recording, plant)
-    values = {**plant_values(recording, plant, request.rig), **_absent(recording, values, request), **stated}
+    values = values_of(recording, plant, request)
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
@@ -124,6 +120,14 @@ def prepare(recording: Recording, request: Request) -> Question:
         lambda found, accepted: _rig(plant, {**values, **found}, accepted), tuple(notes), at_rest=closed,
         not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Start of all numbers of the plant; friction and a motor's own inertia are absent where nobody names them."""
+    left_out = {"viscous": 0.0, "coulomb": 0.0, "motor_mass": 0.0}
+    values = left_out if recording.rig is None and request.rig is None else {}
+    stated = usual(recording, plant)
+    return {**plant_values(recording, plant, request.rig), **_absent(recording, values, request), **stated}
 
 
 def _substeps(values: Mapping[str, float], period: float, hypotheses: set[str]) -> int:

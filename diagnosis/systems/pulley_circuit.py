@@ -81,10 +81,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     """
     channels = recording.channels
     commanded = "drive_angle_command" in channels
-    if not commanded:
-        recording.require("drive_angle", purpose="replaying the drive")
-    if not {"drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"} & set(channels):
-        recording.require("drive_torque", purpose="the diagnosis of a circuit")
+    recording.require_least()
     plant = with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
     values = plant_values(recording, plant, request.rig)
     values[STIFFNESS] *= float(_growth(values))

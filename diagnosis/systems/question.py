@@ -45,6 +45,33 @@ class Look:
 
 
 @dataclass(frozen=True)
+class Origin:
+    """One number of a simulator.
+
+    Parameters
+    ----------
+    name, unit, meaning : str
+        Of the plant's parameter.
+    value : float
+        SI; of a fitted one where the refit starts.
+    status : str
+        "fitted": the refit moves it; else "stated" by the user, or "assumed".
+    source : str
+        What states it ("known", "nominal", "rig NAME", "conditions"), or where the assumption is from.
+    stated : bool
+        Whether the user gave the value, the start of a fitted one too.
+    """
+
+    name: str
+    value: float
+    unit: str
+    meaning: str
+    status: str
+    source: str
+    stated: bool
+
+
+@dataclass(frozen=True)
 class Question:
     """The models of the records to fit and of those held out, what is refitted, and what may be missing.
 
@@ -71,6 +98,8 @@ class Question:
         drives the simulator, or where the model's own error is expected.
     ways : tuple of str
         For people: what motion with a rising, and with a falling position is called.
+    origins : tuple of Origin
+        Where the simulator's numbers come from.
     not_asked : Mapping of str to str
         Hypothesis that is not among ``hypotheses``, or a parameter that is left out of one -> why, in plain words.
     """
@@ -87,3 +116,4 @@ class Question:
     at_rest: bool = False
     ways: tuple[str, str] = ("moving forward", "moving backward")
     not_asked: Mapping[str, str] = field(default_factory=dict)
+    origins: tuple[Origin, ...] = ()

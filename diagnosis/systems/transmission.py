@@ -35,7 +35,9 @@ SIMULATED_BY = PLANT.name
 SIGNALS = {"output_angle": "rad", "output_torque": "N m"}
 STILL = 1e-9
 """rad/s that tell the plant the direction of a drive that stands, or whose smoothed speed has not turned round yet."""
-_GEOMETRY = ("pretension_top", "pretension_bottom", "tensile_stiffness", "drive_radius", "output_radius")
+_CABLE = ("pretension_top", "pretension_bottom", "tensile_stiffness")
+"""What a recording says of a cable that the circuit can run. Two radii alone say the ratio, which the records tell, and
+leave 50 numbers of the circuit to be assumed."""
 
 
 def fits(recording: Recording) -> bool:
@@ -43,7 +45,7 @@ def fits(recording: Recording) -> bool:
     said = {**recording.known, **recording.nominal}
     ends = {"drive_angle", "output_angle", "output_torque"} <= set(recording.channels)
     drive = {"drive_torque", "drive_current"} & set(recording.channels)
-    return ends and bool(drive) and recording.rig is None and not set(_GEOMETRY) & set(said)
+    return ends and bool(drive) and recording.rig is None and not set(_CABLE) & set(said)
 
 
 @dataclass(frozen=True)

@@ -63,5 +63,9 @@ FAMILY = Family(
         "pretension_bottom", "drive_inertia", "drive_damping", "output_inertia", "output_damping",
         "contact_stiffness", "contact_damping", "brake_torque",
     ),
+    needs=(
+        ("drive_angle_command", "drive_angle"),
+        ("drive_torque", "output_angle", "output_torque", "tension_top", "tension_bottom"),
+    ),
     ways=("turning counter-clockwise", "turning clockwise"),
 )  # fmt: skip

@@ -23,6 +23,7 @@ FAMILY = Family(
         "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
         "motor_position": "m", "speed_reading": "V", "band_tension_1": "N", "band_tension_2": "N",
     },
+    needs=(("position",), ("force", "voltage")),
     beside=(
         Parameter("force_offset", "N", 0.0, -1e4, 1e4, "constant force: amplifier's offset, a tilted axis"),
         Parameter("speed_scale", "V s/m", 1.0, 1e-9, 1e9, "reading of the speed sensor for 1 m/s"),

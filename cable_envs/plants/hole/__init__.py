@@ -52,5 +52,8 @@ FAMILY = Family(
         "cable_damping", "bending_rigidity", "load_stiffness", "load_damping",
     ),
     beside=(Parameter("hole_radius", "m", 1.5e-3, 1e-6, 1.0, "radius R of the hole's edge"),),
+    needs=(
+        ("drive_velocity_command", "drive_position"), ("drive_tension", "load_position", "load_tension"),
+    ),
     ways=("lifting", "lowering"),
 )  # fmt: skip

@@ -1,0 +1,45 @@
+"""Trials of parameters that a plant refuses: each costs itself, and nothing else.
+
+The bounds of single parameters cannot exclude all that makes no rig (a pretension above the tension at which the cable
+breaks). What the plant refuses is predicted as NaN, as a simulation that runs away is, so that no refit goes there.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.model.model import Block, Free, Model
+
+
+class Trials:
+    """A model whose predictions are NaN for the columns that its plant refuses.
+
+    Parameters
+    ----------
+    model : Model
+        Whose plant raises ConfigurationError for all columns where one of them makes no rig.
+    """
+
+    def __init__(self, model: Model):
+        self._model = model
+        self.parameters: Sequence[Free] = model.parameters
+        self.blocks: list[Block] = model.blocks
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the model has."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._model, name)
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.model.Model`; where columns are refused, halves of them are asked apart."""
+        try:
+            return self._model.predict(values)
+        except ConfigurationError:
+            count = values.shape[1]
+            if count == 1:
+                return [np.full((len(block.time), 1), np.nan) for block in self.blocks]
+            parts = [self.predict(values[:, : count // 2]), self.predict(values[:, count // 2 :])]
+            return [np.concatenate(pair, axis=1) for pair in zip(*parts, strict=True)]
