@@ -315,7 +315,7 @@ def start_of(record: Mapping[str, Any], name: str) -> str:
     about = next((p for p in record.get("parameters", ()) if p["name"] == name), None)
     if about is None or about["stated"]:
         return "claimed"
-    return "from the records" if about["source"] == "from the records" else "assumed"
+    return "assumed" if about["source"].startswith("default") else about["source"]
 
 
 def numbers_of(record: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:

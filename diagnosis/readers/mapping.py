@@ -51,7 +51,7 @@ _CHANNEL_KEYS = (
     "note",
 )
 _RECORD_KEYS = ("file", "use", "conditions", "offsets")
-_LAYOUT_KEYS = ("delimiter", "decimal", "header_line", "comment", "encoding")
+_LAYOUT_KEYS = ("delimiter", "decimal", "header_line", "comment", "encoding", "sheet")
 
 
 @dataclass(frozen=True)
@@ -190,6 +190,8 @@ def _layout(entry: Any, origin: str) -> Layout:
         given["delimiter"] = names[given["delimiter"]]
     if given.get("decimal", ".") not in (",", "."):
         raise ConfigurationError(f"{origin}: layout: decimal must be ',' or '.', got {given['decimal']!r}")
+    if not isinstance(given.get("sheet", ""), str):
+        raise ConfigurationError(f"{origin}: layout: sheet must be a name, got {given['sheet']!r}")
     line = given.get("header_line", 0)
     if not isinstance(line, int) or isinstance(line, bool) or line < 0:
         raise ConfigurationError(f"{origin}: layout: header_line must be a line from 1, or 0 for none, got {line!r}")

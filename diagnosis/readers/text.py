@@ -2,10 +2,11 @@
 
 import csv
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
+from typing import TextIO
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, Log
 
 DELIMITERS = {",": ",", ";": ";", "tab": "\t", "|": "|", "space": " "}
 """Names in a mapping file -> character; "space" is any white space."""
+ENCODINGS = ("utf-8-sig", "latin-1")
+"""That are tried where none is given."""
 _EMPTY = ("", "nan", "na", "n/a", "null", "none", "-")
 _HEAD_LINES = 200
 _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
@@ -21,13 +24,17 @@ _COMMA_NUMBER = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
 @dataclass(frozen=True)
 class Layout:
-    """How a file is written; None means detect, and say so. ``header_line`` counts from 1, 0 is none at all."""
+    """How a file is written; None means detect, and say so. ``header_line`` counts from 1, 0 is none at all.
+
+    ``sheet``: of a spreadsheet, the one to read.
+    """
 
     delimiter: str | None = None
     decimal: str | None = None
     header_line: int | None = None
     comment: str = ""
     encoding: str | None = None
+    sheet: str | None = None
 
 
 @dataclass(frozen=True)
@@ -42,16 +49,23 @@ class _Plan:
     names: Mapping[str, str]
 
 
-def read_text(path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log) -> Iterator[Chunk]:
+Opened = Callable[[str], TextIO]
+"""(encoding) -> the text, from its start."""
+
+
+def read_text(
+    path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log, opened: Opened | None = None
+) -> Iterator[Chunk]:
     """Chunks of the columns (by header name, or by position from 1) that each channel is given in.
 
     Faults go to ``log``: a header or comment in the middle, a row of another width, a cell that is no number, a last
     row that was cut off. Rows of the first kinds are left out, cells become NaN. Raises ConfigurationError where the
-    file as a whole cannot be read.
+    file as a whole cannot be read. ``opened`` gives the text where the file itself is none.
     """
-    plan = _plan(path, layout, columns, log)
+    opened = opened or _opener(path)
+    plan = _plan(path, layout, columns, log, opened)
     try:
-        with path.open(encoding=plan.encoding, newline="") as file:
+        with opened(plan.encoding) as file:
             for _ in islice(file, plan.first - 1):
                 pass
             number, lines = plan.first, list(islice(file, CHUNK_ROWS))
@@ -65,7 +79,8 @@ def read_text(path: Path, layout: Layout, columns: Mapping[str, str | int], log:
         raise ConfigurationError(f"{path.name}: not {plan.encoding} text: {error}") from error
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def split(line: str, delimiter: str) -> list[str]:
+    """Cells of a line, without the blanks around them."""
     line = line.rstrip("\r\n")
     if delimiter == " ":
         return line.split()
@@ -73,8 +88,8 @@ def _split(line: str, delimiter: str) -> list[str]:
     return [cell.strip() for cell in cells]
 
 
-def _plan(path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log) -> _Plan:
-    head, encoding = _head(path, layout.encoding, log)
+def _plan(path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log, opened: Opened) -> _Plan:
+    head, encoding = head_of(path, layout.encoding, log, opened)
     named = [c for c in columns.values() if isinstance(c, str)]
     body = [(k, line) for k, line in enumerate(head, 1) if not _is_comment(line, layout.comment) and line.strip()]
     if not body:
@@ -84,7 +99,7 @@ def _plan(path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log
     if layout.delimiter is None:
         log.say(f"delimiter {_name(delimiter)} (detected)")
     header, first = _header(path, body, named, delimiter, layout, log)
-    rows = [_split(line, delimiter) for k, line in body if k >= first]
+    rows = [split(line, delimiter) for k, line in body if k >= first]
     if not rows:
         raise ConfigurationError(f"{path.name}: no rows of numbers follow the header")
     decimal = layout.decimal or _decimal(rows, delimiter)
@@ -104,10 +119,16 @@ def _plan(path: Path, layout: Layout, columns: Mapping[str, str | int], log: Log
     )
 
 
-def _head(path: Path, encoding: str | None, log: Log) -> tuple[list[str], str]:
-    for attempt in (encoding,) if encoding else ("utf-8-sig", "latin-1"):
+def _opener(path: Path) -> Opened:
+    return lambda encoding: path.open(encoding=encoding, newline="")
+
+
+def head_of(path: Path, encoding: str | None, log: Log, opened: Opened | None = None) -> tuple[list[str], str]:
+    """(the first lines of a text, its encoding, which is detected where it is None). Raises ConfigurationError."""
+    opened = opened or _opener(path)
+    for attempt in (encoding,) if encoding else ENCODINGS:
         try:
-            with path.open(encoding=attempt, newline="") as file:
+            with opened(attempt) as file:
                 lines = list(islice(file, _HEAD_LINES))
         except OSError as error:
             raise ConfigurationError(f"cannot read {path}: {error.strerror or error}") from error
@@ -136,7 +157,7 @@ def _name(delimiter: str) -> str:
 def _delimiter(row: str, body: list[tuple[int, str]], named: list[str]) -> str:
     """The one that cuts out the wanted names; without names, the one that occurs most in a row of numbers."""
     for character in (";", "\t", "|", ",", " "):
-        if named and any(set(named) <= set(_split(line, character)) for _, line in body):
+        if named and any(set(named) <= set(split(line, character)) for _, line in body):
             return character
     for character in (";", "\t", "|"):
         if character in row:
@@ -149,7 +170,7 @@ def _header(
 ) -> tuple[list[str], int]:
     """(names of the columns, line of the first row); a preamble before and a row of units after are passed over."""
     if layout.header_line == 0 or not named:
-        numeric = (k for k, line in body if k > (layout.header_line or 0) and _some_number(_split(line, delimiter)))
+        numeric = (k for k, line in body if k > (layout.header_line or 0) and _some_number(split(line, delimiter)))
         first = next(numeric, None)
         if first is None:
             raise ConfigurationError(f"{path.name}: no row of numbers in the first {_HEAD_LINES} lines")
@@ -157,17 +178,17 @@ def _header(
     if layout.header_line is not None:
         at = next((k for k, (line, _) in enumerate(body) if line == layout.header_line), None)
     else:
-        at = next((k for k, (_, line) in enumerate(body) if set(named) <= set(_split(line, delimiter))), None)
+        at = next((k for k, (_, line) in enumerate(body) if set(named) <= set(split(line, delimiter))), None)
     if at is None:
-        best = max((_split(line, delimiter) for _, line in body), key=lambda c: len(set(named) & set(c)))
-        best = best if set(named) & set(best) else _split(body[0][1], delimiter)
+        best = max((split(line, delimiter) for _, line in body), key=lambda c: len(set(named) & set(c)))
+        best = best if set(named) & set(best) else split(body[0][1], delimiter)
         missing = next((n for n in named if n not in best), named[0])
         raise ConfigurationError(f"{path.name}: no column '{missing}'; {nearest(missing, filter(None, best))}")
     line, text = body[at]
-    header = _split(text, delimiter)
+    header = split(text, delimiter)
     if line > 1 and layout.header_line is None:
         log.say(f"{line - 1} line{'s' if line > 2 else ''} before the header passed over")
-    if at + 1 < len(body) and not _some_number(_split(body[at + 1][1], delimiter)):
+    if at + 1 < len(body) and not _some_number(split(body[at + 1][1], delimiter)):
         log.say(f"line {body[at + 1][0]} passed over as a row of units: {body[at + 1][1].strip()[:60]}")
         at += 1
     return header, body[at + 1][0] if at + 1 < len(body) else line + 1
@@ -223,7 +244,7 @@ def _parse_slowly(lines: list[str], number: int, plan: _Plan, log: Log, last: bo
         place = f"line {number + k}"
         if not line.strip():
             continue
-        cells = _split(line, plan.delimiter)
+        cells = split(line, plan.delimiter)
         if _is_comment(line, plan.comment) or (len(cells) > 1 and not _some_number(cells) and any(cells)):
             log.add("dropped", "a header or remark among the rows of numbers", place=place, structural=True)
             continue

@@ -23,6 +23,8 @@ SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
 OPTIONS = ()
 COMPRESSED, LARGEST = 15, 2**32
 """Number of a compressed element in a file of version 5; bytes that all of them may unpack to."""
+DEEPEST, WIDEST = 6, 100
+"""Levels of structs, and columns of a matrix or runs, that are looked through for vectors."""
 ELSEWHERE = "ExternalLink"
 """h5py's class for a link into another file."""
 _PART = re.compile(r"(\w+)(?:\((\d+)\))?")
@@ -58,6 +60,37 @@ def variables(file: Path, wanted: Mapping[str, str], optional: tuple[str, ...] =
         listed = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
         raise ConfigurationError(f"{file.name}: variables of different lengths: {listed}")
     return found
+
+
+def vectors_in(file: Path, least: int) -> dict[str, np.ndarray]:
+    """All vectors of ``least`` numbers or more in a file, by the path under which a mapping names each."""
+    found = {}
+    with _opened(file) as content:
+        for path in _paths(content):
+            try:
+                values = np.asarray(_vector(content, path, file, path)[:], float)
+            except (KeyError, ConfigurationError):
+                continue
+            if len(values) >= least:
+                found[path] = values
+    return found
+
+
+def _paths(node: Any, before: str = "", depth: int = 0) -> Iterator[str]:
+    """Paths of numbers below a node; of a matrix one for each of its columns."""
+    for name in _names(node) if depth < DEEPEST else ():
+        inner = node[name] if hasattr(node, "keys") else getattr(node, name)
+        path, shape = f"{before}{name}", getattr(inner, "shape", None)
+        if _names(inner):
+            yield from _paths(inner, f"{path}.", depth + 1)
+        elif shape is not None and getattr(inner, "dtype", np.dtype(float)).kind == "O":
+            for k, one in enumerate(np.atleast_1d(inner).ravel()[:WIDEST], 1):
+                yield from _paths(one, f"{path}({k}).", depth + 1)
+        elif shape is not None and len(shape) == 2 and 1 not in shape:
+            columns = shape[0] if hasattr(inner, "file") else shape[1]
+            yield from (f"{path}(:,{k})" for k in range(1, columns + 1) if columns <= WIDEST)
+        else:
+            yield path
 
 
 def _chunks(file: Path, columns: Mapping[str, str], rate: float | None, log: Log) -> Iterator[Chunk]:

@@ -1,6 +1,13 @@
-"""CSV and Parquet logs of any rig, by a mapping file (`mapping`). They stream: memory does not grow with the file."""
+"""CSV and Parquet logs, and spreadsheets, of any rig, by a mapping file (`mapping`).
 
+Text and Parquet stream: memory does not grow with the file. Of a spreadsheet the sheet is read that the layout names,
+or the one with the most numbers.
+"""
+
+import datetime
+import io
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -8,13 +15,26 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
+from cable_envs.diagnosis.readers.base import (
+    CHUNK_ROWS,
+    Chunk,
+    DataSet,
+    Log,
+    RecordSpec,
+    Request,
+    counted,
+    files_at,
+    foreign,
+)
 from cable_envs.diagnosis.readers.mapping import Mapped, load_mapping
-from cable_envs.diagnosis.readers.text import read_text
+from cable_envs.diagnosis.readers.text import Layout, Opened, read_text
 
-SUMMARY = "CSV, TSV, text and Parquet logs, with --mapping FILE.yaml"
+SUMMARY = "CSV, TSV, text and Parquet logs and spreadsheets, with --mapping FILE.yaml"
 OPTIONS = ()
-_TEXT, _PARQUET = (".csv", ".tsv", ".txt", ".log", ".dat"), (".parquet", ".pq")
+TEXT, PARQUET = (".csv", ".tsv", ".txt", ".log", ".dat"), (".parquet", ".pq")
+SHEETS = (".xlsx", ".xlsm", ".xls", ".ods")
+LARGEST = 2**28
+"""Bytes of a spreadsheet that is read: it is held in memory whole."""
 
 
 def open_dataset(path: Path, asked: Request) -> DataSet:
@@ -22,10 +42,10 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
     require_known("option of table", asked.options, OPTIONS)
     mapped = load_mapping(asked.mapping, "table")
     records = []
-    for file in files_at(path, *_TEXT, *_PARQUET):
+    for file in files_at(path, *TEXT, *PARQUET, *SHEETS):
         if mapped.records and path.is_dir() and not mapped.entry(file.name):
             continue
-        kind = _parquet_chunks if file.suffix.lower() in _PARQUET else _text_chunks
+        kind = _parquet_chunks if file.suffix.lower() in PARQUET else _text_chunks
         records.append(RecordSpec(file.stem, file.name, partial(kind, file, mapped), **of_entry(mapped, file.name)))
     if not records:
         raise ConfigurationError(f"no file in {path} fits what {mapped.path.name} lists under 'records'")
@@ -52,8 +72,65 @@ def data_set(mapped: Mapped, records: Sequence[RecordSpec]) -> DataSet:
 
 
 def _text_chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
-    chunks = read_text(file, mapped.layout, mapped.columns, log)
+    layout = replace(mapped.layout, delimiter="\t", decimal=".") if is_sheet(file) else mapped.layout
+    chunks = read_text(file, layout, mapped.columns, log, opener(file, mapped.layout))
     return counted(chunks, mapped.sample_rate) if mapped.sample_rate else chunks
+
+
+def is_sheet(file: Path) -> bool:
+    """Whether a file is a spreadsheet, by the end of its name."""
+    return file.suffix.lower() in SHEETS
+
+
+def opener(file: Path, layout: Layout) -> Opened | None:
+    """What `read_text` opens instead of a spreadsheet: its rows with tabs between cells; None where it is text."""
+    if not is_sheet(file):
+        return None
+    lines = "".join("\t".join(map(_cell, row)) + "\n" for row in _rows(file, layout.sheet))
+    return lambda encoding: io.StringIO(lines)
+
+
+def _rows(file: Path, wanted: str | None) -> Sequence[Sequence[Any]]:
+    """Rows of the sheet that is wanted, or of the one with the most numbers."""
+    try:
+        from python_calamine import CalamineWorkbook
+    except ModuleNotFoundError as error:
+        raise ConfigurationError(
+            f"{file.name}: spreadsheets need python-calamine: pip install 'cable-envs[sheets]', or save it as CSV"
+        ) from error
+    if file.stat().st_size > LARGEST:
+        raise ConfigurationError(f"{file.name} has more than {LARGEST} bytes: save it as CSV")
+    with foreign(file.name):
+        book = CalamineWorkbook.from_path(str(file))
+        if wanted is not None and wanted not in book.sheet_names:
+            raise ConfigurationError(f"{file.name}: no sheet '{wanted}'; {nearest(wanted, book.sheet_names)}")
+        names = [wanted] if wanted is not None else book.sheet_names
+        sheets = [book.get_sheet_by_name(name).to_python(skip_empty_area=False) for name in names]
+    if not sheets:
+        raise ConfigurationError(f"{file.name} holds no sheet")
+    return max(sheets, key=lambda rows: sum(isinstance(cell, (int, float)) for row in rows for cell in row))
+
+
+def _cell(value: Any) -> str:
+    """A cell as text: times as seconds, what would break a row left out."""
+    if isinstance(value, bool):
+        return str(int(value))
+    if isinstance(value, datetime.timedelta):
+        return repr(value.total_seconds())
+    if isinstance(value, datetime.datetime):
+        return value.isoformat(" ")
+    if isinstance(value, datetime.time):
+        return repr(value.hour * 3600.0 + value.minute * 60.0 + value.second + value.microsecond * 1e-6)
+    return " ".join(str(value).split()).replace('"', "'")
+
+
+def parquet_columns(file: Path) -> dict[str, np.ndarray]:
+    """Numbers [rows] of the columns of a Parquet file that hold such."""
+    parts: dict[str, list[np.ndarray]] = {}
+    for chunk in _parquet(file, None):
+        for name, values in chunk.columns.items():
+            parts.setdefault(name, []).append(values)
+    return {name: np.concatenate(values) for name, values in parts.items()}
 
 
 def _parquet_chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
@@ -61,7 +138,8 @@ def _parquet_chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
     return counted(chunks, mapped.sample_rate) if mapped.sample_rate else chunks
 
 
-def _parquet(file: Path, columns: Mapping[str, Any]) -> Iterator[Chunk]:
+def _parquet(file: Path, columns: Mapping[str, Any] | None) -> Iterator[Chunk]:
+    """Chunks of the columns by channel; None: of all that hold numbers, by their names."""
     try:
         import pyarrow
         import pyarrow.parquet
@@ -70,6 +148,11 @@ def _parquet(file: Path, columns: Mapping[str, Any]) -> Iterator[Chunk]:
     try:
         with pyarrow.parquet.ParquetFile(file) as table:
             names = table.schema_arrow.names
+            if columns is None:
+                kinds = {n: table.schema_arrow.field(n).type for n in names}
+                columns = {
+                    n: n for n, k in kinds.items() if pyarrow.types.is_integer(k) or pyarrow.types.is_floating(k)
+                }
             chosen = {channel: _name(file, channel, column, names) for channel, column in columns.items()}
             for channel, name in chosen.items():
                 kind = table.schema_arrow.field(name).type
