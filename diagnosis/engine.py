@@ -1,6 +1,6 @@
 """`diagnose`: from a recording to a verdict, by steps that can be called by themselves.
 
-    load_recording -> gate -> kept_back -> prepare -> told_at_rest -> converged
+    load_recording -> gate -> on_one_clock -> kept_back -> prepare -> told_at_rest -> converged
     -> select (refit, score tests, comparison of models by their evidence, what is left) -> answer
 
 Records for "heldout" are never fitted, and count as evidence of every model. A recording without any keeps back the
@@ -19,6 +19,7 @@ import numpy as np
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.evidence.candidates import Joint
@@ -145,6 +146,7 @@ def examine(
     look = looked_at(recording)
     quality = gate(recording, look)
     quality.require_usable()
+    recording, brought = on_one_clock(recording)
     recording, averaged = averaged_if_long(recording)
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
@@ -172,7 +174,7 @@ def examine(
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
-    notes = (*((averaged["why"],) if averaged else ()), *found.notes)
+    notes = (*filter(None, (averaged and averaged["why"], brought)), *found.notes)
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
 

@@ -28,7 +28,8 @@ def render(record: Mapping[str, Any], traces: Sequence[Any] = ()) -> str:
         "spectra": Markup(figures.spectra(record["spectra"])),
         "top": max((row["log_odds"] or 0.0 for row in record["hypotheses"]), default=0.0), "visited": _visited(record),
         "not_noise": words.not_noise(record), "products": words.products(record),
-        "unexplained": words.unexplained(record), "not_asked": words.not_asked(record), "numbers": words.numbers_of(record),
+        "unexplained": words.unexplained(record), "not_asked": words.not_asked(record),
+        "numbers": words.numbers_of(record),
     }  # fmt: skip
     return pages.render(
         "cablebench.pages",

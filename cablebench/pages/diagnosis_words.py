@@ -297,7 +297,8 @@ def lines(record: Mapping[str, Any]) -> list[str]:
     for name, p in record["absorbed"].items():
         values = [shown(p[key], p["unit"]) for key in ("before", "after_refit", "after_model")]
         found.append(
-            f"  {name}: {start_of(record, name)} {values[0]}, refitted {values[1]}, refitted with the answer {values[2]}"
+            f"  {name}: {start_of(record, name)} {values[0]}, refitted {values[1]}, "
+            f"refitted with the answer {values[2]}"
         )
     for channel, fit in record["fit"].items():
         held, unit = fit["heldout_rmse"], fit["unit"]

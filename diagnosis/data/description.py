@@ -17,7 +17,7 @@ from cable_envs.sim.rigs import Rig, load_rig
 
 HOLDS = ("line", "step")
 """Of a command between its samples."""
-_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "hold", "note")
+_CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "hold", "note", "every")
 _VALUE_KEYS = ("value", "unit", "std", "source", "note")
 
 
@@ -66,6 +66,7 @@ class Channel:
     """How a channel is read; ``noise_std`` in SI, None where not given.
 
     hold: between its samples a command goes on a "line", or is held in a "step": a row's acts until the next row.
+    every: of the time, the period in s of the one clock to which records are brought; None: that of the slowest.
     """
 
     name: str
@@ -78,6 +79,7 @@ class Channel:
     offset_free: str | None = None
     note: str = ""
     hold: str = "line"
+    every: float | None = None
 
     def to_si(self, raw: np.ndarray) -> np.ndarray:
         """Raw numbers of the column as SI."""
@@ -86,7 +88,7 @@ class Channel:
     def as_entry(self) -> dict[str, Any]:
         """What stands under ``channels`` of a recording whose tables hold SI, by the channels' names."""
         more = (("noise_std", self.noise_std), ("offset_free", self.offset_free), ("note", self.note),
-                ("hold", "" if self.hold == HOLDS[0] else self.hold))  # fmt: skip
+                ("hold", "" if self.hold == HOLDS[0] else self.hold), ("every", self.every))  # fmt: skip
         return {"column": self.name, "unit": self.si_unit} | {key: value for key, value in more if value}
 
 
@@ -154,6 +156,7 @@ def read_channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
         found[name] = Channel(
             name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise,
             offset_free=offset_free(entry, name, where), note=str(entry.get("note", "")), hold=hold(entry, name, where),
+            every=every(entry, name, where),
         )  # fmt: skip
     return found
 
@@ -171,6 +174,15 @@ def offset_free(entry: Mapping[str, Any], name: str, where: str) -> str | None:
             f"{where}: offset_free must be 'record', 'recording' or a condition's name, and not for time"
         )
     return free
+
+
+def every(entry: Mapping[str, Any], name: str, where: str) -> float | None:
+    """The period in s of the clock that the time states for all records. Raises ConfigurationError."""
+    if "every" not in entry:
+        return None
+    if name != "time":
+        raise ConfigurationError(f"{where}: 'every' is for time: the period of the clock of all records")
+    return to_si(_number(entry["every"], f"{where}: every", positive=True), str(entry.get("unit", "s")), "s", where)
 
 
 def hold(entry: Mapping[str, Any], name: str, where: str) -> str:

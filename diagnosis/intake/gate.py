@@ -30,8 +30,8 @@ FEWEST, MOST = 200, 200_000
 FEWEST_HELDOUT = 50
 """Samples: of a record, of all records together as a model uses them, of a record that is only predicted. A refit holds
 some hundred predictions of every channel at once: 2e5 samples of three channels take about 3 GB."""
-_JITTER, _PERIODS = 0.25, 0.01
-"""Of the clock's step; between records."""
+_JITTER = 0.25
+"""Of the clock's step."""
 _MOST_EMPTY = 0.2
 _FINER = 10.0
 """Least noise over the resolution where most samples are at a channel's two ends: an encoder rests there, too."""
@@ -102,9 +102,8 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
     if too_many:
         return Quality((too_many,))
     faults: list[Fault] = []
-    period = float(np.median(np.concatenate([np.diff(r.time) for r in recording.records])))
     for record in recording.records:
-        faults += _clock(record, period)
+        faults += _clock(record)
         for channel in recording.channels:
             if channel == "time":
                 continue
@@ -171,16 +170,12 @@ def _at_edge(record: Record, fault: Fault, look: Look) -> Fault:
     return replace(fault, fatal=False, text=f"{fault.text}; within {look.edge:g} s of the end, which is left out")
 
 
-def _clock(record: Record, period: float) -> list[Fault]:
+def _clock(record: Record) -> list[Fault]:
     fewest = {"fit": FEWEST, "heldout": FEWEST_HELDOUT, "rest": rest.FEWEST}[record.use]
     if len(record.time) < fewest:
         return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {fewest} are the least")]
     steps = np.diff(record.time)
-    own = float(np.median(steps))
-    if abs(own - period) > _PERIODS * period:
-        text = f"sampled every {own:.4g} s, the other records every {period:.4g} s; bring them to one clock"
-        return [Fault(record.name, "time", 1, text)]
-    found = []
+    period, found = float(np.median(steps)), []
     late = np.flatnonzero(steps > (LONGEST_GAP + 0.5) * period)
     if len(late):
         text = f"a gap of {steps[late[0]]:.3g} s ({len(late)} of them); cut the record there into two"

@@ -31,7 +31,8 @@ class Request:
 class ChannelSpec:
     """A channel as it is written: the quantity in ``unit`` is ``scale`` times the raw number plus ``offset``.
 
-    A sign that was turned is in the scale, and ``note`` says so.
+    A sign that was turned is in the scale, and ``note`` says so. ``every``: of the time, the period of the one clock
+    for all records, in its unit.
     """
 
     name: str
@@ -43,6 +44,7 @@ class ChannelSpec:
     hold: str | None = None
     note: str = ""
     column: str = ""
+    every: float | None = None
 
     @property
     def header(self) -> str:

@@ -9,6 +9,7 @@ channels:
   time:          {column: "Zeit [ms]", unit: ms}      # or {sample_rate: 1000}: no column, Hz
   drive_angle:   {column: enc1, unit: deg, scale: 0.045, sign: -1, offset_free: record}
   output_torque: {column: 7, unit: mN m, noise_std: 2}   # by position, from 1
+  tension_top:   {column: F1, clock: t_F1, unit: N}      # on times of its own, in the unit of the time
 records:                                              # optional: by file name or pattern
   - {file: "run_1*.csv", conditions: {load: {value: 5, unit: N}, tool: A}}
   - {file: run_20.csv, use: heldout}
@@ -21,14 +22,14 @@ groups have it. ``rosbag``, ``mcap``: ``topic`` and ``field`` instead.
 
 import fnmatch
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
-from cable_envs.diagnosis.data.description import channels_of, hold, offset_free
+from cable_envs.diagnosis.data.description import channels_of, every, hold, offset_free
 from cable_envs.diagnosis.data.entries import read_conditions
 from cable_envs.diagnosis.data.record import USES
 from cable_envs.diagnosis.readers.base import ChannelSpec
@@ -49,6 +50,8 @@ _CHANNEL_KEYS = (
     "offset_free",
     "hold",
     "note",
+    "every",
+    "clock",
 )
 _RECORD_KEYS = ("file", "use", "conditions", "offsets")
 _LAYOUT_KEYS = ("delimiter", "decimal", "header_line", "comment", "encoding", "sheet")
@@ -56,7 +59,10 @@ _LAYOUT_KEYS = ("delimiter", "decimal", "header_line", "comment", "encoding", "s
 
 @dataclass(frozen=True)
 class Mapped:
-    """A mapping file that was checked. ``columns``: channel -> column, variable or (topic, field)."""
+    """A mapping file that was checked.
+
+    ``columns``: channel -> column, variable or (topic, field); ``clocks``: channel -> column of the times of its own.
+    """
 
     path: Path
     system: str
@@ -67,14 +73,18 @@ class Mapped:
     records: tuple[Mapping[str, Any], ...]
     group: str | None
     general: Mapping[str, Any]
+    clocks: Mapping[str, str | int] = field(default_factory=dict)
 
     def entry(self, file: str) -> Mapping[str, Any]:
         """What the mapping says about a file, by the first pattern that fits; empty for none."""
         return next((e for e in self.records if fnmatch.fnmatchcase(file, e["file"])), {})
 
 
-def load_mapping(path: Path | None, purpose: str, topics: bool = False) -> Mapped:
-    """The mapping in a file; ``topics``: its channels name topic and field. Raises ConfigurationError."""
+def load_mapping(path: Path | None, purpose: str, topics: bool = False, clocks: bool = False) -> Mapped:
+    """The mapping in a file. Raises ConfigurationError.
+
+    ``topics``: its channels name topic and field; ``clocks``: a channel may name the column of times of its own.
+    """
     if path is None:
         raise ConfigurationError(f"{purpose} needs --mapping FILE.yaml: which column is which channel (see "
                                  "docs/your-own-recording.md)")  # fmt: skip
@@ -93,7 +103,8 @@ def load_mapping(path: Path | None, purpose: str, topics: bool = False) -> Mappe
     general: dict[str, Any] = {key: data[key] for key in keys if key in data}
     records = _records(data.get("records"), path.name)
     layout = _layout(data.get("layout"), path.name)
-    return Mapped(path, system, columns, channels, rate, layout, records, group and str(group), general)
+    own = _clocks(data["channels"], path.name, clocks)
+    return Mapped(path, system, columns, channels, rate, layout, records, group and str(group), general, own)
 
 
 def _channels(
@@ -118,6 +129,18 @@ def _channels(
         columns[name] = _column(entry, where, topics, name)
         specs.append(_spec(name, {"unit": "s", **entry} if name == "time" and topics else entry, system, where))
     return columns, tuple(specs), rate
+
+
+def _clocks(entries: Mapping[str, Any], origin: str, allowed: bool) -> dict[str, str | int]:
+    found = {name: entry["clock"] for name, entry in entries.items() if "clock" in entry}
+    for name, column in found.items():
+        where = f"{origin}: channel {name}"
+        if not allowed or name == "time" or "sample_rate" in entries["time"]:
+            raise ConfigurationError(f"{where}: 'clock' is for a column with times of its own in a table or MATLAB "
+                                     "file, beside the column of the time")  # fmt: skip
+        if not isinstance(column, (str, int)) or isinstance(column, bool):
+            raise ConfigurationError(f"{where}: 'clock' must be a column, got {column!r}")
+    return found
 
 
 def _column(entry: Mapping[str, Any], where: str, topics: bool, name: str) -> Any:
@@ -153,7 +176,7 @@ def _spec(name: str, entry: Mapping[str, Any], system: str, where: str) -> Chann
         numbers["offset"] = -numbers["offset"]
     return ChannelSpec(
         name, unit, sign * scale, **numbers, offset_free=offset_free(entry, name, where), hold=held, note=note,
-        column=column,
+        column=column, every=None if every(entry, name, where) is None else float(entry["every"]),
     )  # fmt: skip
 
 

@@ -8,11 +8,14 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.diagnosis.data.one_clock import means
 from cable_envs.diagnosis.readers.base import Log
 
 HOLE_INTERVALS = 5.0
 """Intervals of a signal behind which nothing is interpolated."""
 _STEP = re.compile(r"([^.\[\]]+)(?:\[(\d+)\])?")
+FASTER = 2.0
+"""Times as many samples, from which on a signal is averaged around the rows that it is brought to."""
 _EPOCH = 946_684_800
 _SECONDS, _NANOSECONDS = ("sec", "seconds", "secs"), ("nanosec", "nsec", "nanos", "nsecs")
 """What ROS 2, ROS 1, Protobuf and Foxglove call the two parts of a stamp."""
@@ -146,11 +149,42 @@ def messages_on_one_clock(
     return table
 
 
+OWN = "clock of "
+"""How what is read as a channel's own times is called, before the channel's name."""
+
+
+def with_clocks(columns: Mapping[str, Any], clocks: Mapping[str, Any]) -> dict[str, Any]:
+    """Columns to read, with those of the channels' own times (`brought`)."""
+    return {**columns, **{f"{OWN}{name}": column for name, column in clocks.items()}}
+
+
+def brought(table: Mapping[str, np.ndarray], clocks: Mapping[str, Any], log: Log) -> dict[str, np.ndarray]:
+    """Channels [rows] with times of their own on the rows of the time; rows without a time are the clocks' alone."""
+    kept = np.isfinite(table["time"])
+    times = table["time"][kept]
+    found = {}
+    for name, values in table.items():
+        if name.startswith(OWN):
+            continue
+        if name not in clocks:
+            found[name] = values[kept] if len(values) == len(kept) else values
+            continue
+        at = table[f"{OWN}{name}"]
+        both = min(len(at), len(values))
+        good = np.isfinite(at[:both]) & np.isfinite(values[:both])
+        found[name] = onto(times, at[:both][good], values[:both][good])
+        log.say(f"channel {name}: brought from the clock {clocks[name]} onto the rows of the time")
+    return found
+
+
 def onto(times: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """``values`` at ``times``; NaN outside, and in holes."""
+    """``values`` at ``times``; NaN outside, and in holes. Of what is twice as fast or more, means around them."""
     order = np.argsort(at, kind="stable")
     at, values = at[order], values[order]
     found = np.interp(times, at, values, left=np.nan, right=np.nan)
+    period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+    if len(at) > 2 and period >= FASTER * float(np.median(np.diff(at))) > 0.0:
+        found = np.where(np.isnan(found), np.nan, means(at, values, times, period))
     if len(at) > 2:
         k = np.clip(np.searchsorted(at, times), 1, len(at) - 1)
         found[at[k] - at[k - 1] > HOLE_INTERVALS * np.median(np.diff(at))] = np.nan

@@ -191,7 +191,13 @@ def _channel(spec: ChannelSpec) -> dict[str, Any]:
         entry["scale"] = float(spec.scale)
     if spec.offset != 0.0:
         entry["offset"] = float(spec.offset)
-    more = (("noise_std", spec.noise_std), ("offset_free", spec.offset_free), ("hold", spec.hold), ("note", spec.note))
+    more = (
+        ("noise_std", spec.noise_std),
+        ("offset_free", spec.offset_free),
+        ("hold", spec.hold),
+        ("note", spec.note),
+        ("every", spec.every),
+    )
     return entry | {key: value for key, value in more if value}
 
 

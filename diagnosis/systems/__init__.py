@@ -2,6 +2,8 @@
 
     prepare(recording, request) -> Question     what a recording asks
     DRIVEN_BY                                   channels, the first recorded one of which drives the simulator
+    REFITTED                                    parameters that are refitted unless the recording knows them
+    asks(recording, plant, request)             what must be stated, where the records do not tell it
     values_of(recording, plant, request)        numbers that its simulation starts from (else `common.plant_values`)
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
@@ -51,9 +53,7 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
             f"{recording.path}: variant '{request.variant}' chooses between two models, and this recording has one: it "
             f"would have to be of a pulley_circuit, with a rig or the circuit's geometry in it"
         )
-    name = plant_of(recording)
-    variant = request.variant or getattr(chosen, "VARIANT", family(name).variants[0])
-    simulator = with_own_effects(plant_for(name, variant), request.own)
+    simulator = simulator_of(recording, request)
     require_stated(recording, simulator, request.rig)
     values = starting_values(recording, simulator, request)
     if values:
@@ -69,6 +69,26 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
         question, ways=family(recording.system).ways, origins=from_where,
         notes=(*question.notes, *said),
     )  # fmt: skip
+
+
+def simulator_of(recording: Recording, request: Request) -> Plant:
+    """The plant that simulates a recording, with the effects of the user's own."""
+    name = plant_of(recording)
+    variant = request.variant or getattr(_chosen(recording), "VARIANT", family(name).variants[0])
+    return with_own_effects(plant_for(name, variant), request.own)
+
+
+def refitted_by(recording: Recording) -> tuple[str, ...]:
+    """Parameters that every refit of a recording moves, unless it knows them; without those of the drive's control."""
+    told, own = family(recording.system).replayed, getattr(_chosen(recording), "REFITTED", ())
+    names = dict.fromkeys([*(told.refitted if told else own), *recording.nominal])
+    return tuple(name for name in names if name not in recording.known)
+
+
+def asked_for(recording: Recording, request: Request) -> tuple[str, ...]:
+    """What a recording must state and does not."""
+    own = getattr(_chosen(recording), "asks", None)
+    return own(recording, simulator_of(recording, request), request) if own else ()
 
 
 def starting_values(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:

@@ -18,7 +18,8 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, free_of, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, Hypothesis, free_of, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
 from cable_envs.diagnosis.model.model import Free
 from cable_envs.diagnosis.systems.common import (
     augmented_rig,
@@ -47,6 +48,8 @@ from cable_envs.plants.own_effects import with_own_effects
 
 DRIVEN_BY = ("position_reference",)
 """Channel that drives the simulator alone; without it the effort does, and the position beside it."""
+REFITTED = ("mass",)
+"""Refitted unless known."""
 LONGEST_HOLD = 7e-4
 """Drives are controlled at 1 kHz or faster, and compute a while; what is later than this is a lag."""
 DAMPING = "belt_damping"
@@ -75,12 +78,11 @@ def prepare(recording: Recording, request: Request) -> Question:
     """
     recording.require_least()
     plant = with_own_effects(plant_for("linear_drive"), request.own)
-    stated = usual(recording, plant)
     values = values_of(recording, plant, request)
     # an augmented rig has the constant force as a tilt of its axis
     values[OFFSET] = 0.0 if request.rig else recording.value(OFFSET) or 0.0
     period = sample_period(recording.records)
-    nominals = [f for f in free_parameters(recording, plant, values, ("mass",), request) if _acts(f.name, recording)]
+    nominals = [f for f in free_parameters(recording, plant, values, REFITTED, request) if _acts(f.name, recording)]
     # a refit may not do away with a belt that is there: other effects need it
     nominals = [replace(f, low=1e3) if f.name == "belt_stiffness" and f.start > 1e3 else f for f in nominals]
     if OFFSET in recording.nominal:
@@ -88,9 +90,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         nominals.append(Free(OFFSET, values[OFFSET], -1e4, 1e4, max(abs(values[OFFSET]), 0.1), std))
     gains, explained = controller(recording, period) if "position_reference" in recording.channels else ({}, np.inf)
     closed = explained < EXPLAINED and gains["control.kp"] > 0.0
-    said = {**recording.known, **recording.nominal, **(request.rig or {}), **stated}
-    weighed = recording.rig is not None or "mass" in said
-    if not closed and not weighed:
+    if not closed and asks(recording, plant, request):
         raise ConfigurationError(
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
             "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
@@ -120,6 +120,12 @@ def prepare(recording: Recording, request: Request) -> Question:
         lambda found, accepted: _rig(plant, {**values, **found}, accepted), tuple(notes), at_rest=closed,
         not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def asks(recording: Recording, plant: Plant, request: Request) -> tuple[str, ...]:
+    """What a drive without a controller to replay must state and does not."""
+    said = {**recording.known, **recording.nominal, **(request.rig or {}), **usual(recording, plant)}
+    return () if recording.rig is not None or "mass" in said else ("mass",)
 
 
 def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
@@ -154,7 +160,7 @@ def _unit(plant: Plant, name: str) -> str:
 
 
 def _candidates(plant, recording, values, nominals, request: Request, closed: bool, period: float) -> Candidates:
-    modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: REFITTED for f in nominals}
+    modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: FREE for f in nominals}
     signals = [c for c in ("position", "velocity", "force", "motor_position") if c in recording.channels]
     travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
     found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)

@@ -26,10 +26,16 @@ def import_(
         ),
     ],
     path: Annotated[Path, typer.Argument(help="A file, or a folder of them.")],
-    out: Annotated[Path, typer.Option(help="Folder for recording.yaml and one table for each record.")],
+    out: Annotated[
+        Path,
+        typer.Option(help="Folder for recording.yaml and one table for each record; with --guess the mapping file."),
+    ],
     mapping: Annotated[
         Path | None, typer.Option(help="table, mat, mdf, rosbag, mcap: YAML that says which column is which channel.")
     ] = None,
+    guess: Annotated[
+        bool, typer.Option("--guess", help="table, mat: propose a mapping, with the reason behind each line.")
+    ] = False,
     select: Annotated[
         list[str] | None, typer.Option(help="Only these records: a pattern of names, or CONDITION=VALUE; repeatable.")
     ] = None,
@@ -51,6 +57,9 @@ def import_(
     as_json: Annotated[bool, typer.Option("--json", help="What was written, as JSON on standard output.")] = False,
 ) -> None:
     """Turn a data set as its authors publish it into a recording, and say what is wrong with it."""
+    if guess:
+        _propose(form, path, out, as_json)
+        return
     from cable_envs.diagnosis.data.writing import check_table
     from cable_envs.diagnosis.readers import reader
     from cable_envs.diagnosis.readers.base import Request, foreign
@@ -74,6 +83,33 @@ def import_(
                     "remarks": done.remarks})  # fmt: skip
     else:
         _print(done)
+
+
+def _propose(form: str, path: Path, out: Path, as_json: bool) -> None:
+    """Write a proposed mapping, and say what must be confirmed."""
+    from cable_envs.core.files import write_atomic
+    from cable_envs.diagnosis.readers.guess.proposal import propose
+
+    if out.suffix not in (".yaml", ".yml"):
+        raise ConfigurationError(f"--guess writes a mapping: --out must name a file that ends in .yaml, got {out}")
+    if out.exists():
+        raise ConfigurationError(f"{out} is there already; nothing is overwritten")
+    require_writable(out.parent)
+    found = propose(path, form)
+    write_atomic(out, found.text)
+    if as_json:
+        systems = [{"system": m.system, "fits": m.fits, "missing": m.missing} for m in found.matches]
+        print_json({"path": str(out), "system": found.system, "confirm": found.open, "systems": systems})
+        return
+    show = console()
+    show.print(found.text, markup=False, highlight=False, soft_wrap=True, end="")
+    if found.open:
+        show.print(f"confirm: {', '.join(found.open)}", markup=False)
+    for one in found.matches:
+        needs = "" if one.fits else f", needs {' and '.join(' or '.join(group) for group in one.missing)}"
+        show.print(f"{one.system}: {'fits' if one.fits else 'does not fit'}{needs}", markup=False)
+    then = shlex.join(["cablebench", "import", form, str(path), "--mapping", str(out), "--out", out.stem])
+    show.print(f"wrote {out}; then: {then}", markup=False)
 
 
 def _check_out(path: Path, out: Path) -> None:

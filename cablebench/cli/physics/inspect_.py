@@ -10,9 +10,15 @@ from cablebench.cli.shared.output import console, print_json
 
 
 def inspect(
-    recording: Annotated[Path, typer.Argument(help="A recording's YAML file, or the folder that holds it.")],
+    recording: Annotated[
+        Path,
+        typer.Argument(help="A recording's YAML file, or the folder that holds it; with --systems also a mapping."),
+    ],
     group: Annotated[str, typer.Option(help="Circuit: condition that distinguishes tools or sessions.")] = "series",
     load: Annotated[str, typer.Option(help="Circuit: condition that holds the load.")] = "load_percent",
+    systems: Annotated[
+        bool, typer.Option("--systems", help="Which systems its channels fit, and what each would assume.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The findings as JSON on standard output.")] = False,
 ) -> None:
     """Show a recording's records, channels and gaps; of a cable circuit also its friction, stiffness and reversals.
@@ -20,6 +26,9 @@ def inspect(
     Nothing is simulated: of a circuit whose drive and output were both recorded it says how far it is from a rigid
     transmission, and where.
     """
+    if systems:
+        _show_systems(recording, as_json)
+        return
     from cable_envs.diagnosis.data.first_look import NEEDS, first_look
     from cable_envs.diagnosis.data.overview import overview
     from cable_envs.diagnosis.data.recording import load_recording
@@ -35,6 +44,33 @@ def inspect(
     for name, findings in found.get("circuit", {}).items():
         for line in (f"{name}: {findings['records']} records", *_lines(findings)):
             console().print(line, markup=False)
+
+
+def _show_systems(recording: Path, as_json: bool) -> None:
+    """Which systems fit; of the first one that does, every number that would be assumed."""
+    from dataclasses import asdict
+
+    from cable_envs.diagnosis.systems.fitting import systems_for
+
+    found = systems_for(recording)
+    if as_json:
+        print_json([asdict(fit) for fit in found])
+        return
+    out = console()
+    for fit in found:
+        counts = {s: sum(p.status == s for p in fit.parameters) for s in ("stated", "fitted", "assumed")}
+        said = "fits" if fit.fits else "missing: " + " and ".join(" or ".join(group) for group in fit.missing)
+        numbers = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
+        ask = f"state {', '.join(fit.asks)} unless its controller can be replayed" if fit.asks else ""
+        out.print(f"{fit.system}: {'; '.join(part for part in (said, ask, numbers, fit.note) if part)}", markup=False)
+        taken = ", ".join(f"{channel} = {own}" for channel, own in fit.channels.items() if channel != own)
+        if fit.fits and taken:
+            out.print(f"  with {taken}", markup=False)
+    first = next((fit for fit in found if fit.fits and fit.parameters), None)
+    if first is not None:
+        out.print(f"{first.system}, numbers:", markup=False)
+        for p in sorted(first.parameters, key=lambda p: ("stated", "fitted", "assumed").index(p.status)):
+            out.print(f"  {p.status}: {p.name} {p.value:.4g} {p.unit} ({p.source})", markup=False)
 
 
 def _print_overview(seen: Mapping[str, Any], out: Any) -> None:

@@ -17,7 +17,8 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.diagnosis.data.tables import MOST_ROWS
 from cable_envs.diagnosis.readers.base import CHUNK_ROWS, Chunk, DataSet, Log, RecordSpec, Request, counted, files_at
 from cable_envs.diagnosis.readers.formats.table import data_set, of_entry
-from cable_envs.diagnosis.readers.mapping import load_mapping
+from cable_envs.diagnosis.readers.mapping import Mapped, load_mapping
+from cable_envs.diagnosis.readers.series import brought, with_clocks
 
 SUMMARY = "MATLAB .mat files, with --mapping FILE.yaml"
 OPTIONS = ()
@@ -34,13 +35,13 @@ _COLUMN = re.compile(r"(.+)\(:,\s*(\d+)\)")
 def open_dataset(path: Path, asked: Request) -> DataSet:
     """Every ``.mat`` file at ``path``, by the mapping."""
     require_known("option of mat", asked.options, OPTIONS)
-    mapped = load_mapping(asked.mapping, "mat")
+    mapped = load_mapping(asked.mapping, "mat", clocks=True)
     for name, column in mapped.columns.items():
         if not isinstance(column, str):
             raise ConfigurationError(f"{mapped.path.name}: channel {name}: 'column' must be a variable, got {column!r}")
     records = []
     for file in files_at(path, ".mat"):
-        chunks = partial(_chunks, file, mapped.columns, mapped.sample_rate)
+        chunks = partial(_chunks, file, mapped)
         records.append(RecordSpec(file.stem, file.name, chunks, **of_entry(mapped, file.name)))
     return data_set(mapped, records)
 
@@ -93,21 +94,23 @@ def _paths(node: Any, before: str = "", depth: int = 0) -> Iterator[str]:
             yield path
 
 
-def _chunks(file: Path, columns: Mapping[str, str], rate: float | None, log: Log) -> Iterator[Chunk]:
+def _chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
     """HDF5 is read piece by piece; the older format only as a whole."""
     with _opened(file) as content:
         vectors = {}
-        for channel, path in columns.items():
+        for channel, path in with_clocks(mapped.columns, mapped.clocks).items():
             try:
                 vectors[channel] = _vector(content, path, file, channel)
             except KeyError as error:
                 raise ConfigurationError(f"{file.name}, channel {channel}: {error.args[0]}") from None
+        if mapped.clocks:
+            vectors = brought({n: np.asarray(v[:], float) for n, v in vectors.items()}, mapped.clocks, log)
         lengths = {channel: len(v) for channel, v in vectors.items()}
         if len(set(lengths.values())) > 1:
             listed = ", ".join(f"{channel} {n}" for channel, n in lengths.items())
             raise ConfigurationError(f"{file.name}: variables of different lengths: {listed}")
         chunks = _pieces(vectors, next(iter(lengths.values())))
-        yield from counted(chunks, rate) if rate else chunks
+        yield from counted(chunks, mapped.sample_rate) if mapped.sample_rate else chunks
 
 
 def _pieces(vectors: Mapping[str, Any], rows: int) -> Iterator[Chunk]:

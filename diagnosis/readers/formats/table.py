@@ -25,8 +25,10 @@ from cable_envs.diagnosis.readers.base import (
     counted,
     files_at,
     foreign,
+    whole,
 )
 from cable_envs.diagnosis.readers.mapping import Mapped, load_mapping
+from cable_envs.diagnosis.readers.series import brought, with_clocks
 from cable_envs.diagnosis.readers.text import Layout, Opened, read_text
 
 SUMMARY = "CSV, TSV, text and Parquet logs and spreadsheets, with --mapping FILE.yaml"
@@ -40,7 +42,7 @@ LARGEST = 2**28
 def open_dataset(path: Path, asked: Request) -> DataSet:
     """Every table at ``path`` that the mapping's records name, or all where it names none."""
     require_known("option of table", asked.options, OPTIONS)
-    mapped = load_mapping(asked.mapping, "table")
+    mapped = load_mapping(asked.mapping, "table", clocks=True)
     records = []
     for file in files_at(path, *TEXT, *PARQUET, *SHEETS):
         if mapped.records and path.is_dir() and not mapped.entry(file.name):
@@ -73,8 +75,19 @@ def data_set(mapped: Mapped, records: Sequence[RecordSpec]) -> DataSet:
 
 def _text_chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
     layout = replace(mapped.layout, delimiter="\t", decimal=".") if is_sheet(file) else mapped.layout
-    chunks = read_text(file, layout, mapped.columns, log, opener(file, mapped.layout))
-    return counted(chunks, mapped.sample_rate) if mapped.sample_rate else chunks
+    columns = with_clocks(mapped.columns, mapped.clocks)
+    return _clocked(read_text(file, layout, columns, log, opener(file, mapped.layout)), mapped, log)
+
+
+def _clocked(chunks: Iterator[Chunk], mapped: Mapped, log: Log) -> Iterator[Chunk]:
+    """With times that are counted; and, from the whole file, channels that have times of their own."""
+    if mapped.sample_rate:
+        return counted(chunks, mapped.sample_rate)
+    if not mapped.clocks:
+        return chunks
+    parts = list(chunks)
+    table = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
+    return whole(brought(table, mapped.clocks, log))(log)
 
 
 def is_sheet(file: Path) -> bool:
@@ -134,8 +147,7 @@ def parquet_columns(file: Path) -> dict[str, np.ndarray]:
 
 
 def _parquet_chunks(file: Path, mapped: Mapped, log: Log) -> Iterator[Chunk]:
-    chunks = _parquet(file, mapped.columns)
-    return counted(chunks, mapped.sample_rate) if mapped.sample_rate else chunks
+    return _clocked(_parquet(file, with_clocks(mapped.columns, mapped.clocks)), mapped, log)
 
 
 def _parquet(file: Path, columns: Mapping[str, Any] | None) -> Iterator[Chunk]:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.integrate import cumulative_trapezoid
 from scipy.signal import savgol_filter
 
 from cable_envs.diagnosis.readers.guess.raw import Column
@@ -67,6 +68,8 @@ class Meant:
         One of "sure", "likely", "CONFIRM".
     why : tuple of str
         Reasons.
+    clock : Column, optional
+        Of its times, where these are not the table's.
     """
 
     column: Column
@@ -78,6 +81,7 @@ class Meant:
     sure: str = OPEN
     why: tuple[str, ...] = ()
     words: tuple[str, ...] = field(default=(), repr=False)
+    clock: Column | None = None
 
     def because(self, reason: str, **changes) -> "Meant":
         """The same with another reason, and what that changes."""
@@ -101,14 +105,41 @@ def meant(columns: Sequence[Column]) -> list[Meant]:
     found = [_by_name(column) for column in columns]
     clock = _clock(found)
     if clock is not None:
-        found = [m if k == clock or m.kind != "time" else replace(m, kind="") for k, m in enumerate(found)]
+        found = _with_own_clocks(found, clock)
         found[clock] = _timed(found, clock)
-        time = found[clock].column.values * found[clock].factor
-        found = _rates(found, clock, time)
+        found = _rates(found, clock)
     else:
         found = [replace(m, kind="count" if m.kind == "time" else m.kind) for m in found]
     found = _commands(found)
     return [_by_size(m) for m in found]
+
+
+def _with_own_clocks(found: Sequence[Meant], clock: int) -> list[Meant]:
+    """Further columns of times as clocks, each of the columns behind it."""
+    done, own = [], None
+    for k, m in enumerate(found):
+        if k == clock:
+            own = None
+        elif (
+            m.kind == "time"
+            and _evenness(m) > 0.0
+            and not np.array_equal(m.column.values, found[clock].column.values, equal_nan=True)
+        ):
+            m, own = m.because("a clock of its own", kind="clock"), m.column
+        elif m.kind == "time":
+            m = m.because("the times once more", kind="count")
+        done.append(replace(m, clock=own) if m.kind not in ("time", "clock") else m)
+    return done
+
+
+def _evenness(m: Meant) -> float:
+    """Share of steps that are near the usual one, of a column that rises; 0 of others."""
+    values = m.column.values
+    steps = np.diff(values[np.isfinite(values)])
+    if m.kind in ("text", "constant", "stamps") or len(steps) < 2 or np.mean(steps > 0.0) < 0.99:
+        return 0.0
+    usual = float(np.median(steps))
+    return float(np.mean(np.abs(steps - usual) < 0.5 * abs(usual)))
 
 
 def _by_name(column: Column) -> Meant:
@@ -158,12 +189,9 @@ def _clock(found: Sequence[Meant]) -> int | None:
     """Which column is the time: one that rises evenly, best by name or unit."""
     best, score = None, 0.0
     for k, m in enumerate(found):
-        values = m.column.values
-        steps = np.diff(values[np.isfinite(values)])
-        if m.kind in ("text", "constant", "stamps") or len(steps) < 2 or np.mean(steps > 0.0) < 0.99:
+        even = _evenness(m)
+        if even == 0.0:
             continue
-        usual = float(np.median(steps))
-        even = float(np.mean(np.abs(steps - usual) < 0.5 * abs(usual)))
         named = 2.0 if m.kind == "time" and m.unit is not None else 1.0 if m.kind == "time" else 0.0
         count = m.kind == "count" or m.told != ""
         mark = named + 0.5 * even - (1.0 if count else 0.0) - (0.2 if m.unit is not None and not named else 0.0)
@@ -175,10 +203,11 @@ def _clock(found: Sequence[Meant]) -> int | None:
 def _timed(found: Sequence[Meant], clock: int) -> Meant:
     """The clock with its unit: that of the header, else the one that a position and its speed ask for, else by size."""
     m = found[clock]
-    step = float(np.nanmedian(np.diff(m.column.values)))
+    values = m.column.values
+    step = float(np.median(np.diff(values[np.isfinite(values)])))
     if m.unit is not None and m.unit.si == "s":
-        rate = f"{1.0 / (step * m.factor):.4g} Hz"
-        return m.because(f"rises evenly, {rate}", kind="time", sure=SURE if m.sure == SURE else LIKELY)
+        sure = SURE if m.sure == SURE else LIKELY
+        return m.because(f"rises evenly, {1.0 / (step * m.factor):.4g} Hz", kind="time", sure=sure)
     asked = _asked_of_time(found, m.column.values)
     guessed = next(n for n, most in (("s", 0.45), ("ms", 450.0), ("us", 4.5e5), ("ns", np.inf)) if step < most)
     name, how, sure = (
@@ -201,7 +230,7 @@ def _asked_of_time(found: Sequence[Meant], time: np.ndarray) -> str:
             if like > _ALIKE:
                 seconds = abs(k) * place.factor / rate.factor  # in one unit of time
                 near = (n for n in ("s", "ms", "us", "min") if abs(np.log(seconds / _si(n, "s"))) < _NEAR)
-                return next(near, "")
+                return str(next(near, ""))
     return ""
 
 
@@ -211,7 +240,7 @@ def slope_like(time: np.ndarray, place: np.ndarray, rate: np.ndarray) -> tuple[f
     if good.sum() < 4 * _SMOOTH:
         return 0.0, 1.0
     step = float(np.median(np.diff(time[good])))
-    best = (0.0, 1.0)
+    best = 0.0
     for width in (_SMOOTH, 5 * _SMOOTH):  # counts want a longer one
         if good.sum() < 4 * width or step <= 0.0:
             continue
@@ -219,17 +248,24 @@ def slope_like(time: np.ndarray, place: np.ndarray, rate: np.ndarray) -> tuple[f
         other = savgol_filter(rate[good], width, 2)[width:-width]
         over = float(np.sqrt(np.sum(slope**2) * np.sum(other**2)))
         like = float(slope @ other) / over if over > 0.0 else 0.0
-        if abs(like) > best[0]:
-            best = (abs(like), float(slope @ other) / float(other @ other))
-    return best
+        best = max(best, abs(like))
+    way = cumulative_trapezoid(rate[good], time[good], initial=0.0)
+    basis = np.column_stack([way, time[good] - time[good][0], np.ones(len(way))])  # a bias of the rate drifts
+    size = np.maximum(np.max(np.abs(basis), axis=0), 1e-300)
+    return best, float(np.linalg.lstsq(basis / size, place[good], rcond=None)[0][0] / size[0])
 
 
-def _rates(found: list[Meant], clock: int, time: np.ndarray) -> list[Meant]:
-    """With units and signs by columns that are the rates of others."""
-    done = list(found)
-    moving = [k for k, m in enumerate(done) if k != clock and m.kind not in ("text", "constant", "count", "stamps")]
+def _rates(found: list[Meant], clock: int) -> list[Meant]:
+    """With units and signs by columns that are the rates of others, on the same clock."""
+    done, factor = list(found), found[clock].factor
+    time = {id(m.clock): (m.clock or found[clock].column).values * factor for m in found}
+    moving = [
+        k for k, m in enumerate(done) if k != clock and m.kind not in ("text", "constant", "count", "stamps", "clock")
+    ]
     for b in moving:
-        pairs = [(slope_like(time, done[a].column.values, done[b].column.values), a) for a in moving if a != b]
+        other = [a for a in moving if a != b and done[a].clock is done[b].clock]
+        of = time[id(done[b].clock)]
+        pairs = [(slope_like(of, done[a].column.values, done[b].column.values), a) for a in other]
         pairs = [(pair, a) for pair, a in pairs if pair[0] > _ALIKE and _may_be(done[a], done[b])]
         if pairs:
             (_, k), a = max(
@@ -278,7 +314,10 @@ def _joined(place: Meant, rate: Meant, k: float) -> tuple[Meant, Meant]:
     if rate.unit is not None:
         unit = _nearest(rate.factor / abs(k), si)
         return place.because(f"its slope is {other}", unit=unit, sure=LIKELY), replace(rate, sign=sign)
-    return place, rate.because(f"{abs(1.0 / k):.4g} times the slope of {one}{turned}", sign=sign)
+    place = _by_size(place)
+    assert place.unit is not None, "every position has one then"
+    unit = _nearest(place.factor * abs(k), RATES[si])
+    return place, rate.because(f"the slope of {one}{turned}", unit=unit, sign=sign, sure=OPEN)
 
 
 def _usable(m: Meant) -> Meant:
@@ -309,7 +348,8 @@ def _commands(found: list[Meant]) -> list[Meant]:
             if others:
                 done[k] = m.because(f"goes in steps between {levels} levels", told="command", sure=OPEN)
                 continue
-        ahead = next((o for o in done if o is not m and o.kind == m.kind and not o.told and _leads(m, o)), None)
+        alike = [o for o in done if o is not m and o.kind == m.kind and not o.told and m.side in ("", o.side)]
+        ahead = next((o for o in alike if _leads(m, o)), None)
         if ahead is not None:
             name = ahead.column.name or ahead.column.place
             done[k] = m.because(f"leads {name}, and has no noise", told="command", sure=OPEN)

@@ -140,7 +140,9 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
     if clock is not None:
         assert clock.unit is not None, "a clock has one"
         scale = f", scale: {clock.unit.scale:g}" if clock.unit.scale != 1.0 else ""
-        entry = f"  time: {{column: {json.dumps(clock.column.place)}, unit: {clock.unit.name}{scale}}}"
+        entry = (
+            f"  time: {{column: {json.dumps(clock.column.place, ensure_ascii=False)}, unit: {clock.unit.name}{scale}}}"
+        )
         return _line(entry, f"{clock.sure}: {_what(clock)}")
     stamps = next((m.column.stamps for m in found if m.kind == "stamps"), None)
     if stamps is not None:
@@ -156,10 +158,12 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
 def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
     assert m.unit is not None, "only columns with a unit are taken"
     parts = [f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {m.unit.name}"]
+    if m.clock is not None:
+        parts.insert(1, f"clock: {json.dumps(m.clock.place, ensure_ascii=False)}")
     parts += [f"scale: {m.unit.scale:.10g}"] if m.unit.scale != 1.0 else []
     parts += ["sign: -1"] if m.sign < 0 else []
-    steps = np.diff(m.column.values)
-    parts += ["hold: step"] if channel.endswith("_command") and np.nanmean(steps == 0.0) > 0.5 else []
+    steps = np.diff(m.column.values[np.isfinite(m.column.values)])
+    parts += ["hold: step"] if channel.endswith("_command") and np.mean(steps == 0.0) > 0.5 else []
     why = f"{m.sure}: {_what(m)}"
     against = _against(channel, m, found, best)
     return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{why}; {against}" if against else why)

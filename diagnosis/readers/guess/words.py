@@ -102,6 +102,8 @@ OF_SYSTEM = {
     "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch",
 }
 """System -> words that speak for it."""
+_BARE = ("N", "V", "A", "s", "m")
+"""Units that are words of quantities as well: as the last word of a name they are units, so written."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
 _BRACKETS = re.compile(r"[\[({<]\s*([^\])}>]*)\s*[\])}>]")
 _CAMEL = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
@@ -149,8 +151,8 @@ def unit_in(name: str) -> Unit | None:
     if behind and (found := unit_of(behind.group(1))) is not None:
         return found
     last = re.search(r"[_\s.]([A-Za-z°µ]+(?:/[a-z]+)?)$", name.strip())
-    if last and (found := unit_of(last.group(1))) is not None and last.group(1).lower() not in KIND:
-        return found
+    if last and (last.group(1) in _BARE or last.group(1).lower() not in KIND):
+        return unit_of(last.group(1))
     return None
 
 
