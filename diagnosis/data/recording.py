@@ -51,7 +51,6 @@ from cable_envs.diagnosis.data.memory import channel_entries, frames_of, record_
 from cable_envs.diagnosis.data.record import Read, Record, cut, read_record
 from cable_envs.diagnosis.data.tables import read_columns
 from cable_envs.diagnosis.data.writing import SCHEMA, check_table, rig_entry, table_name, write_folder
-from cable_envs.plants import family
 from cable_envs.sim.rigs import Rig
 
 _KEYS = ("schema", "system", "rig", "known", "nominal", "records", "channels", "description", "source")
@@ -290,18 +289,6 @@ class Recording:
             key = {"record": record.name, "recording": "all"}.get(free) or str(record.conditions.get(free, record.name))
             groups.setdefault(key, []).append(record.name)
         return {key: tuple(names) for key, names in groups.items()}
-
-    def require_least(self) -> None:
-        """ConfigurationError that names the channels of which one is needed to diagnose the system, and is not there.
-
-        What is needed the plant's family says (`cable_envs.plants.family.Family.least`).
-        """
-        for group in family(self.system).least:
-            if not set(group) & set(self.channels):
-                raise ConfigurationError(
-                    f"{self.path}: the diagnosis of {self.system} needs the channel {' or '.join(group)}; "
-                    f"the recording has {', '.join(self.channels)}"
-                )
 
     def require(self, *channels: str, purpose: str) -> None:
         """ConfigurationError that names the channels which ``purpose`` needs and the recording lacks."""

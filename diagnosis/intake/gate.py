@@ -39,6 +39,8 @@ _STILL = 8
 """Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
 _STIRS, _CALM = 0.05, 50
 """Of the range of the records to fit, that a position at rest may wander, as a mean of so many samples."""
+_QUIET = 0.2
+"""Of the way that a channel goes in other records, below which it does not move: friction may hold a force anywhere."""
 _RESUMES = 0.5
 """Of the greatest way in a sample, within which a rig starts again: from rest, mass takes more than one sample."""
 _STEADY = 0.2
@@ -110,7 +112,10 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
             if record.use == "rest":
                 faults += _at_rest(recording, record, channel)
             else:
-                faults += [_at_edge(record, fault, look) for fault in _channel(record, channel)]
+                found = _channel(record, channel)
+                if any(f.fatal for f in found) and channel in (*POSITIONS, *RATES.values()):
+                    found = _at_stop(recording, record, channel) or found
+                faults += [_at_edge(record, fault, look) for fault in found]
     if not any(f.fatal for f in faults):
         faults += [Fault(*found) for found in wrong_units(recording)]
     faults += _by_physics(recording, look) if not any(f.fatal for f in faults) else []
@@ -168,6 +173,29 @@ def _at_edge(record: Record, fault: Fault, look: Look) -> Fault:
     if not (fault.fatal and fault.jump and outside):
         return fault
     return replace(fault, fatal=False, text=f"{fault.text}; within {look.edge:g} s of the end, which is left out")
+
+
+def _at_stop(recording: Recording, record: Record, channel: str) -> list[Fault]:
+    """A note where a position or speed stands still all the time because the rig does; empty where others move on.
+
+    It moves in another record, and every other channel of this one goes a small part of what it goes elsewhere.
+    """
+    values = record.data[channel][record.usable(channel)]
+    others = [r for r in recording.records if r is not record and r.use != "rest"]
+    if not len(values) or np.ptp(values) > 0.0 or not any(_way(r, channel) > 0.0 for r in others):
+        return []
+    for name in recording.channels:
+        if name not in ("time", channel) and _way(record, name) > _QUIET * max(_way(r, name) for r in others):
+            return []
+    return [Fault(record.name, channel, 1, f"constant at {values[0]:g}: the rig rests in this record", fatal=False)]
+
+
+def _way(record: Record, channel: str) -> float:
+    """Range of a channel's means over `_CALM` samples."""
+    values = record.data[channel][record.usable(channel)]
+    if len(values) < _CALM:
+        return 0.0
+    return float(np.ptp(np.convolve(values, np.full(_CALM, 1.0 / _CALM), mode="valid")))
 
 
 def _clock(record: Record) -> list[Fault]:

@@ -11,9 +11,12 @@ import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.tracks import EFFORTS, Found, Track, is_told
+from cable_envs.diagnosis.model.noise import jitter
 
 _CHANCE, _SURE = 1e-3, 1e-6
 """Of a run by chance, a channel of a record: below which it is noted, and below which it cannot be used."""
+_BY_NOISE = 4.0
+"""Standard deviations of its noise, within which the mean of a channel goes no way."""
 _PILED = 0.01
 """Share of an effort's samples at each of two opposite ends from which they are no peaks of a motion."""
 _BLOCK = 8
@@ -89,7 +92,10 @@ def longest_run(values: np.ndarray) -> tuple[int, int, float] | None:
 
 
 def moves(track: Track, channel: str, first: int, length: int) -> bool:
-    """Whether another channel goes as far during some samples as it does in half of all stretches of that length."""
+    """Whether another channel goes as far during some samples as it does in half of all stretches of that length.
+
+    In a record that rests for long half of all stretches have no way but noise: that is none.
+    """
     half = max(length // 2, 1)
     for name, values in track.channels.items():
         if name == channel or len(values) < 8 * length:
@@ -97,7 +103,8 @@ def moves(track: Track, channel: str, first: int, length: int) -> bool:
         means = np.convolve(values, np.full(half, 1.0 / half), mode="valid")
         ways = np.abs(means[half:] - means[:-half])
         at = min(first, len(ways) - 1)
-        if ways[at] > 0.0 and ways[at] >= float(np.median(ways)):
+        noise = jitter(values) * float(np.sqrt(2.0 / half))
+        if ways[at] > _BY_NOISE * noise and ways[at] >= float(np.median(ways)):
             return True
     return False
 

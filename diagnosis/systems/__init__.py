@@ -27,7 +27,13 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems import general, transmission
 from cable_envs.diagnosis.systems.common import plant_values
 from cable_envs.diagnosis.systems.conditions import heeded, require_stated
-from cable_envs.diagnosis.systems.origins import assumptions, origins, require_possible, unused
+from cable_envs.diagnosis.systems.origins import (
+    assumptions,
+    origins,
+    require_channels,
+    require_possible,
+    unused,
+)
 from cable_envs.diagnosis.systems.question import Look, Question, Request
 from cable_envs.diagnosis.systems.units import Suspect
 from cable_envs.plants import family, plant_for
@@ -57,7 +63,7 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
     require_stated(recording, simulator, request.rig)
     values = starting_values(recording, simulator, request)
     if values:
-        recording.require_least()
+        require_channels(recording)
         require_possible(recording, simulator, values, request.rig)
     question = heeded(recording, simulator, chosen.prepare(recording, request))
     _stated_is_white(recording, question)

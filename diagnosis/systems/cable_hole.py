@@ -63,7 +63,6 @@ def prepare(recording: Recording, request: Request) -> Question:
     recorded.
     """
     channels = recording.channels
-    recording.require_least()
     plant = with_own_effects(plant_for("cable_hole"), request.own)
     values = values_of(recording, plant, request)
     nominals = free_parameters(recording, plant, values, REFITTED, request)

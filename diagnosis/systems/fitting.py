@@ -10,7 +10,7 @@ from cable_envs.diagnosis.data.recording import Recording, load_recording
 from cable_envs.diagnosis.readers.guess.assign import Match, Signal, matches
 from cable_envs.diagnosis.readers.mapping import SCHEMA, load_mapping
 from cable_envs.diagnosis.systems import asked_for, refitted_by, simulator_of, starting_values
-from cable_envs.diagnosis.systems.origins import origins
+from cable_envs.diagnosis.systems.origins import missing_channels, origins
 from cable_envs.diagnosis.systems.question import Origin, Request
 from cable_envs.plants import family
 
@@ -92,7 +92,7 @@ def systems_for(source: Recording | Path | str) -> list[SystemFit]:
 def _missing(recording: Recording) -> tuple[tuple[str, ...], ...]:
     if not starting_values(recording, simulator_of(recording, Request()), Request()):
         return ()  # of a model of its own, which its channels chose
-    return tuple(group for group in family(recording.system).least if not set(group) & set(recording.channels))
+    return missing_channels(recording)
 
 
 def _read(path: Path) -> Recording:

@@ -60,7 +60,6 @@ def prepare(recording: Recording, request: Request) -> Question:
     told, channels = family(recording.system), recording.channels
     how = told.replayed
     assert how is not None, "asked for by `models`"
-    recording.require_least()
     mode = next((m for m, channel in told.commands.items() if channel in channels), "")
     names = [n for n in how.predicted if n in channels and (mode or n not in how.of_drive)]
     plant = with_own_effects(plant_for(recording.system), request.own)

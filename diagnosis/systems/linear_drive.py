@@ -76,7 +76,6 @@ def prepare(recording: Recording, request: Request) -> Question:
     The servo of an observed drive is as stiff as its mass asks, so that its noise is the same whatever the mass is. A
     refit that may take any mass then takes one so large that 3 N of friction are nothing (1e5 kg where 2 were right).
     """
-    recording.require_least()
     plant = with_own_effects(plant_for("linear_drive"), request.own)
     values = values_of(recording, plant, request)
     # an augmented rig has the constant force as a tilt of its axis

@@ -61,6 +61,25 @@ def origins(
     return tuple(found)
 
 
+def missing_channels(recording: Recording) -> tuple[tuple[str, ...], ...]:
+    """Groups of channels, of each of which the diagnosis of the system needs one, that a recording has none of."""
+    return tuple(group for group in family(recording.system).least if not set(group) & set(recording.channels))
+
+
+def in_words(groups: Sequence[Sequence[str]]) -> str:
+    """``(("a", "b"), ("c",))`` -> "a or b, and c"."""
+    return ", and ".join(" or ".join(group) for group in groups)
+
+
+def require_channels(recording: Recording) -> None:
+    """ConfigurationError where `missing_channels` names any."""
+    if missing := missing_channels(recording):
+        raise ConfigurationError(
+            f"{recording.path}: the diagnosis of {recording.system} needs the channel {in_words(missing)}; "
+            f"the recording has {', '.join(recording.channels)}"
+        )
+
+
 def require_possible(
     recording: Recording, plant: Plant, values: Mapping[str, float], rig: Mapping[str, float] | None = None
 ) -> None:

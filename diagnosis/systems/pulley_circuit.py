@@ -81,7 +81,6 @@ def prepare(recording: Recording, request: Request) -> Question:
     """
     channels = recording.channels
     commanded = "drive_angle_command" in channels
-    recording.require_least()
     plant = with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
     values = plant_values(recording, plant, request.rig)
     values[STIFFNESS] *= float(_growth(values))

@@ -333,6 +333,43 @@ def test_a_rig_that_stops_for_a_while_is_not_refused_and_one_whose_sensor_stops_
     assert any("stuck" in str(fault) for fault in _fatal(recording(fine)))
 
 
+def test_a_rig_that_rests_in_one_record_is_noted_and_a_sensor_that_is_dead_there_is_refused():
+    def rest(table, number):
+        if number == 1:
+            table["position"][:] = 0.02  # an encoder shows no noise
+            table["velocity"][:] = 2e-3 * np.random.default_rng(1).standard_normal(ROWS)
+            table["force"][:] = 0.7 + 0.2 * np.random.default_rng(2).standard_normal(ROWS)
+
+    quality = gate(_drive(change=rest))
+    assert [f for f in quality.faults if f.fatal] == []
+    assert any("constant at 0.02: the rig rests in this record" in note for note in quality.notes)
+
+    def dead(table, number):
+        if number == 1:
+            table["position"][:] = 0.02
+
+    assert any("a dead sensor" in fault.text for fault in _fatal(_drive(change=dead)))
+
+
+def test_a_rig_that_rests_most_of_the_time_is_not_stuck_and_turning_points_are_not_saturated():
+    rng = np.random.default_rng(6)
+    t = PERIOD * np.arange(ROWS)
+    phase = np.clip(np.mod(t, 7.0) - 4.5, 0.0, None) / 2.5  # 4.5 s of rest in 7, then to and fro
+    way = np.round(np.clip(np.sin(2.0 * np.pi * phase) * 1.02, -1.0, 1.0), 4)  # and a moment at either end
+    speed = np.gradient(way, PERIOD)
+    noise = np.where(speed == 0.0, 0.0, 2e-3) * rng.standard_normal(ROWS)
+    force = MASS * np.gradient(speed, PERIOD) + VISCOUS * speed + COULOMB * np.tanh(speed / 1e-2)
+
+    def recording(place):
+        table = {"time": t, "position": place, "force": force + 0.2 * rng.standard_normal(ROWS)}
+        return Recording.from_arrays("linear_drive", table)
+
+    assert [f for f in _fatal(recording(way + noise)) if f.channel == "position"] == []
+    held_ = (way + noise).copy()
+    held_[470:530] = held_[470]  # in the midst of a motion
+    assert any(f.channel == "position" for f in _fatal(recording(held_)))
+
+
 def test_a_torque_in_another_unit_is_told_by_the_simulator_as_stated(tmp_path):
     make(Case("one", 12, "pulley_circuit", "nothing", noise="white, unstated"), tmp_path)
     good = load_recording(tmp_path)

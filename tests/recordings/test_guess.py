@@ -303,11 +303,16 @@ def test_units_and_names_in_two_languages():
 def test_the_command_writes_a_mapping_and_overwrites_none(tmp_path, capsys):
     name, content, *_ = LOGS["no unit, but that of the speed"]
     (tmp_path / name).write_text(content)
+
+    def ran(*words):
+        with pytest.raises(SystemExit) as end:
+            main(list(words))
+        return end.value.code or 0, capsys.readouterr().out
+
     order = ["import", "table", str(tmp_path / name), "--guess", "--out"]
-    assert main([*order, str(tmp_path / "map.yaml")]) == 0
-    said = capsys.readouterr().out
-    assert "confirm: system" in said and "linear_drive: fits" in said
-    assert main([*order, str(tmp_path / "map.yaml")]) == 2
-    assert main([*order, str(tmp_path / "folder")]) == 2 and not (tmp_path / "folder").exists()
-    assert main(["inspect", str(tmp_path / "map.yaml"), "--systems"]) == 0
-    assert "linear_drive: fits; state mass unless" in capsys.readouterr().out
+    code, said = ran(*order, str(tmp_path / "map.yaml"))
+    assert code == 0 and "confirm: system" in said and "linear_drive: fits" in said
+    assert ran(*order, str(tmp_path / "map.yaml"))[0] == 2
+    assert ran(*order, str(tmp_path / "folder"))[0] == 2 and not (tmp_path / "folder").exists()
+    code, said = ran("inspect", str(tmp_path / "map.yaml"), "--systems")
+    assert code == 0 and "linear_drive: fits; state mass unless" in said

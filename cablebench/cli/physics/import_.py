@@ -106,7 +106,7 @@ def _propose(form: str, path: Path, out: Path, as_json: bool) -> None:
     if found.open:
         show.print(f"confirm: {', '.join(found.open)}", markup=False)
     for one in found.matches:
-        needs = "" if one.fits else f", needs {' and '.join(' or '.join(group) for group in one.missing)}"
+        needs = "" if one.fits else f", needs {one.needs}"
         show.print(f"{one.system}: {'fits' if one.fits else 'does not fit'}{needs}", markup=False)
     then = shlex.join(["cablebench", "import", form, str(path), "--mapping", str(out), "--out", out.stem])
     show.print(f"wrote {out}; then: {then}", markup=False)

@@ -51,6 +51,7 @@ def _show_systems(recording: Path, as_json: bool) -> None:
     from dataclasses import asdict
 
     from cable_envs.diagnosis.systems.fitting import systems_for
+    from cable_envs.diagnosis.systems.origins import in_words
 
     found = systems_for(recording)
     if as_json:
@@ -59,7 +60,7 @@ def _show_systems(recording: Path, as_json: bool) -> None:
     out = console()
     for fit in found:
         counts = {s: sum(p.status == s for p in fit.parameters) for s in ("stated", "fitted", "assumed")}
-        said = "fits" if fit.fits else "missing: " + " and ".join(" or ".join(group) for group in fit.missing)
+        said = "fits" if fit.fits else f"missing: {in_words(fit.missing)}"
         numbers = ", ".join(f"{count} {status}" for status, count in counts.items() if count)
         ask = f"state {', '.join(fit.asks)} unless its controller can be replayed" if fit.asks else ""
         out.print(f"{fit.system}: {'; '.join(part for part in (said, ask, numbers, fit.note) if part)}", markup=False)

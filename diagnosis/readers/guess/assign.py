@@ -47,6 +47,11 @@ class Match:
     score: float
 
     @property
+    def needs(self) -> str:
+        """What is missing, in words."""
+        return ", and ".join(" or ".join(group) for group in self.missing)
+
+    @property
     def fits(self) -> bool:
         """Whether nothing is missing."""
         return not self.missing

@@ -102,7 +102,7 @@ def _text(raw: Raw, found: Sequence[Meant], ranked: Sequence[Match], files: Sequ
     fit = [m.system for m in ranked[1:] if m.fits]
     said = f"also fits: {', '.join(fit)}" if fit else "no other system fits"
     if best.missing:
-        said = f"NOT COMPLETE: it needs {' and '.join(' or '.join(g) for g in best.missing)}"
+        said = f"NOT COMPLETE: it needs {best.needs}"
     if fit or best.missing:
         open_.append("system")
     lines = [
