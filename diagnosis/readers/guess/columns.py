@@ -103,6 +103,8 @@ def _si(unit: str, si: str) -> float:
 def meant(columns: Sequence[Column]) -> list[Meant]:
     """What each column is, the time among them."""
     found = [_by_name(column) for column in columns]
+    places = [m.kind for m in found if m.kind in RATES]
+    found = [_counted(m, places[0] if places else "rad") for m in found]
     clock = _clock(found)
     if clock is not None:
         found = _with_own_clocks(found, clock)
@@ -112,6 +114,13 @@ def meant(columns: Sequence[Column]) -> list[Meant]:
         found = [replace(m, kind="count" if m.kind == "time" else m.kind) for m in found]
     found = _commands(found)
     return [_by_size(m) for m in found]
+
+
+def _counted(m: Meant, kind: str) -> Meant:
+    """Counts of an encoder as a position, of the kind of the others, where the name says nothing else."""
+    if m.kind or m.unit is None or m.unit.si != COUNTS:
+        return m
+    return m.because("counts are taken for a position", kind=kind)
 
 
 def _with_own_clocks(found: Sequence[Meant], clock: int) -> list[Meant]:
