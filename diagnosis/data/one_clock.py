@@ -124,7 +124,8 @@ def means(at: np.ndarray, values: np.ndarray, time: np.ndarray, period: float) -
     ends = (time - 0.5 * period, time + 0.5 * period)
     low, high = (_integral(at, values, np.clip(end, at[0], at[-1])) for end in ends)
     span = np.clip(ends[1], at[0], at[-1]) - np.clip(ends[0], at[0], at[-1])
-    good = _covered(at, *ends, own) > FULL
+    good = (ends[0] > at[0] - 0.1 * own) & (ends[1] < at[-1] + 0.1 * own)  # half a mean is one of another moment
+    good &= _covered(at, *ends, own) > FULL
     return np.where(good, (high - low) / np.where(good, span, 1.0), np.nan)
 
 

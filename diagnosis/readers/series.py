@@ -184,7 +184,8 @@ def onto(times: np.ndarray, at: np.ndarray, values: np.ndarray) -> np.ndarray:
     found = np.interp(times, at, values, left=np.nan, right=np.nan)
     period = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
     if len(at) > 2 and period >= FASTER * float(np.median(np.diff(at))) > 0.0:
-        found = np.where(np.isnan(found), np.nan, means(at, values, times, period))
+        mean = means(at, values, times, period)
+        found = np.where(np.isnan(found) | np.isnan(mean), found, mean)
     if len(at) > 2:
         k = np.clip(np.searchsorted(at, times), 1, len(at) - 1)
         found[at[k] - at[k - 1] > HOLE_INTERVALS * np.median(np.diff(at))] = np.nan

@@ -27,14 +27,14 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems import general, transmission
 from cable_envs.diagnosis.systems.common import plant_values
 from cable_envs.diagnosis.systems.conditions import heeded, require_stated
-from cable_envs.diagnosis.systems.origins import (
+from cable_envs.diagnosis.systems.question import Look, Question, Request
+from cable_envs.diagnosis.systems.stated.origins import (
     assumptions,
     origins,
     require_channels,
     require_possible,
     unused,
 )
-from cable_envs.diagnosis.systems.question import Look, Question, Request
 from cable_envs.diagnosis.systems.units import Suspect
 from cable_envs.plants import family, plant_for
 from cable_envs.plants.base import Plant

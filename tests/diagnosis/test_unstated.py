@@ -10,8 +10,8 @@ from cable_envs.diagnosis.fit.refit import Start, refit
 from cable_envs.diagnosis.model.model import learn_whitener
 from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.systems import prepare
-from cable_envs.diagnosis.systems.fitting import systems_for
 from cable_envs.diagnosis.systems.question import Request
+from cable_envs.diagnosis.systems.stated.fitting import systems_for
 from cablebench.pages.diagnosis_words import numbers_of, start_of
 from tests.support.diagnosis_toy import NOMINALS, Toy
 

@@ -265,6 +265,13 @@ def test_units_that_contradict_the_slope_are_to_be_confirmed(tmp_path):
     assert "velocity" in found.open and "one of the two units is wrong" in found.text
 
 
+def test_a_unit_of_time_that_no_logger_has_is_to_be_confirmed(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text(text("time [ms],x [mm],F [N]\n", (T, 1e3 * X, F)))
+    found = propose(path, "table")
+    assert "time" in found.open and "its step of 0.004 would be a rate of 2.5e+05 Hz" in found.text
+
+
 def test_a_folder_says_which_file_is_at_rest(tmp_path):
     (tmp_path / "logs").mkdir()
     for name, moves in (("a.csv", 1.0), ("b.csv", 0.5), ("still.csv", 0.0)):

@@ -50,8 +50,8 @@ def _show_systems(recording: Path, as_json: bool) -> None:
     """Which systems fit; of the first one that does, every number that would be assumed."""
     from dataclasses import asdict
 
-    from cable_envs.diagnosis.systems.fitting import systems_for
-    from cable_envs.diagnosis.systems.origins import in_words
+    from cable_envs.diagnosis.systems.stated.fitting import systems_for
+    from cable_envs.diagnosis.systems.stated.origins import in_words
 
     found = systems_for(recording)
     if as_json:

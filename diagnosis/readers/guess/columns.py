@@ -35,6 +35,8 @@ _ALIKE_BY_NAME = 0.02
 """Of the correlation, for what else speaks for a position and a rate: several may be as like."""
 _NEAR = 0.1
 """Share by which a factor may be off one between units."""
+_RATES_OF_LOGS = (0.2, 5e4)
+"""Hz, between which rigs are logged."""
 _SMOOTH = 9
 """Rows over which a slope is taken."""
 _HELD, _LEVELS = 0.8, 3
@@ -215,8 +217,10 @@ def _timed(found: Sequence[Meant], clock: int) -> Meant:
     values = m.column.values
     step = float(np.median(np.diff(values[np.isfinite(values)])))
     if m.unit is not None and m.unit.si == "s":
-        sure = SURE if m.sure == SURE else LIKELY
-        return m.because(f"rises evenly, {1.0 / (step * m.factor):.4g} Hz", kind="time", sure=sure)
+        hz = 1.0 / (step * m.factor)
+        if not _RATES_OF_LOGS[0] < hz < _RATES_OF_LOGS[1]:
+            return m.because(f"but its step of {step:.4g} would be a rate of {hz:.4g} Hz", kind="time", sure=OPEN)
+        return m.because(f"rises evenly, {hz:.4g} Hz", kind="time", sure=SURE if m.sure == SURE else LIKELY)
     asked = _asked_of_time(found, m.column.values)
     guessed = next(n for n, most in (("s", 0.45), ("ms", 450.0), ("us", 4.5e5), ("ns", np.inf)) if step < most)
     name, how, sure = (

@@ -86,8 +86,8 @@ KIND = {word: kind for kind, words in _KINDS.items() for word in words.split()}
 """Word of a name -> the SI unit of what it means, "time" or "count"."""
 COMMAND = _set("cmd command soll sollwert sp setpoint target des desired demand vorgabe ziel stell")
 REFERENCE = _set("ref reference fuehrung fuehrungsgroesse referenz")
-DRIVE = _set("motor mot drive antrieb actuator aktor input proximal prox winch winde master capstan pulley1 m1 an")
-OUTPUT = _set("load last output out abtrieb distal dist tip jaw greifer gripper gelenk end slave spitze tool ab")
+DRIVE = _set("motor mot drive antrieb actuator aktor input proximal prox winch winde master capstan back m1 an")
+OUTPUT = _set("load last output out abtrieb distal dist tip jaw greifer gripper gelenk front slave spitze tool ab")
 SPECIAL = {
     "top": _set("top oben t upper"), "bottom": _set("bottom unten b lower"),
     "wrap": _set("wrap umschlingung umschlingungswinkel"),

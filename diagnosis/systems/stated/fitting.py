@@ -10,8 +10,8 @@ from cable_envs.diagnosis.data.recording import Recording, load_recording
 from cable_envs.diagnosis.readers.guess.assign import Match, Signal, matches
 from cable_envs.diagnosis.readers.mapping import SCHEMA, load_mapping
 from cable_envs.diagnosis.systems import asked_for, refitted_by, simulator_of, starting_values
-from cable_envs.diagnosis.systems.origins import missing_channels, origins
 from cable_envs.diagnosis.systems.question import Origin, Request
+from cable_envs.diagnosis.systems.stated.origins import missing_channels, origins
 from cable_envs.plants import family
 
 OF_RECORDS = (
