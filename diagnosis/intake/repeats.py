@@ -15,8 +15,8 @@ from cable_envs.diagnosis.model.noise import jitter
 
 _CHANCE, _SURE = 1e-3, 1e-6
 """Of a run by chance, a channel of a record: below which it is noted, and below which it cannot be used."""
-_BY_NOISE = 4.0
-"""Standard deviations of its noise, within which the mean of a channel goes no way."""
+_BY_NOISE = (2.0, 4.0)
+"""Standard deviations of its noise: up to which the usual way of a channel's means is none, and from which one is."""
 _PILED = 0.01
 """Share of an effort's samples at each of two opposite ends from which they are no peaks of a motion."""
 _BLOCK = 8
@@ -103,8 +103,9 @@ def moves(track: Track, channel: str, first: int, length: int) -> bool:
         means = np.convolve(values, np.full(half, 1.0 / half), mode="valid")
         ways = np.abs(means[half:] - means[:-half])
         at = min(first, len(ways) - 1)
-        noise = jitter(values) * float(np.sqrt(2.0 / half))
-        if ways[at] > _BY_NOISE * noise and ways[at] >= float(np.median(ways)):
+        usual, noise = float(np.median(ways)), jitter(values) * float(np.sqrt(2.0 / half))
+        least = usual if usual > _BY_NOISE[0] * noise else _BY_NOISE[1] * noise
+        if ways[at] > 0.0 and ways[at] >= least:
             return True
     return False
 
