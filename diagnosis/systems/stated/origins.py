@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.params import Parameter
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.question import Origin
@@ -10,7 +11,7 @@ from cable_envs.plants import family
 from cable_envs.plants.base import Plant
 
 STATED, ASSUMED, FITTED = "stated", "assumed", "fitted"
-DEFAULT, MEASURED = "default", "from the records"
+DEFAULT, ABSENT, MEASURED = "default", "absent unless stated", "from the records"
 """What a number that nobody states starts from."""
 LISTED = 6
 """Assumed numbers that a note names."""
@@ -51,14 +52,18 @@ def origins(
     for p in plant.parameters:
         if p.name not in values:
             continue
-        source = named.get(p.name) or (
-            f"{DEFAULT}: {p.source}" if p.source and values[p.name] == p.default else
-            DEFAULT if values[p.name] == p.default else MEASURED
-        )  # fmt: skip
+        source = named.get(p.name) or _unstated(p, values[p.name])
         stated = p.name in named
         status = FITTED if p.name in fitted else STATED if stated else ASSUMED
         found.append(Origin(p.name, float(values[p.name]), p.unit, p.meaning, status, source, stated))
     return tuple(found)
+
+
+def _unstated(parameter: Parameter, value: float) -> str:
+    """Where a number is from that nobody states."""
+    if value == parameter.default:
+        return f"{DEFAULT}: {parameter.source}" if parameter.source else DEFAULT
+    return ABSENT if value == 0.0 else MEASURED
 
 
 def missing_channels(recording: Recording) -> tuple[tuple[str, ...], ...]:
