@@ -151,8 +151,7 @@ def examine(
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     request = request_of(recording, effects, without, effect_file, rig, variant)
-    question = converged(told_at_rest(recording, without_spikes(_with_logger(recording, request))))
-    question = replace(question, fit=Trials(question.fit), heldout=Trials(question.heldout))
+    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
@@ -189,6 +188,11 @@ def _with_logger(recording: Recording, request: Request) -> Question:
     except ConfigurationError:
         stretched = None
     return with_logger(question, stretched)
+
+
+def _tried(question: Question) -> Question:
+    """The question with models for which what their plant refuses is a bad trial, and no error."""
+    return replace(question, fit=Trials(question.fit), heldout=Trials(question.heldout))
 
 
 def averaged_if_long(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
@@ -311,7 +315,7 @@ def without_its_effects(recording: Recording, request: Request) -> dict[str, flo
     rest = {name: value for name, value in (request.rig or {}).items() if name not in rows}
     if len(rest) == len(request.rig or {}):
         return None
-    question = told_at_rest(recording, ask(recording, replace(request, rig=rest)))
+    question = _tried(told_at_rest(recording, ask(recording, replace(request, rig=rest))))
     return Joint(question.fit, question.heldout).left_by(refit_nominals(question.fit, question.nominals).fit)
 
 

@@ -274,6 +274,7 @@ def test_a_unit_of_time_that_no_logger_has_is_to_be_confirmed(tmp_path):
 
 def test_a_folder_says_which_file_is_at_rest(tmp_path):
     (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "notes.xlsx").write_bytes(b"a spreadsheet of somebody, beside the logs")
     for name, moves in (("a.csv", 1.0), ("b.csv", 0.5), ("still.csv", 0.0)):
         columns = (T, 1e3 * moves * X + RNG.normal(0.0, 1e-3, ROWS), F)
         (tmp_path / "logs" / name).write_text(text("t [s],x [mm],F [N]\n", columns))

@@ -5,6 +5,7 @@ or the one with the most numbers.
 """
 
 import datetime
+import fnmatch
 import io
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -44,7 +45,7 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
     require_known("option of table", asked.options, OPTIONS)
     mapped = load_mapping(asked.mapping, "table", clocks=True)
     records = []
-    for file in files_at(path, *TEXT, *PARQUET, *SHEETS):
+    for file in tables_at(path, tuple(entry["file"] for entry in mapped.records)):
         if mapped.records and path.is_dir() and not mapped.entry(file.name):
             continue
         kind = _parquet_chunks if file.suffix.lower() in PARQUET else _text_chunks
@@ -88,6 +89,13 @@ def _clocked(chunks: Iterator[Chunk], mapped: Mapped, log: Log) -> Iterator[Chun
     parts = list(chunks)
     table = {name: np.concatenate([part.columns[name] for part in parts]) for name in parts[0].columns}
     return whole(brought(table, mapped.clocks, log))(log)
+
+
+def tables_at(path: Path, listed: Sequence[str] = ()) -> list[Path]:
+    """The tables at a path; spreadsheets beside text or Parquet only where they are listed, as a name or pattern."""
+    found = files_at(path, *TEXT, *PARQUET, *SHEETS)
+    chosen = [f for f in found if not is_sheet(f) or any(fnmatch.fnmatchcase(f.name, name) for name in listed)]
+    return chosen or found
 
 
 def is_sheet(file: Path) -> bool:

@@ -16,8 +16,8 @@ from cable_envs.diagnosis.readers.guess.columns import OPEN, Meant, meant
 from cable_envs.diagnosis.readers.guess.raw import Raw, columns_in
 from cable_envs.diagnosis.readers.mapping import SCHEMA
 
-FORMS = {"table": (*table.TEXT, *table.PARQUET, *table.SHEETS), "mat": (".mat",)}
-"""Formats that are guessed at -> ends of their files' names."""
+FORMS = {"table": table.tables_at, "mat": lambda path: files_at(path, ".mat")}
+"""Formats that are guessed at -> their files at a path."""
 RATE = 100.0
 """Hz that a mapping begins with where no column is a clock."""
 STILL = 0.02
@@ -72,7 +72,7 @@ def propose(path: Path, form: str) -> Proposal:
     """
     if form not in FORMS:
         raise ConfigurationError(f"--guess is for {' and '.join(FORMS)}, got {form}: messages name their fields")
-    files = files_at(path, *FORMS[form])
+    files = FORMS[form](path)
     raw = columns_in(files[0], form)
     found = meant(raw.columns)
     signals = [_signal(m) for m in found]
@@ -188,7 +188,7 @@ def _records(files: Sequence[Path], raw: Raw, found: Sequence[Meant], best: Matc
     if len(files) < 2:
         return []
     places = [found[k].column.place for c, k in best.channels.items() if channels_of(best.system)[c] in _PLACES]
-    form = next(f for f, ends in FORMS.items() if raw.file.suffix.lower() in ends)
+    form = "mat" if raw.file.suffix.lower() == ".mat" else "table"
     travel, lines = [], []
     for file in files:
         own = {c.place: c.values for c in (raw if file == raw.file else columns_in(file, form)).columns}
