@@ -88,6 +88,7 @@ def import_(
 def _propose(form: str, path: Path, out: Path, as_json: bool) -> None:
     """Write a proposed mapping, and say what must be confirmed."""
     from cable_envs.core.files import write_atomic
+    from cable_envs.diagnosis.readers.base import foreign
     from cable_envs.diagnosis.readers.guess.proposal import propose
 
     if out.suffix not in (".yaml", ".yml"):
@@ -95,7 +96,8 @@ def _propose(form: str, path: Path, out: Path, as_json: bool) -> None:
     if out.exists():
         raise ConfigurationError(f"{out} is there already; nothing is overwritten")
     require_writable(out.parent)
-    found = propose(path, form)
+    with foreign(str(path)):
+        found = propose(path, form)
     write_atomic(out, found.text)
     if as_json:
         systems = [{"system": m.system, "fits": m.fits, "missing": m.missing} for m in found.matches]
