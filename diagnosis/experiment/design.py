@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of, told_at_rest
 from cable_envs.diagnosis.experiment.bench import Bench, Planned
@@ -85,7 +86,7 @@ def next_experiment(
     require_known("limit", limits or {}, ("low", "high", "speed", "acceleration"))
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"seconds: expected a length above 0 s, got {seconds!r}")
-    recording, _ = averaged_if_long(recording)
+    recording, _ = averaged_if_long(on_one_clock(recording)[0])
     request = request_of(recording)
     question = converged(told_at_rest(recording, ask(recording, request)))
     models = [(name,) for name in between] if between else names_of(found)
