@@ -87,7 +87,14 @@ def number(value: float) -> str:
 def _function_names(kinds: Kinds) -> dict[str, str]:
     local = {name for names in kinds.names.values() for name in names}
     taken = RESERVED | local | set(TILES.values()) | set(kinds.program.constants)
-    return {name: f"{name}_" if name in taken else name for name in kinds.functions}
+    names: dict[str, str] = {}
+    for function in kinds.functions:
+        name = function.strip("_")
+        while name in taken:
+            name = f"{name}_"
+        names[function] = name
+        taken |= {name}
+    return names
 
 
 def _group(kind: tuple[Kind, ...]) -> str:

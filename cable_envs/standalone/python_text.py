@@ -77,7 +77,7 @@ def sine_cosine(x):
     return math.sin(x), math.cos(x)
 
 
-def over(a, b):
+def quotient(a, b):
     """a / b, infinite or not a number where b is 0: it stands where a choice then takes another value."""
     if b != 0.0:
         return a / b
@@ -162,7 +162,7 @@ def _function(made: Made, law: Law) -> str:
 
 
 class _Quotients(ast.NodeTransformer):
-    """Puts `over` in the place of quotients whose divisor may be 0."""
+    """Puts `quotient` in the place of quotients whose divisor may be 0."""
 
     def __init__(self, law: Law):
         self.values = law.values
@@ -170,7 +170,7 @@ class _Quotients(ast.NodeTransformer):
     def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
         self.generic_visit(node)
         if isinstance(node.op, ast.Div) and not self._sure(node.right):
-            return ast.Call(ast.Name("over", ast.Load()), [node.left, node.right], [])
+            return ast.Call(ast.Name("quotient", ast.Load()), [node.left, node.right], [])
         return node
 
     def _sure(self, node: ast.expr) -> bool:
@@ -209,7 +209,7 @@ def _sensors(law: Law) -> str:
     return (
         "SENSORS = {  # those that have an effect: scale, bias, share of what is negative that is cut, delay in steps\n"
         + "\n".join(lines) + '\n}\n\n\n'
-        'def shown(name, value, kept):\n    """What a sensor shows of a value; kept: what it would have shown so far without its delay."""\n'
+        'def as_shown(name, value, kept):\n    """What a sensor shows of a value; kept: what it would have shown so far without its delay."""\n'
         "    scale, bias, cut, late = SENSORS[name]\n"
         "    value = value * scale + bias\n"
         "    kept.append(value - cut * minimum(value, 0.0))\n"
@@ -259,7 +259,7 @@ def _rig(law: Law, program: Program, used: Mapping[str, list[str]]) -> str:
             field, k = law.places[one.signal]
             place = f"self.signals.{field}" + (f"[{k}]" if k >= 0 else "")
             lines.append(
-                f"        self.shown[{one.signal!r}] = shown({one.signal!r}, {place}, self._kept[{one.signal!r}])"
+                f"        self.shown[{one.signal!r}] = as_shown({one.signal!r}, {place}, self._kept[{one.signal!r}])"
             )
     return "\n".join(lines)
 

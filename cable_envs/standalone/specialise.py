@@ -209,7 +209,6 @@ class _Maker:
         return own
 
     def _name(self, name: str) -> str:
-        name = name.lstrip("_")
         self._names[name] = self._names.get(name, 0) + 1
         return name if self._names[name] == 1 else f"{name}_{self._names[name]}"
 
