@@ -67,6 +67,8 @@ class Law:
         Integration steps in it.
     start : float
         Position of the output at rest before the first step, SI.
+    label : str
+        What it is called there; by default as the rig is.
     """
 
     rig: Rig
@@ -75,6 +77,7 @@ class Law:
     period: float
     substeps: int
     start: float
+    label: str = ""
 
     @cached_property
     def coefficients(self) -> np.ndarray:
@@ -101,8 +104,8 @@ class Law:
 
     @property
     def name(self) -> str:
-        """The rig's name as one of Python and C."""
-        name = re.sub(r"\W+", "_", self.rig.name, flags=re.ASCII).strip("_").lower() or "rig"
+        """Its name as one of Python and C."""
+        name = re.sub(r"\W+", "_", self.label or self.rig.name, flags=re.ASCII).strip("_").lower() or "rig"
         return name if not name[0].isdigit() else f"rig_{name}"
 
     def program(self, elementary: tuple[str, ...] = ELEMENTARY) -> Program:
@@ -212,7 +215,7 @@ class Law:
 
 def law_of(
     rig: str | Path | Mapping[str, Any] | Rig, *, variant: str = "analytic", drive: str | None = None,
-    period: float = PERIOD, substeps: int | None = None, start: float = 0.0,
+    period: float = PERIOD, substeps: int | None = None, start: float = 0.0, name: str = "",
 ) -> Law:  # fmt: skip
     """A rig as it is exported.
 
@@ -231,6 +234,8 @@ def law_of(
         Integration steps in it; by default 20, or as many as the rig needs.
     start : float
         Position of the output at rest before the first step, SI.
+    name : str
+        What it is to be called; by default as the rig is.
 
     Returns
     -------
@@ -253,14 +258,14 @@ def law_of(
     asked = drives[0] if drive is None else drive
     if asked not in drives:
         raise ConfigurationError(f"unknown drive '{asked}' of {plant.name}; {nearest(asked, drives)}")
-    for name, value in (("period", period), ("start", start)):
-        if not is_number(value) or not np.isfinite(value) or (name == "period" and value <= 0.0):
-            wanted = "seconds above 0" if name == "period" else "a position in SI"
-            raise ConfigurationError(f"{name}: expected {wanted}, got {value!r}")
+    for what, value in (("period", period), ("start", start)):
+        if not is_number(value) or not np.isfinite(value) or (what == "period" and value <= 0.0):
+            wanted = "seconds above 0" if what == "period" else "a position in SI"
+            raise ConfigurationError(f"{what}: expected {wanted}, got {value!r}")
     if substeps is not None and (not isinstance(substeps, int) or isinstance(substeps, bool) or substeps < 1):
         raise ConfigurationError(f"substeps: expected a whole number above 0, got {substeps!r}")
     steps = substeps_for(plant, loaded.column(plant), (), float(period), substeps, SUBSTEPS)
-    return Law(loaded, plant, asked, float(period), steps, float(start))
+    return Law(loaded, plant, asked, float(period), steps, float(start), name)
 
 
 def _fields(rows: Any) -> dict[str, Any]:

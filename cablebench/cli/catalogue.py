@@ -9,6 +9,7 @@ from cablebench.cli.learn import publish, train, tune
 from cablebench.cli.physics import (
     blind_test,
     diagnose,
+    export_rig,
     identify,
     import_,
     inspect_,
@@ -70,6 +71,10 @@ COMMANDS = (
     Command(
         DIAGNOSE, "next-experiment", next_experiment.next_experiment,
         "cablebench next-experiment jaw --answer jaw-found --out jaw-next",
+    ),
+    Command(
+        DIAGNOSE, "export-rig", export_rig.export_rig,
+        "cablebench export-rig jaw-found/augmented.yaml --format fmu --out jaw.fmu",
     ),
     Command(DIAGNOSE, "identify", identify.identify, "cablebench identify rig --method lsq"),
     Command(
