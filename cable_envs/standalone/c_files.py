@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from cable_envs.core.inputs import INPUTS
-from cable_envs.standalone.c_text import functions_in_c, number, safe
+from cable_envs.standalone.c_text import functions_in_c
+from cable_envs.standalone.c_values import number, safe
 from cable_envs.standalone.law import Law
-from cable_envs.standalone.specialise import TILES, TOP, Program
+from cable_envs.standalone.program import TILES, TOP, Program
 from cable_envs.standalone.types import fields_used
 
 FLAGS = ("-std=c99", "-O2", "-ffp-contract=off")
@@ -40,7 +41,7 @@ def _header(law: Law, program: Program) -> str:
         "",
         "   Written by `cablebench export-rig`. All numbers are SI.",
         "",
-        f"       {name} rig;",
+        f"       {name}_mechanism rig;",
         f"       {name}_start(&rig);",
         "       for (;;) {",
         f"           rig.inputs.{law.inputs[0].name} = ...;",
@@ -52,8 +53,9 @@ def _header(law: Law, program: Program) -> str:
         f"#ifndef {name.upper()}_H", f"#define {name.upper()}_H",
         "#include <stdint.h>", "#ifdef __cplusplus", 'extern "C" {', "#endif",
         f"#define {name.upper()}_PERIOD {number(law.period)} /* s, control step */",
-        "", "/* what it is told */", f"typedef struct {{", *_indented(inputs), f"}} {name}_inputs;",
-        "", "/* what it shows: true values */", "typedef struct {", *_indented(_signal_lines(law)), f"}} {name}_signals;",
+        "", "/* what it is told */", "typedef struct {", *_indented(inputs), f"}} {name}_inputs;",
+        "", "/* what it shows: true values */", "typedef struct {",
+        *_indented(_signal_lines(law)), f"}} {name}_signals;",
         "", "/* what sensors show that have an effect */", "typedef struct {", *_indented(shown), f"}} {name}_shown;",
         "", "/* what effects remember */", "typedef struct {",
         *_indented(_members(law.values["states"], _states(program)) or ["char none;"]), f"}} {name}_states;",
@@ -63,9 +65,9 @@ def _header(law: Law, program: Program) -> str:
             f"{name}_inputs before; /* inputs of the step before */", "int64_t steps; /* since the start */",
             *([f"double kept[{_kept(law)}]; /* what late sensors have yet to show */"] if _kept(law) else []),
         ]),
-        f"}} {name};",
-        "", f"void {name}_start({name} *rig); /* at rest with the output at {law.start:g} */",
-        f"void {name}_step({name} *rig);",
+        f"}} {name}_mechanism;",
+        "", f"void {name}_start({name}_mechanism *rig); /* at rest with the output at {law.start:g} */",
+        f"void {name}_step({name}_mechanism *rig);",
         "#ifdef __cplusplus", "}", "#endif", "#endif", "",
     ])  # fmt: skip
 
@@ -103,12 +105,15 @@ def _source(law: Law, program: Program) -> str:
             records.append(f"typedef {name}_{record} {record}_t;")
         else:
             wanted = list(INPUTS.names) if record == "inputs" else used[record]
-            records.append(f"typedef struct {{ {' '.join(_members(_sizes(law, program, record), wanted))} }} {record}_t;")
+            records.append(
+                f"typedef struct {{ {' '.join(_members(_sizes(law, program, record), wanted))} }} {record}_t;"
+            )
     data = [_constant(record, law.values[record], used[record]) for record in ("rig", "effects") if used.get(record)]
     parameters = [f"   {n} = {value!r} {unit}: {_comment(m)}" for n, value, unit, m in law.parameters]
     return "\n".join([
         f"/* {law.rig.name}: see {name}.h. Written by `cablebench export-rig`.", "",
-        "   Parameters of the rig, SI. The numbers below are derived from them: to change one, export the rig again.", "",
+        "   Parameters of the rig, SI. The numbers below are derived from them: to change one, export the rig again.",
+        "",
         *parameters, "*/",
         "#include <math.h>", "#include <stdint.h>", "#include <string.h>", f'#include "{name}.h"', "",
         *records, "", functions_in_c(program), *data, "",
@@ -151,8 +156,8 @@ def _start(law: Law, used: Mapping[str, list[str]]) -> str:
         lines.append(f"rig->inputs.second = {number(law.second)};")
     if law.sensors:
         lines.append("show(rig);")
-    ahead = f"static void show({law.name} *rig);\n\n" if law.sensors else ""
-    return ahead + f"void {law.name}_start({law.name} *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
+    ahead = f"static void show({law.name}_mechanism *rig);\n\n" if law.sensors else ""
+    return ahead + f"void {law.name}_start({law.name}_mechanism *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
 
 
 def _sensors(law: Law) -> str:
@@ -163,7 +168,9 @@ def _sensors(law: Law) -> str:
         lines.append(f"value = {place} * {number(one.scale)} + {number(one.bias)};")
         lines.append(f"value = value - {number(one.cut)} * smaller(value, 0.0);")
         if one.late > 0.0:
-            lines.append(f"value = late(rig->kept + {first}, {slots(one.late)}, rig->steps, {number(one.late)}, value);")
+            lines.append(
+                f"value = late(rig->kept + {first}, {slots(one.late)}, rig->steps, {number(one.late)}, value);"
+            )
             first += slots(one.late)
         lines.append(f"rig->shown.{one.signal} = value;")
     delay = textwrap.dedent("""\
@@ -177,7 +184,7 @@ def _sensors(law: Law) -> str:
         }
 
         """)
-    body = f"static void show({law.name} *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
+    body = f"static void show({law.name}_mechanism *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
     return (delay if any(s.late > 0.0 for s in law.sensors) else "") + body
 
 
@@ -188,9 +195,7 @@ def _step(law: Law, program: Program) -> str:
     made = next(m for m in program.functions if m.node.name == TOP)
     fresh = ["inputs", *(TILES[t] for t in ("w", "g") if t in made.tiles)]
     lines = [f"{record}_t {record};" for record in fresh]
-    for record in ("rig", "effects"):
-        if used.get(record):
-            lines.append(f"{record}_t {record}_now = {record}_values;")
+    lines += [f"{r}_t {r}_now = {r}_values;" for r in ("rig", "effects") if used.get(r)]
     lines += [f"memset(&{record}, 0, sizeof {record});" for record in fresh]
     lines += [f"inputs.{one.name} = rig->inputs.{one.name};" for one in law.inputs]
     for name in ("command", "second"):
@@ -208,7 +213,7 @@ def _step(law: Law, program: Program) -> str:
     lines.append("rig->steps++;")
     if law.sensors:
         lines.append("show(rig);")
-    return f"void {law.name}_step({law.name} *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
+    return f"void {law.name}_step({law.name}_mechanism *rig)\n{{\n" + "\n".join(_indented(lines)) + "\n}"
 
 
 def _indented(lines: list[str]) -> list[str]:

@@ -36,7 +36,9 @@ def check_file(form: str, out: Path) -> None:
         raise ConfigurationError(f"--format: unknown format '{form}'; {nearest(form, FORMATS)}")
     ending = FORMATS[form][0]
     if out.suffix != ending:
-        raise ConfigurationError(f"--out: a file of the format {form} ends in '{ending}', not '{out.suffix}' ({out.name})")
+        raise ConfigurationError(
+            f"--out: a file of the format {form} ends in '{ending}', not '{out.suffix}' ({out.name})"
+        )
 
 
 def export_law(law: Law, form: str, out: Path) -> list[Path]:

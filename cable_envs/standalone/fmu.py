@@ -1,7 +1,7 @@
 """A rig as a functional mock-up unit for co-simulation (FMI 3.0): an archive with its C sources and a compiled library.
 
-Source: Functional Mock-up Interface Specification 3.0 (Modelica Association, 2022), sections 2.4 (modelDescription.xml),
-2.5 (archive, buildDescription.xml), 4 (co-simulation).
+Source: Functional Mock-up Interface Specification 3.0 (Modelica Association, 2022), sections 2.4
+(modelDescription.xml), 2.5 (archive, buildDescription.xml), 4 (co-simulation).
 """
 
 import hashlib
@@ -20,7 +20,7 @@ from xml.sax.saxutils import quoteattr
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.standalone.c_files import FLAGS, c_files
-from cable_envs.standalone.c_text import number, safe
+from cable_envs.standalone.c_values import number, safe
 from cable_envs.standalone.law import Law
 from cable_envs.standalone.units import base_units
 
@@ -191,7 +191,11 @@ def model_description(law: Law) -> str:
 def _unit(unit: str) -> str:
     base = base_units(unit)
     inner = " ".join(f'{name}="{power}"' for name, power in base.items())
-    return f"    <Unit name={quoteattr(unit)}><BaseUnit {inner}/></Unit>" if inner else f"    <Unit name={quoteattr(unit)}/>"
+    return (
+        f"    <Unit name={quoteattr(unit)}><BaseUnit {inner}/></Unit>"
+        if inner
+        else f"    <Unit name={quoteattr(unit)}/>"
+    )
 
 
 _VARIABILITY = {"local": "constant", "input": "discrete", "output": "discrete", "independent": "continuous"}
@@ -201,7 +205,8 @@ def _variable(k: int, one: Variable) -> str:
     start = "" if one.start is None else f' start="{number(one.start)}"'
     return (
         f'    <Float64 name="{one.name}" valueReference="{k}" causality="{one.causality}" '
-        f'variability="{_VARIABILITY[one.causality]}" unit={quoteattr(one.unit)} description={quoteattr(one.meaning)}{start}/>'
+        f'variability="{_VARIABILITY[one.causality]}" unit={quoteattr(one.unit)} '
+        f"description={quoteattr(one.meaning)}{start}/>"
     )
 
 

@@ -19,10 +19,11 @@ from cable_envs.effects.own import joined
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.stepsize import substeps_for
-from cable_envs.standalone.specialise import ELEMENTARY, Program, program_of
+from cable_envs.standalone.program import ELEMENTARY, Program
+from cable_envs.standalone.specialise import program_of
 
 PERIOD, SUBSTEPS = 0.01, 20
-"""Control period, s, and integration steps in it, as of the tasks (configs/tasks), unless something else is asked for."""
+"""Control period, s, and integration steps in it, as of the tasks (configs/tasks), unless others are asked for."""
 
 BRISTLES = 2
 """Number of the kernel whose friction has bristles (`cable_envs.plants.base.Plant.kernel_needed`)."""
@@ -113,7 +114,9 @@ class Law:
         plant = self.plant
         own = [effect.name for effect in plant.own]
         if own:
-            raise ConfigurationError(f"{own[0]}: an effect of your own cannot be exported; only those of the library can")
+            raise ConfigurationError(
+                f"{own[0]}: an effect of your own cannot be exported; only those of the library can"
+            )
         records = {
             "x": plant.signal_rows, "p": plant.coefficient_rows, "u": INPUTS, "w": plant.scratch,
             "e": plant.effects.lanes, "s": plant.effects.states, "g": plant.step_rows,
@@ -150,7 +153,9 @@ class Law:
         second = mode.second if mode else next((m.second for m in self.plant.action_modes if m.second), None)
         if second:
             found.append(Entry("second", second.unit, f"{second.name}, held over the control step"))
-        given = "what the drive's sensor of torque reads" if self.plant.name == "transmission" else "on the load or output"
+        given = (
+            "what the drive's sensor of torque reads" if self.plant.name == "transmission" else "on the load or output"
+        )
         found.append(Entry("disturbance", "N m" if angular else "N", given))
         if self.plant.posture:
             found.append(Entry("posture", "rad", "by how much it is bent more than the rig says"))

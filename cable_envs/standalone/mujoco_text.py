@@ -5,7 +5,7 @@
     spring      stiffness and springref of the joint (position_dependent_load)
     belt        a fixed tendon of the length x_m - x with stiffness and damping
     weight      gravity along the axis; the motor's body is compensated for it
-    motor       general actuators: gain for a force or a voltage; gain and bias for the servo, whose force the joint limits
+    motor       general actuators: gain for a force or a voltage; gain and bias for the servo, within the joint's limit
     lag         the filter of the actuator (actuator_lag)
 
 Source: MuJoCo documentation, XML reference (3.x).
@@ -111,7 +111,8 @@ def _tendon(rig: Mapping[str, Any]) -> list[str]:
     other = "pulley" if "pulley_mass" in rig else "carriage"
     return [
         "  <tendon>",
-        f'    <fixed name="belt" stiffness="{rig["belt_stiffness"]!r}" damping="{rig["belt_damping"]!r}" springlength="0">',
+        f'    <fixed name="belt" stiffness="{rig["belt_stiffness"]!r}" damping="{rig["belt_damping"]!r}" '
+        'springlength="0">',
         '      <joint joint="motor" coef="1"/>', f'      <joint joint="{other}" coef="-1"/>', "    </fixed>",
         "  </tendon>",
     ]  # fmt: skip
@@ -122,9 +123,10 @@ def _actuators(law: Law, rig: Mapping[str, Any], joint: str) -> list[str]:
     lag = f' dyntype="filterexact" dynprm="{late!r}"' if late else ""
     if law.drive == "position":
         k, c = rig["servo_stiffness"], rig["servo_damping"]
+        parts = (("command", k, f"0 {-k!r} 0"), ("command_rate", c, f"0 0 {-c!r}"))
         return [
-            f'    <general name="command" joint="{joint}" gainprm="{k!r}" biastype="affine" biasprm="0 {-k!r} 0"{lag}/>',
-            f'    <general name="command_rate" joint="{joint}" gainprm="{c!r}" biastype="affine" biasprm="0 0 {-c!r}"{lag}/>',
+            f'    <general name="{name}" joint="{joint}" gainprm="{gain!r}" biastype="affine" biasprm="{bias}"{lag}/>'
+            for name, gain, bias in parts
         ]
     gain = rig["force_per_volt"] if law.drive == "voltage" else 1.0
     limit = ""
@@ -142,6 +144,4 @@ def _key(law: Law, belt: bool) -> str:
     rest = next(m.rest_signal for m in law.plant.action_modes if m.name == law.drive)
     told = [float(x[rest]) if rest else 0.0, *([0.0] if law.drive == "position" else [])]
     act = f' act="{" ".join(map(repr, told))}"' if law.values["effects"].get("actuator_lag_time", 0.0) else ""
-    return (
-        f'    <key name="start" qpos="{" ".join(map(repr, places))}" ctrl="{" ".join(map(repr, told))}"{act}/>'
-    )
+    return f'    <key name="start" qpos="{" ".join(map(repr, places))}" ctrl="{" ".join(map(repr, told))}"{act}/>'

@@ -7,7 +7,7 @@ from typing import Any
 
 from cable_envs.core.inputs import INPUTS
 from cable_envs.standalone.law import Law
-from cable_envs.standalone.specialise import TILES, TOP, Made, Program
+from cable_envs.standalone.program import TILES, TOP, Made, Program
 from cable_envs.standalone.types import fields_used
 
 PRELUDE = '''
@@ -132,9 +132,9 @@ def _head(law: Law) -> str:
         f'"""{quoted}\n\nWritten by `cablebench export-rig`. All numbers are SI.\n\n'
         f"    from {law.name} import Rig\n\n    rig = Rig()  # at rest with the output at {law.start:g}\n"
         f"    rig.step(0.0{rate})  # {told}\n    print(rig.signals.{shown})\n\n{holds}"
-        "The functions are those of the simulator, for one mechanism: what does not concern it is left out. The records\n"
-        "RIG and EFFECTS hold what they compute with. Where a number there is no named parameter, it was derived from\n"
-        'several of them when this file was written: to change a parameter, change the rig and export it again.\n"""'
+        "The functions are those of the simulator, for one mechanism: what does not concern it is left out. The\n"
+        "records RIG and EFFECTS hold what they compute with. Where a number there is no named parameter, it was derived\n"
+        'from several of them when this file was written: to change a parameter, change the rig and export it again.\n"""'
     )
 
 
@@ -184,7 +184,7 @@ class _Quotients(ast.NodeTransformer):
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult):
             return self._sure(node.left) and self._sure(node.right)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "maximum":
-            return any(isinstance(a, ast.Constant) and a.value > 0.0 for a in node.args)
+            return any(isinstance(a, ast.Constant) and isinstance(a.value, float) and a.value > 0.0 for a in node.args)
         return False
 
 
@@ -209,7 +209,8 @@ def _sensors(law: Law) -> str:
     return (
         "SENSORS = {  # those that have an effect: scale, bias, share of what is negative that is cut, delay in steps\n"
         + "\n".join(lines) + '\n}\n\n\n'
-        'def as_shown(name, value, kept):\n    """What a sensor shows of a value; kept: what it would have shown so far without its delay."""\n'
+        "def as_shown(name, value, kept):\n"
+        '    """What a sensor shows of a value; kept: what it would have shown so far without its delay."""\n'
         "    scale, bias, cut, late = SENSORS[name]\n"
         "    value = value * scale + bias\n"
         "    kept.append(value - cut * minimum(value, 0.0))\n"
@@ -239,7 +240,11 @@ def _rig(law: Law, program: Program, used: Mapping[str, list[str]]) -> str:
     lines += [_record(f"_{TILES[t]}", _zeros(program.records[t], used[TILES[t]])) for t in "wg" if t in made.tiles]
     lines += ["        self._before = None"]
     if law.sensors:
-        lines += ["        self._kept = {name: [] for name in SENSORS}", "        self.shown = {}", "        self._show()"]
+        lines += [
+            "        self._kept = {name: [] for name in SENSORS}",
+            "        self.shown = {}",
+            "        self._show()",
+        ]
     lines += ["", f"    def step(self, {head}):", f'        """One control step of {law.period:g} s.', ""]
     lines += [f"        {one.name}: {one.meaning}, {one.unit}" for one in law.inputs]
     lines += ['        """']

@@ -3,7 +3,7 @@
 import ast
 from typing import Any
 
-from cable_envs.standalone.specialise import TILES, TOP, Made, NotTranslated, Program
+from cable_envs.standalone.program import TILES, TOP, Made, NotTranslated, Program
 
 BOOL, INT, FLOAT = "bool", "int", "float"
 """Kinds of numbers, each of which holds those before it."""
@@ -13,7 +13,8 @@ Kind = Any
 
 _ORDER = (BOOL, INT, FLOAT)
 _GIVEN: dict[str, Kind] = {
-    "select": FLOAT, "sqrt": FLOAT, "fma": FLOAT, "to_bits": INT, "from_bits": FLOAT, "shift_right_52": INT, "abs": FLOAT,
+    "select": FLOAT, "sqrt": FLOAT, "fma": FLOAT, "to_bits": INT, "from_bits": FLOAT, "shift_right_52": INT,
+    "abs": FLOAT,
 }  # fmt: skip
 
 
@@ -75,17 +76,22 @@ class Kinds:
         if isinstance(node, ast.Constant):
             return {bool: BOOL, int: INT, float: FLOAT}[type(node.value)]
         if isinstance(node, ast.Name):
-            constant = self.program.constants.get(node.id)
-            if node.id not in self.names[function] and constant is not None:
-                return FLOAT if isinstance(constant, float) else INT
-            return self.local(function, node.id)
+            return self._of_name(function, node.id)
         if isinstance(node, ast.Attribute):
             return FLOAT
-        if isinstance(node, (ast.Compare, ast.BoolOp)) or (isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)):
+        if isinstance(node, (ast.Compare, ast.BoolOp)) or (
+            isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.Not)
+        ):
             return self._of_condition(function, node)
         if isinstance(node, ast.Tuple):
             return tuple(self.of(function, one) for one in node.elts)
         return self._of_other(function, node)
+
+    def _of_name(self, function: str, name: str) -> Kind:
+        constant = self.program.constants.get(name)
+        if name not in self.names[function] and constant is not None:
+            return FLOAT if isinstance(constant, float) else INT
+        return self.local(function, name)
 
     def _of_condition(self, function: str, node: ast.expr) -> Kind:
         found: Kind = BOOL
@@ -161,7 +167,9 @@ class Kinds:
         self.names[function][name] = new
 
     def _written(self, made: Made) -> set[str]:
-        found = {ast.unparse(n) for n in ast.walk(made.node) if isinstance(n, ast.Attribute) and _is_target(made.node, n)}
+        found = {
+            ast.unparse(n) for n in ast.walk(made.node) if isinstance(n, ast.Attribute) and _is_target(made.node, n)
+        }
         for node in ast.walk(made.node):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
                 found |= self.writes.get(node.func.id, set())
