@@ -133,8 +133,9 @@ def _head(law: Law) -> str:
         f"    from {law.name} import Rig\n\n    rig = Rig()  # at rest with the output at {law.start:g}\n"
         f"    rig.step(0.0{rate})  # {told}\n    print(rig.signals.{shown})\n\n{holds}"
         "The functions are those of the simulator, for one mechanism: what does not concern it is left out. The\n"
-        "records RIG and EFFECTS hold what they compute with. Where a number there is no named parameter, it was derived\n"
-        'from several of them when this file was written: to change a parameter, change the rig and export it again.\n"""'
+        "records RIG and EFFECTS hold what they compute with. Where a number there is no named parameter, it was\n"
+        "derived from several of them when this file was written: to change a parameter, change the rig and export\n"
+        'it again.\n"""'
     )
 
 

@@ -53,7 +53,7 @@ def plain(case):
 
 
 def with_effects(case, bristles=False):
-    """A rig with every effect of the library at its typical size, those of sensors included, as far as they go together.
+    """A rig with every effect at its typical size, those of sensors included, as far as they go together.
 
     ``bristles``: LuGre friction in the place of the friction that builds up otherwise.
     """

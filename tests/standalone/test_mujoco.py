@@ -21,7 +21,7 @@ def difference(law):
     model = mujoco.MjModel.from_xml_string(mjcf(law))
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, 0)
-    t = np.arange(1, STEPS + 1) * law.period
+    t = np.arange(STEPS) * law.period  # at rest first: where the replay's lag begins, as that of the keyframe
     command = data.ctrl[0] + SIZES[law.drive] * np.sin(2.0 * np.pi * 1.1 * t)
     rate = np.concatenate([[0.0], np.diff(command) / law.period])
     signal, joint = ("position", "carriage") if law.plant.name == "linear_drive" else ("pulley_position", "pulley")

@@ -48,7 +48,7 @@ def made(piece):
 
     def solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         for i in range(lanes):
-            piece_of_it(x, i)
+            piece_of_it(x, i)  # noqa: F821 - a name of the space below
 
     solve = type(solve)(solve.__code__, {"piece_of_it": piece, "range": range}, "solve")
     return program_of(solve, RECORDS, effects=True, elementary=())
@@ -92,7 +92,8 @@ def test_an_effect_of_ones_own_is_refused_by_name():
     from cable_envs.effects import Effect, EffectParameter
 
     own = Effect(
-        name="cubic_spring", seam="load", equation="F = -k y^3", source="Duffing 1918", validity="any", experiment="hold",
+        name="cubic_spring", seam="load", equation="F = -k y^3", source="Duffing 1918", validity="any",
+        experiment="hold",
         parameters=(EffectParameter("stiffness", "N/m^3", 0.0, 0.0, 1e9, "spring", typical=5e3),), confusable=(),
         hooks={"load": lambda position, stiffness: stiffness * position},
     )  # fmt: skip
