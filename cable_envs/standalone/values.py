@@ -39,7 +39,7 @@ class Values:
     """
 
     maker: Any
-    function: FunctionType
+    function: Any
     stored: list[str]
     env: dict[str, Any]
     tiles: set[str]
