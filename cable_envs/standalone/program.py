@@ -1,6 +1,7 @@
 """What a program is: records, functions, constants; and what is known of a value before it runs."""
 
 import ast
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -12,7 +13,7 @@ TILES = {
 }  # fmt: skip
 """The records of a program, by the names that `cable_envs.plants.base.Plant.solve` has for them."""
 
-ELEMENTARY = ("select", "minimum", "maximum", "clip", "sign", "sqrt", "exp", "expm1", "log", "power", "sine_cosine")
+ELEMENTARY = ("select", "minimum", "maximum", "clip", "sign", "sqrt")
 """Functions of `cable_envs.core.kernels` that a program may leave to whoever prints it."""
 
 INTRINSIC = ("select", "sqrt", "_fma", "to_bits", "from_bits", "_shift_right_52")
@@ -29,10 +30,16 @@ class NotTranslated(ConfigurationError):
 
 @dataclass(frozen=True)
 class Tile:
-    """One of the records."""
+    """One of the records; ``counts``: how many numbers each of its fields has, -1 where it is one number."""
 
     name: str
-    lanes: Lanes = field(compare=False, hash=False)
+    counts: Mapping[str, int] = field(compare=False, hash=False)
+
+    @classmethod
+    def of(cls, name: str, lanes: Lanes) -> "Tile":
+        """The record with the fields of a declaration."""
+        rows = lanes.zeros(1)
+        return cls(name, {f: len(getattr(rows, f)) if getattr(rows, f).ndim == 2 else -1 for f in lanes.names})
 
 
 @dataclass(frozen=True)

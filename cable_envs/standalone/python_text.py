@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from cable_envs.core.inputs import INPUTS
+from cable_envs.effects.base import lane_of
 from cable_envs.standalone.law import Law
 from cable_envs.standalone.program import TILES, TOP, Made, Program
 from cable_envs.standalone.types import fields_used
@@ -52,29 +53,43 @@ def sqrt(x):
     return math.sqrt(x) if x >= 0.0 else math.nan
 
 
-def exp(x):
-    """e**x; the exponent is limited to [-700, 700]."""
-    return math.exp(clip(x, -700.0, 700.0))
+def fma(a, b, c):
+    """a b + c, rounded once; older versions of Python have no function for it."""
+    if hasattr(math, "fma"):
+        return math.fma(a, b, c)
+    if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
+        return a * b + c
+    (i, j), (k, l), (m, n) = a.as_integer_ratio(), b.as_integer_ratio(), c.as_integer_ratio()
+    above = i * k * n + m * j * l
+    return above / (j * l * n) if above else a * b + c
 
 
-def expm1(x):
-    """e**x - 1; the exponent is limited to [-700, 700]."""
-    return math.expm1(clip(x, -700.0, 700.0))
+def to_bits(x):
+    """The 64 bits of a number, as a whole number with a sign."""
+    size = abs(x)
+    if size != size or size == math.inf:
+        bits = 0x7FF8 << 48 if size != size else 0x7FF << 52
+    elif size < 2.0**-1022:
+        bits = int(math.ldexp(size, 1074))
+    else:
+        share, power = math.frexp(size)
+        bits = ((power + 1021) << 52) + int(math.ldexp(share, 53))
+    return bits if math.copysign(1.0, x) > 0.0 else bits - (1 << 63)
 
 
-def log(x):
-    """Natural logarithm; not a number where there is none."""
-    return math.log(x) if x > 0.0 else math.nan
+def from_bits(n):
+    """The number of 64 bits."""
+    power, share = (n >> 52) & 0x7FF, n & ((1 << 52) - 1)
+    if power == 0x7FF:
+        size = math.nan if share else math.inf
+    else:
+        size = math.ldexp(share + (1 << 52 if power else 0), max(power, 1) - 1075)
+    return -size if (n >> 63) & 1 else size
 
 
-def power(x, y):
-    """x**y for x >= 0 and y > 0."""
-    return exp(y * log(maximum(x, 1e-300))) if x > 0.0 else 0.0
-
-
-def sine_cosine(x):
-    """(sin x, cos x)."""
-    return math.sin(x), math.cos(x)
+def shift_right_52(n):
+    """The bits of sign and exponent."""
+    return (n & ((1 << 64) - 1)) >> 52
 
 
 def quotient(a, b):
@@ -142,10 +157,13 @@ def _head(law: Law) -> str:
 def _parameters(law: Law) -> tuple[list[str], dict[str, tuple[str, float]]]:
     """Lines of the named parameters; field of RIG or EFFECTS -> (name of the constant, value)."""
     lines, named = [], {}
+    effects = law.plant.effects.effects
     for name, value, unit, meaning in law.parameters:
-        field = name.replace(".", "_")
-        lines.append(f"{field.upper()} = {value!r}  # {unit}: {meaning}")
-        named[field] = field.upper(), value
+        constant = name.replace(".", "_").upper()
+        lines.append(f"{constant} = {value!r}  # {unit}: {meaning}")
+        effect, _, parameter = name.rpartition(".")
+        known = [p for p in effects[effect].parameters if p.name == parameter] if effect else []
+        named[lane_of(effects[effect], known[0]) if known else name] = constant, value
     return lines, named
 
 

@@ -60,12 +60,34 @@ def program_of(
         Names the function, the line and the construct.
     """
     maker = _Maker(elementary)
-    statics: list[Any] = [Tile(name, records[name]) for name in ("x", "p", "u", "w")]
-    statics += [Tile(name, records[name]) if effects else NONE for name in ("e", "s", "g")]
+    statics: list[Any] = [Tile.of(name, records[name]) for name in ("x", "p", "u", "w")]
+    statics += [Tile.of(name, records[name]) if effects else NONE for name in ("e", "s", "g")]
     made = maker.made(plain(solve), [*statics, LANES, None, None])
     made.node.name = TOP
+    _rename(maker.finished)
     used = {name: lanes for name, lanes in records.items() if effects or name not in ("e", "s", "g")}
     return Program([*maker.finished], maker.constants, used)
+
+
+def _rename(functions: list[Made]) -> None:
+    """Give functions other names that a function which calls them has for a number."""
+    taken, changed = {made.node.name for made in functions}, {}
+    calls = {made.node.name: _called_in(made.node) for made in functions}
+    for made in functions:
+        nodes = list(ast.walk(made.node))
+        own = {n.arg for n in nodes if isinstance(n, ast.arg)}
+        own |= {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
+        for name in own & {call.id for call in calls[made.node.name]} & taken:
+            changed[name] = f"{name}_of"
+    for made in functions:
+        for call in calls[made.node.name]:
+            call.id = changed.get(call.id, call.id)
+    for made in functions:
+        made.node.name = changed.get(made.node.name, made.node.name)
+
+
+def _called_in(function: ast.FunctionDef) -> list[ast.Name]:
+    return [n.func for n in ast.walk(function) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
 
 
 class _Maker:

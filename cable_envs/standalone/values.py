@@ -86,9 +86,8 @@ class Values:
 
     def _of_attribute(self, node: ast.Attribute) -> Any:
         base = self.value(node.value)
-        if isinstance(base, Tile) and node.attr in base.lanes:
-            _, many, _ = base.lanes._places[node.attr]
-            return Row(base.name, node.attr, many)
+        if isinstance(base, Tile) and node.attr in base.counts:
+            return Row(base.name, node.attr, base.counts[node.attr])
         if isinstance(base, Group):
             return dict(base.fields)[node.attr]
         if isinstance(base, Row) and node.attr == "shape":

@@ -36,6 +36,7 @@ def test_a_rig_with_effects(name, tmp_path):
     assert require_same(law, tmp_path).keys() == set(law.plant.effects.measured) & {s.name for s in law.plant.signals}
 
 
+@pytest.mark.slow  # nothing else of the tests compiles these kernels
 @pytest.mark.parametrize("name", ["hole", "drive"])
 def test_a_rig_with_bristles(name, tmp_path):
     law = with_effects(RIGS[name], bristles=True)

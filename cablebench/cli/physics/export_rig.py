@@ -25,7 +25,7 @@ def export_rig(
 ) -> None:
     """Write a rig for other programs, with its effects, from the functions that simulate it here.
 
-    Python and C need no other file. A C file and an FMU give the numbers of the simulator.
+    Python and C need no other file. Python, C and an FMU give the numbers of the simulator, to the bit.
     """
     from cable_envs.standalone.export import check_file, export_law
     from cable_envs.standalone.law import law_of
