@@ -91,8 +91,20 @@ def arguments_of(row: Sequence[Record], folders: Sequence[Path]) -> dict[str, li
         if not flags:
             raise ConfigurationError(f"the record's command names no controller or policy: {r['replay']}")
         flags = [(flag, value if flag == "--gain" else moved(value, folders)) for flag, value in flags]
+        for flag, value in flags:
+            if flag == "--policy" and not Path(value).exists():
+                raise ConfigurationError(_how_to_make(value, r))
         found.setdefault(shlex.join([word for pair in flags for word in pair]), []).append(r)
     return found
+
+
+def _how_to_make(path: str, record: Record) -> str:
+    """What to do about the policy of a record that is not there: train it again, to the bit on the same processor."""
+    train = f"cablebench train --env {record['task']} --algo {record['entrant']} --seed {record['training_seed']}"
+    return (
+        f"no policy at {path}: `{train} --out runs/again` and `cablebench publish runs/again --out "
+        f"{Path(path).parent}` make it again; the record's policy has the hash {record['settings'].get('policy')}"
+    )
 
 
 def moved(path: str, folders: Sequence[Path]) -> str:
