@@ -37,6 +37,7 @@ INSIDE = {
         "pages",
         "tune",
         "board",
+        "score",
         "run",
         "entrants",
         "jobs",

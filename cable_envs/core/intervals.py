@@ -10,7 +10,7 @@ NORMAL_95 = 1.96
 class Interval:
     """An estimate with the ends of its confidence interval, all in one unit.
 
-    Derived types say more: over what a bootstrap resampled (`cablebench.board.statistics.BootstrapInterval`), which end
+    Derived types say more: over what a bootstrap resampled (`cablebench.score.statistics.BootstrapInterval`), which end
     only a search bound gives (`cable_envs.identification.information.ProfileInterval`), the unit of a parameter
     (`cable_envs.diagnosis.model.verdict.Estimate`).
 

@@ -11,7 +11,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cablebench.board.notes import notes
 from cablebench.board.scoring import Record, belonging, episode_key, latest, score_episodes, whole_runs
-from cablebench.board.statistics import (
+from cablebench.score.statistics import (
     Scores,
     bootstrap,
     interquartile_mean,

@@ -11,7 +11,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.board.scoring import Record, episode_key, latest, newest, score_episodes
-from cablebench.board.statistics import interquartile_mean
+from cablebench.score.statistics import interquartile_mean
 from cablebench.protocol.protocol import Protocol
 from cablebench.run.makers import told_apart
 
@@ -166,6 +166,6 @@ def _differences(recorded: Record, replayed: Record) -> list[Difference]:
     a, b = recorded["metrics"], replayed["metrics"]
     return [
         Difference(recorded["seed"], recorded["track"] + sweep(recorded), name, a.get(name), b.get(name))
-        for name in dict.fromkeys([*a, *b])
+        for name in a  # a metric that is younger than the record cannot differ from it
         if name not in TIMED and a.get(name) != b.get(name)
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.board.statistics import BootstrapInterval
+from cablebench.score.statistics import BootstrapInterval
 from cablebench.entrants.entrant import INFORMATION
 from cablebench.protocol.protocol import Protocol
 

@@ -18,7 +18,7 @@ from cable_envs.core.config import configuration_hash
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
-from cablebench.board.statistics import bootstrap
+from cablebench.score.statistics import bootstrap
 from cablebench.jobs import Context
 from cablebench.pays.rigs import RIGS, HiddenRig
 from cablebench.protocol.actors import Actor, ControllerActor

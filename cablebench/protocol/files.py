@@ -14,6 +14,11 @@ from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
 
 SCHEMA = 1
 
+SCORE_VERSIONS = (0, 1)
+"""Of the score: 0 is that of suite v0 (`cablebench.board.scoring`), 1 has anchors (`cablebench.score.log_score`)."""
+
+_SCORE_KEYS = ("version", "worst", "open_loop", "oracle", "paper", "anchors", "survival")
+
 _KEYS = (
     "schema",
     "name",
@@ -95,7 +100,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
         if not data.get(key):
             raise ConfigurationError(f"{source}: '{key}' is missing")
     budgets = _section(data, "budgets", ("environment_steps", "tuning_trials"), source)
-    score = _section(data, "score", ("worst", "open_loop", "oracle", "paper"), source)
+    score = _section(data, "score", _SCORE_KEYS, source)
     bootstrap = _section(data, "bootstrap", ("resamples", "level", "seed"), source)
     protocol = Protocol(
         name=str(data["name"]),
@@ -114,6 +119,9 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
         open_loop=str(score.get("open_loop", "open-loop")),
         oracle=str(score.get("oracle", "oracle")),
         paper=dict(score.get("paper", {})),
+        score_version=_count(score.get("version", 0), "score.version", source, 0),
+        anchors=str(score.get("anchors", "")),
+        survival=_number(score.get("survival", 0.0), "score.survival", source),
         resamples=_count(bootstrap.get("resamples", 2000), "bootstrap.resamples", source),
         level=_number(bootstrap.get("level", 0.95), "bootstrap.level", source),
         bootstrap_seed=_count(bootstrap.get("seed", 0), "bootstrap.seed", source, 0),
@@ -128,6 +136,15 @@ def _check(protocol: Protocol, source: str) -> Protocol:
         raise ConfigurationError(f"{source}: score.worst = {protocol.worst_score:g} must be below 0 (the open loop)")
     if not 0 < protocol.level < 1:
         raise ConfigurationError(f"{source}: bootstrap.level = {protocol.level:g} must lie between 0 and 1")
+    if protocol.score_version not in SCORE_VERSIONS:
+        raise ConfigurationError(
+            f"{source}: score.version = {protocol.score_version}; there are {' and '.join(map(str, SCORE_VERSIONS))}"
+        )
+    if bool(protocol.anchors) != (protocol.score_version > 0):
+        raise ConfigurationError(
+            f"{source}: score.anchors names the frozen anchors of score version 1; this is version "
+            f"{protocol.score_version}, and 'anchors' is '{protocol.anchors}'"
+        )
     for name in protocol.run:
         protocol.track(name)
     ids = [t.env for t in protocol.tasks]

@@ -21,6 +21,19 @@ CHATTER_CUTOFF = 10.0
 """Hz above which the command's power counts as chatter: an order above the references (below 1 Hz) and the reference
 models of the papers' controllers (10 rad/s), a fifth of the sampling frequency of 100 Hz."""
 
+JUMP_SHARE = 0.05
+"""Of the range of the reference: what it changes by more within a control step is a jump. A sinusoid at the control
+rate of 100 Hz stays below up to 1.6 Hz."""
+
+JUMP_WINDOW = 0.25
+"""s after a jump of the reference in which the command may jump too: some twenty times the delays of the tasks."""
+
+LEAST_PERIODS = 5.0
+"""Periods of the cutoff that a stretch between two jumps must have, so that its slow part does not leak above it."""
+
+DROP = 0.05
+"""m that a load may end below where it started and should be: more than twice the travel of any reference."""
+
 STEADY_WINDOW = 2.0
 """s at the end of a step episode over which the steady-state error is averaged."""
 
@@ -182,14 +195,36 @@ def chatter(e: Episode) -> float:
 
     A sinusoid of amplitude A above the cutoff gives A^2/2. NaN for episodes shorter than 16 samples.
     """
-    n = len(e.command)
-    if n < 16:
-        return math.nan
+    return _power_above(e.command, e.dt) if len(e.command) >= 16 else math.nan
+
+
+def _power_above(command: np.ndarray, dt: float) -> float:
+    """Power above `CHATTER_CUTOFF` of the command less its mean, Hann periodogram."""
+    n = len(command)
     window = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n)
-    spectrum = np.abs(np.fft.rfft((e.command - np.mean(e.command)) * window)) ** 2
+    spectrum = np.abs(np.fft.rfft((command - np.mean(command)) * window)) ** 2
     spectrum[1 : (n + 1) // 2] *= 2.0  # the negative frequencies; Nyquist (n even) has no twin
     power = spectrum / (n * np.sum(window**2))
-    return float(np.sum(power[np.fft.rfftfreq(n, e.dt) >= CHATTER_CUTOFF]))
+    return float(np.sum(power[np.fft.rfftfreq(n, dt) >= CHATTER_CUTOFF]))
+
+
+def command_ripple(e: Episode) -> float:
+    """RMS of the command above 10 Hz, without its jumps where the reference jumps.
+
+    The 0.25 s after each jump of the reference are left out; the stretches between are measured as `chatter` is, and
+    weighted by their length. A sinusoid of amplitude A above the cutoff gives A/sqrt(2), a clean jump 0. NaN where no
+    stretch has five periods of the cutoff.
+    """
+    ranged = float(np.ptp(e.reference))
+    jumps = np.flatnonzero(np.abs(np.diff(e.reference)) > JUMP_SHARE * ranged) + 1 if ranged > 0.0 else []
+    left_out, least = round(JUMP_WINDOW / e.dt), LEAST_PERIODS / (CHATTER_CUTOFF * e.dt)
+    ends = [*jumps, len(e.command)]
+    starts = [0, *(k + left_out for k in jumps)]
+    stretches = [e.command[a:b] for a, b in zip(starts, ends, strict=True) if b - a >= least]
+    if not stretches:
+        return math.nan
+    total = sum(len(s) for s in stretches)
+    return math.sqrt(sum(len(s) * _power_above(s, e.dt) for s in stretches) / total)
 
 
 def _mean_signal(e: Episode, name: str) -> float:
@@ -209,6 +244,22 @@ def overload(e: Episode) -> float:
 def peak_tension(e: Episode) -> float:
     """Largest cable tension of the episode."""
     return float(np.max(e.signals["peak_tension"])) if "peak_tension" in e.signals else math.nan
+
+
+def rms_tension(e: Episode) -> float:
+    """RMS over the control steps of the largest cable tension in each of them."""
+    return float(np.sqrt(np.mean(e.signals["peak_tension"] ** 2))) if "peak_tension" in e.signals else math.nan
+
+
+def dropped(e: Episode) -> float:
+    """1 where the load ended more than 50 mm below where it started and, where it is the output, below its reference."""
+    if "load_position" not in e.signals:
+        return math.nan
+    load = e.signals["load_position"]
+    lowest = float(load[0])
+    if np.array_equal(load, e.output, equal_nan=True):
+        lowest = min(lowest, float(np.min(e.reference)))
+    return float(not load[-1] >= lowest - DROP)
 
 
 def success(e: Episode) -> float:
@@ -266,9 +317,12 @@ METRICS: tuple[Metric, ...] = (
     Metric("effort", "{u}^2 s", "lower", "effort", effort),
     Metric("total_variation", "{u}", "lower", "total variation", total_variation),
     Metric("chatter", "{u}^2", "lower", "chatter", chatter),
+    Metric("command_ripple", "{u}", "lower", "command ripple", command_ripple),
     Metric("slack", "1", "lower", "slack", slack),
     Metric("overload", "1", "lower", "overload", overload),
     Metric("peak_tension", "N", "", "peak tension", peak_tension),
+    Metric("rms_tension", "N", "lower", "RMS tension", rms_tension),
+    Metric("dropped", "1", "lower", "load dropped", dropped),
     Metric("success", "1", "higher", "success", success),
     Metric("failed", "1", "lower", "failed", failed),
     Metric("inference_us", "us", "lower", "inference", inference_us),

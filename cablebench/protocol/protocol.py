@@ -153,6 +153,12 @@ class Protocol:
     oracle: str = "oracle"
     paper: Mapping[str, str] = field(default_factory=dict)
     """the papers' controller by mechanism, that the probability of improvement is taken over"""
+    score_version: int = 0
+    """0: linear between the references' errors on the same episode; 1: logarithmic between frozen anchors"""
+    anchors: str = ""
+    """of score version 1: name of a file in configs/anchors, or path of a YAML file"""
+    survival: float = 0.0
+    """of score version 1: a sweep's value is survived where no failure rule is broken and the score is above this"""
     resamples: int = 2000
     level: float = 0.95
     bootstrap_seed: int = 0
@@ -164,9 +170,12 @@ class Protocol:
     def hash(self) -> str:
         """Twelve hex digits of the SHA-256 over everything above that changes a number.
 
-        Title, note and a sealed exam's secret are left out.
+        Title, note and a sealed exam's secret are left out, and where the score is of version 0 what only later
+        versions have.
         """
         out = ("title", "note", "secret", *(() if self.seal else ("seal",)))
+        if self.score_version == 0:
+            out += ("score_version", "anchors", "survival")
         return configuration_hash({k: v for k, v in asdict(self).items() if k not in out})
 
     def track(self, name: str) -> Track:

@@ -16,7 +16,7 @@ def test_a_normal_interval_holds_95_percent():
 def test_every_estimate_is_an_interval():
     from cable_envs.diagnosis.model.verdict import Estimate
     from cable_envs.identification.information import ProfileInterval
-    from cablebench.board.statistics import BootstrapInterval
+    from cablebench.score.statistics import BootstrapInterval
 
     for kind in (BootstrapInterval, Estimate, ProfileInterval):
         assert issubclass(kind, Interval)

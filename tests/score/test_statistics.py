@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from cablebench.board.statistics import (
+from cablebench.score.statistics import (
     bootstrap,
     interquartile_mean,
     median,

@@ -6,7 +6,7 @@ rliable's metrics need SciPy only; its bootstrap needs arch, whose version 7 can
 import numpy as np
 import pytest
 
-from cablebench.board.statistics import bootstrap, interquartile_mean, optimality_gap, probability_of_improvement
+from cablebench.score.statistics import bootstrap, interquartile_mean, optimality_gap, probability_of_improvement
 
 
 def scores(seed, runs, tasks, low=0.0):

@@ -1,0 +1,1 @@
+"""From errors to numbers that can be ranked: scores against frozen anchors, failures, intervals, paired comparisons."""
