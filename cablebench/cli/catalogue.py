@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, new, replay, run, seal, submit
+from cablebench.cli.bench import anchors, demo, envs, evaluate, export, leaderboard, new, replay, run, seal, submit
 from cablebench.cli.learn import publish, train, tune
 from cablebench.cli.physics import (
     blind_test,
@@ -63,6 +63,7 @@ COMMANDS = (
         BENCHMARK, "replay", replay.replay,
         "cablebench replay --board quick --entrant mrac-g22 --env CableHole-Position-Sine",
     ),
+    Command(BENCHMARK, "anchors", anchors.anchors, "cablebench anchors --protocol suite-v1"),
     Command(BENCHMARK, "seal", seal.seal, "cablebench seal --protocol quick --out exam"),
     Command(BENCHMARK, "demo", demo.demo, "cablebench demo --out results/demo"),
     Command(DIAGNOSE, "import", import_.import_, "cablebench import table logs --mapping jaw.yaml --out jaw"),

@@ -225,10 +225,12 @@ def _track(name: str, data: Mapping[str, Any], source: str) -> Track:
 
 
 def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
-    keys = ("from", "to", "points", "scale", "add", "option", "integer", "unit")
+    keys = ("from", "to", "points", "scale", "add", "disturb", "option", "integer", "unit")
     require_known(f"key in sweep '{name}' of {source}", data, keys)
-    if sum(bool(data.get(key)) for key in ("scale", "add", "option")) != 1:
-        raise ConfigurationError(f"{source}: sweep '{name}' needs one of 'scale', 'add' (rig parameters) and 'option'")
+    if sum(bool(data.get(key)) for key in ("scale", "add", "disturb", "option")) != 1:
+        raise ConfigurationError(
+            f"{source}: sweep '{name}' needs one of 'scale', 'add' (rig parameters), 'disturb' (the load) and 'option'"
+        )
     if data.get("option"):
         check_options_of_file({data["option"]: None}, f"sweep '{name}' of {source}")
     add = {
@@ -245,4 +247,5 @@ def _sweep(name: str, data: Mapping[str, Any], source: str) -> Sweep:
         option=str(data.get("option", "")),
         integer=bool(data.get("integer", False)),
         unit=str(data.get("unit", "1")),
+        disturb={str(k): _number(v, f"{name}.disturb.{k}", source) for k, v in (data.get("disturb") or {}).items()},
     )

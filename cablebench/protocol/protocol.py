@@ -10,6 +10,10 @@ from cable_envs.sim.setup import Setup
 from cablebench.protocol.seal import drawn_seeds
 
 
+PUSH: Mapping[str, Any] = {"kind": "random_steps", "hold": 1.0}
+"""Signal of a swept disturbance: a force or torque on the load, drawn anew every second, between its amplitudes."""
+
+
 @dataclass(frozen=True)
 class SeedRange:
     """Seeds first .. first + count - 1."""
@@ -50,8 +54,9 @@ class Sweep:
     """One disturbing quantity varied alone over `points` evenly spaced values from `low` to `high`.
 
     It scales rig parameters (`scale`: parameter names by mechanism), or adds to them (`add`: by mechanism, parameter
-    and what one unit of the value adds, SI), or sets an environment option (`option`). A mechanism that is not named
-    under `scale` or `add` is not swept.
+    and what one unit of the value adds, SI), or pushes the load (`disturb`: by mechanism, amplitude for one unit of the
+    value, in N or N m), or sets an environment option (`option`). A mechanism that is not named under `scale`, `add` or
+    `disturb` is not swept.
     """
 
     name: str
@@ -63,6 +68,11 @@ class Sweep:
     option: str = ""
     integer: bool = False
     unit: str = "1"
+    disturb: Mapping[str, float] = field(default_factory=dict)
+
+    def concerns(self, family: str) -> bool:
+        """Whether a mechanism is swept."""
+        return bool(self.option) or any(family in names for names in (self.scale, self.add, self.disturb))
 
     def values(self) -> tuple[float, ...]:
         """The swept values, rounded to whole numbers (each once) when `integer`."""
@@ -111,12 +121,14 @@ class Cell:
         return options
 
     def reset_options(self, setup: Setup) -> dict[str, Any] | None:
-        """Options of every reset: rig parameters as the sweep changes them; None where it changes none.
+        """Options of every reset: rig parameters or disturbance as the sweep changes them; None where it changes none.
 
         Scaled parameters are held within their bounds. The entrant keeps the nominal ones.
         """
         if self.sweep is None or self.sweep.option:
             return None
+        if self.sweep.disturb:
+            return {"disturbance": {**PUSH, "amplitude": self.sweep.disturb[self.task.family] * self.level}}
         table = setup.plant.parameters
         changed = {}
         for name in self.sweep.scale.get(self.task.family, ()):
@@ -176,7 +188,11 @@ class Protocol:
         out = ("title", "note", "secret", *(() if self.seal else ("seal",)))
         if self.score_version == 0:
             out += ("score_version", "anchors", "survival")
-        return configuration_hash({k: v for k, v in asdict(self).items() if k not in out})
+        decides = {k: v for k, v in asdict(self).items() if k not in out}
+        for sweep in (sweep for track in decides["tracks"] for sweep in track["sweeps"]):
+            if not sweep["disturb"]:
+                del sweep["disturb"]
+        return configuration_hash(decides)
 
     def track(self, name: str) -> Track:
         """The track of that name; ConfigurationError with the nearest name when there is none."""
@@ -236,6 +252,6 @@ class Protocol:
                 if not track.sweeps:
                     cells.append(Cell(task, track, episodes))
                 for sweep in track.sweeps:
-                    if sweep.option or task.family in sweep.scale or task.family in sweep.add:
+                    if sweep.concerns(task.family):
                         cells.extend(Cell(task, track, episodes, sweep, v) for v in sweep.values())
         return tuple(cells)

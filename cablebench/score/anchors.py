@@ -198,6 +198,9 @@ def write_anchors(path: Path, anchors: Iterable[Anchor], note: str) -> Path:
     Path
     """
     ordered = sorted(anchors, key=lambda a: (a.task, a.track))
-    data = {"schema": SCHEMA, "note": note, "anchors": [asdict(a) for a in ordered]}
+    head = yaml.safe_dump({"schema": SCHEMA, "note": note}, sort_keys=False, width=120)
+    lines = [
+        yaml.safe_dump(asdict(a), sort_keys=False, default_flow_style=True, width=10_000).strip() for a in ordered
+    ]
     path.parent.mkdir(parents=True, exist_ok=True)
-    return write_atomic(path, yaml.safe_dump(data, sort_keys=False, allow_unicode=True, width=120))
+    return write_atomic(path, f"{head}anchors:\n" + "".join(f"  - {line}\n" for line in lines))
