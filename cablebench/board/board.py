@@ -1,7 +1,7 @@
 """From store records to a ranked board."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
@@ -11,6 +11,19 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cablebench.board.notes import notes
 from cablebench.board.scoring import Record, belonging, episode_key, latest, score_episodes, whole_runs
+from cablebench.board.suite import (
+    TwoLevel,
+    merged_places,
+    merged_robustness,
+    merged_violations,
+    robust_scores,
+)
+from cablebench.board.tables import Board, Row, Table
+from cablebench.entrants.entrant import INFORMATION
+from cablebench.protocol.metrics import METRICS
+from cablebench.protocol.protocol import Protocol
+from cablebench.run.makers import told_apart
+from cablebench.score.anchors import anchors_of
 from cablebench.score.statistics import (
     Scores,
     bootstrap,
@@ -20,11 +33,6 @@ from cablebench.score.statistics import (
     probability_of_improvement,
     worst_tenth,
 )
-from cablebench.board.tables import Board, Row, Table
-from cablebench.entrants.entrant import INFORMATION
-from cablebench.protocol.metrics import METRICS
-from cablebench.protocol.protocol import Protocol
-from cablebench.run.makers import told_apart
 
 
 def build_board(
@@ -48,12 +56,12 @@ def build_board(
     Returns
     -------
     Board
-        The same one for the same records: its intervals draw from ``default_rng(protocol.bootstrap_seed)``.
+        The same one for the same records: its draws come from generators with the protocol's ``bootstrap_seed``.
 
     Raises
     ------
     ConfigurationError
-        When no whole run belongs to the protocol.
+        When no whole run belongs to the protocol, and when its anchors are of other versions of the tasks.
     """
     everything = list(records)
     configuration = protocol.hash()
@@ -65,19 +73,28 @@ def build_board(
             f"the store has no whole run of protocol '{protocol.name}' (configuration {configuration}); "
             "run `cablebench evaluate`"
         )
-    rng = np.random.default_rng(protocol.bootstrap_seed)
-    scored = [(r, s) for r, s in zip(own, score_episodes(own, protocol), strict=True)]
+    anchors = anchors_of(protocol) if protocol.score_version else {}
+    summary = TwoLevel(protocol, anchors) if protocol.score_version else Pooled(protocol)
+    scored = [(r, s) for r, s in zip(own, score_episodes(own, protocol, anchors), strict=True)]
+    sweeps = _sweeps(scored, summary)
     order = {t.short: i for i, t in enumerate(protocol.tasks)}
     tracks = [t.name for t in protocol.tracks]
     groups: dict[tuple[str, str], list[tuple[Record, float]]] = {}
     for record, score in scored:
-        groups.setdefault((record["task"], record["track"]), []).append((record, score))
+        if not (protocol.score_version and record.get("sweep")):  # what is survived there is a column, not a table
+            groups.setdefault((record["task"], record["track"]), []).append((record, score))
+    if not groups:
+        raise ConfigurationError(f"the store has records of the sweeps of '{protocol.name}' only: run its other tracks")
     keys = sorted(groups, key=lambda k: (order.get(k[0], len(order)), tracks.index(k[1])))
-    tables = tuple(_table(groups[k], protocol, rng) for k in keys)
+    robust = robust_scores(sweeps) if protocol.score_version else {}
+    tables = tuple(_table(groups[k], protocol, summary, robust) for k in keys)
+    if protocol.score_version:
+        listed = {(t.task, r.entrant) for t in tables for r in t.rows}
+        sweeps = tuple(s for s in sweeps if (s["task"], s["entrant"]) in listed)
     return Board(
         protocol=protocol,
         tables=tables,
-        overall=_overall(tables, protocol, rng),
+        overall=_overall(tables, protocol, summary),
         created=_date(own),
         configuration=configuration,
         versions={name: version for r in own for name, version in r["versions"].items()},
@@ -86,10 +103,58 @@ def build_board(
         training_seeds=tuple(sorted({r["training_seed"] for r in own if r["training_seed"] is not None})),
         episodes=len(own),
         notes=(*notes(everything, own, incomplete, tables, protocol), *_left_out(left_out, foreign)),
-        sweeps=_sweeps(scored),
+        sweeps=sweeps,
         remarks=remarks,
         place=place,
+        anchors=tuple(anchors.values()),
+        agreement=summary.agreement(tables),
     )
+
+
+class Pooled:
+    """How a board of score version 0 sums up what was scored; `cablebench.board.suite.TwoLevel` is version 1's.
+
+    Its intervals draw one after the other from one generator.
+    """
+
+    def __init__(self, protocol: Protocol):
+        self._protocol, self._rng = protocol, np.random.default_rng(protocol.bootstrap_seed)
+
+    def failed(self, record: Record) -> bool:
+        """Whether an episode did not run to its end."""
+        return bool(record["metrics"]["failed"])
+
+    def violations(self, records: Sequence[Record]) -> dict[str, int]:
+        """Nothing: version 0 has no failure rules."""
+        return {}
+
+    def survival(self, record: Record, score: float) -> float:
+        """The score itself: robustness is its mean over a sweep."""
+        return score
+
+    def row(self, row: Row, scores: Scores, paper: str, opponent: Scores, track: str) -> Row:
+        """The row with the statistics of its scores, all episodes pooled."""
+        flat = np.concatenate([np.ravel(s) for s in scores.values()])
+        improvement = probability_of_improvement(scores, opponent) if opponent else math.nan
+        return replace(
+            row,
+            score=bootstrap(scores, interquartile_mean, self._rng, self._protocol.resamples, self._protocol.level),
+            median=float(median(flat)),
+            optimality_gap=float(optimality_gap(flat)),
+            worst_tenth=float(worst_tenth(flat)),
+            improvement=improvement if math.isfinite(improvement) else None,
+        )
+
+    def table(self, table: Table) -> Table:
+        """The table as it is."""
+        return table
+
+    def agreement(self, tables: Sequence[Table]) -> tuple[dict[str, Any], ...]:
+        """Nothing: version 0 does not compare tasks."""
+        return ()
+
+
+Summary = Pooled | TwoLevel
 
 
 def _date(records: Sequence[Record]) -> str:
@@ -112,7 +177,12 @@ def _left_out(remark: str, foreign: int) -> list[str]:
     return found
 
 
-def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.random.Generator) -> Table:
+def _table(
+    scored: list[tuple[Record, float]],
+    protocol: Protocol,
+    summary: Summary,
+    robust: Mapping[tuple[str, str], float],
+) -> Table:
     first = scored[0][0]
     by_entrant: dict[str, list[tuple[Record, float]]] = {}
     for record, score in scored:
@@ -123,16 +193,19 @@ def _table(scored: list[tuple[Record, float]], protocol: Protocol, rng: np.rando
     rows = []
     for name in sorted(by_entrant):
         other = {task: arrays[paper]} if paper in arrays and name != paper else {}
-        rows.append(_row(name, [r for r, _ in by_entrant[name]], {task: arrays[name]}, other, protocol, rng))
-    return Table(
-        first["family"],
-        task,
-        first["env_id"],
-        first["track"],
-        first["output_unit"],
-        first["command_unit"],
-        paper,
-        ranked(rows),
+        row = _row(name, [r for r, _ in by_entrant[name]], summary, robust.get((task, name)))
+        rows.append(_scored(row, {task: arrays[name]}, paper, other, first["track"], summary))
+    return summary.table(
+        Table(
+            first["family"],
+            task,
+            first["env_id"],
+            first["track"],
+            first["output_unit"],
+            first["command_unit"],
+            paper,
+            ranked(rows),
+        )
     )
 
 
@@ -144,42 +217,32 @@ def _score_array(items: list[tuple[Record, float]]) -> np.ndarray:
     return np.array([[runs[k][e] for e in sorted(runs[k])] for k in sorted(runs)])
 
 
-def _row(
-    name: str, records: list[Record], scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator
-) -> Row:
+def _row(name: str, records: list[Record], summary: Summary, robustness: float | None) -> Row:
     complete = [r["metrics"] for r in records if not r["metrics"]["failed"]]
-    row = Row(
+    return Row(
         entrant=name,
         information=records[0]["information"],
-        failures=sum(bool(r["metrics"]["failed"]) for r in records),
+        failures=sum(map(summary.failed, records)),
         raw={m.name: _median([c.get(m.name) for c in complete]) for m in METRICS},
         charged=_charged(records),
         replay=records[-1]["replay"],
         trajectory=_typical_run(records),
+        robustness=robustness,
+        violations=summary.violations(records),
     )
-    return _scored(row, scores, paper, protocol, rng)
 
 
-def _scored(row: Row, scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator) -> Row:
+def _scored(row: Row, scores: Scores, paper: str, opponent: Scores, track: str, summary: Summary) -> Row:
     """The row with the statistics of its scores; without them where any episode has none."""
-    flat = np.concatenate([np.ravel(s) for s in scores.values()])
     row = replace(
         row,
         runs=min(s.shape[0] for s in scores.values()),
         episodes=sum(s.shape[1] for s in scores.values()),
         scores={k: tuple(map(tuple, v.tolist())) for k, v in scores.items()},
     )
-    if not np.all(np.isfinite(flat)):
+    if not all(np.all(np.isfinite(s)) for s in scores.values()):
         return row
-    improvement = probability_of_improvement(scores, paper) if paper else math.nan
-    return replace(
-        row,
-        score=bootstrap(scores, interquartile_mean, rng, protocol.resamples, protocol.level),
-        median=float(median(flat)),
-        optimality_gap=float(optimality_gap(flat)),
-        worst_tenth=float(worst_tenth(flat)),
-        improvement=improvement if math.isfinite(improvement) else None,
-    )
+    return summary.row(row, scores, paper, opponent, track)
 
 
 def _median(values: list[float | None]) -> float:
@@ -227,11 +290,17 @@ def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
     return tuple(result)
 
 
-def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Generator) -> tuple[Table, ...]:
-    """For each mechanism and track one table over all its tasks, of those who ran every one, if any."""
+def _overall(tables: tuple[Table, ...], protocol: Protocol, summary: Summary) -> tuple[Table, ...]:
+    """For each track one table over all tasks of a mechanism, of those who ran every one, if any.
+
+    In score version 1 there is one over all tasks of the suite before them.
+    """
     result = []
-    for family, track in dict.fromkeys((t.family, t.track) for t in tables):
-        group = [t for t in tables if (t.family, t.track) == (family, track)]
+    groups = [(t.family, t.track) for t in tables]
+    if protocol.score_version and len({t.family for t in tables}) > 1:
+        groups = [*(("", t.track) for t in tables), *groups]
+    for family, track in dict.fromkeys(groups):
+        group = [t for t in tables if t.track == track and family in ("", t.family)]
         if len(group) < 2:
             continue
         rows: dict[str, list[Row]] = {}
@@ -244,46 +313,49 @@ def _overall(tables: tuple[Table, ...], protocol: Protocol, rng: np.random.Gener
         scores = {n: {k: np.array(v) for row in r for k, v in row.scores.items()} for n, r in whole.items()}
         paper = protocol.paper.get(family, "")
         merged = [
-            _merge(whole[n], scores[n], scores.get(paper, {}) if n != paper else {}, protocol, rng)
+            _scored(_merge(whole[n]), scores[n], paper, scores.get(paper, {}) if n != paper else {}, track, summary)
             for n in sorted(whole)
         ]
         omitted = tuple(sorted(set(rows) - set(whole)))
-        result.append(Table(family, "", "", track, "", "", paper, ranked(merged), len(group), omitted))
+        table = Table(family, "", "", track, "", "", paper, ranked(merged), len(group), omitted)
+        result.append(summary.table(table))
     return tuple(result)
 
 
-def _merge(rows: list[Row], scores: Scores, paper: Scores, protocol: Protocol, rng: np.random.Generator) -> Row:
+def _merge(rows: list[Row]) -> Row:
     """One entrant over several tasks. Raw errors of different units are not averaged: dimensionless metrics stay."""
     common = [m.name for m in METRICS if m.unit in ("1", "us")]
-    row = Row(
+    return Row(
         entrant=rows[0].entrant,
         information=rows[0].information,
         failures=sum(r.failures for r in rows),
         raw={name: _median([r.raw[name] for r in rows]) for name in common},
         charged={k: sum(r.charged.get(k, 0) for r in rows) for k in sorted({k for r in rows for k in r.charged})},
         replay=rows[0].replay,
+        robustness=merged_robustness(rows),
+        places=merged_places(rows),
+        violations=merged_violations(rows),
     )
-    return _scored(row, scores, paper, protocol, rng)
 
 
-def _sweeps(scored: list[tuple[Record, float]]) -> tuple[dict[str, Any], ...]:
+def _sweeps(scored: list[tuple[Record, float]], summary: Summary) -> tuple[dict[str, Any], ...]:
     """RMSE and score against the swept value for every task, sweep and entrant of a stress track.
 
     RMSE is NaN where all episodes failed; a failed episode has its worst score.
     """
-    found: dict[tuple[str, str, str, str], dict[float, list[tuple[float, float]]]] = {}
+    found: dict[tuple[str, str, str, str], dict[float, list[tuple[float, float, float]]]] = {}
     for r, score in scored:
         if r.get("sweep"):
             key = (r["task"], r["sweep"], r.get("sweep_unit", "1"), r["entrant"])
             rmse = math.nan if r["metrics"]["failed"] else r["metrics"]["rmse"]
-            found.setdefault(key, {}).setdefault(r["sweep_value"], []).append((rmse, score))
+            found.setdefault(key, {}).setdefault(r["sweep_value"], []).append((rmse, score, summary.survival(r, score)))
     result = []
     for (task, sweep, unit, entrant), points in sorted(found.items()):
         values = sorted(points)
-        means = [float(np.mean([s for _, s in points[v]])) for v in values]
+        means, survival = ([float(np.mean([p[k] for p in points[v]])) for v in values] for k in (1, 2))
         result.append({
             "task": task, "sweep": sweep, "unit": unit, "entrant": entrant, "values": values,
-            "rmse": [_median([e for e, _ in points[v]]) for v in values],
-            "score": means, "robustness": float(np.mean(means)),
+            "rmse": [_median([p[0] for p in points[v]]) for v in values],
+            "score": means, "robustness": float(np.mean(survival)),
         })  # fmt: skip
     return tuple(result)

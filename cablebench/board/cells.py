@@ -1,7 +1,8 @@
 """What stands in the cells of a board's tables, the same on the terminal, in Markdown and on the page."""
 
 from cable_envs.core.text import count
-from cablebench.board.tables import Row, Table
+from cablebench.board.suite import RANKED
+from cablebench.board.tables import Board, Row, Table
 from cablebench.entrants.entrant import BUDGETS
 from cablebench.protocol.metrics import METRICS
 from cablebench.protocol.units import shown, unit_of
@@ -10,9 +11,13 @@ MAIN_METRICS = {True: ("rmse", "settling_5", "steady_state_error"), False: ("rms
 """Raw metrics beside the score: for step tasks, for others."""
 
 
+SUITE = "Suite"
+"""What a table over the tasks of all mechanisms is called."""
+
+
 def heading(table: Table) -> str:
     """What a table is about, in words."""
-    return f"{table.task or f'{table.family}: all {table.tasks} tasks'} ({table.track} track)"
+    return f"{table.task or f'{table.family or SUITE}: all {table.tasks} tasks'} ({table.track} track)"
 
 
 def interval(row: Row) -> str:
@@ -20,12 +25,14 @@ def interval(row: Row) -> str:
     if row.score is None:
         return "–"
     s = row.score
-    return f"{s.value:.2f} [{s.low:.2f}, {s.high:.2f}]" + ("*" if s.unit == "episodes" else "")
+    return f"{s.value:.2f} [{s.low:.2f}, {s.high:.2f}]" + ("*" if s.single else "")
 
 
 def cells(table: Table) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the compact table that terminal and Markdown show."""
     metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    if table.score_version:
+        return _suite_cells(table, metrics)
     head = ["#", "controller", "class", "score (IQM)", "worst 10 %", "> paper"]
     head += [f"{_label(m)} [{unit_of(m, table)}]" for m in metrics] + ["failed", "env steps", "trials", "ident."]
     body = []
@@ -42,6 +49,72 @@ def cells(table: Table) -> tuple[list[str], list[list[str]]]:
         line += [f"{row.failures}/{row.runs * row.episodes}", *(count(row.charged.get(k, 0)) for k in BUDGETS)]
         body.append(line)
     return head, body
+
+
+def _suite_cells(table: Table, metrics: tuple[str, ...]) -> tuple[list[str], list[list[str]]]:
+    """The same for score version 1."""
+    head = ["#", "controller", "class", "score", "worst rigs", "robust", "> paper"]
+    head += [f"{_label(m)} [{unit_of(m, table)}]" for m in metrics]
+    head += [f"{name} [{unit_of(m, table)}]" if table.task else name for m, name in RANKED.items()]
+    head += ["failed", "env steps", "trials", "ident."]
+    body = []
+    for row in table.rows:
+        line = [str(row.rank), row.entrant, row.information, interval(row), _two(row.worst_tenth)]
+        line += [_percent(row.robustness), improvement(row)]
+        line += [_value(row, m, table) for m in metrics]
+        line += [placed(row, m, table) for m in RANKED]
+        line += [failures(row), *(count(row.charged.get(k, 0)) for k in BUDGETS)]
+        body.append(line)
+    return head, body
+
+
+def improvement(row: Row) -> str:
+    """Probability of improvement over the papers' controller in per cent, as "73 % [60, 84]"; a dash without it."""
+    if row.improvement is None or row.improvement_interval is None:
+        return _percent(row.improvement)
+    low, high = row.improvement_interval
+    return f"{100 * row.improvement:.0f} % [{100 * low:.0f}, {100 * high:.0f}]"
+
+
+def placed(row: Row, metric: str, table: Table) -> str:
+    """A raw value with its place in the table in brackets; over several tasks the mean place alone."""
+    place = row.places.get(metric)
+    if table.tasks > 1:
+        return "–" if place is None else f"({place:.1f})"
+    text = shown(row.raw[metric], metric, table)
+    return text if place is None else f"{text} ({place:.0f})"
+
+
+def failures(row: Row) -> str:
+    """As "12/50 (overload 9, dropped 3)": failed episodes of all, and the rules that they break."""
+    broken = ", ".join(f"{name} {n}" for name, n in row.violations.items())
+    return f"{row.failures}/{row.runs * row.episodes}" + (f" ({broken})" if broken else "")
+
+
+def remarks(table: Table) -> list[str]:
+    """Sentences below a table: who is not in it, and how many pairs of its rows differ."""
+    found = []
+    if table.omitted:
+        found.append(f"Not in this table because they did not run all tasks: {', '.join(table.omitted)}.")
+    if table.pairs:
+        found.append(f"Pairs that differ, after Holm's correction: {table.separated} of {len(table.pairs)}.")
+    return found
+
+
+def agreement(board: Board) -> list[str]:
+    """For each track a sentence on how alike its tasks rank."""
+    found = []
+    for track in board.agreement:
+        ordered = sorted(track["pairs"], key=lambda p: p["tau"])
+        ends = "; ".join(
+            f"{word} {p['tau']:.2f}, {' and '.join(p['tasks'])}"
+            for word, p in (("lowest", ordered[0]), ("highest", ordered[-1]))
+        )
+        found.append(
+            f"Kendall's tau between the rankings of two tasks, {track['track']} track: mean {track['mean']:.2f} over "
+            f"{len(ordered)} pairs of tasks ({ends})."
+        )
+    return found
 
 
 def _value(row: Row, metric: str, table: Table) -> str:

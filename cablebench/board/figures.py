@@ -8,10 +8,10 @@ import numpy as np
 
 from cable_envs.drawing import charts
 from cable_envs.drawing.charts import COLOURS, DASHES, GRID, INK, MARKERS, legend_below, ticks
-from cablebench.score.statistics import performance_profile
 from cablebench.board.tables import Board, Row, Table
 from cablebench.protocol.metrics import PHASES
 from cablebench.protocol.units import axis_label, display
+from cablebench.score.statistics import performance_profile
 
 Style = Mapping[str, Mapping[str, Any]]
 

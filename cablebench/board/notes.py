@@ -20,13 +20,18 @@ def notes(
     """Sentences about a board made from ``own`` of ``everything`` in the store; ``incomplete`` runs were left out."""
     found = [protocol.note, *_coverage(tables, protocol), *_seeds(tables, protocol)]
     rows = [r for t in tables for r in t.rows]
-    if any(r.score is not None and r.score.unit == "episodes" for r in rows):
+    if any(r.score is not None and r.score.single for r in rows):
         found.append(
             "The interval of a row with a single run is over test episodes only. It does not say how much another "
             "training would differ."
         )
     missing = [f"{t.task} ({t.track})" for t in tables if t.rows and t.rows[0].score is None]
-    if missing:
+    if missing and protocol.score_version:
+        found.append(
+            f"There are no scores where '{protocol.anchors}' has no anchors (`cablebench anchors`): "
+            f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
+        )
+    elif missing:
         found.append(
             "There are no scores where the open loop or the oracle is missing, or where the oracle is no better: "
             f"{', '.join(missing)}. Rows there are ordered by raw RMSE."
@@ -40,6 +45,8 @@ def _coverage(tables: Sequence[Table], protocol: Protocol) -> list[str]:
     """Tasks and tracks of the protocol that nobody ran, or ran on fewer episodes than it asks for."""
     asked: dict[tuple[str, str], int] = {}
     for cell in protocol.cells():
+        if protocol.score_version and cell.sweep:
+            continue  # no ranking: a column says what was survived
         key = (cell.task.short, cell.track.name)
         asked[key] = asked.get(key, 0) + cell.episodes
     found = {(t.task, t.track): max(r.episodes for r in t.rows) for t in tables}

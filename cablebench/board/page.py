@@ -9,12 +9,13 @@ from cable_envs.core.text import number
 from cable_envs.drawing import pages
 from cable_envs.plants import title_of
 from cablebench.board import figures, stress_figures
-from cablebench.board.cells import seed_text
+from cablebench.board.cells import agreement, seed_text
 from cablebench.board.learning import Curve
 from cablebench.board.page_tables import bar_axis, ranking
 from cablebench.board.scoring import GAP_FLOOR
 from cablebench.board.tables import Board, Row, Table
 from cablebench.entrants.entrant import INFORMATION
+from cablebench.protocol.failures import RULES
 from cablebench.protocol.metrics import METRICS
 
 _SHOWN_TRAJECTORIES = 4
@@ -46,6 +47,10 @@ def render_html(
         "seeds": seed_text(board.seeds),
         "training_seeds": seed_text(board.training_seeds),
         "matrices": _matrices(board),
+        "suite": board.protocol.score_version > 0,
+        "whole": [ranking(t, style, Markup) for t in board.overall if not t.family],
+        "agreement": agreement(board),
+        "rules": [{"name": r.__name__, "meaning": r.__doc__} for r in RULES],
         "families": [
             _family(board, f, style, trajectories, curves, Markup)
             for f in dict.fromkeys(t.family for t in board.tables)

@@ -6,7 +6,8 @@ from typing import Any
 
 from cable_envs.core.text import count
 from cablebench.board import figures
-from cablebench.board.cells import MAIN_METRICS, censored
+from cablebench.board.cells import MAIN_METRICS, censored, failures, improvement, placed, remarks
+from cablebench.board.suite import RANKED
 from cablebench.board.tables import Row, Table
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
 from cablebench.protocol.metrics import METRICS
@@ -15,9 +16,26 @@ from cablebench.protocol.units import shown, unit_of
 _RAW = tuple(m for m in METRICS if not m.name.endswith("_censored") and m.name not in ("failed", "peak_tension"))
 
 
+_ROBUST = "share of the values of disturbance, delay, noise and friction that were survived"
+
+_FAILED = {
+    False: "episodes that did not run to their end",
+    True: "episodes that break a rule: torn, dropped, runaway, slack, overload",
+}
+
+
+def _ranked_columns(table: Table) -> list[dict[str, str]]:
+    """Headings of what has a place of its own beside the score."""
+    return [
+        {"key": m, "label": name, "unit": unit_of(m, table) if table.task else "mean place", "title": _meaning(m)}
+        for m, name in RANKED.items()
+    ]
+
+
 def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
     """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
     metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    suite = table.score_version > 0
     columns = [
         {"key": "runs", "label": "runs", "unit": "seeds", "title": "training seeds"},
         {"key": "score", "label": "score", "unit": "IQM", "title": "interquartile mean"},
@@ -27,8 +45,9 @@ def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
             "key": "worst_tenth",
             "label": "worst 10\N{NO-BREAK SPACE}%",
             "unit": "CVaR",
-            "title": "mean of the lowest tenth of the scores",
+            "title": "mean of the worst tenth of the rigs" if suite else "mean of the lowest tenth of the scores",
         },
+        *([{"key": "robustness", "label": "robust", "unit": "%", "title": _ROBUST}] if suite else []),
         {
             "key": "improvement",
             "label": "better than",
@@ -36,7 +55,8 @@ def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
             "title": "probability of improvement over the papers' controller",
         },
         *({"key": m, "label": _label(m), "unit": unit_of(m, table), "title": _meaning(m)} for m in metrics),
-        {"key": "failed", "label": "failed", "unit": "episodes", "title": "episodes that did not run to their end"},
+        *(_ranked_columns(table) if suite else ()),
+        {"key": "failed", "label": "failed", "unit": "episodes", "title": _FAILED[suite]},
         {"key": "environment_steps", "label": "env", "unit": "steps", "title": "environment steps charged"},
         {"key": "tuning_trials", "label": "tuning", "unit": "trials", "title": "tuning trials charged"},
         {
@@ -53,7 +73,9 @@ def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
     ]
     raw = [m for m in _RAW if any(math.isfinite(r.raw.get(m.name, math.nan)) for r in table.rows)]
     caption = f"{max(r.episodes for r in table.rows)} test episodes in a run; a run is one training seed."
-    if table.omitted:
+    if suite:
+        caption = " ".join([caption, *remarks(table)])
+    elif table.omitted:
         caption += f" Left out, because they did not run all {table.tasks} tasks: {', '.join(table.omitted)}."
     return {
         "track": table.track,
@@ -85,12 +107,20 @@ def _cell(row: Row, name: str, table: Table) -> dict[str, Any]:
     return {"text": f"> {text}" if censored(row, name) else text, "value": row.raw[name], "bad": False}
 
 
+def _placed_cell(row: Row, name: str, table: Table) -> dict[str, Any]:
+    value = row.places.get(name, math.nan) if table.tasks > 1 else row.raw[name]
+    return {"text": placed(row, name, table), "value": value, "bad": False}
+
+
 def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, markup: Any) -> dict[str, Any]:
     def score(value: float | None) -> dict[str, Any]:
         text = "–" if value is None else f"{value:.2f}".replace("-", "−")
         return {"text": text, "value": "nan" if value is None else value, "bad": value is not None and value < 0}
 
     better = math.nan if row.improvement is None else 100 * row.improvement
+    suite = table.score_version > 0
+    robust = math.nan if row.robustness is None else 100 * row.robustness
+    shown_better = improvement(row).replace(" %", "") if suite else "–" if math.isnan(better) else f"{better:.0f}"
     return {
         "name": row.entrant,
         "information": row.information,
@@ -102,9 +132,15 @@ def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, m
             score(row.median),
             score(row.optimality_gap),
             score(row.worst_tenth),
-            {"text": "–" if math.isnan(better) else f"{better:.0f}", "value": better, "bad": False},
+            *(
+                [{"text": "–" if math.isnan(robust) else f"{robust:.0f}", "value": robust, "bad": False}]
+                if suite
+                else []
+            ),
+            {"text": shown_better, "value": better, "bad": False},
             *(_cell(row, m, table) for m in metrics),
-            {"text": f"{row.failures}/{row.runs * row.episodes}", "value": row.failures, "bad": row.failures > 0},
+            *(_placed_cell(row, m, table) for m in (RANKED if suite else ())),
+            {"text": failures(row), "value": row.failures, "bad": row.failures > 0},
             *({"text": count(row.charged.get(k, 0)), "value": row.charged.get(k, 0), "bad": False} for k in BUDGETS),
         ],
     }
@@ -138,7 +174,7 @@ def _bar(row: Row, colour: str) -> str:
         f'<line x1="{x(v)}" x2="{x(v)}" y1="1" y2="{height - 1}" stroke="{"#b9c1c7" if v in (0, 1) else "#e6eaed"}"/>'
         for v in (-1, -0.5, 0, 0.5, 1)
     )
-    fill = "#ffffff" if s.unit == "episodes" else colour
+    fill = "#ffffff" if s.single else colour
     middle = height // 2
     return (
         f'<svg width="{width}" height="{height}" viewBox="0 0 {width} {height}" role="img" '

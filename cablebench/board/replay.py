@@ -11,9 +11,9 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.board.scoring import Record, episode_key, latest, newest, score_episodes
-from cablebench.score.statistics import interquartile_mean
 from cablebench.protocol.protocol import Protocol
 from cablebench.run.makers import told_apart
+from cablebench.score.statistics import interquartile_mean
 
 TIMED = ("inference_us",)
 """Metrics that measure the machine: no two runs have the same."""

@@ -7,7 +7,7 @@ from typing import Any
 
 from cable_envs.core.files import json_text, write_atomic
 from cable_envs.core.text import markdown_code, markdown_text
-from cablebench.board.cells import cells, heading, seed_text
+from cablebench.board.cells import agreement, cells, heading, remarks, seed_text
 from cablebench.board.learning import Curve
 from cablebench.board.page import render_html
 from cablebench.board.tables import SCHEMA, Board
@@ -89,6 +89,8 @@ def print_board(board: Board, console: Any) -> None:
             previous = row.information
             view.add_row(*(Text(line[k]) for k in kept), style="bold" if row.rank == 1 else "")
         console.print(view)
+        for remark in remarks(table) if table.score_version else ():
+            console.print(remark, style="dim", highlight=False, markup=False)
         console.print()
     for remark in legend(board):
         console.print(remark, style="dim", highlight=False, markup=False)
@@ -96,7 +98,16 @@ def print_board(board: Board, console: Any) -> None:
 
 def legend(board: Board) -> list[str]:
     """The sentences without which the tables cannot be read."""
-    lines = [
+    lines = _suite_legend(board) if board.protocol.score_version else _linear_legend(board)
+    origin = (
+        f"Made by the {board.protocol.name} protocol, version {board.version}, configuration {board.configuration}, "
+        f"on {board.created}."
+    )
+    return [*lines, *board.notes, *agreement(board), origin]
+
+
+def _linear_legend(board: Board) -> list[str]:
+    return [
         f"Score: 0 = {board.protocol.open_loop}, 1 = {board.protocol.oracle}. A score is an interquartile mean with "
         f"its {100 * board.protocol.level:g} % interval over training seeds; a star marks a single run, whose interval "
         "is over test episodes. Entrants are ranked within their information class. A failed episode has a score of "
@@ -104,11 +115,22 @@ def legend(board: Board) -> list[str]:
         "Other values are medians over completed episodes. '>' before a settling time: it was not reached. "
         f"'> paper': the probability that an episode is better than that of {_papers(board)}.",
     ]
-    origin = (
-        f"Made by the {board.protocol.name} protocol, version {board.version}, configuration {board.configuration}, "
-        f"on {board.created}."
-    )
-    return [*lines, *board.notes, origin]
+
+
+def _suite_legend(board: Board) -> list[str]:
+    p = board.protocol
+    return [
+        f"Score: ln(e_open/e) / ln(e_open/e_bound) of the RMSE e between frozen anchors ('{p.anchors}'): 0 = "
+        f"{p.open_loop}, 1 = the bound. A task's score is an interquartile mean, over several tasks their mean, with "
+        f"its {100 * p.level:g} % interval over training seeds and rigs; a star marks a single run, whose interval is "
+        f"over rigs. A failed episode has a score of {p.worst_score:g}: torn, load dropped, runaway (10 times the open "
+        "loop's error), a slack cable or an overload for more than 0.5 % of the time.",
+        "Entrants are ranked within their information class. 'worst rigs': mean of the worst tenth. 'robust': share of "
+        "the values of disturbance, delay, noise and friction that were survived. '> paper': the probability of a "
+        f"higher score than {_papers(board)} on the same rig. Other values are medians over completed episodes, with "
+        "the place in the table in brackets (over several tasks the mean place). '>' before a settling time: it was "
+        "not reached.",
+    ]
 
 
 def _papers(board: Board) -> str:
@@ -127,12 +149,8 @@ def render_markdown(board: Board) -> str:
         left = {"controller", "class"}
         out += ["| " + " | ".join(head) + " |", "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
         out += ["| " + " | ".join([line[0], markdown_text(line[1]), *line[2:]]) + " |" for line in body]
-        if table.omitted:
-            out += [
-                "",
-                "Not in this table because they did not run all tasks: "
-                f"{', '.join(map(markdown_text, table.omitted))}.",
-            ]
+        for remark in remarks(table):
+            out += ["", markdown_text(remark)]
     out += ["", "## Replay", ""]
     out += [
         f"- {t.task}, {t.track}, {markdown_text(r.entrant)}: {markdown_code(board.replay(t, r))}"

@@ -1,4 +1,6 @@
-"""Scores of episodes: 0 is the open loop, 1 the oracle, both on the same episode.
+"""Scores of episodes, and which records make a row: score version 0; `cablebench.score.log_score` has version 1.
+
+In version 0, 0 is the open loop and 1 the oracle, both on the same episode:
 
     score = (rmse_open_loop - rmse) / max(rmse_open_loop - rmse_oracle, GAP_FLOOR x their median distance)
 
@@ -14,6 +16,8 @@ import numpy as np
 
 from cablebench.protocol.protocol import Protocol
 from cablebench.run.makers import content_of
+from cablebench.score.anchors import Anchors, anchors_of
+from cablebench.score.log_score import score_records
 
 GAP_FLOOR = 0.5
 """Least denominator, as a share of the median distance between open loop and oracle in the condition: an open loop that
@@ -103,21 +107,26 @@ def episode_key(record: Record) -> tuple[Any, ...]:
     return record["env_id"], record["track"], record.get("sweep"), record.get("sweep_value"), record["seed"]
 
 
-def score_episodes(records: list[Record], protocol: Protocol) -> list[float]:
-    """The score of each record: 0 is the open loop, 1 the oracle, on the same episode.
+def score_episodes(records: list[Record], protocol: Protocol, anchors: Anchors | None = None) -> list[float]:
+    """The score of each record, by the version of the score that the protocol says.
 
     Parameters
     ----------
     records : list of mapping
-        With those of both references.
+        In version 0 with those of both references.
     protocol : Protocol
-        Names the references and the worst score.
+        Says the version and the worst score, and names references or anchors.
+    anchors : mapping, optional
+        Of version 1; by default `cablebench.score.anchors.anchors_of` the protocol.
 
     Returns
     -------
     list of float
-        NaN where a reference is missing or the oracle's median advantage is not positive.
+        NaN where, in version 0, a reference is missing or the oracle's median advantage is not positive; in version 1
+        where the condition has no anchor.
     """
+    if protocol.score_version:
+        return score_records(records, protocol, anchors_of(protocol) if anchors is None else anchors)
     worst = _reference_errors([r for r in records if r["entrant"] == protocol.open_loop])
     best = _reference_errors([r for r in records if r["entrant"] == protocol.oracle])
     gaps: dict[tuple[Any, ...], list[float]] = {}

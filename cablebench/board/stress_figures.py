@@ -16,7 +16,10 @@ SHOWN = 7
 
 
 def robustness(board: Board, task: str) -> dict[str, dict[str, tuple[float, float]]]:
-    """{entrant: {sweep: (mean score over the swept values, lowest score of them)}} of a task, best mean first."""
+    """{entrant: {sweep: (robustness, lowest score of the swept values)}} of a task, best mean robustness first.
+
+    Robustness is the mean score over the swept values, or in score version 1 the share of them that was survived.
+    """
     found: dict[str, dict[str, tuple[float, float]]] = {}
     for s in board.sweeps:
         if s["task"] == task and all(map(math.isfinite, s["score"])):
@@ -26,7 +29,7 @@ def robustness(board: Board, task: str) -> dict[str, dict[str, tuple[float, floa
 
 
 def radar(board: Board, task: str, style: Style) -> str:
-    """One axis for each sweep: the mean score over it, and the lowest; empty text below three sweeps.
+    """One axis for each sweep: the robustness over it, and the lowest score; empty text below three sweeps.
 
     Drawn are the papers' controller and the most robust others; open loop and oracle are 0 and 1 by definition.
     """
@@ -41,7 +44,8 @@ def radar(board: Board, task: str, style: Style) -> str:
 
     def draw(figure: Any) -> None:
         axes = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
-        for k, (ax, title) in enumerate(zip(axes, ("mean over the sweep", "lowest in the sweep"), strict=True)):
+        first = "share survived" if board.protocol.score_version else "score, mean over the sweep"
+        for k, (ax, title) in enumerate(zip(axes, (first, "score, lowest in the sweep"), strict=True)):
             for name in names:
                 s = style[name]
                 radii = [max(values[name][sweep][k], 0.0) for sweep in sweeps]
@@ -54,7 +58,7 @@ def radar(board: Board, task: str, style: Style) -> str:
             ax.set_ylim(0.0, max(1.1, ax.get_ylim()[1]))
             ax.set_yticks([0.25, 0.5, 0.75, 1.0], ["", "0.5", "", "1"])
             ax.spines["polar"].set_color(GRID)
-            ax.set_title(f"score, {title}", pad=16, loc="center")
+            ax.set_title(title, pad=16, loc="center")
             ax.tick_params(axis="x", pad=6, colors=INK)
         legend_below(figure, axes, gap=1.2, head=0.62, foot=0.45)
         figure.subplots_adjust(right=1 - 0.8 / figure.get_figwidth())  # room for the name of the axis on the right

@@ -6,9 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.score.statistics import BootstrapInterval
 from cablebench.entrants.entrant import INFORMATION
 from cablebench.protocol.protocol import Protocol
+from cablebench.score.anchors import Anchor
+from cablebench.score.compare import Pair
+from cablebench.score.statistics import BootstrapInterval
 
 SCHEMA = 1
 """Version of board.json."""
@@ -38,6 +40,14 @@ class Row:
     worst_tenth: float | None = None
     improvement: float | None = None
     """probability of improvement over the papers' controller; None for that controller itself"""
+    improvement_interval: tuple[float, float] | None = None
+    """its interval; score version 1"""
+    robustness: float | None = None
+    """share of the sweeps' values that were survived; score version 1, None where they were not run"""
+    places: Mapping[str, float] = field(default_factory=dict)
+    """place in the table by metric (`cablebench.board.suite.RANKED`), over several tasks their mean; score version 1"""
+    violations: Mapping[str, int] = field(default_factory=dict)
+    """episodes that break each failure rule (`cablebench.protocol.failures`); score version 1"""
     scores: Mapping[str, tuple[tuple[float, ...], ...]] = field(default_factory=dict)
     """task -> scores of the episodes of each run"""
     trajectory: str = ""
@@ -60,6 +70,11 @@ class Table:
     """how many tasks it covers"""
     omitted: tuple[str, ...] = ()
     """entrants left out of a table over all tasks because they did not run all of them"""
+    pairs: tuple[Pair, ...] = ()
+    """every two entrants compared; score version 1"""
+    separated: int = 0
+    """how many of the pairs differ after Holm's correction"""
+    score_version: int = 0
 
 
 @dataclass(frozen=True)
@@ -84,6 +99,10 @@ class Board:
     """what people say about it, in Markdown: NOTES.md of its folder"""
     place: str = ""
     """where its records lie, as flags of the command line: "--board quick" or "--results DIR" """
+    anchors: tuple[Anchor, ...] = ()
+    """what the scores of version 1 are between"""
+    agreement: tuple[Mapping[str, Any], ...] = ()
+    """{track, mean, pairs: [{tasks, tau}]}: Kendall's tau between the tasks' rankings; score version 1"""
 
     @property
     def version(self) -> int:

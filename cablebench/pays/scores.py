@@ -18,13 +18,13 @@ from cable_envs.core.config import configuration_hash
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
-from cablebench.score.statistics import bootstrap
 from cablebench.jobs import Context
 from cablebench.pays.rigs import RIGS, HiddenRig
 from cablebench.protocol.actors import Actor, ControllerActor
 from cablebench.protocol.metrics import measure
 from cablebench.run.evaluation import core_of, run_episode
 from cablebench.run.records import badness
+from cablebench.score.statistics import bootstrap
 from cablebench.tune.objective import loss_of
 
 SCHEMA = "cable-pays/1"

@@ -216,7 +216,7 @@ def command_ripple(e: Episode) -> float:
     stretch has five periods of the cutoff.
     """
     ranged = float(np.ptp(e.reference))
-    jumps = np.flatnonzero(np.abs(np.diff(e.reference)) > JUMP_SHARE * ranged) + 1 if ranged > 0.0 else []
+    jumps = np.flatnonzero(np.abs(np.diff(e.reference)) > JUMP_SHARE * ranged) + 1  # none where it stands still
     left_out, least = round(JUMP_WINDOW / e.dt), LEAST_PERIODS / (CHATTER_CUTOFF * e.dt)
     ends = [*jumps, len(e.command)]
     starts = [0, *(k + left_out for k in jumps)]
@@ -252,7 +252,7 @@ def rms_tension(e: Episode) -> float:
 
 
 def dropped(e: Episode) -> float:
-    """1 where the load ended more than 50 mm below where it started and, where it is the output, below its reference."""
+    """1 where the load ended more than 50 mm below its start and, where it is the output, below its reference."""
     if "load_position" not in e.signals:
         return math.nan
     load = e.signals["load_position"]

@@ -9,7 +9,6 @@ from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.sim.setup import Setup
 from cablebench.protocol.seal import drawn_seeds
 
-
 PUSH: Mapping[str, Any] = {"kind": "random_steps", "hold": 1.0}
 """Signal of a swept disturbance: a force or torque on the load, drawn anew every second, between its amplitudes."""
 

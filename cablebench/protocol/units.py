@@ -5,7 +5,16 @@ from typing import Any
 from cable_envs.core.text import number
 from cablebench.protocol.metrics import METRICS
 
-_PERCENT = ("overshoot", "slack", "overload", "dropped", "success", "failed", "settling_2_censored", "settling_5_censored")
+_PERCENT = (
+    "overshoot",
+    "slack",
+    "overload",
+    "dropped",
+    "success",
+    "failed",
+    "settling_2_censored",
+    "settling_5_censored",
+)
 _BY_NAME = {m.name: m for m in METRICS}
 
 

@@ -199,8 +199,6 @@ def write_anchors(path: Path, anchors: Iterable[Anchor], note: str) -> Path:
     """
     ordered = sorted(anchors, key=lambda a: (a.task, a.track))
     head = yaml.safe_dump({"schema": SCHEMA, "note": note}, sort_keys=False, width=120)
-    lines = [
-        yaml.safe_dump(asdict(a), sort_keys=False, default_flow_style=True, width=10_000).strip() for a in ordered
-    ]
+    lines = [yaml.safe_dump(asdict(a), sort_keys=False, default_flow_style=True, width=10_000).strip() for a in ordered]
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_atomic(path, f"{head}anchors:\n" + "".join(f"  - {line}\n" for line in lines))

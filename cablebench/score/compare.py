@@ -1,5 +1,6 @@
-"""Entrants against each other, on the same rigs: differences with Holm's correction, probability of improvement, and
-how alike two tasks rank.
+"""Entrants against each other on the same rigs: differences with Holm's correction, and probability of improvement.
+
+Tasks against each other: how alike they rank.
 """
 
 import math

@@ -64,8 +64,8 @@ def freeze(
         errors = {b.name: _median(records, b.name, zero) for b in applying}
         best = min(errors, key=lambda name: errors[name])
         made.append(Anchor(
-            task.env, track.name, _rounded(zero), _rounded(errors[best]), records[0]["output_unit"], open_loop.name, best, episodes,
-            alone.seeds(1)[0], task_hash(task, track), versions()["source"],
+            task.env, track.name, _rounded(zero), _rounded(errors[best]), records[0]["output_unit"], open_loop.name,
+            best, episodes, alone.seeds(1)[0], task_hash(task, track), versions()["source"],
         ))  # fmt: skip
     return made
 

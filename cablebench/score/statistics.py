@@ -104,6 +104,11 @@ class BootstrapInterval(Interval):
     unit: str
     runs: int
 
+    @property
+    def single(self) -> bool:
+        """Whether it says nothing about training, because there is one run only."""
+        return "training seeds" not in self.unit
+
 
 def bootstrap(
     scores: Scores, statistic: Statistic, rng: np.random.Generator, resamples: int = 2000, level: float = 0.95

@@ -1,4 +1,4 @@
-"""Intervals of scores over both that a board samples: training seeds and rigs (Owen 2007 calls it the pigeonhole bootstrap).
+"""Intervals of scores over both that a board samples, training seeds and rigs: the pigeonhole bootstrap of Owen 2007.
 
 Scores of a task are an array [training seeds, rigs]. A resample draws seeds and rigs with replacement, independently,
 and takes the scores where they cross. The interval is a percentile interval, widened for small numbers: each level's
