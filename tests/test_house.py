@@ -45,7 +45,7 @@ INSIDE = {
         "skeletons",
         "",
     ),
-    "cablebench.cli": ("", "bench", "learn", "physics", "shared"),
+    "cablebench.cli": ("", "suite", "bench", "learn", "physics", "shared"),
     "cable_envs.diagnosis": (
         "experiment",
         "",

@@ -25,7 +25,7 @@ def interval(row: Row) -> str:
     if row.score is None:
         return "–"
     s = row.score
-    return f"{s.value:.2f} [{s.low:.2f}, {s.high:.2f}]" + ("*" if s.single else "")
+    return f"{_two(s.value)} [{_two(s.low)}, {_two(s.high)}]" + ("*" if s.single else "")
 
 
 def cells(table: Table) -> tuple[list[str], list[list[str]]]:
@@ -133,7 +133,7 @@ def _label(name: str) -> str:
 
 
 def _two(value: float | None) -> str:
-    return "–" if value is None else f"{value:.2f}"
+    return "–" if value is None else f"{round(value, 2) + 0.0:.2f}"  # never -0.00
 
 
 def _percent(value: float | None) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cablebench.cli.bench import anchors, demo, envs, evaluate, export, leaderboard, new, replay, run, seal, submit
+from cablebench.cli.bench import demo, envs, evaluate, export, leaderboard, new, replay, run, seal, submit
 from cablebench.cli.learn import publish, train, tune
 from cablebench.cli.physics import (
     blind_test,
@@ -18,6 +18,7 @@ from cablebench.cli.physics import (
     reproduce,
     retrain_study,
 )
+from cablebench.cli.suite import anchors, try_
 
 SIMULATE, LEARN, BENCHMARK, DIAGNOSE, REPRODUCE = "Simulate", "Learn", "Benchmark", "Diagnose", "Reproduce"
 
@@ -53,6 +54,7 @@ COMMANDS = (
         LEARN, "train", train.train, "cablebench train --algo ppo --env CableHole-Position-Sine --out runs/my-agent"
     ),
     Command(LEARN, "publish", publish.publish, "cablebench publish runs/my-agent --out policies"),
+    Command(BENCHMARK, "try", try_.try_, "cablebench try pid-tuned --task CableHole-Position-Sine"),
     Command(
         BENCHMARK, "evaluate", evaluate.evaluate,
         "cablebench evaluate --protocol quick --controller pid --results results/mine",

@@ -168,7 +168,7 @@ class Protocol:
     """0: linear between the references' errors on the same episode; 1: logarithmic between frozen anchors"""
     anchors: str = ""
     """of score version 1: name of a file in configs/anchors, or path of a YAML file"""
-    survival: float = 0.0
+    survival: float = 0.1
     """of score version 1: a sweep's value is survived where no failure rule is broken and the score is above this"""
     resamples: int = 2000
     level: float = 0.95

@@ -86,5 +86,5 @@ def _score(record: Record, worst: float, anchors: Anchors) -> float:
 
 
 def survived(record: Record, score: float, protocol: Protocol, anchors: Anchors) -> bool:
-    """Whether an episode breaks no rule and scores above the protocol's `survival`, which is 0: the open loop."""
+    """Whether an episode breaks no rule and scores above the protocol's `survival`, so that it beats the open loop."""
     return not violations(record, anchors) and score > protocol.survival

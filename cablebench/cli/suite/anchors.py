@@ -6,7 +6,6 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cablebench.cli.shared.arguments import resolve_env
 from cablebench.cli.shared.output import console, progress_bar
 from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
 
@@ -43,7 +42,7 @@ def anchors(
         Path(chosen.anchors) if Path(chosen.anchors).suffix else config_root() / "anchors" / f"{chosen.anchors}.yaml"
     )
     known = load_anchors(str(path)) if path.is_file() else {}
-    wanted = {resolve_env(name) for name in env or ()}
+    wanted = {chosen.task(name).env for name in env or ()}
     missing = []
     for task in (t for t in chosen.tasks if not wanted or t.env in wanted):
         for track in chosen.tracks:
