@@ -9,7 +9,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import require_writable
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.cli.shared.arguments import resolve_env
+from cablebench.cli.shared.arguments import resolve_task
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.recipes import entrant_recipes
 from cablebench.cli.shared.seals import Seal, unsealed
@@ -45,7 +45,7 @@ def evaluate(
     chosen = unsealed(load_protocol(protocol), seal)
     if results is not None:
         require_writable(results)  # before an hour of episodes
-    tasks = tuple(resolve_env(name) for name in env or ())
+    tasks = tuple(resolve_task(chosen, name) for name in env or ())
     recipes = entrant_recipes(controller or (), gain or (), policy or (), sandbox)
     if not controller and not policy:  # all references: those that the tasks are for
         recipes = _entering(recipes, chosen, tasks, tuple(track or ()))

@@ -11,7 +11,7 @@ import typer
 from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.bench.evaluate import choose_entrants
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
-from cablebench.cli.shared.arguments import resolve_env
+from cablebench.cli.shared.arguments import resolve_task
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.seals import Seal, unsealed
 from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
@@ -51,7 +51,7 @@ def replay(
     if not everything:
         raise ConfigurationError(f"no records in {store.path}")
     chosen = unsealed(protocol_of(everything, protocol or board), seal)
-    row = rows_of(everything, chosen, entrant, resolve_env(env), track)
+    row = rows_of(everything, chosen, entrant, resolve_task(chosen, env), track)
     again: list[Any] = []
     with progress_bar() as update:
         for words, records in arguments_of(row, store.places).items():

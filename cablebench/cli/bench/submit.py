@@ -16,7 +16,7 @@ from cable_envs.core.files import permit
 from cablebench.cli.bench.evaluate import evaluate_on
 from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.learn.train import ADDRESS_HELP, BACKEND_HELP, JOBS_HELP
-from cablebench.cli.shared.arguments import resolve_env
+from cablebench.cli.shared.arguments import resolve_task
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.recipes import NamedEntrant, named
 from cablebench.cli.shared.seals import Seal, unsealed
@@ -69,7 +69,7 @@ def submit(
     folder = board_folder(chosen.name) if publish else results or Path("results") / f"submitted-{chosen.name}"
     place = f"--results {shlex.quote(str(folder))}" + (f" --protocol {shlex.quote(protocol)}" if protocol else "")
     flags = f"--board {chosen.name}" if publish else place
-    tasks = tuple(resolve_env(e) for e in env or ())
+    tasks = tuple(resolve_task(chosen, e) for e in env or ())
     submission = read_submission(path, name or "")
     if submission.executes:
         permit(path.parent / submission.executes, submission.files[submission.executes])
@@ -150,13 +150,17 @@ def _reserved() -> tuple[str, ...]:
 def _missing(
     protocol: Any, records: list[Any], entered: tuple[str, ...], tracks: list[str] | None
 ) -> tuple[NamedEntrant, ...]:
-    """References without which a score cannot be said and that the store lacks on some task and track."""
+    """References without which a row cannot be judged and that the store lacks on some task and track.
+
+    Frozen anchors stand for open loop and oracle where the protocol has them.
+    """
+    ends = () if protocol.anchors else (protocol.open_loop, protocol.oracle)
     known = {(r["env_id"], r["track"], r["entrant"]) for r in records if r["protocol_hash"] == protocol.hash()}
     wanted = {(c.task.env, c.track.name, c.task.family) for c in protocol.cells(entered, tuple(tracks or ()))}
     names = {
         name
         for env_id, track, family in wanted
-        for name in (protocol.open_loop, protocol.oracle, protocol.paper.get(family, ""))
+        for name in (*ends, protocol.paper.get(family, ""))
         if name in _reserved() and (env_id, track, name) not in known
     }
     return tuple(named("controller", name) for name in sorted(names))

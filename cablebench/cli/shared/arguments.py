@@ -35,6 +35,14 @@ def resolve_env(name: str, every_version: bool = False) -> str:
     raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, FIRST_IDS))}")
 
 
+def resolve_task(protocol: Any, name: str) -> str:
+    """The id of a protocol's task by its full or short name, whatever its version; else as `resolve_env`."""
+    for task in protocol.tasks:
+        if name in (task.env, task.env.split("/")[-1], task.short):
+            return str(task.env)
+    return resolve_env(name)
+
+
 def short_name(env_id: str) -> str:
     """The id without namespace and version."""
     return env_id.split("/")[-1].rsplit("-v", 1)[0]
