@@ -23,6 +23,9 @@ from cablebench.score.statistics import BootstrapInterval, interquartile_mean
 Scores = Mapping[str, np.ndarray]
 """task -> scores [training seeds, rigs]"""
 
+_ROUNDING = 1e-24
+"""Variance of scores that differ by rounding alone."""
+
 _CHUNK = 2**22
 """Numbers that are sorted at once."""
 
@@ -128,7 +131,7 @@ def spread(parts: Sequence[tuple[float, int]]) -> Spread:
     Spread
         Each variance times n/(n - 1), added; degrees of freedom of Welch and Satterthwaite, infinite for variance 0.
     """
-    known = [(v * n / (n - 1), n - 1) for v, n in parts if n > 1 and v > 0.0]
+    known = [(v * n / (n - 1), n - 1) for v, n in parts if n > 1 and v > _ROUNDING]
     total = sum(v for v, _ in known)
     return Spread(total, total**2 / sum(v**2 / f for v, f in known)) if known else Spread(0.0, math.inf)
 

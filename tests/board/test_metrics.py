@@ -213,3 +213,53 @@ def test_thinning_keeps_first_and_last_sample():
     e = make(np.arange(1000.0), np.zeros(1000))
     thin = e.thinned(100)
     assert len(thin["time"]) == 100 and thin["reference"][0] == 0 and thin["reference"][-1] == 999
+
+
+def _commanded(command, reference, dt=0.01):
+    n = len(command)
+    zero = np.zeros(n)
+    return Episode(dt * np.arange(1, n + 1), reference, reference, command, zero, zero, {}, False, dt, n)
+
+
+def test_a_clean_jump_of_the_command_at_a_jump_of_the_reference_is_no_ripple():
+    step = np.where(np.arange(2000) >= 1000, 0.01, 0.0)
+    jump = _commanded(100.0 * np.where(np.arange(2000) >= 1001, 1.0, 0.2), step)
+    m = measure(jump)
+    assert m["command_ripple"] == pytest.approx(0.0, abs=1e-9) and m["chatter"] > 1.0  # version 0 counted it
+    late = _commanded(np.where(np.arange(2000) >= 1500, 80.0, 20.0), step)
+    assert measure(late)["command_ripple"] > 1.0  # five seconds later nobody asked for it
+
+
+def test_ripple_of_a_sinusoid_is_its_rms_with_and_without_a_jump():
+    t = 0.01 * np.arange(2000)
+    fast = 3.0 * np.sin(2 * np.pi * 20 * t)
+    for reference in (np.sin(2 * np.pi * 0.2 * t), np.where(t >= 10, 1.0, 0.0)):
+        # stretches of 10 and 9.75 s hold whole periods of 20 Hz
+        assert measure(_commanded(fast, reference))["command_ripple"] == pytest.approx(3 / np.sqrt(2), rel=1e-6)
+    half = np.where(t >= 10.25, fast, 0.0)  # only after the step: weighted by length
+    found = measure(_commanded(half, np.where(t >= 10, 1.0, 0.0)))["command_ripple"]
+    assert found == pytest.approx(3 / np.sqrt(2) * np.sqrt(9.75 / 19.75), rel=1e-6)
+
+
+def test_ripple_ignores_slow_motion_and_short_stretches():
+    t = 0.01 * np.arange(2000)
+    assert measure(_commanded(50 * np.sin(2 * np.pi * 0.5 * t), np.sin(2 * np.pi * 0.5 * t)))["command_ripple"] < 1e-3
+    jumping = np.where((np.arange(2000) // 40) % 2, 1.0, 0.0)  # every 0.4 s: no stretch has five periods of 10 Hz
+    assert np.isnan(measure(_commanded(t, jumping))["command_ripple"])
+
+
+def test_a_load_is_dropped_where_it_ends_below_start_and_reference():
+    n = 400
+    zero = np.zeros(n)
+
+    def ended(at, reference=zero, output=None):
+        load = np.linspace(0.0, at, n)
+        return Episode(0.01 * np.arange(1, n + 1), reference, load if output is None else output, zero, zero, zero,
+                       {"load_position": load, "peak_tension": np.full(n, 30.0)}, False, 0.01, n)  # fmt: skip
+
+    assert [measure(ended(at))["dropped"] for at in (0.0, -0.049, -0.051, np.nan)] == [0.0, 0.0, 1.0, 1.0]
+    lowered = np.linspace(0.0, -0.1, n)
+    assert measure(ended(-0.12, lowered))["dropped"] == 0.0  # it was asked to go down
+    assert measure(ended(-0.12, 40 + zero, 40 + zero))["dropped"] == 1.0  # a tension task: nobody asked
+    assert np.isnan(measure(_commanded(zero, zero))["dropped"])
+    assert measure(ended(0.0))["rms_tension"] == pytest.approx(30.0)
