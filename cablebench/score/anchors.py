@@ -5,7 +5,7 @@ the hash of what its task is made of; where the task has changed since, the anch
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -147,13 +147,15 @@ def _anchor(entry: Any, source: str) -> Anchor:
     return Anchor(**{name: kind(entry[name]) for name, kind in _TYPES.items()})
 
 
-def anchors_of(protocol: Protocol) -> dict[tuple[str, str], Anchor]:
+def anchors_of(protocol: Protocol, tasks: Sequence[Task] = ()) -> dict[tuple[str, str], Anchor]:
     """The anchors of a protocol's tasks on its tracks, each checked against the task as it is now.
 
     Parameters
     ----------
     protocol : Protocol
         Of score version 1.
+    tasks : sequence of Task
+        Of the protocol; empty: all.
 
     Returns
     -------
@@ -167,7 +169,7 @@ def anchors_of(protocol: Protocol) -> dict[tuple[str, str], Anchor]:
     """
     known = load_anchors(protocol.anchors)
     found: dict[tuple[str, str], Anchor] = {}
-    for task in protocol.tasks:
+    for task in tasks or protocol.tasks:
         for track in protocol.tracks:
             anchor = known.get((task.env, track.name))
             if anchor is None:

@@ -43,7 +43,7 @@ def try_(
         raise ConfigurationError(f"'{chosen.name}' has no frozen anchors; `cablebench run` scores one episode of it")
     one = chosen.task(task)
     names = tuple(track or (t.name for t in chosen.tracks if not t.sweeps))
-    anchors = anchors_of(chosen)
+    anchors = anchors_of(chosen, (one,))
     for name in names:
         if (one.env, chosen.track(name).name) not in anchors:
             raise ConfigurationError(f"{one.env} ({name}) has no anchors: `cablebench anchors --protocol {protocol}`")
