@@ -54,6 +54,13 @@ V1_IDS = tuple(f"{name}-v1" for name in _NAMES)
 FIRST_IDS = tuple(f"{name}-{'v1' if new else 'v0'}" for name, new in _NAMES.items())
 """Each task in the first version that it has: what agents are trained for."""
 
+SUITE_IDS = tuple(
+    f"cable_envs/{task}-{level}-v1"
+    for task in config_names("suite")
+    for level in read_yaml(config_path("suite", f"{task}.yaml"))["levels"]
+)
+"""Suite v1: each task of configs/suite at each of its levels (docs/suite.md)."""
+
 _THRESHOLDS = {_task: read_yaml(config_path("thresholds", f"{_task}.yaml")) for _task in config_names("thresholds")}
 """Task -> reference -> return of an episode from which it counts as solved."""
 
@@ -67,6 +74,17 @@ for _id in ENV_IDS + V1_IDS:
         kwargs={"task": _task, "reference": _reference} | ({"version": "v0"} if _version == "v0" else {}),
         reward_threshold=_THRESHOLDS.get(_task, {}).get(_reference.lower()),
         # what Gymnasium's default wrappers check the environments check themselves; a fifth of a step's time
+        order_enforce=False,
+        disable_env_checker=True,
+    )
+
+for _id in SUITE_IDS:
+    _task, _level = _id.removeprefix("cable_envs/").removesuffix("-v1").rsplit("-", 1)
+    register(
+        id=_id,
+        entry_point="cable_envs.envs:CableEnv",
+        vector_entry_point="cable_envs.vector:CableVectorEnv",
+        kwargs={"task": _task, "level": _level},
         order_enforce=False,
         disable_env_checker=True,
     )

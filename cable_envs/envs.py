@@ -292,19 +292,23 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     def __init__(
         self,
         task: str,
-        reference: str | Mapping[str, Any],
+        reference: str | Mapping[str, Any] | None = None,
         *,
+        level: str | None = None,
+        split: str = "train",
+        sensors: str = "rig",
+        preview: bool = False,
         rig: str | Path | Mapping[str, Any] | Rig | None = None,
         effects: Mapping[str, Any] | None = None,
         effect_file: str | Path | Effect | None = None,
         version: str = VERSIONS[-1],
-        plant: str = "analytic",
+        plant: str | None = None,
         action_mode: str | None = None,
         observe: str | None = None,
-        randomize: bool | Mapping[str, Any] = False,
-        sensor_noise: bool | float | Mapping[str, float] = False,
-        sensor_delay: int = 0,
-        action_delay: int = 0,
+        randomize: bool | Mapping[str, Any] | None = None,
+        sensor_noise: bool | float | Mapping[str, float] | None = None,
+        sensor_delay: int | None = None,
+        action_delay: int | None = None,
         disturbance: Mapping[str, Any] | None = None,
         posture: Mapping[str, Any] | None = None,
         control_period: float | None = None,
@@ -314,19 +318,15 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         render_theme: str = "light",
         **unknown: Any,
     ):
-        self.setup = make_setup(
-            task, reference, rig=rig, effects=effects, effect_file=effect_file, version=version, plant=plant,
-            action_mode=action_mode, observe=observe, randomize=randomize, sensor_noise=sensor_noise,
-            sensor_delay=sensor_delay, action_delay=action_delay, disturbance=disturbance, posture=posture,
-            control_period=control_period, substeps=substeps, duration=duration, **unknown,
-        )  # fmt: skip
         self._arguments: dict[str, Any] = {
-            "task": task, "reference": reference, "rig": rig, "effects": effects, "effect_file": effect_file,
-            "version": version, "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
+            "task": task, "reference": reference, "level": level, "split": split, "sensors": sensors,
+            "preview": preview, "rig": rig, "effects": effects, "effect_file": effect_file, "version": version,
+            "plant": plant, "action_mode": action_mode, "observe": observe, "randomize": randomize,
             "sensor_noise": sensor_noise, "sensor_delay": sensor_delay, "action_delay": action_delay,
             "disturbance": disturbance, "posture": posture, "control_period": control_period, "substeps": substeps,
             "duration": duration,
         }  # fmt: skip
+        self.setup = make_setup(**self._arguments, **unknown)
         self.render_mode, self.render_theme = render_mode, render_theme
         self.metadata = {**self.metadata, "render_fps": round(1.0 / self.setup.control_period)}
         self.observation_space, self.action_space = make_spaces(self.setup)

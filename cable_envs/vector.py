@@ -44,9 +44,9 @@ class CableVectorEnv(VectorEnv):
     Parameters
     ----------
     task : str
-        Name of a task in configs/tasks, as "CableHole-Position".
-    reference : str or mapping
-        "step", "sine", or a signal (`cable_envs.sim.references`).
+        Name of a task in configs/tasks or configs/suite, as "CableHole-Position".
+    reference : str or mapping, optional
+        "step", "sine", or a signal (`cable_envs.sim.references`); by default that of the level.
     num_envs : int
         Number of environments, at least 1.
     autoreset_mode : AutoresetMode or str
@@ -100,7 +100,7 @@ class CableVectorEnv(VectorEnv):
     def __init__(
         self,
         task: str,
-        reference: str | Mapping[str, Any],
+        reference: str | Mapping[str, Any] | None = None,
         num_envs: int = 1,
         *,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,

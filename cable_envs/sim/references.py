@@ -13,6 +13,8 @@ ramp         | offset + amplitude (t - start) / hold, then held
 triangle     | offset + amplitude tri(frequency (t - start)), tri starts at 0 and rises
 multisine    | offset + amplitude / 4 sum of sines at frequency x (1, 2.3, 3.7, 5.9), phases drawn per episode
 random_steps | offset + amplitude u, u in [-1, 1) drawn anew every ``hold`` seconds
+trapezoids   | the same levels, each reached on a straight line of ``ramp`` seconds and then held; while it is held,
+             | + micro tri(frequency x the time since it was reached), in whole cycles
 """
 
 import math
@@ -27,19 +29,21 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.noise import uniform
 from cable_envs.core.params import is_number
 
-KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps")
-FIELDS = Lanes("Signal", ["kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "key"])
+KINDS = ("constant", "step", "pulse", "sine", "ramp", "triangle", "multisine", "random_steps", "trapezoids")
+FIELDS = Lanes("Signal", ["kind", "offset", "amplitude", "frequency", "start", "phase", "hold", "ramp", "micro", "key"])
 """Rows of a signal; its kind is the place of its name in `KINDS`, its key draws what is random in it."""
 
-CONSTANT, STEP, PULSE, SINE, RAMP, TRIANGLE, MULTISINE, RANDOM_STEPS = range(len(KINDS))
+CONSTANT, STEP, PULSE, SINE, RAMP, TRIANGLE, MULTISINE, RANDOM_STEPS, TRAPEZOIDS = range(len(KINDS))
 
 _NEEDS = {
     "constant": (), "step": ("amplitude",), "pulse": ("amplitude", "hold"), "sine": ("amplitude", "frequency"),
     "ramp": ("amplitude", "hold"), "triangle": ("amplitude", "frequency"), "multisine": ("amplitude", "frequency"),
-    "random_steps": ("amplitude", "hold"),
+    "random_steps": ("amplitude", "hold"), "trapezoids": ("amplitude", "hold", "ramp"),
 }  # fmt: skip
 _TAU = 2.0 * math.pi
 _HARMONICS = (1.0, 2.3, 3.7, 5.9)
+MULTISINE_SPEED = 0.25 * _TAU * math.fsum(_HARMONICS)
+"""Largest speed that a multisine can have, for an amplitude and a frequency of 1."""
 _named = FIELDS.views
 
 
@@ -56,6 +60,36 @@ def _multisine(q, i, s):
         rate += part * w * cosine
         acceleration -= part * w * w * sine
     return r, rate, acceleration
+
+
+@inline
+def _cycle(phase, amplitude, frequency):
+    """(value, slope) of a triangle that starts at 0 and rises; phase: cycles since its start."""
+    cycle = phase + 0.25
+    cycle = cycle - math.floor(cycle)
+    slope = 4.0 * amplitude * frequency
+    if cycle < 0.5:
+        return amplitude * (4.0 * cycle - 1.0), slope
+    return amplitude * (3.0 - 4.0 * cycle), -slope
+
+
+@inline
+def _trapezoids(q, i, s):
+    """`signal` of drawn levels that are reached at a steady speed, s [s] after its start."""
+    amplitude, ramp, hold, frequency = q.amplitude[i], q.ramp[i], q.hold[i], q.frequency[i]
+    k = math.floor(s / (ramp + hold))
+    since = s - k * (ramp + hold)
+    level = amplitude * (2.0 * uniform(q.key[i], k, 9) - 1.0)
+    if since < ramp:
+        before = 0.0
+        if k > 0.0:
+            before = amplitude * (2.0 * uniform(q.key[i], k - 1.0, 9) - 1.0)
+        return q.offset[i] + before + (level - before) * since / ramp, (level - before) / ramp, 0.0
+    held = since - ramp
+    if q.micro[i] == 0.0 or held * frequency >= math.floor(hold * frequency):
+        return q.offset[i] + level, 0.0, 0.0
+    small, slope = _cycle(held * frequency, q.micro[i], frequency)
+    return q.offset[i] + level + small, slope, 0.0
 
 
 @inline
@@ -93,14 +127,12 @@ def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
             return offset + amplitude, 0.0, 0.0
         return offset + amplitude * s / q.hold[i], amplitude / q.hold[i], 0.0
     if kind == TRIANGLE:
-        cycle = q.frequency[i] * s + 0.25
-        cycle = cycle - math.floor(cycle)
-        slope = 4.0 * amplitude * q.frequency[i]
-        if cycle < 0.5:
-            return offset + amplitude * (4.0 * cycle - 1.0), slope, 0.0
-        return offset + amplitude * (3.0 - 4.0 * cycle), -slope, 0.0
+        part, slope = _cycle(q.frequency[i] * s, amplitude, q.frequency[i])
+        return offset + part, slope, 0.0
     if kind == MULTISINE:
         return _multisine(q, i, s)
+    if kind == TRAPEZOIDS:
+        return _trapezoids(q, i, s)
     level = 2.0 * uniform(q.key[i], math.floor(s / q.hold[i]), 9) - 1.0
     return offset + amplitude * level, 0.0, 0.0
 
@@ -135,7 +167,7 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
         What errors call it: "reference", "disturbance" or "posture".
     spec : mapping
         "kind", one of `KINDS`, and numbers in SI: "offset", "amplitude", "frequency" (Hz), "start" (s), "phase" (rad),
-        "hold" (s). What is left out is 0, where the kind does not need it.
+        "hold" (s), "ramp" (s), "micro". What is left out is 0, where the kind does not need it.
 
     Returns
     -------
@@ -145,8 +177,8 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
     Raises
     ------
     ConfigurationError
-        For unknown kinds or keys, missing keys, and numbers that are not finite or, for a frequency or hold that the
-        kind needs, not above 0.
+        For unknown kinds or keys, missing keys, and numbers that are not finite or, for a frequency, hold or ramp that
+        the kind needs, not above 0.
 
     Examples
     --------
@@ -166,11 +198,12 @@ def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:
         raise ConfigurationError(f"{what} of kind '{kind}' needs {', '.join(missing)}")
     column = np.zeros(FIELDS.count)
     column[FIELDS.row("kind")] = KINDS.index(kind)
+    positive = {*_NEEDS[kind]} | ({"frequency"} if spec.get("micro") else set())
     for field in given:
         value = spec.get(field, 0.0)
         if not is_number(value):
             raise ConfigurationError(f"{what}.{field}: expected a finite number, got {value!r}")
-        if field in ("frequency", "hold") and field in _NEEDS[kind] and value <= 0.0:
+        if field in ("frequency", "hold", "ramp") and field in positive and value <= 0.0:
             raise ConfigurationError(f"{what}.{field} must be above 0 for kind '{kind}'")
         column[FIELDS.row(field)] = float(value)
     return column

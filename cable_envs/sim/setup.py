@@ -3,7 +3,7 @@
 import inspect
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,10 @@ from cable_envs.effects import Effect, dotted
 from cable_envs.plants import VERSIONS, families
 from cable_envs.plants.base import ActionMode, Plant, SecondCommand
 from cable_envs.plants.own_effects import load_effect
-from cable_envs.sim.references import pack_signal
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.stepsize import MOST, substeps_for
+from cable_envs.sim.suite.drawing import DrawnSignal
+from cable_envs.sim.suite.levels import OWN, Conditions, check_derived, level_content, make_conditions
 from cable_envs.sim.tasks import (
     COMMAND,
     ERROR,
@@ -70,6 +71,8 @@ class Setup:
         Integration steps in a control period.
     steps : int
         Control steps in an episode.
+    conditions : Conditions, optional
+        What a level of a task of the suite has besides; None: the task has no levels.
     """
 
     task: Task
@@ -89,6 +92,7 @@ class Setup:
     control_period: float
     substeps: int
     steps: int
+    conditions: Conditions | None = None
 
     @property
     def low(self) -> float:
@@ -123,19 +127,23 @@ class Setup:
 
 def make_setup(
     task: str,
-    reference: str | Mapping[str, Any],
+    reference: str | Mapping[str, Any] | None = None,
     *,
+    level: str | None = None,
+    split: str = "train",
+    sensors: str = "rig",
+    preview: bool = False,
     rig: str | Path | Mapping[str, Any] | Rig | None = None,
     effects: Mapping[str, Any] | None = None,
     effect_file: str | Path | Effect | None = None,
     version: str = VERSIONS[-1],
-    plant: str = "analytic",
+    plant: str | None = None,
     action_mode: str | None = None,
     observe: str | None = None,
-    randomize: bool | Mapping[str, Any] = False,
-    sensor_noise: bool | float | Mapping[str, float] = False,
-    sensor_delay: int = 0,
-    action_delay: int = 0,
+    randomize: bool | Mapping[str, Any] | None = None,
+    sensor_noise: bool | float | Mapping[str, float] | None = None,
+    sensor_delay: int | None = None,
+    action_delay: int | None = None,
     disturbance: Mapping[str, Any] | None = None,
     posture: Mapping[str, Any] | None = None,
     control_period: float | None = None,
@@ -148,9 +156,13 @@ def make_setup(
     Parameters
     ----------
     task : str
-        Name of a task in configs/tasks, as "CableHole-Position".
-    reference : str or mapping
-        "step", "sine", or a signal as `cable_envs.sim.references.pack_signal` takes it.
+        Name of a task in configs/tasks or configs/suite, as "CableHole-Position".
+    reference : str or mapping, optional
+        "step", "sine", or a signal as `cable_envs.sim.suite.drawing.DrawnSignal.of` takes it; by default that of the
+        level.
+    level, split, sensors, preview
+        As of `cable_envs.envs.CableEnv`, for tasks of the suite. What the level says holds for every option that is
+        not given.
     rig, effects, effect_file, plant, action_mode, observe, randomize, sensor_noise, sensor_delay, action_delay
         As of `cable_envs.envs.CableEnv`.
     version : str
@@ -179,59 +191,101 @@ def make_setup(
     for name in unknown:
         raise UnknownOption.of("CableEnv", name, ("reference", *OPTIONS, "render_mode", "render_theme"))
     declared = load_task(task)
+    content = _content_of(declared, level, split)
+    asked = {
+        "reference": reference, "rig": rig, "effects": effects, "plant": plant, "action_mode": action_mode,
+        "observe": observe, "randomize": randomize, "sensor_noise": sensor_noise, "sensor_delay": sensor_delay,
+        "action_delay": action_delay, "disturbance": disturbance, "posture": posture, "control_period": control_period,
+        "substeps": substeps, "duration": duration,
+    }  # fmt: skip
+    o = _USUAL | {k: v for k, v in content.items() if k not in OWN} | {k: v for k, v in asked.items() if v is not None}
+    if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig) and isinstance(content.get("rig"), Mapping):
+        o["rig"] = {**content["rig"], **rig}
     own: tuple[Effect, ...] = ()
     if effect_file is not None:
         own = (effect_file if isinstance(effect_file, Effect) else load_effect(effect_file),)
-    chosen = _choose_rig(declared, rig, own, version)
-    if effects is not None:
-        if not isinstance(effects, Mapping):
+    chosen = _choose_rig(declared, o["rig"], own, version)
+    if o["effects"] is not None:
+        if not isinstance(o["effects"], Mapping):
             raise ConfigurationError(f"effects: expected a mapping of effect: {{parameter: value}}, got {effects!r}")
-        chosen = chosen.replace(dict(dotted(effects)))
-    simulator = chosen.simulated_by(plant, version)
-    mode = _choose_mode(simulator, action_mode or declared.action_mode)
-    level = observe or declared.observe
-    if level not in LEVELS:
-        raise ConfigurationError(f"unknown observe level '{level}'; {nearest(level, LEVELS)}")
-    spec = declared.references.get(reference.lower()) if isinstance(reference, str) else reference
-    if spec is None:
-        raise ConfigurationError(f"unknown reference '{reference}'; {nearest(str(reference), declared.references)}")
-    pack_signal("reference", spec)
-    push = {"kind": "constant"} if disturbance is None else disturbance
-    pack_signal("disturbance", push)
-    if posture is not None:
-        require_posture(simulator)
-    bending = {"kind": "constant"} if posture is None else posture
-    pack_signal("posture", bending)
-    period = _seconds("control_period", control_period, declared.control_period, PERIODS)
-    length = _seconds("duration", duration, declared.duration, (period, LONGEST))
+        chosen = chosen.replace(dict(dotted(o["effects"])))
+    simulator = chosen.simulated_by(o["plant"], version)
+    mode = _choose_mode(simulator, o["action_mode"] or declared.action_mode)
+    observed = o["observe"] or declared.observe
+    if observed not in LEVELS:
+        raise ConfigurationError(f"unknown observe level '{observed}'; {nearest(observed, LEVELS)}")
+    signals = _signals(declared, simulator, o)
+    period = _seconds("control_period", o["control_period"], declared.control_period, PERIODS)
+    length = _seconds("duration", o["duration"], declared.duration, (period, LONGEST))
     if abs(length / period - round(length / period)) > 1e-6:
         raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
-    ranges = _ranges(declared, chosen, simulator, randomize)
+    ranges = _ranges(declared, chosen, simulator, o["randomize"])
     column = chosen.column(simulator)
-    given = None if substeps is None else _count("substeps", substeps, 1, MOST)
-    return Setup(
+    given = None if o["substeps"] is None else _count("substeps", o["substeps"], 1, MOST)
+    channels = _channels(declared, simulator, mode, observed)
+    made = Setup(
         task=declared,
         rig=chosen,
         plant=simulator,
         action_mode=mode,
         ranges=tuple(_range_of(one, chosen) for one in mode.commands),
-        channels=_channels(declared, simulator, mode, level),
-        reference=dict(spec),
-        disturbance=dict(push),
-        posture=dict(bending),
+        channels=channels,
+        reference=signals["reference"],
+        disturbance=signals["disturbance"],
+        posture=signals["posture"],
         randomize=ranges,
-        noise=_noise(declared, simulator, sensor_noise),
-        sensor_delay=_count("sensor_delay", sensor_delay, 0, MAX_DELAY),
+        noise=_noise(declared, simulator, o["sensor_noise"]),
+        sensor_delay=_count("sensor_delay", o["sensor_delay"], 0, MAX_DELAY),
         sensor_steps=_sensor_steps(simulator, column, ranges, period),
-        action_delay=_count("action_delay", action_delay, 0, MAX_DELAY),
+        action_delay=_count("action_delay", o["action_delay"], 0, MAX_DELAY),
         control_period=period,
         substeps=substeps_for(simulator, column, ranges, period, given, declared.substeps),
         steps=round(length / period),
     )
+    if level is None:
+        return made
+    conditions = make_conditions(declared, content, level, split, simulator, sensors, preview)
+    check_derived(conditions, made.sensors)
+    return replace(made, conditions=conditions)
 
 
 OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.items() if p.kind is p.KEYWORD_ONLY)
 """Names of the options of an environment."""
+
+
+_USUAL: Mapping[str, Any] = {
+    "reference": None, "rig": None, "effects": None, "plant": "analytic", "action_mode": None, "observe": None,
+    "randomize": False, "sensor_noise": False, "sensor_delay": 0, "action_delay": 0, "disturbance": None,
+    "posture": None, "control_period": None, "substeps": None, "duration": None,
+}  # fmt: skip
+"""Options where neither the caller nor a level says another value; None: what the task says, or nothing."""
+
+
+def _content_of(task: Task, level: str | None, split: str) -> dict[str, Any]:
+    """What a level says, checked for its keys; nothing for a task without levels."""
+    if level is None:
+        if task.levels:
+            raise ConfigurationError(f"task {task.name} needs a level; one of {', '.join(task.levels)}")
+        return {}
+    content = level_content(task, level, split)
+    require_known(f"key in level {level} of task {task.name}", content, (*OWN, *_USUAL))
+    return content
+
+
+def _signals(task: Task, plant: Plant, options: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Reference, disturbance and posture, each checked."""
+    reference, posture = options["reference"], options["posture"]
+    spec = task.references.get(reference.lower()) if isinstance(reference, str) else reference
+    if spec is None:
+        raise ConfigurationError(f"unknown reference '{reference}'; {nearest(str(reference), task.references)}")
+    if posture is not None:
+        require_posture(plant)
+    still = {"kind": "constant"}
+    found = {"reference": spec, "disturbance": options["disturbance"], "posture": posture}
+    found = {what: still if one is None else one for what, one in found.items()}
+    for what, one in found.items():
+        DrawnSignal.of(what, one)
+    return {what: dict(one) for what, one in found.items()}
 
 
 def require_posture(plant: Plant) -> None:

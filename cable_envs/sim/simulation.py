@@ -13,9 +13,11 @@ from cable_envs.core.team import Team
 from cable_envs.plants import family
 from cable_envs.sim import steppers
 from cable_envs.sim.buffers import Buffers
-from cable_envs.sim.references import FIELDS, evaluate, pack_signal
+from cable_envs.sim.references import FIELDS, evaluate
 from cable_envs.sim.setup import Setup, require_posture
 from cable_envs.sim.stepsize import check_step
+from cable_envs.sim.suite.drawing import CABLES, PLACES, DrawnSignal, draws
+from cable_envs.sim.suite.judging import JUDGED
 from cable_envs.sim.tasks import INFO
 
 FARTHEST = 1000.0
@@ -99,7 +101,8 @@ class Simulation:
     def __init__(self, setup: Setup, n: int):
         self.setup, self.n = setup, n
         plant = setup.plant
-        self.info_names = (*INFO.names, *(s.name for s in plant.signals))
+        judged = JUDGED.names if setup.conditions is not None else ()
+        self.info_names = (*INFO.names, *judged, *(s.name for s in plant.signals))
         self._column = setup.rig.column(plant)
         self.values = np.repeat(self._column, n, axis=1)
         self.buffers = Buffers.of(setup, n)
@@ -107,9 +110,8 @@ class Simulation:
         self._nominal = self._prepared(self._column)
         self._delays = [k for k, name in enumerate(plant.table.names) if name.startswith("sensor_delay.")]
         self._gain = 1.0 if setup.output_observed else proxy_gain(setup)
-        self._reference = pack_signal("reference", setup.reference)
-        self._disturbance = pack_signal("disturbance", setup.disturbance)
-        self._posture = pack_signal("posture", setup.posture)
+        usual = {"reference": setup.reference, "disturbance": setup.disturbance, "posture": setup.posture}
+        self._usual = {what: DrawnSignal.of(what, spec) for what, spec in usual.items()}
         self._choose(max(int(setup.sensor_steps > 0), self._needed(self._nominal)))
         self.asked = self._named.asked
         self.spread = 1.0
@@ -136,41 +138,51 @@ class Simulation:
         """
         options = dict(options or {})
         require_known("reset option", options, RESET_OPTIONS)
-        signals, keys = self._signals(len(lanes), options), np.empty(len(lanes))
+        signals, keys = self._signals(options), np.empty(len(lanes))
         values, p = self._rigs(len(lanes), options.get("rig"))
         parameters = self.setup.plant.table
         rows = [parameters.index(name) for name, _, _ in self.setup.randomize]
         for k, rng in enumerate(generators):
             keys[k] = rng.integers(1, 2**52)
+            self._draw_cable(values[:, k], keys[k])
             for row, draw, (_, low, high) in zip(rows, rng.random(len(rows)), self.setup.randomize, strict=True):
                 if self.spread != 1.0:
                     low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
                 values[row, k] = low + draw * (high - low)
-        reference, disturbance, posture = signals
+        reference, disturbance, posture = (
+            np.array([one.draw(k, number) for k in keys]).T for number, one in enumerate(signals)
+        )
         key = FIELDS.row("key")
         reference[key], disturbance[key], posture[key] = keys, keys + 1.0, keys + 2.0
-        if rows:
+        drawn = bool(rows) or self._drawn_cables
+        if drawn:
             p = self._prepared(values)
             check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "a rig of this reset")
-        x = self.setup.plant.rest(p, self._start(reference, values, options.get("initial_position")))
+        start = self._start(reference, values, options.get("initial_position"))
+        zero = np.zeros(len(lanes))
+        if self.setup.conditions is not None:
+            away, zero = self._places(keys)
+            start = start + (away if options.get("initial_position") is None else 0.0)
+        x = self.setup.plant.rest(p, start)
         if self.setup.plant.posture:
             bent = x[self.setup.plant.row(self.setup.plant.posture)]
             bent[:] = np.maximum(bent + [evaluate(posture, k, 0.0)[0] for k in range(len(lanes))], 0.0)
 
-        if rows or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
+        if drawn or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
             if self._needed(p) > self.with_effects:
                 self._choose(self._needed(p))
             self._check_delays(values)
         b, s = self.buffers, self._named
         self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
         s.followed[:, lanes], s.push[:, lanes], s.bending[:, lanes] = reference, disturbance, posture
-        s.key[lanes] = keys
+        s.key[lanes], s.zero[lanes] = keys, zero
         s.tension_limit[lanes] = values[parameters.index("tension_limit")]
         s.breaking_tension[lanes] = values[parameters.index("breaking_tension")]
         s.proxy_gain[lanes] = self._gain
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
-        steppers.begin[min(self.with_effects, 1)](b.block, b.obs, b.common, lanes)
+        begin = steppers.begin_of(1 if self.with_effects else None, self.setup.conditions is not None)
+        begin(b.block, b.obs, b.common, lanes)
 
     def _prepared(self, values: np.ndarray) -> np.ndarray:
         """Coefficients; where the step need not fit the rig, the rig is made to fit the step."""
@@ -186,7 +198,7 @@ class Simulation:
     def _choose(self, with_effects: int) -> None:
         """Step with the kernel of this number: it gives the numbers of a quicker one where that would do."""
         self.with_effects = with_effects
-        self.kernel = steppers.kernels_of(self.setup.plant)[with_effects]
+        self.kernel = steppers.kernels_of(self.setup.plant, self.setup.conditions is not None)[with_effects]
 
     def advance(self) -> Callable[[], None]:
         """The step of all environments by one control period.
@@ -213,7 +225,8 @@ class Simulation:
             (block, obs, common, action) -> (reward, terminated, truncated, *values of the info), on the arrays of
             `buffers` as `cable_envs.core.kernels.handed` gives them.
         """
-        b, kernel = self.buffers, steppers.single_kernels_of(self.setup.plant)[self.with_effects]
+        b = self.buffers
+        kernel = steppers.single_kernels_of(self.setup.plant, self.setup.conditions is not None)[self.with_effects]
         return ready(kernel, handed(b.block), handed(b.obs), handed(b.common), 0.0)
 
     def _check_delays(self, values: np.ndarray) -> None:
@@ -226,16 +239,35 @@ class Simulation:
                 f"when it is made: effects={{'sensor_delay': {{'{name.split('.')[1]}': {longest:g}}}}}"
             )
 
-    def _signals(self, n: int, options: Mapping[str, Any]) -> list[np.ndarray]:
-        """Columns of reference, disturbance and posture, [len(FIELDS), n] each."""
-        columns = []
-        usual = {"reference": self._reference, "disturbance": self._disturbance, "posture": self._posture}
-        for what, default in usual.items():
+    def _signals(self, options: Mapping[str, Any]) -> list[DrawnSignal]:
+        """Reference, disturbance and posture of the next episodes."""
+        found = []
+        for what, usual in self._usual.items():
             given = options.get(what)
             if what == "posture" and given is not None:
                 require_posture(self.setup.plant)
-            columns.append(np.repeat((default if given is None else pack_signal(what, given))[:, None], n, axis=1))
-        return columns
+            found.append(usual if given is None else DrawnSignal.of(what, given))
+        return found
+
+    @property
+    def _drawn_cables(self) -> bool:
+        return self.setup.conditions is not None and bool(self.setup.conditions.cable_rows)
+
+    def _draw_cable(self, column: np.ndarray, key: float) -> None:
+        """Parameters of one of the level's cables, where it has some, into the rig of an episode."""
+        if self.setup.conditions is not None and self._drawn_cables:
+            cables = self.setup.conditions.cables
+            choice = draws(key, CABLES).integers(cables.shape[1])
+            column[list(self.setup.conditions.cable_rows)] = cables[:, choice]
+
+    def _places(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(how far from the reference the outputs begin [n], zeros of the encoders [n])."""
+        conditions = self.setup.conditions
+        assert conditions is not None
+        low, high = conditions.start
+        reach = max(conditions.unhomed.values(), default=0.0)
+        at = np.array([draws(key, PLACES).random(2) for key in keys])
+        return low + at[:, 0] * (high - low), reach * (2.0 * at[:, 1] - 1.0)
 
     def _rigs(self, n: int, changes: Any) -> tuple[np.ndarray, np.ndarray]:
         """(parameter columns, coefficient columns) of the nominal rig, or of one with some parameters changed."""
@@ -270,7 +302,8 @@ class Simulation:
         held = x[self.setup.plant.row(mode.rest_signal)] if mode.rest_signal else np.zeros(len(lanes))
         u.rows[:, lanes] = 0.0
         u.command[lanes], u.mode[lanes] = held, self.setup.plant.number_of(mode)
-        s.action[lanes] = s.last_action[lanes] = _action(held, self.setup.ranges[0])
+        told = held + self.buffers.common[0].shifted * s.zero[lanes]
+        s.action[lanes] = s.last_action[lanes] = _action(told, self.setup.ranges[0])
         second = mode.second
         if second is not None:
             row = self.setup.plant.row

@@ -23,14 +23,16 @@ from cable_envs.effects.sensor_delay import between, seen_at
 from cable_envs.plants.base import Plant
 from cable_envs.sim.buffers import COMMON, ENVIRONMENT
 from cable_envs.sim.references import FIELDS, signal
+from cable_envs.sim.suite.judging import JUDGED, begin_judging, expect, judge, priced
+from cable_envs.sim.suite.sensing import as_on_a_rig
 from cable_envs.sim.tasks import INFO, OBSERVATION_LIMIT, command_of, reward
 
 BLOCK = 128
 """Environments whose numbers stay in the cache from action to reward."""
 
-_X = ENVIRONMENT.count
-_environment, _inputs, _signal, _info, _sense = (
-    ENVIRONMENT.views, INPUTS.views, FIELDS.views, INFO.views, SENSE.views,
+_X = _JUDGED_AT = ENVIRONMENT.count
+_environment, _inputs, _signal, _info, _sense, _judged = (
+    ENVIRONMENT.views, INPUTS.views, FIELDS.views, INFO.views, SENSE.views, JUDGED.views,
 )  # fmt: skip
 
 
@@ -47,6 +49,8 @@ def _act(block, s, c, lo, hi):
         s.last_action[i] = s.action[i]
         s.action[i] = action
         command = command_of(action, low, high)
+        if suite is not None:
+            command = command - c.shifted * s.zero[i]
         u.command_rate[i] = (command - u.command[i]) / period
         u.command[i] = command
         u.mode[i] = mode
@@ -76,7 +80,7 @@ def _act_second(block, s, c, lo, hi):
 
 
 @inline
-def _sensed(x, p, s, shown, c, distorted, lo, hi):  # noqa: C901 - as a piece of its own the noise is drawn in vain
+def _sensed(block, x, p, s, shown, c, fresh, distorted, lo, hi):  # noqa: C901 - as a piece of its own the noise is drawn in vain
     """What every sensor shows of now: its signal with noise, then scale, bias and rectification."""
     for k in range(c.sensors):
         for i in range(lo, hi):
@@ -94,6 +98,8 @@ def _sensed(x, p, s, shown, c, distorted, lo, hi):  # noqa: C901 - as a piece of
                 for i in range(lo, hi):
                     value = shown[k, i] * e.sensor_scale[i] + e.sensor_bias[i]
                     shown[k, i] = value - e.sensor_rectification[i] * minimum(value, 0.0)
+    if suite is not None:
+        as_on_a_rig(block, s, shown, c, fresh, lo, hi)
 
 
 @inline
@@ -106,6 +112,8 @@ def _delayed(p, s, shown, ring, c, k, fresh, distorted, lo, hi):
             for slot in range(slots):
                 ring[slot * sensors + k, i] = shown[k, i]
         late = float(c.late)
+        if suite is not None:
+            late = late + c.behind[k]
         if distorted is not None and c.effects[k] >= 0:
             late = late + _sense(p[c.effects[k] :]).sensor_delay[i] / c.period
         before, part = seen_at(s.step[i], min(late, slots - 1.0))
@@ -138,7 +146,7 @@ def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
     for i in range(lo, hi):
         r, rate, acceleration = signal(followed, i, s.step[i] * period)
         info.reference[i], s.reference_rate[i], s.reference_acceleration[i] = r, rate, acceleration
-    _sensed(x, p, s, shown, c, distorted, lo, hi)
+    _sensed(block, x, p, s, shown, c, fresh, distorted, lo, hi)
     if c.slots > 1:
         for k in range(c.sensors):
             _delayed(p, s, shown, ring, c, k, fresh, distorted, lo, hi)
@@ -149,11 +157,18 @@ def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
         info.command[i] = u.command[i]
         info.overload[i] = select(peak[i] > s.tension_limit[i], 1.0, 0.0)
         s.error_seen[i] = info.reference[i] - measured[i] / s.proxy_gain[i]
+    if suite is not None:
+        for i in range(lo, hi):
+            s.true_rate[i] = s.reference_rate[i]
+            s.reference_acceleration[i] = c.preview * s.reference_acceleration[i]
+            info.command[i] = u.command[i] + c.shifted * s.zero[i]
+        if fresh:
+            priced(_judged(block[_JUDGED_AT :]), info, c, lo, hi)
     _observe(block, obs, c, lo, hi)
 
 
 @inline
-def _judge(s, x, c, lo, hi):
+def _judge(block, s, x, c, lo, hi):
     """Reward, and whether the episode ends."""
     info, peak = _info(s.info), x[c.peak]
     scale, weight, last_step = c.error_scale, c.effort_weight, float(c.last_step)
@@ -167,6 +182,8 @@ def _judge(s, x, c, lo, hi):
         for i in range(lo, hi):
             change = s.second_action[i] - s.last_second[i]
             s.reward[i] -= weight * change * change
+    if suite is not None:
+        judge(block, s, _judged(block[_JUDGED_AT :]), c, lo, hi)
 
 
 @jit
@@ -192,6 +209,8 @@ def ask(block, actions):
 advance: Any = None
 distorted: Any = None
 signal_column: Any = None
+suite: Any = None  # anything else for tasks of the suite, with sensors of a rig, rules and prices
+_judged_column: Any = None
 
 
 def _begin(block, obs, common, lanes):
@@ -204,6 +223,8 @@ def _begin(block, obs, common, lanes):
             block[c.waiting + slot, i] = s.action[i]
             if c.actions > 1:
                 block[c.waiting + c.action_delay + slot, i] = s.second_action[i]
+        if suite is not None:
+            begin_judging(block, s, _judged(block[_JUDGED_AT :]), c, i)
         _measure(block, s, x, p, obs, c, True, distorted, i, i + 1)
 
 
@@ -217,9 +238,11 @@ def _step(block, obs, common, lo, hi):
         if c.actions > 1:
             _act_second(block, s, c, first, last)
         _act(block, s, c, first, last)
+        if suite is not None:
+            expect(s, c, first, last)
         advance(x, p, s.inputs, first, last, c.substeps, c.dt)
         _measure(block, s, x, p, obs, c, False, distorted, first, last)
-        _judge(s, x, c, first, last)
+        _judge(block, s, x, c, first, last)
 
 
 def _step_one(block, obs, common, asked):
@@ -236,38 +259,51 @@ def _step_one(block, obs, common, asked):
     if c.actions > 1:
         _act_second(block, s, c, 0, 1)
     _act(block, s, c, 0, 1)
+    if suite is not None:
+        expect(s, c, 0, 1)
     advance(x, p, s.inputs, 0, 1, c.substeps, c.dt)
     _measure(block, s, x, p, obs, c, False, distorted, 0, 1)
-    _judge(s, x, c, 0, 1)
+    _judge(block, s, x, c, 0, 1)
     ends = s.reward[0], s.terminated[0] > 0.0, s.truncated[0] > 0.0
+    if suite is not None:
+        return ends + _info_column(s.info, 0) + _judged_column(block[_JUDGED_AT :], 0) + signal_column(x, 0)
     return ends + _info_column(s.info, 0) + signal_column(x, 0)
 
 
 _info_column = INFO.column
-begin = instantiate(_begin, "begin", distorted=None), instantiate(_begin, "begin_with_effects", distorted=1)
-"""Kernels (block, obs, common, lanes) without and with effects of sensors."""
+_SUITE = {"suite": 1, "_X": ENVIRONMENT.count + JUDGED.count, "_judged_column": JUDGED.column}
+"""Names of the templates as the tasks of the suite have them."""
 
 
 @cache
-def kernels_of(plant: Plant) -> tuple[Callable[..., None], ...]:
+def begin_of(distorted: int | None, suite: bool) -> Callable[..., None]:
+    """The kernel (block, obs, common, lanes) of a reset, without (None) or with (1) effects of sensors."""
+    name = "begin_with_effects" if distorted else "begin"
+    return instantiate(_begin, f"{name}_suite" if suite else name, distorted=distorted, **(_SUITE if suite else {}))
+
+
+@cache
+def kernels_of(plant: Plant, suite: bool = False) -> tuple[Callable[..., None], ...]:
     """The kernels (block, obs, common, lo, hi) of a plant, as `Plant.kernels` has them; compiled on first use."""
-    name = f"step_{plant.name}_{plant.version}_{len(plant.signals)}"
-    return (
-        instantiate(_step, name, advance=plant.kernels[0], distorted=None),
-        instantiate(_step, f"{name}_with_effects", advance=plant.kernels[1], distorted=1),
-        instantiate(_step, f"{name}_with_bristles", advance=plant.kernels[2], distorted=1),
+    return tuple(
+        instantiate(_step, name, advance=kernel, distorted=distorted, **(_SUITE if suite else {}))
+        for name, kernel, distorted in zip(_names("step", plant, suite), plant.kernels, (None, 1, 1), strict=True)
     )
 
 
 @cache
-def single_kernels_of(plant: Plant) -> tuple[Callable[..., tuple], ...]:
+def single_kernels_of(plant: Plant, suite: bool = False) -> tuple[Callable[..., tuple], ...]:
     """The same for a single environment: (block, obs, common, action) -> reward, terminated, truncated, infos.
 
     The arrays are `kernels.handed`.
     """
-    name, column = f"step_one_{plant.name}_{plant.version}_{len(plant.signals)}", plant.signal_rows.column
-    names = name, f"{name}_with_effects", f"{name}_with_bristles"
+    column, more = plant.signal_rows.column, _SUITE if suite else {}
     return tuple(
-        instantiate(_step_one, name, advance=inlined(kernel), distorted=distorted, signal_column=column)
-        for name, kernel, distorted in zip(names, plant.kernels, (None, 1, 1), strict=True)
+        instantiate(_step_one, name, advance=inlined(kernel), distorted=distorted, signal_column=column, **more)
+        for name, kernel, distorted in zip(_names("step_one", plant, suite), plant.kernels, (None, 1, 1), strict=True)
     )
+
+
+def _names(what: str, plant: Plant, suite: bool) -> tuple[str, ...]:
+    name = f"{what}{'_suite' if suite else ''}_{plant.name}_{plant.version}_{len(plant.signals)}"
+    return name, f"{name}_with_effects", f"{name}_with_bristles"

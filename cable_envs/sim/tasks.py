@@ -8,7 +8,7 @@ It lies in (0, 1] but for the effort term, so an episode that ends early (torn c
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
 from cable_envs.core.config import config_names, config_path, read_yaml
@@ -16,9 +16,11 @@ from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.kernels import inline
 from cable_envs.core.lanes import Lanes
 
-SCHEMA = "cable-task/1"
+SCHEMA, SUITE_SCHEMA = "cable-task/1", "cable-suite/1"
 LEVELS = ("drive", "output", "full")
 TASKS = config_names("tasks")
+SUITE = config_names("suite")
+"""Names of the tasks of suite v1 (configs/suite), which have levels."""
 REFERENCES = ("Step", "Sine")
 OBSERVATION_LIMIT = 100.0
 """Observations are SI values over their scale, limited to +/- this many scales."""
@@ -56,7 +58,7 @@ class Channel:
 
 @dataclass(frozen=True)
 class Task:
-    """The validated content of a task file (configs/tasks).
+    """The validated content of a task file (configs/tasks, configs/suite).
 
     Attributes
     ----------
@@ -96,6 +98,14 @@ class Task:
         Standard deviation of the noise on signals, SI, where noise is asked for.
     randomize : mapping of str to mapping
         Ranges of parameters, where randomisation is asked for: ``{"scale": [a, b]}`` or ``{"low": a, "high": b}``.
+    extends : str
+        Of a task of the suite: the task whose keys it has where it gives none.
+    homing : float
+        Of a task of the suite: time at the start in which the reference stands and nothing is scored, s.
+    conditions : mapping
+        Of a task of the suite: what its levels have in common (`cable_envs.sim.suite.levels`).
+    levels : mapping of str to mapping
+        What each level has besides; a task that is not of the suite has none.
     """
 
     name: str
@@ -118,11 +128,15 @@ class Task:
     randomize: Mapping[str, Mapping[str, Any]]
     rigs: Mapping[str, str] = field(default_factory=dict)
     since: str = "v0"
+    extends: str = ""
+    homing: float = 0.0
+    conditions: Mapping[str, Any] = field(default_factory=dict)
+    levels: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
 
     @property
     def kind(self) -> str:
         """What is controlled: "position", "tension" or "torque"."""
-        return self.name.split("-")[1].lower()
+        return (self.extends or self.name).split("-")[1].lower()
 
     def observed(self, level: str) -> tuple[str, ...]:
         """Signals of the plant that are observed at a level.
@@ -157,7 +171,7 @@ def load_task(name: str) -> Task:
     Parameters
     ----------
     name : str
-        One of `TASKS`.
+        One of `TASKS` or `SUITE`.
 
     Returns
     -------
@@ -171,19 +185,33 @@ def load_task(name: str) -> Task:
 
     Examples
     --------
-    >>> load_task("PulleyCircuit-Torque").kind
-    'torque'
+    >>> load_task("PulleyCircuit-Torque").kind, load_task("CableHole-Track").kind
+    ('torque', 'position')
     """
-    require_known("task", [name], TASKS)
-    data = read_yaml(config_path("tasks", f"{name}.yaml"))
-    if data.pop("schema", None) != SCHEMA:
-        raise ConfigurationError(f"task {name}: schema must be '{SCHEMA}'")
+    require_known("task", [name], (*TASKS, *SUITE))
+    data = _of_suite(name) if name in SUITE else _content(name, "tasks", SCHEMA)
     keys = [f.name for f in fields(Task)]
     require_known(f"key in task {name}", data, keys)
-    missing = [key for key in keys if key not in data and key not in ("rigs", "since")]
+    needed = [f.name for f in fields(Task) if f.default is MISSING and f.default_factory is MISSING]
+    missing = [key for key in needed if key not in data]
     if missing:
         raise ConfigurationError(f"task {name}: missing {', '.join(missing)}")
     return Task(**data)
+
+
+def _content(name: str, folder: str, schema: str) -> dict[str, Any]:
+    data = read_yaml(config_path(folder, f"{name}.yaml"))
+    if data.pop("schema", None) != schema:
+        raise ConfigurationError(f"task {name}: schema must be '{schema}'")
+    return data
+
+
+def _of_suite(name: str) -> dict[str, Any]:
+    """A task of the suite: its own keys over those of the task that it extends; scales are joined."""
+    own = _content(name, "suite", SUITE_SCHEMA)
+    base = _content(str(own.get("extends")), "tasks", SCHEMA)
+    scales = {**base["scales"], **own.get("scales", {})}
+    return {**base, "rigs": {}, **own, "scales": scales, "since": "v1"}
 
 
 @inline
