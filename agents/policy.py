@@ -25,7 +25,7 @@ from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.sac.policies import SACPolicy
 from stable_baselines3.td3.policies import TD3Policy
 
-from cable_envs import FIRST_IDS
+from cable_envs import FIRST_IDS, SUITE_IDS
 from cable_envs.agents import archive
 from cable_envs.agents.files import policy_file
 from cable_envs.agents.settings import ALGORITHMS, Settings
@@ -373,5 +373,5 @@ def read_policy(file: Path) -> tuple[bytes, Metadata]:
     require_known(f"key of the settings in {file}", metadata.settings, Settings.__dataclass_fields__)
     algorithm = metadata.settings.get("algorithm_name") or metadata.settings.get("algo")
     require_known(f"algorithm in {file}", [str(algorithm)], ALGORITHMS)
-    require_known(f"environment in {file}", [metadata.env_id], FIRST_IDS)
+    require_known(f"environment in {file}", [metadata.env_id], FIRST_IDS + SUITE_IDS)
     return content, metadata

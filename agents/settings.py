@@ -38,7 +38,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 
-from cable_envs import FIRST_IDS
+from cable_envs import FIRST_IDS, SUITE_IDS
 from cable_envs.agents import checks
 from cable_envs.agents.files import settings_file
 from cable_envs.agents.shaping import Residual, Shaping
@@ -279,7 +279,7 @@ def load_settings(
     """
     path = settings_file(algo)
     data = read_yaml(path)
-    require_known(f"key in {path.name}", data, ("algorithm", "default", "search", *FIRST_IDS))
+    require_known(f"key in {path.name}", data, ("algorithm", "default", "search", *FIRST_IDS, *SUITE_IDS))
     merged: dict[str, Any] = {}
     for part in (data.get("default") or {}, data.get(env_id) or {}, changes or {}):
         check_options_of_file(part.get("env_options") or {}, f"env_options in {path.name}")

@@ -34,9 +34,10 @@ ENVIRONMENT = Lanes(
         ("info", INFO.count),
     ],
 )  # fmt: skip
-"""First rows of `Buffers.block`. Behind them: for tasks of the suite what is judged (`JUDGED`); the plant's signals and the states of its effects; coefficients; what
-each sensor shows; a ring of what each showed before, where one is late; a ring of actions, where these are, and behind
-it one of second actions; for tasks of the suite how long each rule has been broken, and the last readings."""
+"""First rows of `Buffers.block`. Behind them: for tasks of the suite what is judged (`JUDGED`); the plant's signals and
+the states of its effects; coefficients; what each sensor shows; a ring of what each showed before, where one is late; a
+ring of actions, where these are, and behind it one of second actions; for tasks of the suite how long each rule has
+been broken, and the last readings."""
 
 LISTED = 64
 """Room for channels of an observation, and for sensors."""

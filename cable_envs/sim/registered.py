@@ -41,9 +41,8 @@ def setup_of(env_id: str, options: Mapping[str, Any]) -> Setup:
 
     spec = gym.registry.get(env_id)
     if spec is None or "task" not in spec.kwargs:
-        raise ConfigurationError(
-            f"unknown environment '{env_id}'; {nearest(env_id, cable_envs.ENV_IDS + cable_envs.V1_IDS)}"
-        )
+        known = cable_envs.ENV_IDS + cable_envs.V1_IDS + cable_envs.SUITE_IDS
+        raise ConfigurationError(f"unknown environment '{env_id}'; {nearest(env_id, known)}")
     return make_setup(**{**spec.kwargs, **options})
 
 

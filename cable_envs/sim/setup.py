@@ -19,7 +19,7 @@ from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.stepsize import MOST, substeps_for
 from cable_envs.sim.suite.drawing import DrawnSignal
-from cable_envs.sim.suite.levels import OWN, Conditions, check_derived, level_content, make_conditions
+from cable_envs.sim.suite.levels import OWN, USUAL, Conditions, check_derived, content_of, make_conditions
 from cable_envs.sim.tasks import (
     COMMAND,
     ERROR,
@@ -191,14 +191,14 @@ def make_setup(
     for name in unknown:
         raise UnknownOption.of("CableEnv", name, ("reference", *OPTIONS, "render_mode", "render_theme"))
     declared = load_task(task)
-    content = _content_of(declared, level, split)
+    content = content_of(declared, level, split)
     asked = {
         "reference": reference, "rig": rig, "effects": effects, "plant": plant, "action_mode": action_mode,
         "observe": observe, "randomize": randomize, "sensor_noise": sensor_noise, "sensor_delay": sensor_delay,
         "action_delay": action_delay, "disturbance": disturbance, "posture": posture, "control_period": control_period,
         "substeps": substeps, "duration": duration,
     }  # fmt: skip
-    o = _USUAL | {k: v for k, v in content.items() if k not in OWN} | {k: v for k, v in asked.items() if v is not None}
+    o = USUAL | {k: v for k, v in content.items() if k not in OWN} | {k: v for k, v in asked.items() if v is not None}
     if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig) and isinstance(content.get("rig"), Mapping):
         o["rig"] = {**content["rig"], **rig}
     own: tuple[Effect, ...] = ()
@@ -219,7 +219,8 @@ def make_setup(
     length = _seconds("duration", o["duration"], declared.duration, (period, LONGEST))
     if abs(length / period - round(length / period)) > 1e-6:
         raise ConfigurationError(f"duration {length:g} s is no multiple of the control period {period:g} s")
-    ranges = _ranges(declared, chosen, simulator, o["randomize"])
+    drawn = content.get("randomize", True) if o["randomize"] is True else o["randomize"]
+    ranges = _ranges(declared, chosen, simulator, drawn)
     column = chosen.column(simulator)
     given = None if o["substeps"] is None else _count("substeps", o["substeps"], 1, MOST)
     channels = _channels(declared, simulator, mode, observed)
@@ -251,25 +252,6 @@ def make_setup(
 
 OPTIONS = tuple(name for name, p in inspect.signature(make_setup).parameters.items() if p.kind is p.KEYWORD_ONLY)
 """Names of the options of an environment."""
-
-
-_USUAL: Mapping[str, Any] = {
-    "reference": None, "rig": None, "effects": None, "plant": "analytic", "action_mode": None, "observe": None,
-    "randomize": False, "sensor_noise": False, "sensor_delay": 0, "action_delay": 0, "disturbance": None,
-    "posture": None, "control_period": None, "substeps": None, "duration": None,
-}  # fmt: skip
-"""Options where neither the caller nor a level says another value; None: what the task says, or nothing."""
-
-
-def _content_of(task: Task, level: str | None, split: str) -> dict[str, Any]:
-    """What a level says, checked for its keys; nothing for a task without levels."""
-    if level is None:
-        if task.levels:
-            raise ConfigurationError(f"task {task.name} needs a level; one of {', '.join(task.levels)}")
-        return {}
-    content = level_content(task, level, split)
-    require_known(f"key in level {level} of task {task.name}", content, (*OWN, *_USUAL))
-    return content
 
 
 def _signals(task: Task, plant: Plant, options: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

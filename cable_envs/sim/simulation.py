@@ -16,7 +16,7 @@ from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.references import FIELDS, evaluate
 from cable_envs.sim.setup import Setup, require_posture
 from cable_envs.sim.stepsize import check_step
-from cable_envs.sim.suite.drawing import CABLES, PLACES, DrawnSignal, draws
+from cable_envs.sim.suite.drawing import DrawnSignal
 from cable_envs.sim.suite.judging import JUDGED
 from cable_envs.sim.tasks import INFO
 
@@ -138,13 +138,14 @@ class Simulation:
         """
         options = dict(options or {})
         require_known("reset option", options, RESET_OPTIONS)
-        signals, keys = self._signals(options), np.empty(len(lanes))
+        signals, keys, conditions = self._signals(options), np.empty(len(lanes)), self.setup.conditions
         values, p = self._rigs(len(lanes), options.get("rig"))
         parameters = self.setup.plant.table
         rows = [parameters.index(name) for name, _, _ in self.setup.randomize]
         for k, rng in enumerate(generators):
             keys[k] = rng.integers(1, 2**52)
-            self._draw_cable(values[:, k], keys[k])
+            if conditions is not None:
+                conditions.draw_cable(values[:, k], keys[k])
             for row, draw, (_, low, high) in zip(rows, rng.random(len(rows)), self.setup.randomize, strict=True):
                 if self.spread != 1.0:
                     low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
@@ -154,14 +155,14 @@ class Simulation:
         )
         key = FIELDS.row("key")
         reference[key], disturbance[key], posture[key] = keys, keys + 1.0, keys + 2.0
-        drawn = bool(rows) or self._drawn_cables
+        drawn = bool(rows) or (conditions is not None and bool(conditions.cable_rows))
         if drawn:
             p = self._prepared(values)
             check_step(self.setup.plant, p, self.setup.control_period, self.setup.substeps, "a rig of this reset")
         start = self._start(reference, values, options.get("initial_position"))
         zero = np.zeros(len(lanes))
-        if self.setup.conditions is not None:
-            away, zero = self._places(keys)
+        if conditions is not None:
+            away, zero = conditions.places(keys)
             start = start + (away if options.get("initial_position") is None else 0.0)
         x = self.setup.plant.rest(p, start)
         if self.setup.plant.posture:
@@ -181,7 +182,7 @@ class Simulation:
         s.proxy_gain[lanes] = self._gain
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
-        begin = steppers.begin_of(1 if self.with_effects else None, self.setup.conditions is not None)
+        begin = steppers.begin_of(1 if self.with_effects else None, conditions is not None)
         begin(b.block, b.obs, b.common, lanes)
 
     def _prepared(self, values: np.ndarray) -> np.ndarray:
@@ -248,26 +249,6 @@ class Simulation:
                 require_posture(self.setup.plant)
             found.append(usual if given is None else DrawnSignal.of(what, given))
         return found
-
-    @property
-    def _drawn_cables(self) -> bool:
-        return self.setup.conditions is not None and bool(self.setup.conditions.cable_rows)
-
-    def _draw_cable(self, column: np.ndarray, key: float) -> None:
-        """Parameters of one of the level's cables, where it has some, into the rig of an episode."""
-        if self.setup.conditions is not None and self._drawn_cables:
-            cables = self.setup.conditions.cables
-            choice = draws(key, CABLES).integers(cables.shape[1])
-            column[list(self.setup.conditions.cable_rows)] = cables[:, choice]
-
-    def _places(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(how far from the reference the outputs begin [n], zeros of the encoders [n])."""
-        conditions = self.setup.conditions
-        assert conditions is not None
-        low, high = conditions.start
-        reach = max(conditions.unhomed.values(), default=0.0)
-        at = np.array([draws(key, PLACES).random(2) for key in keys])
-        return low + at[:, 0] * (high - low), reach * (2.0 * at[:, 1] - 1.0)
 
     def _rigs(self, n: int, changes: Any) -> tuple[np.ndarray, np.ndarray]:
         """(parameter columns, coefficient columns) of the nominal rig, or of one with some parameters changed."""

@@ -163,7 +163,7 @@ def _measure(block, s, x, p, obs, c, fresh, distorted, lo, hi):
             s.reference_acceleration[i] = c.preview * s.reference_acceleration[i]
             info.command[i] = u.command[i] + c.shifted * s.zero[i]
         if fresh:
-            priced(_judged(block[_JUDGED_AT :]), info, c, lo, hi)
+            priced(_judged(block[_JUDGED_AT:]), info, c, lo, hi)
     _observe(block, obs, c, lo, hi)
 
 
@@ -183,7 +183,7 @@ def _judge(block, s, x, c, lo, hi):
             change = s.second_action[i] - s.last_second[i]
             s.reward[i] -= weight * change * change
     if suite is not None:
-        judge(block, s, _judged(block[_JUDGED_AT :]), c, lo, hi)
+        judge(block, s, _judged(block[_JUDGED_AT:]), c, lo, hi)
 
 
 @jit
@@ -224,7 +224,7 @@ def _begin(block, obs, common, lanes):
             if c.actions > 1:
                 block[c.waiting + c.action_delay + slot, i] = s.second_action[i]
         if suite is not None:
-            begin_judging(block, s, _judged(block[_JUDGED_AT :]), c, i)
+            begin_judging(block, s, _judged(block[_JUDGED_AT:]), c, i)
         _measure(block, s, x, p, obs, c, True, distorted, i, i + 1)
 
 
@@ -266,7 +266,7 @@ def _step_one(block, obs, common, asked):
     _judge(block, s, x, c, 0, 1)
     ends = s.reward[0], s.terminated[0] > 0.0, s.truncated[0] > 0.0
     if suite is not None:
-        return ends + _info_column(s.info, 0) + _judged_column(block[_JUDGED_AT :], 0) + signal_column(x, 0)
+        return ends + _info_column(s.info, 0) + _judged_column(block[_JUDGED_AT:], 0) + signal_column(x, 0)
     return ends + _info_column(s.info, 0) + signal_column(x, 0)
 
 

@@ -192,7 +192,7 @@ def _chosen(gains: Mapping[tuple[str, bool], Mapping[str, float]], setup: Setup)
     """The gains for a setup; under another kind of reference than tuned for, those of the same task."""
     if not gains:
         return {}
-    case = (setup.task.name, setup.reference["kind"] == "step")
+    case = (setup.task.name, setup.reference.get("kind") == "step")
     same_task = [values for (task, _), values in gains.items() if task == setup.task.name]
     if case not in gains and not same_task:
         raise ConfigurationError(f"no gains for {setup.task.name}; there are gains for {sorted({t for t, _ in gains})}")

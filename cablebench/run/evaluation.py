@@ -113,7 +113,7 @@ def run_episode(
         horizon=setup.steps,
         output_unit=setup.output_unit,
         command_unit=setup.action_mode.unit,
-        step_time=float(reference.get("start", 0.0)) if reference["kind"] == "step" else None,
+        step_time=float(reference.get("start", 0.0)) if reference.get("kind") == "step" else None,
         success_error=float(setup.task.success_error),
         settings={"seed": seed, "rig": setup.rig.name, "action_mode": setup.action_mode.name,
                   "env_id": env.spec.id if env.spec else "", **(settings or {})},

@@ -4,8 +4,9 @@ A number of a signal may be a range ``[low, high]``, and a signal may be one of 
 
     reference: {one_of: [{kind: sine, amplitude: [0.002, 0.012], frequency: [0.05, 1.0], fastest: 0.03}, ...]}
 
-Frequencies and times are drawn evenly in their logarithm, all others evenly. ``fastest`` is the largest speed (amplitude
-per second) that the draw may ask for: the frequency is lowered, or the ramp lengthened, until it is kept.
+Frequencies and times are drawn evenly in their logarithm, all others evenly. ``fastest`` is the largest speed (SI unit
+of the signal per second) that the draw may ask for: the frequency is lowered, or the ramp lengthened, until it is
+kept.
 """
 
 import math

@@ -17,8 +17,8 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.sim.tasks import INFO, reward
 
 JUDGED = Lanes("Judged", ["violations", "failure", "activity", "priced_error"])
-"""What an info of a task of the suite has besides: the number of rules that are broken now; 0, or the number of the rule
-that has ended the episode, counted from 1; activity, a share of the command's range; priced error, SI."""
+"""What an info of a task of the suite has besides: how many rules are broken now; 0, or the number of the rule that has
+ended the episode, counted from 1; activity, a share of the command's range; priced error, SI."""
 
 CUTOFF = 10.0
 """Hz from which on the command counts as active: an order above the references, as for the metric "chatter"."""

@@ -27,6 +27,7 @@ from cable_envs.core.errors import ConfigurationError, nearest, require_known
 from cable_envs.core.params import is_number
 from cable_envs.plants.base import Plant
 from cable_envs.sim.rigs import load_rig
+from cable_envs.sim.suite.drawing import CABLES, PLACES, draws
 from cable_envs.sim.suite.judging import Rule
 from cable_envs.sim.suite.sensing import Sensor
 from cable_envs.sim.tasks import ERROR, Task
@@ -36,6 +37,15 @@ OWN = ("start", "unhomed", "sensors", "rules", "activity", "cables")
 """Keys of conditions and levels that are no options of an environment."""
 _JOINED = ("unhomed", "sensors", "rules", "randomize", "rig", "effects")
 SENSORS = ("rig", "ideal")
+
+
+USUAL: Mapping[str, Any] = {
+    "reference": None, "rig": None, "effects": None, "plant": "analytic", "action_mode": None, "observe": None,
+    "randomize": False, "sensor_noise": False, "sensor_delay": 0, "action_delay": 0, "disturbance": None,
+    "posture": None, "control_period": None, "substeps": None, "duration": None,
+}  # fmt: skip
+"""Options that a level may give, as they are where neither it nor the caller says otherwise; None: what the task says,
+or nothing."""
 
 
 @dataclass(frozen=True)
@@ -75,33 +85,71 @@ class Conditions:
     cables: np.ndarray
     cable_rows: tuple[int, ...]
 
+    def draw_cable(self, column: np.ndarray, key: float) -> None:
+        """Write the parameters of one of the level's cables, where it has some, into a rig.
 
-def level_content(task: Task, level: str, split: str) -> dict[str, Any]:
+        Parameters
+        ----------
+        column : ndarray, shape (len(plant.table),)
+            Values of the rig; changed in place.
+        key : float
+            Key of the episode.
+        """
+        if self.cable_rows:
+            column[list(self.cable_rows)] = self.cables[:, draws(key, CABLES).integers(self.cables.shape[1])]
+
+    def places(self, keys: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Where episodes begin, and where their encoders have their zeros.
+
+        Parameters
+        ----------
+        keys : ndarray, shape (n,)
+            Keys of the episodes.
+
+        Returns
+        -------
+        away, zeros : ndarray, shape (n,)
+            Distance of the outputs from their references, and of the zeros, SI.
+        """
+        low, high = self.start
+        reach = max(self.unhomed.values(), default=0.0)
+        at = np.array([draws(key, PLACES).random(2) for key in keys])
+        return low + at[:, 0] * (high - low), reach * (2.0 * at[:, 1] - 1.0)
+
+
+def content_of(task: Task, level: str | None, split: str) -> dict[str, Any]:
     """What a level says: the task's conditions, the level's own, and those of the split.
 
     Parameters
     ----------
     task : Task
-        One with levels.
-    level, split : str
-        Their names.
+        Any task.
+    level : str or None
+        Name of one of its levels; None for a task without levels.
+    split : str
+        "train" or "test".
 
     Returns
     -------
     dict
-        Options of an environment, and keys of `OWN`.
+        Options of an environment, and keys of `OWN`; empty for a task without levels.
 
     Raises
     ------
     ConfigurationError
-        For unknown names, with the nearest, and where the task has no levels.
+        For unknown names and keys, with the nearest, for a level of a task that has none, and without a level of one
+        that has.
 
     Examples
     --------
     >>> from cable_envs.sim.tasks import load_task
-    >>> level_content(load_task("CableHole-Track"), "Easy", "train")["sensor_noise"]
+    >>> content_of(load_task("CableHole-Track"), "Easy", "train")["sensor_noise"]
     True
     """
+    if level is None:
+        if task.levels:
+            raise ConfigurationError(f"task {task.name} needs a level; one of {', '.join(task.levels)}")
+        return {}
     if not task.levels:
         raise ConfigurationError(f"task {task.name} has no levels; leave out 'level'")
     if level not in task.levels:
@@ -109,10 +157,11 @@ def level_content(task: Task, level: str, split: str) -> dict[str, Any]:
     if split not in SPLITS:
         raise ConfigurationError(f"unknown split '{split}'; {nearest(str(split), SPLITS)}")
     found: dict[str, Any] = {}
-    own = task.levels[level] or {}
+    own = task.levels[level]
     for part in (task.conditions, {k: v for k, v in own.items() if k not in SPLITS}, own.get(split) or {}):
         joined = {k: {**(found.get(k) or {}), **part[k]} for k in _JOINED if isinstance(part.get(k), Mapping)}
         found = {**found, **part, **joined}
+    require_known(f"key in level {level} of task {task.name}", found, (*OWN, *USUAL))
     return found
 
 
@@ -126,7 +175,7 @@ def make_conditions(
     task : Task
         Its task.
     content : mapping
-        What the level says (`level_content`).
+        What the level says (`content_of`).
     level, split : str
         Their names.
     plant : Plant

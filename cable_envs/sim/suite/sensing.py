@@ -38,9 +38,8 @@ class Sensor:
 
 
 @inline
-def as_on_a_rig(block, s, shown, c, fresh, lo, hi):
-    """What the sensors show at this step, before it is late; ``fresh``: the first of an episode."""
-    kept = block[c.kept :]
+def _in_steps(s, shown, c, lo, hi):
+    """Each signal from the encoder's zero of the episode, at the nearest step of its quantiser."""
     for k in range(c.sensors):
         quantum, zeroed = c.quantum[k], c.zeroed[k]
         for i in range(lo, hi):
@@ -48,15 +47,28 @@ def as_on_a_rig(block, s, shown, c, fresh, lo, hi):
         if quantum > 0.0:
             for i in range(lo, hi):
                 shown[k, i] = quantum * math.floor(shown[k, i] / quantum + 0.5)
+
+
+@inline
+def _speeds(shown, kept, c, fresh, lo, hi):
+    """Filtered differences of positions; at the first step of an episode there is none."""
     for k in range(c.sensors):
-        if c.derived[k] >= 0:
-            base = c.derived[k]
+        base = c.derived[k]
+        if base >= 0:
             for i in range(lo, hi):
                 speed = 0.0
                 if not fresh:
                     found = (shown[base, i] - kept[base, i]) / c.period
                     speed = kept[k, i] + c.smoothing[k] * (found - kept[k, i])
                 shown[k, i] = speed
+
+
+@inline
+def as_on_a_rig(block, s, shown, c, fresh, lo, hi):
+    """What the sensors show at this step, before it is late; ``fresh``: the first of an episode."""
+    kept = block[c.kept :]
+    _in_steps(s, shown, c, lo, hi)
+    _speeds(shown, kept, c, fresh, lo, hi)
     for k in range(c.sensors):
         every = c.every[k]
         for i in range(lo, hi):

@@ -13,9 +13,9 @@ def envs(
     as_json: Annotated[bool, typer.Option("--json", help="JSON on standard output.")] = False,
 ) -> None:
     """List environments: output, reference, action modes, observation channels with units; and the rigs."""
-    from cable_envs import FIRST_IDS
+    from cable_envs import FIRST_IDS, SUITE_IDS
 
-    chosen = [resolve_env(env, every_version=True)] if env else list(FIRST_IDS)
+    chosen = [resolve_env(env, every_version=True)] if env else [*FIRST_IDS, *SUITE_IDS]
     listing = [describe(env_id) for env_id in chosen]
     rigs = describe_rigs({e["plant"] for e in listing})
     if as_json:
@@ -91,8 +91,15 @@ def describe_rigs(plants: set[str]) -> list[dict[str, Any]]:
 
 
 def _reference(spec: dict[str, Any]) -> str:
-    rest = ", ".join(f"{k} {v:g}" for k, v in spec.items() if k != "kind")
+    if "one_of" in spec:
+        return "one of " + "; ".join(map(_reference, spec["one_of"]))
+    rest = ", ".join(f"{k} {_number(v)}" for k, v in spec.items() if k != "kind")
     return f"{spec['kind']} ({rest})"
+
+
+def _number(value: Any) -> str:
+    """A number, or the range that it is drawn from."""
+    return f"{value[0]:g} to {value[1]:g}" if isinstance(value, list) else f"{value:g}"
 
 
 def _print_all(listing: list[dict[str, Any]], out: Any) -> None:

@@ -12,7 +12,8 @@ from cable_envs.core.files import permit
 
 ENVIRONMENT_OPTIONS = (
     "rig", "effects", "effect_file", "plant", "action_mode", "observe", "reference", "randomize", "sensor_noise",
-    "sensor_delay", "action_delay", "disturbance", "posture", "control_period", "substeps", "duration",
+    "sensor_delay", "action_delay", "disturbance", "posture", "control_period", "substeps", "duration", "split",
+    "sensors", "preview",
 )  # fmt: skip
 """Options of an environment that ``--option KEY=VALUE`` may set (see `cable_envs.envs.CableEnv`)."""
 
@@ -23,16 +24,16 @@ def resolve_env(name: str, every_version: bool = False) -> str:
     A name without a version is one of the ids of boards and tuned entrants, or that of a task that is newer. With
     ``every_version`` a name may also say another version.
     """
-    from cable_envs import FIRST_IDS, V1_IDS
+    from cable_envs import FIRST_IDS, SUITE_IDS, V1_IDS
 
-    for env_id in FIRST_IDS + V1_IDS if every_version else FIRST_IDS:
+    for env_id in (*FIRST_IDS, *SUITE_IDS, *(V1_IDS if every_version else ())):
         if name in (env_id, env_id.split("/")[1], short_name(env_id)):
             return env_id
     if any(name in (env_id, env_id.split("/")[1]) for env_id in V1_IDS):
         raise ConfigurationError(
             f"'{name}': boards, tuned gains and trained agents are for -v0; write {short_name(name)}"
         )
-    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, FIRST_IDS))}")
+    raise ConfigurationError(f"unknown environment '{name}'; {nearest(name, map(short_name, FIRST_IDS + SUITE_IDS))}")
 
 
 def resolve_task(protocol: Any, name: str) -> str:
