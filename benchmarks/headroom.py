@@ -1,21 +1,23 @@
-"""`python -m benchmarks.headroom`: what each task of suite v1 leaves between open loop and oracle.
+"""`python -m benchmarks.headroom`: what each task of suite v1 leaves between doing nothing and an oracle.
 
 The error of an episode is the root mean square of the priced error (`cable_envs.sim.suite.judging`) after the homing,
-on the rigs of the split "test". With e0 the median of the open loop and e1 the least median of all,
+on the rigs of the split "test". With e0 the least median of the open loop and of a drive that stays where it began, and
+e1 the least median of all entrants and the oracle,
 
     score = min(max(ln(e0 / e) / ln(e0 / e1), 0), 1.2), and 0 where a rule has ended the episode.
 
-The oracle has the true rig, ideal sensors, every signal and the acceleration of the reference. Intervals are of 95 %, by
-bootstrap over episodes. A task discriminates where the best classical controller, the best agent and the oracle have
-intervals apart from each other and the best of the two first is below 0.8; without agents, where the classical one
-and the oracle are apart.
+The oracle has the true rig without the concealed effects, ideal sensors, every signal and the acceleration of the
+reference; of three sizes of its gains the best is taken, as the full ones shake the drive. Intervals are of 95 %, by
+bootstrap over episodes. A task discriminates where the intervals of the differences between the best classical
+controller, the best agent and the oracle, episode by episode, leave out zero, and the best of the two first is below
+0.8; without agents, where those of the classical controller and the oracle do.
 """
 
 import argparse
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,15 +25,18 @@ import gymnasium as gym
 import numpy as np
 
 import cable_envs
+from cable_envs.baselines import CONTROLLERS, controller_class
 from cable_envs.core.files import write_atomic
 from cable_envs.sim.registered import setup_of
-from cablebench.entrants.entrant import Entrant
+from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.entrants.named import named_entrant
 from cablebench.protocol.files import load_protocol
 from cablebench.run.evaluation import core_of, run_episode
 
-OPEN, ORACLE = "open-loop", "oracle"
+OPEN, ORACLE, NOTHING = "open-loop", "oracle", "nothing"
 IDEAL = {"sensors": "ideal", "preview": True, "sensor_noise": False, "sensor_delay": 0}
+SIZES = (1.0, 0.5, 0.25)
+"""Of the oracle's gains."""
 ENOUGH, HIGHEST = 0.8, 1.2
 DRAWS = 2000
 
@@ -51,9 +56,40 @@ class Row:
         return float(np.median(self.errors))
 
 
+class Stay:
+    """The command of the start, whatever happens."""
+
+    def start(self, env: Any) -> None:
+        self.action = env.simulation.buffers.named.action.copy()
+
+    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
+        return self.action
+
+
+def staying() -> Entrant:
+    """A drive that stays where it began."""
+    return Entrant(NOTHING, "model-free", lambda setup: Stay(), lambda env_id, setup: {}, "")
+
+
+def oracles(env_id: str) -> Iterable[Entrant]:
+    """The oracle with each of the `SIZES` of its gains per second."""
+    setup = setup_of(env_id, {})
+    kind = controller_class(ORACLE)
+    table = kind.parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
+    rates = {name: table[name] for name in table.names if table[name].unit == "1/s"}
+    for size in SIZES:
+        gains = {name: max(one.default * size, one.low) for name, one in rates.items()} if size != 1.0 else {}
+        yield replace(controller_entrant(ORACLE, gains), name=f"oracle x {size:g}")
+
+
 def measure(env_id: str, entrant: Entrant, part: str, seeds: Iterable[int]) -> Row | None:
     """Run an entrant on an environment of the suite; None where it does not enter."""
-    options = entrant.enters(env_id, {"split": "test", **(IDEAL if part == ORACLE else {})})
+    asked: dict[str, Any] = {"split": "test"}
+    if part == ORACLE:
+        drawn = setup_of(env_id, asked).randomize  # effects are drawn last: the rigs are the same without them
+        open_to_it = {name: {"low": low, "high": high} for name, low, high in drawn if "." not in name}
+        asked |= IDEAL | {"randomize": open_to_it}
+    options = entrant.enters(env_id, asked)
     if options is None:
         return None
     env = gym.make(env_id, **options)
@@ -74,12 +110,13 @@ def measure(env_id: str, entrant: Entrant, part: str, seeds: Iterable[int]) -> R
 
 def scores(rows: list[Row]) -> dict[str, np.ndarray]:
     """Score of every episode by entrant."""
-    e0 = next(row.median for row in rows if row.part == OPEN)
+    e0 = min(row.median for row in rows if row.part == NOTHING)
     e1 = min(row.median for row in rows)
     if not math.isfinite(e0):
-        raise ValueError("the open loop fails in half of the episodes: there is nothing to compare with")
+        raise ValueError("a drive that stays where it is fails in half of the episodes")
     span = math.log(e0 / e1) if e1 < e0 else math.nan
-    return {row.entrant: np.clip(np.log(e0 / np.array(row.errors)) / span, 0.0, HIGHEST) for row in rows}
+    with np.errstate(divide="ignore"):  # the logarithm of what has failed
+        return {row.entrant: np.clip(np.log(e0 / np.array(row.errors)) / span, 0.0, HIGHEST) for row in rows}
 
 
 def interval(values: np.ndarray) -> tuple[float, float]:
@@ -98,8 +135,9 @@ def judged(rows: list[Row]) -> dict[str, Any]:
         if means:
             name = max(means, key=lambda n: means[n])
             best[part] = {"entrant": name, "score": means[name], "interval": interval(found[name])}
-    apart = [best[part]["interval"] for part in best]
-    separate = all(a[1] < b[0] or b[1] < a[0] for k, a in enumerate(apart) for b in apart[:k])
+    chosen = [found[one["entrant"]] for one in best.values()]
+    ends = [interval(a - b) for k, a in enumerate(chosen) for b in chosen[:k]]  # they see the same episodes
+    separate = all(low > 0.0 or high < 0.0 for low, high in ends)
     others = [best[part]["score"] for part in best if part != ORACLE]
     return {**best, "discriminates": separate and max(others, default=1.0) < ENOUGH}
 
@@ -117,10 +155,13 @@ def agent(env_id: str, steps: int, folder: Path) -> Entrant:
 
 def table(results: Mapping[str, Any]) -> str:
     """The results as Markdown."""
-    lines = ["| task | open loop | best classical | best agent | oracle | discriminates |", "|---|--:|---|---|--:|---|"]
+    lines = [
+        "| task | doing nothing | best classical | best agent | oracle | discriminates |",
+        "|---|--:|---|---|--:|---|",
+    ]
     for env_id, one in results.items():
         unit = setup_of(env_id, {}).output_unit
-        cells = [f"{one['errors'][OPEN]:.3g} {unit}"]
+        cells = [f"{min(one['errors'][name] for name in (OPEN, NOTHING) if name in one['errors']):.3g} {unit}"]
         for part in ("classical", "agent", ORACLE):
             best = one["judged"].get(part)
             cells.append(_cell(best, one, unit) if best else "not run")
@@ -144,15 +185,14 @@ def main() -> None:
     parser.add_argument("--train", type=int, default=0, help="steps to train PPO for on each task; 0: no agent")
     parser.add_argument("--out", type=Path, default=Path("results/headroom"))
     arguments = parser.parse_args()
-    from cable_envs.baselines import CONTROLLERS
-
     names = arguments.controller or [name for name in CONTROLLERS if name not in (OPEN, ORACLE)]
     chosen = [i for i in cable_envs.SUITE_IDS if not arguments.tasks or any(part in i for part in arguments.tasks)]
     seeds = load_protocol("quick").seeds(arguments.episodes)
     file = arguments.out / "headroom.json"
     results: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
     for env_id in chosen:
-        entrants = [(named_entrant(OPEN), OPEN), (named_entrant(ORACLE), ORACLE)]
+        entrants = [(named_entrant(OPEN), NOTHING), (staying(), NOTHING)]
+        entrants += [(entrant, ORACLE) for entrant in oracles(env_id)]
         entrants += [(named_entrant(name), "classical") for name in names]
         if arguments.train:
             entrants.append((agent(env_id, arguments.train, arguments.out), "agent"))

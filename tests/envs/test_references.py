@@ -17,7 +17,11 @@ SPECS = {
     "triangle": {"kind": "triangle", "offset": 0.1, "amplitude": 0.2, "frequency": 0.7, "start": 1.0},
     "multisine": {"kind": "multisine", "offset": 0.1, "amplitude": 0.2, "frequency": 0.3, "start": 1.0},
     "random_steps": {"kind": "random_steps", "offset": 0.1, "amplitude": 0.2, "start": 1.0, "hold": 0.25},
-}
+    "trapezoids": {
+        "kind": "trapezoids", "offset": 0.1, "amplitude": 0.2, "start": 1.0, "ramp": 0.3, "hold": 0.7, "micro": 0.001,
+        "frequency": 3.1,
+    },
+}  # fmt: skip
 
 
 def column(spec, key=12345):
@@ -51,6 +55,10 @@ def test_derivatives_equal_finite_differences(kind):
     kinks = np.abs(times - 3.0) < h if kind == "ramp" else np.zeros_like(jumps)
     if kind == "triangle":
         kinks = np.abs((0.7 * (times - 1.0) + 0.25) * 2 % 1.0 - 0.5) > 0.5 - 2e-4
+    if kind == "trapezoids":
+        since = (times - 1.0) % 1.0
+        turns = np.abs(((since - 0.3) * 3.1 + 0.25) * 2 % 1.0 - 0.5) > 0.5 - 1e-3
+        kinks = turns | (np.abs(since - 0.3) < 2 * h) | (since < 2 * h) | (since > 1.0 - 2 * h)
     smooth = ~(jumps | kinks)
     assert smooth.sum() > 290
     # central differences: h^2 r'''/6, below 1e-8 * 0.2 (2 pi 1.8)^3 / 6; second differences: rounding 1e-16 / h^2
@@ -85,6 +93,22 @@ def test_random_steps_hold_their_level_and_fill_their_range():
     assert abs(np.corrcoef(levels[1:], levels[:-1])[0, 1]) < 0.09  # four standard deviations
 
 
+def test_trapezoids_go_from_level_to_level_and_reverse_by_microns_while_they_hold():
+    spec = SPECS["trapezoids"]
+    plain = {**spec, "micro": 0.0}
+    starts = 1.0 + np.arange(1000)
+    levels = values(plain, starts + 0.65)[:, 0]
+    assert np.array_equal(levels, values(plain, starts + 0.301)[:, 0])  # held for 0.7 s
+    before = np.concatenate([[0.1], levels[:-1]])
+    assert values(plain, starts + 0.15)[:, 0] == pytest.approx(0.5 * (before + levels), rel=1e-9)
+    assert np.abs(levels - 0.1).max() <= 0.2 and np.ptp(levels) > 0.39
+    held = 1.3 + np.linspace(0.0, 0.699, 1000)
+    small = values(spec, held)[:, 0] - values(plain, held)[:, 0]
+    assert np.abs(small).max() == pytest.approx(0.001, rel=0.01)
+    whole = held - 1.3 < 2.0 / 3.1  # two whole cycles fit into 0.7 s
+    assert not small[~whole].any() and np.sum(np.diff(np.sign(np.diff(small[whole]))) != 0) == 4
+
+
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
@@ -96,6 +120,8 @@ def test_random_steps_hold_their_level_and_fill_their_range():
         ({"kind": "step", "amplitude": True}, "reference.amplitude: expected a finite number"),
         ({"kind": "sine", "amplitude": 1.0, "frequency": -1.0}, "reference.frequency must be above 0"),
         ({"kind": "sine", "amplitude": 1.0, "frequency": 1.0, "key": 3}, "unknown key in reference 'key'"),
+        ({"kind": "trapezoids", "amplitude": 1.0, "hold": 1.0, "ramp": 0.0}, "reference.ramp must be above 0"),
+        ({"kind": "trapezoids", "amplitude": 1, "hold": 1, "ramp": 1, "micro": 1}, "reference.frequency must be above"),
         ("sine", "expected a mapping"),
     ],
 )
