@@ -138,7 +138,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | AntagonistJoint-Torque-{..}-v1    | torque of the tendons [N m]      | finger-grasp| torque      | 0.005 N m   |
     | Wrist-Position-{..}-v1            | angle of the yaw joint [rad]     | wrist-8mm   | position    | 0.02 rad    |
 
-    Rig and action mode are the defaults of the task.
+    Rig and action mode are the defaults of the task. The tasks of suite v1 (`cable_envs/CableHole-Track-Hard-v1` and
+    others, configs/suite) have levels, which say what is drawn for an episode, what sensors show and what ends it.
 
     ## Action Space
 
@@ -199,16 +200,24 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     output, without noise; a is the action that acts; `effort_weight` is 0.05 in every task. Of two actions both
     changes count.
 
+    In suite v1 the error is priced and `effort_weight` is 0: `|error| + error_scale (activity / limit)^2` takes the
+    place of `|error|`. The activity is the part of the command above 10 Hz, as a root mean square over half a second
+    and a share of the command's range; for 0.3 s after a jump of the reference nothing is added to it. The step that
+    breaks a rule for too long earns 0 and is the last (`cable_envs.sim.suite.judging`).
+
     ## Starting State
 
     The mechanism is at rest where its output equals the reference at t = 0, or at `initial_position`. The command is
-    the one that keeps it there.
+    the one that keeps it there. In suite v1 it is at rest within a range about the reference, which stands still at
+    first, and the drive's encoder counts from an unknown zero; a position is commanded from that zero too.
 
     ## Episode End
 
     1. Termination: the cable tears, which is when its peak tension in a control step exceeds `breaking_tension`.
     2. Termination: the state is no longer finite, or the error has reached 1e12.
-    3. Truncation: `duration` is over.
+    3. Termination, in suite v1: a rule of the task was broken for longer than it allows (overload, slack, a dropped
+       load, a runaway, the grasp force). `failure` in the info is its number.
+    4. Truncation: `duration` is over.
 
     ## Arguments
 
@@ -218,7 +227,15 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     |----------------|----------------------|-------------|--------------------------------------------------------|
     | reference      | str or mapping       | that of id  | "step", "sine", or a signal such as                    |
     |                |                      |             | `{"kind": "sine", "amplitude": 0.01, "frequency": 0.1}`|
-    |                |                      |             | (`cable_envs.sim.references`)                          |
+    |                |                      |             | (`cable_envs.sim.references`); a number may be a range |
+    |                |                      |             | that each episode draws from                           |
+    |                |                      |             | (`cable_envs.sim.suite.drawing`)                       |
+    | level          | str                  | that of id  | of a task of suite v1: what holds for every option     |
+    |                |                      |             | that is not given                                      |
+    | split          | str                  | "train"     | "train" or "test": whose rigs a level draws            |
+    | sensors        | str                  | "rig"       | "ideal" leaves out a level's quantisation, rates,      |
+    |                |                      |             | latencies, filters and unknown zero                    |
+    | preview        | bool                 | False       | whether a level shows the acceleration of the reference|
     | rig            | str, path or mapping | of the task | preset name, YAML file, whole rig, or parameters to    |
     |                |                      |             | change                                                 |
     | effects        | mapping              | none        | further physics, such as `{"backlash": {"gap": 0.02}}` |
@@ -270,7 +287,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
 
     Floats (NumPy's in the info of a reset), with the same keys at every step: time [s], reference, output, error (all
     SI), command (in the unit of the action mode), overload (1 where the peak tension exceeds `tension_limit`, else 0),
-    and every signal of the plant.
+    and every signal of the plant. In suite v1 also violations (how many rules are broken now), failure (0, or the
+    number of the rule that ended the episode), activity (a share of the command's range) and priced_error (SI).
 
     ## Vectorized environment
 
@@ -283,7 +301,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     * v1: the hole's load and drive are stepped together, so that light loads are right; every reported tension obeys
       the contact's law; holes in series are solved together; the step fits the rig, or the rig is refused. The
       circuit's drive is a motor with a servo (rigs zou-table2-motor and zou-grasp-motor). The sheath has 20 contacts,
-      and a posture bends it (rig bowden-1m-20).
+      and a posture bends it (rig bowden-1m-20). The tasks of suite v1 have levels (docs/suite.md).
     """
 
     metadata = {"render_modes": ["rgb_array", "human", "web"], "render_fps": 100}  # noqa: RUF012 (Gymnasium's convention)

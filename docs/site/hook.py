@@ -12,10 +12,10 @@ ROOT = Path(__file__).resolve().parents[2]
 if str(ROOT) not in sys.path:
     sys.path.insert(0, str(ROOT))
 
-from docs.site import api, controllers, effects, environments, plants, reports  # noqa: E402
+from docs.site import api, controllers, effects, environments, plants, reports, suite  # noqa: E402
 from docs.site.tables import readable  # noqa: E402
 
-MAKERS = (environments, plants, effects, controllers, reports, api)
+MAKERS = (environments, suite, plants, effects, controllers, reports, api)
 BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages at the top of the checkout and where the site has them."""
 ELSEWHERE = {"README.md": "index.md", **BESIDE}

@@ -46,7 +46,7 @@ def test_version_and_help(cli):
 def test_envs_lists_everything_with_units(cli):
     code, out, err = cli("envs")
     assert (code, err) == (0, "")
-    for env_id in cable_envs.FIRST_IDS:
+    for env_id in cable_envs.FIRST_IDS + cable_envs.SUITE_IDS:
         assert env_id.split("/")[1].rpartition("-")[0] in out
     assert "zou-table2" in out
     code, out, _ = cli("envs", CIRCUIT)
@@ -61,7 +61,7 @@ def test_envs_json_agrees_with_the_environment(cli):
     code, out, err = cli("envs", "--json")
     assert (code, err) == (0, "")
     data = json.loads(out)
-    assert [e["id"] for e in data["environments"]] == list(cable_envs.FIRST_IDS)
+    assert [e["id"] for e in data["environments"]] == [*cable_envs.FIRST_IDS, *cable_envs.SUITE_IDS]
     for e in data["environments"]:
         env = gym.make(e["id"]).unwrapped
         declared = [{"name": c.name, "unit": c.unit, "scale": c.scale} for c in env.channels]

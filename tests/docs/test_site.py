@@ -12,7 +12,7 @@ from urllib.parse import unquote, urlsplit
 import numpy as np
 import pytest
 
-from cable_envs import FIRST_IDS
+from cable_envs import FIRST_IDS, SUITE_IDS
 from cable_envs.effects import EFFECTS
 from cable_envs.plants import families
 from tests.support.browser import CHROMIUM, browser
@@ -181,10 +181,11 @@ def test_every_link_leads_somewhere_and_nothing_is_fetched_from_elsewhere(site):
 
 
 def test_all_that_is_declared_has_its_page(site):
-    tasks = {env_id.split("/")[1].rsplit("-", 2)[0] for env_id in FIRST_IDS}
+    declared = FIRST_IDS + SUITE_IDS
+    tasks = {env_id.split("/")[1].rsplit("-", 2)[0] for env_id in declared}
     text = "".join(path.read_text(encoding="utf-8") for path in (site / "environments").glob("*.html"))
     assert len(list((site / "environments").glob("*.html"))) == len(tasks) + 1
-    assert [env_id for env_id in FIRST_IDS if env_id not in text] == []
+    assert [env_id for env_id in declared if env_id not in text] == []
     assert {path.stem for path in (site / "plants").glob("*.html")} >= {name.replace("_", "-") for name in families()}
     catalogue = (site / "effects.html").read_text(encoding="utf-8")
     assert [name for name in EFFECTS if f'id="{name}"' not in catalogue] == []

@@ -27,6 +27,20 @@ OPTIONS = [
     ("cable_envs/TendonSheath-Tension-Sine-v1", {"randomize": True, "sensor_noise": True}),
 ]
 
+QUICK = ("cable_envs/CableHole-Track-Hard-v1", "cable_envs/PulleyCircuit-Grasp-Easy-v1")
+IDS = [
+    *cable_envs.ENV_IDS,
+    *(pytest.param(i, marks=() if i in QUICK else pytest.mark.slow) for i in cable_envs.SUITE_IDS),
+]
+"""The ids of boards and suite v1; of the latter some only with the slow tests, as each mechanism has kernels of its own."""
+
+
+CASES = [
+    *((i, {}) for i in cable_envs.ENV_IDS),
+    *(pytest.param(i, {}, marks=() if i in QUICK else pytest.mark.slow) for i in cable_envs.SUITE_IDS),
+    *OPTIONS,
+]
+
 
 def make(env_id, **options):
     """The environment with short episodes."""
@@ -47,7 +61,7 @@ def random_actions(n, seed=0, low=-1.0, high=1.0):
     return np.random.default_rng(seed).uniform(low, high, n)
 
 
-@pytest.mark.parametrize("env_id", cable_envs.ENV_IDS)
+@pytest.mark.parametrize("env_id", IDS)
 def test_both_checkers_pass(env_id):
     from stable_baselines3.common.env_checker import check_env as sb3_check
 
@@ -60,7 +74,7 @@ def test_checker_passes_with_options(env_id, options):
     gymnasium_check(make(env_id, **options).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("env_id", cable_envs.ENV_IDS)
+@pytest.mark.parametrize("env_id", IDS)
 def test_info_is_fixed_floats_and_flags_are_bools(env_id):
     env = make(env_id)
     _, first = env.reset(seed=0)
@@ -75,7 +89,7 @@ def test_info_is_fixed_floats_and_flags_are_bools(env_id):
         assert info["error"] == info["reference"] - info["output"]
 
 
-@pytest.mark.parametrize(("env_id", "options"), [(i, {}) for i in cable_envs.ENV_IDS] + OPTIONS)
+@pytest.mark.parametrize(("env_id", "options"), CASES)
 def test_same_seed_same_episode(env_id, options):
     actions = random_actions(30)
     a, b = (play(make(env_id, **options), 11, actions) for _ in range(2))

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.vector import CableVectorEnv
-from tests.envs.test_envs import CIRCUIT, HOLE, OPTIONS
+from tests.envs.test_envs import CASES, CIRCUIT, HOLE
 
 LANES = 5  # not a multiple of any vector width
 
@@ -27,7 +27,7 @@ def actions_of(steps, n=LANES, seed=0):
     return np.random.default_rng(seed).uniform(-1, 1, (steps, n, 1)).astype(np.float32)
 
 
-@pytest.mark.parametrize(("env_id", "options"), [(i, {}) for i in cable_envs.ENV_IDS] + OPTIONS)
+@pytest.mark.parametrize(("env_id", "options"), CASES)
 def test_lane_equals_single_environment_bit_for_bit(env_id, options):
     batch = native(env_id, mode=AutoresetMode.DISABLED, **options)
     singles = [gym.make(env_id, duration=0.15, **options) for _ in range(LANES)]
