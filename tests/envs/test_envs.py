@@ -32,7 +32,7 @@ IDS = [
     *cable_envs.ENV_IDS,
     *(pytest.param(i, marks=() if i in QUICK else pytest.mark.slow) for i in cable_envs.SUITE_IDS),
 ]
-"""The ids of boards and suite v1; of the latter some only with the slow tests, as each mechanism has kernels of its own."""
+"""The ids of boards and suite v1; most of the latter with the slow tests only, as each mechanism has its kernels."""
 
 
 CASES = [

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-import cable_envs
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.vector import CableVectorEnv
 from tests.envs.test_envs import CASES, CIRCUIT, HOLE
