@@ -26,6 +26,7 @@ import numpy as np
 
 import cable_envs
 from cable_envs.baselines import CONTROLLERS, controller_class
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.sim.registered import setup_of
 from cablebench.entrants.entrant import Entrant, controller_entrant
@@ -90,7 +91,7 @@ def measure(env_id: str, entrant: Entrant, part: str, seeds: Iterable[int]) -> R
         open_to_it = {name: {"low": low, "high": high} for name, low, high in drawn if "." not in name}
         asked |= IDEAL | {"randomize": open_to_it}
     options = entrant.enters(env_id, asked)
-    if options is None:
+    if options is None or not _allowed(env_id, options):
         return None
     env = gym.make(env_id, **options)
     setup = core_of(env).setup
@@ -106,6 +107,15 @@ def measure(env_id: str, entrant: Entrant, part: str, seeds: Iterable[int]) -> R
         failures.append(setup.conditions.rules[rule - 1].name if rule else "not finite" if failed else "")
     env.close()
     return Row(entrant.title, part, tuple(errors), tuple(filter(None, failures)))
+
+
+def _allowed(env_id: str, options: Mapping[str, Any]) -> bool:
+    """Whether the level has the sensors that an entrant asks for."""
+    try:
+        setup_of(env_id, options)
+    except ConfigurationError:
+        return False
+    return True
 
 
 def scores(rows: list[Row]) -> dict[str, np.ndarray]:
@@ -139,7 +149,7 @@ def judged(rows: list[Row]) -> dict[str, Any]:
     ends = [interval(a - b) for k, a in enumerate(chosen) for b in chosen[:k]]  # they see the same episodes
     separate = all(low > 0.0 or high < 0.0 for low, high in ends)
     others = [best[part]["score"] for part in best if part != ORACLE]
-    return {**best, "discriminates": separate and max(others, default=1.0) < ENOUGH}
+    return {**best, "discriminates": separate and max(others, default=1.0) < ENOUGH if others else None}
 
 
 def agent(env_id: str, steps: int, folder: Path) -> Entrant:
@@ -164,8 +174,8 @@ def table(results: Mapping[str, Any]) -> str:
         cells = [f"{min(one['errors'][name] for name in (OPEN, NOTHING) if name in one['errors']):.3g} {unit}"]
         for part in ("classical", "agent", ORACLE):
             best = one["judged"].get(part)
-            cells.append(_cell(best, one, unit) if best else "not run")
-        verdict = "yes" if one["judged"]["discriminates"] else "no"
+            cells.append(_cell(best, one, unit) if best else "none")
+        verdict = {True: "yes", False: "no", None: "none enters"}[one["judged"]["discriminates"]]
         lines.append(f"| {env_id.split('/')[1]} | {' | '.join(cells)} | {verdict} |")
     return "\n".join(lines)
 

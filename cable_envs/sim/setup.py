@@ -245,6 +245,12 @@ def make_setup(
     )
     if level is None:
         return made
+    allowed = content.get("observe") or declared.observe
+    if sensors != "ideal" and LEVELS.index(observed) > LEVELS.index(allowed):
+        raise ConfigurationError(
+            f"level {level} of task {task} has sensors of '{allowed}' only; observe='{observed}' needs sensors='ideal', "
+            "as for an oracle"
+        )
     conditions = make_conditions(declared, content, level, split, simulator, sensors, preview)
     check_derived(conditions, made.sensors)
     return replace(made, conditions=conditions)

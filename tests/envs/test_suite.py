@@ -95,6 +95,7 @@ def test_rigs_are_the_same_without_their_effects(env_id):
         ({"level": "Hards"}, "did you mean 'Hard'"),
         ({"level": None}, "task CableHole-Track needs a level; one of Easy, Medium, Hard"),
         ({"level": "Hard", "split": "tests"}, "unknown split 'tests'"),
+        ({"level": "Hard", "observe": "full"}, "has sensors of 'output' only; observe='full' needs sensors='ideal'"),
         ({"level": "Hard", "sensors": "ideals"}, "did you mean 'ideal'"),
         ({"level": "Hard", "reference": {"kind": "sine", "amplitude": [2, 1], "frequency": 1}}, "a range .low, high."),
         ({"level": "Hard", "reference": {"one_of": []}}, "expected a list of signals"),
