@@ -19,7 +19,15 @@ from cable_envs.plants.own_effects import load_effect
 from cable_envs.sim.rigs import Rig, load_rig
 from cable_envs.sim.stepsize import MOST, substeps_for
 from cable_envs.sim.suite.drawing import DrawnSignal
-from cable_envs.sim.suite.levels import OWN, USUAL, Conditions, check_derived, content_of, make_conditions
+from cable_envs.sim.suite.levels import (
+    OWN,
+    USUAL,
+    Conditions,
+    check_derived,
+    check_observed,
+    content_of,
+    make_conditions,
+)
 from cable_envs.sim.tasks import (
     COMMAND,
     ERROR,
@@ -198,7 +206,11 @@ def make_setup(
         "action_delay": action_delay, "disturbance": disturbance, "posture": posture, "control_period": control_period,
         "substeps": substeps, "duration": duration,
     }  # fmt: skip
-    o = USUAL | {k: v for k, v in content.items() if k not in OWN} | {k: v for k, v in asked.items() if v is not None}
+    o = (
+        dict(USUAL)
+        | {k: v for k, v in content.items() if k not in OWN}
+        | {k: v for k, v in asked.items() if v is not None}
+    )
     if isinstance(rig, Mapping) and not {"plant", "schema"} & set(rig) and isinstance(content.get("rig"), Mapping):
         o["rig"] = {**content["rig"], **rig}
     own: tuple[Effect, ...] = ()
@@ -245,12 +257,7 @@ def make_setup(
     )
     if level is None:
         return made
-    allowed = content.get("observe") or declared.observe
-    if sensors != "ideal" and LEVELS.index(observed) > LEVELS.index(allowed):
-        raise ConfigurationError(
-            f"level {level} of task {task} has sensors of '{allowed}' only; observe='{observed}' needs sensors='ideal', "
-            "as for an oracle"
-        )
+    check_observed(declared, content, level, observed, sensors)
     conditions = make_conditions(declared, content, level, split, simulator, sensors, preview)
     check_derived(conditions, made.sensors)
     return replace(made, conditions=conditions)

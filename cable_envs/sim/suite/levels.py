@@ -30,7 +30,7 @@ from cable_envs.sim.rigs import load_rig
 from cable_envs.sim.suite.drawing import CABLES, PLACES, draws
 from cable_envs.sim.suite.judging import Rule
 from cable_envs.sim.suite.sensing import Sensor
-from cable_envs.sim.tasks import ERROR, Task
+from cable_envs.sim.tasks import ERROR, LEVELS, Task
 
 SPLITS = ("train", "test")
 OWN = ("start", "unhomed", "sensors", "rules", "activity", "cables")
@@ -216,6 +216,35 @@ def make_conditions(
         cables=cables,
         cable_rows=rows,
     )
+
+
+def check_observed(task: Task, content: Mapping[str, Any], level: str, observed: str, sensors: str) -> None:
+    """Refuse sensors that a level does not have.
+
+    Parameters
+    ----------
+    task : Task
+        Its task.
+    content : mapping
+        What the level says.
+    level : str
+        Its name.
+    observed : str
+        Level of observation that is asked for.
+    sensors : str
+        With "ideal" ones everything may be observed.
+
+    Raises
+    ------
+    ConfigurationError
+        Where more is asked for than the level has.
+    """
+    allowed = content.get("observe") or task.observe
+    if sensors != "ideal" and LEVELS.index(observed) > LEVELS.index(allowed):
+        raise ConfigurationError(
+            f"level {level} of task {task.name} has sensors of '{allowed}' only; observe='{observed}' needs "
+            "sensors='ideal', as for an oracle"
+        )
 
 
 def check_derived(conditions: Conditions, sensors: Iterable[str]) -> None:
