@@ -13,7 +13,7 @@ The API is described in `cable_envs.baselines.base.Controller`.
 
 from collections.abc import Mapping
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 from types import MappingProxyType
 from typing import Any
 
@@ -28,7 +28,7 @@ SHOWN = ("open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompen
 
 
 def _found() -> dict[str, type[Controller]]:
-    modules = [import_module(f"{__name__}.{module.name}") for module in iter_modules(__path__)]
+    modules = [import_module(module.name) for module in walk_packages(__path__, f"{__name__}.")]
     kinds = {
         kind.name: kind
         for module in modules
@@ -39,7 +39,7 @@ def _found() -> dict[str, type[Controller]]:
 
 
 CONTROLLERS: Mapping[str, type[Controller]] = MappingProxyType(_found())
-"""Every controller of every file in this folder, by name."""
+"""Every controller of every file in this folder and in those below it, by name."""
 
 
 def controller_class(name: str) -> type[Controller]:

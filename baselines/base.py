@@ -77,6 +77,8 @@ class Controller:
         Plants that it is made for.
     tasks : tuple of str
         Kinds of tasks that it does.
+    modes : tuple of str
+        Action modes that it is made for; empty: all.
     general : bool
         Whether it also works on every plant that has a view (`cable_envs.plants.view`).
     levels : mapping of str to str
@@ -107,6 +109,7 @@ class Controller:
     information: ClassVar[str]
     plants: ClassVar[tuple[str, ...]] = (HOLE, *CIRCUITS)
     tasks: ClassVar[tuple[str, ...]] = ("position", "tension", "torque")
+    modes: ClassVar[tuple[str, ...]] = ()
     general: ClassVar[bool] = False
     levels: ClassVar[Mapping[str, str]] = Levels({HOLE: "output", **dict.fromkeys(CIRCUITS, "drive")})
     charged: ClassVar[Mapping[str, int]] = {}
@@ -149,6 +152,10 @@ class Controller:
             raise ConfigurationError(
                 f"controller '{cls.name}' gives one command, and action mode '{action_mode}' takes two; give it "
                 f"action_mode='{mode.of}', where the second stays at rest"
+            )
+        if cls.modes and action_mode not in cls.modes:
+            raise ConfigurationError(
+                f"controller '{cls.name}' gives {', '.join(cls.modes)} commands, not '{action_mode}'"
             )
         if task not in cls.tasks:
             raise ConfigurationError(f"controller '{cls.name}' does {', '.join(cls.tasks)} tasks, not '{task}'")

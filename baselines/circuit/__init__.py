@@ -1,0 +1,1 @@
+"""Controllers of the pulley circuit that estimate what happens behind the drive."""
