@@ -21,10 +21,10 @@ def _gains(kp: tuple, ki: tuple, kd: tuple, filter_time: float, smooth_time: flo
         Parameter("kp", kp[0], kp[1], 0.0, kp[2], "proportional gain"),
         Parameter("ki", ki[0], ki[1], 0.0, ki[2], "integral gain"),
         Parameter("kd", kd[0], kd[1], 0.0, kd[2], "derivative gain"),
-        Parameter("filter_time", "s", filter_time, 0.0, 0.5, "time constant of the derivative's filter"),
-        Parameter("smooth_time", "s", smooth_time, 0.0, 1.0, "time constant of jumps of reference and direction"),
-        Parameter("estimate_time", "s", 0.05, 0.0, 1.0, "time constant of the estimated grasp torque"),
-        Parameter("grasp_limit", "N m", 0.3, 0.02, 5.0, "estimated grasp torque at which the saturator holds",
+        Parameter("filter_time", "s", filter_time, 0.0, 10.0, "time constant of the derivative's filter"),
+        Parameter("smooth_time", "s", smooth_time, 0.0, 10.0, "time constant of jumps of reference and direction"),
+        Parameter("estimate_time", "s", 0.05, 0.0, 20.0, "time constant of the estimated grasp torque"),
+        Parameter("grasp_limit", "N m", 0.3, 0.005, 100.0, "estimated grasp torque at which the saturator holds",
                   "chosen: twice the torque of the paper's grasps"),
     )  # fmt: skip
 
@@ -58,16 +58,16 @@ class _DrivePid(Controller):
     compensates: ClassVar[bool]
     gain_tables: ClassVar = {
         # rounded from random searches (40, 85, 56, 64 trials) with compensation, on the nominal rig's step and sine
-        ("circuit", "position", "position"): _gains(("1", 0.1, 3.0), ("1/s", 1.0, 30.0), ("s", 0.0, 0.1), 0.02, 0.055),
+        ("circuit", "position", "position"): _gains(("1", 0.1, 100.0), ("1/s", 1.0, 1e4), ("s", 0.0, 10.0), 0.02, 0.055),
         # a larger ki winds up in a step
         ("circuit", "torque", "position"): _gains(
-            ("N m/rad", 1.2, 10.0), ("N m/(rad s)", 1.0, 50.0), ("N m s/rad", 0.015, 0.3), 0.004, 0.05
+            ("N m/rad", 1.2, 1e3), ("N m/(rad s)", 1.0, 1e5), ("N m s/rad", 0.015, 30.0), 0.004, 0.05
         ),
         ("circuit", "position", "torque"): _gains(
-            ("rad/(N m)", 0.1, 10.0), ("rad/(N m s)", 0.8, 50.0), ("rad s/(N m)", 0.0, 0.1), 0.02, 0.025
+            ("rad/(N m)", 0.1, 1e3), ("rad/(N m s)", 0.8, 1e5), ("rad s/(N m)", 0.0, 10.0), 0.02, 0.025
         ),
         # motor inertia on the cables' stiffness swings at about 120 rad/s: out of reach, so nothing may excite it
-        ("circuit", "torque", "torque"): _gains(("1", 0.04, 5.0), ("1/s", 5.0, 60.0), ("s", 0.002, 0.2), 0.005, 0.05),
+        ("circuit", "torque", "torque"): _gains(("1", 0.04, 100.0), ("1/s", 5.0, 1e4), ("s", 0.002, 10.0), 0.005, 0.05),
     }
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:

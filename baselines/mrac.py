@@ -62,29 +62,30 @@ _LARGEST_GAIN = 1e5
 
 _TABLE3 = "Table 3, Gu 2024"
 _POSITION = ParameterTable(
-    Parameter("kp", "1/s^2", 90.0, 0.0, 5e3, "k_p of G29", "chosen: nominal loop = reference model"),
-    Parameter("kd", "1/s", 0.0, 0.0, 300.0, "k_d of G29", "chosen: nominal loop = reference model"),
-    Parameter("model_stiffness", "1/s^2", 100.0, 1.0, 1e4, "-A_m[1, 0]", _TABLE3),
-    Parameter("model_damping", "1/s", 10.0, 0.5, 300.0, "-A_m[1, 1]", _TABLE3),
-    Parameter("ke_position", "1/s^2", 10.0, -500.0, 5e3, "K_e(0), gain of e", _TABLE3),
-    Parameter("ke_velocity", "1/s", 10.0, -50.0, 300.0, "K_e(0), gain of e'", _TABLE3),
-    Parameter("gamma_position", "SI", 40.0, 0.0, 1e7, "Gamma_e, adaptation rate of the gain of e", _TABLE3),
-    Parameter("gamma_velocity", "SI", 20.0, 0.0, 1e7, "Gamma_e, adaptation rate of the gain of e'", _TABLE3),
-    Parameter("q_position", "SI", 1.0, 1e-3, 1e6, "Q[0, 0] of the Lyapunov equation", "not printed: identity"),
-    Parameter("q_velocity", "SI", 1.0, 1e-3, 1e6, "Q[1, 1] of the Lyapunov equation", "not printed: identity"),
-    Parameter("direction_speed", "m/s", 5e-4, 0.0, 0.05, "half width of the interpolated direction", "chosen"),
+    Parameter("kp", "1/s^2", 90.0, 0.0, 1e6, "k_p of G29", "chosen: nominal loop = reference model"),
+    Parameter("kd", "1/s", 0.0, 0.0, 1e4, "k_d of G29", "chosen: nominal loop = reference model"),
+    Parameter("model_stiffness", "1/s^2", 100.0, 0.01, 1e7, "-A_m[1, 0]", _TABLE3),
+    Parameter("model_damping", "1/s", 10.0, 0.01, 1e5, "-A_m[1, 1]", _TABLE3),
+    Parameter("ke_position", "1/s^2", 10.0, -1e4, 1e5, "K_e(0), gain of e", _TABLE3),
+    Parameter("ke_velocity", "1/s", 10.0, -1e3, 1e4, "K_e(0), gain of e'", _TABLE3),
+    Parameter("gamma_position", "SI", 40.0, 0.0, 1e12, "Gamma_e, adaptation rate of the gain of e", _TABLE3),
+    Parameter("gamma_velocity", "SI", 20.0, 0.0, 1e12, "Gamma_e, adaptation rate of the gain of e'", _TABLE3),
+    Parameter("position_scale", "m", 1.0, 1e-6, 1e3, "error that counts as 1 in the adaptation", "Table 3 says SI"),
+    Parameter("q_position", "SI", 1.0, 1e-6, 1e9, "Q[0, 0] of the Lyapunov equation", "not printed: identity"),
+    Parameter("q_velocity", "SI", 1.0, 1e-6, 1e9, "Q[1, 1] of the Lyapunov equation", "not printed: identity"),
+    Parameter("direction_speed", "m/s", 5e-4, 0.0, 1.0, "half width of the interpolated direction", "chosen"),
 )
 _TENSION = ParameterTable(
-    Parameter("model_stiffness", "1/s^2", 100.0, 1.0, 1e4, "-A_m[1, 0]", _TABLE3),
-    Parameter("model_damping", "1/s", 10.0, 0.5, 300.0, "-A_m[1, 1]", _TABLE3),
-    Parameter("ke_integral", "1/s", 10.0, 0.0, 60.0, "K_e(0), gain of the integral", "chosen: settles in 0.3 s"),
-    Parameter("ke_proportional", "1", 0.2, 0.0, 0.9, "K_e(0), gain of the error", "chosen: sampled loop is static"),
-    Parameter("gamma_integral", "SI", 40.0, 0.0, 1e6, "Gamma_e, adaptation rate of the integral's gain", _TABLE3),
-    Parameter("gamma_proportional", "SI", 0.5, 0.0, 1e4, "Gamma_e, adaptation rate of the error's gain", "chosen"),
-    Parameter("tension_scale", "N", 50.0, 1.0, 1e4, "error that counts as 1 in the adaptation", "chosen"),
-    Parameter("q_position", "SI", 1.0, 1e-3, 1e6, "Q[0, 0] of the Lyapunov equation", "not printed: identity"),
-    Parameter("q_velocity", "SI", 1.0, 1e-3, 1e6, "Q[1, 1] of the Lyapunov equation", "not printed: identity"),
-    Parameter("direction_speed", "m/s", 3e-4, 0.0, 0.05, "half width of the interpolated direction", "chosen"),
+    Parameter("model_stiffness", "1/s^2", 100.0, 0.01, 1e7, "-A_m[1, 0]", _TABLE3),
+    Parameter("model_damping", "1/s", 10.0, 0.01, 1e5, "-A_m[1, 1]", _TABLE3),
+    Parameter("ke_integral", "1/s", 10.0, 0.0, 1e3, "K_e(0), gain of the integral", "chosen: settles in 0.3 s"),
+    Parameter("ke_proportional", "1", 0.2, 0.0, 10.0, "K_e(0), gain of the error", "chosen: sampled loop is static"),
+    Parameter("gamma_integral", "SI", 40.0, 0.0, 1e10, "Gamma_e, adaptation rate of the integral's gain", _TABLE3),
+    Parameter("gamma_proportional", "SI", 0.5, 0.0, 1e8, "Gamma_e, adaptation rate of the error's gain", "chosen"),
+    Parameter("tension_scale", "N", 50.0, 0.01, 1e6, "error that counts as 1 in the adaptation", "chosen"),
+    Parameter("q_position", "SI", 1.0, 1e-6, 1e9, "Q[0, 0] of the Lyapunov equation", "not printed: identity"),
+    Parameter("q_velocity", "SI", 1.0, 1e-6, 1e9, "Q[1, 1] of the Lyapunov equation", "not printed: identity"),
+    Parameter("direction_speed", "m/s", 3e-4, 0.0, 1.0, "half width of the interpolated direction", "chosen"),
 )
 
 
@@ -178,7 +179,7 @@ class _Mrac(Controller):
         hole, g = self._hole, self.gains
         position, velocity = y["load_position"], y["load_velocity"]
         e, rate = ref[0] - position, ref[1] - velocity
-        w = self._adapt(e, rate, self._jump(ref), 1.0)
+        w = self._adapt(e, rate, self._jump(ref), g["position_scale"])
         resistance = hole.resistance(position, velocity)
         force = hole.mass * (g["kp"] * e + g["kd"] * rate + ref[2] + w) + resistance
         n = hole.ratio(velocity, y["drive_tension"], resistance)

@@ -66,7 +66,7 @@ def test_controllers_know_no_environment():
         for name in _imports(f)
         if name.split(".")[0] not in sys.stdlib_module_names
     }
-    assert third <= {"cable_envs", "numpy", "scipy"}
+    assert third <= {"cable_envs", "numpy", "scipy"}  # CasADi is imported by name where mpc is made
 
 
 def test_torch_only_in_agents():

@@ -25,20 +25,20 @@ LARGEST = 0.3
 """Largest correction by the integral, as a share of the scale of the output."""
 
 
-def _gains(kp: tuple[str, float, float], kd: tuple[str, float, float], scale: tuple[str, float], turn: float):
-    """kp, kd: (unit, default, high) of the torque on the drive's angle; scale: (unit, tolerance) of the output."""
-    unit, tolerance = scale
+def _gains(kp: tuple[str, float, float], kd: tuple[str, float, float], scale: tuple[str, float, float], turn: float):
+    """kp, kd: (unit, default, high) of the torque on the drive's angle; scale: (unit, tolerance, ki) of the output."""
+    unit, tolerance, ki = scale
     return ParameterTable(
-        Parameter("ki", "1/s", 0.5, 1e-3, 100.0, "integral gain of the estimated error"),
+        Parameter("ki", "1/s", ki, 1e-4, 1e4, "integral gain of the estimated error"),
         Parameter("kp", kp[0], kp[1], 0.0, kp[2], "torque per angle of the drive (torque commands)"),
         Parameter("kd", kd[0], kd[1], 0.0, kd[2], "torque per speed of the drive (torque commands)"),
-        Parameter("lead", "s", 0.01, -0.2, 0.3, "how far ahead the reference is taken"),
-        Parameter("turn_time", "s", turn, 1e-3, 2.0, "time constant of changes of direction and jumps"),
-        Parameter("search", "1/s", 0.5, 1e-2, 20.0, "half widths of the dead zone per second of the search"),
-        Parameter("tolerance", unit, tolerance, tolerance * 1e-2, tolerance * 1e2, "error at rest that is brought back"),
-        Parameter("beyond", "rad", 1.5e-3, 1e-4, 0.1, "drive angle beyond the hold that tells breakaway"),
-        Parameter("misfit", "N m", 5e-3, 1e-4, 0.2, "standard deviation of the drive torque about the model"),
-        Parameter("walk", "1/sqrt(s)", 3e-3, 1e-6, 1.0, "how far ln phi walks in a second"),
+        Parameter("lead", "s", 0.01, -0.5, 0.5, "how far ahead the reference is taken"),
+        Parameter("turn_time", "s", turn, 1e-4, 10.0, "time constant of changes of direction and jumps"),
+        Parameter("search", "1/s", 6.9, 1e-3, 1e3, "half widths of the dead zone per second of the search"),
+        Parameter("tolerance", unit, tolerance, 1e-6, 1.0, "error at rest that is brought back"),
+        Parameter("beyond", "rad", 5e-4, 1e-6, 1.0, "drive angle beyond the hold that tells breakaway"),
+        Parameter("misfit", "N m", 3e-3, 1e-6, 10.0, "standard deviation of the drive torque about the model"),
+        Parameter("walk", "1/sqrt(s)", 3e-4, 1e-9, 100.0, "how far ln phi walks in a second"),
     )
 
 
@@ -63,8 +63,8 @@ class VirtualJaw(Controller):
         ("circuit", mode, task): _gains(
             ("N m/rad", 0.0 if task == "torque" else 5.0, 100.0), ("N m s/rad", 0.02, 2.0), scale, turn
         )
-        for mode, turn in (("position", 0.02), ("torque", 0.05))
-        for task, scale in (("position", ("rad", 5e-3)), ("torque", ("N m", 2e-3)))
+        for mode, turn in (("position", 0.037), ("torque", 0.1))
+        for task, scale in (("position", ("rad", 2e-3, 11.0)), ("torque", ("N m", 5e-3, 0.5)))
     }
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:

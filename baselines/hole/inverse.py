@@ -20,13 +20,13 @@ TENSION_SHARE = 0.98
 """Share of the safety limit that is asked for: the rest is for the ripple of the elastic cable."""
 
 
-LEAD = Parameter("lead", "s", 0.01, -0.1, 0.2, "how far ahead the reference is taken")
+LEAD = Parameter("lead", "s", 0.01, -0.5, 0.5, "how far ahead the reference is taken")
 
 
 def direction_gains(approach: float, width: float) -> tuple[Parameter, ...]:
     """The gains that every law of the hole has: ``approach`` (1/s) and ``width`` (m/s), with their defaults."""
     return (
-        Parameter("approach", "1/s", approach, 1e-3, 1e4, "speed wanted per position that is missing"),
+        Parameter("approach", "1/s", approach, 1e-6, 1e5, "speed wanted per position that is missing"),
         Parameter("width", "m/s", width, 1e-8, 1.0, "wanted speed at which all of the friction is compensated"),
     )
 

@@ -79,12 +79,12 @@ class Lqg(InverseHole):
             *direction_gains(10.0, 5e-4),
         ),
         ("hole", "tension", "tension"): ParameterTable(
-            Parameter("q", "1", 1.0, 1e-6, 1e6, "weight of the squared error over that of the pull"),
-            Parameter("jerk", "N/sqrt(s)", 30.0, 1e-4, 1e7, "intensity by which the disturbance walks"),
-            Parameter("noise", "N", 0.1, 1e-5, 1e3, "standard deviation of the measured tension"),
-            Parameter("lag", "s", 0.01, 1e-5, 2.0, "time constant by which the tension follows the pull"),
+            Parameter("q", "1", 1e-4, 1e-9, 1e6, "weight of the squared error over that of the pull"),
+            Parameter("jerk", "N/sqrt(s)", 50.0, 1e-5, 1e9, "intensity by which the disturbance walks"),
+            Parameter("noise", "N", 0.05, 1e-7, 1e5, "standard deviation of the measured tension"),
+            Parameter("lag", "s", 4e-4, 1e-6, 10.0, "time constant by which the tension follows the pull"),
             LEAD,
-            *direction_gains(10.0, 1e-3),
+            *direction_gains(2.7e-3, 7.5e-5),
         ),
     }
 

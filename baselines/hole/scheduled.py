@@ -18,9 +18,9 @@ from cable_envs.core.params import Parameter, ParameterTable
 
 def _schedule(kp: tuple[str, float, float], ki: tuple[str, float, float], rest: float) -> tuple[Parameter, ...]:
     return (
-        Parameter("kp", kp[0], kp[1], 1e-4 * kp[2], kp[2], "proportional gain"),
-        Parameter("ki", ki[0], ki[1], 1e-6 * ki[2], ki[2], "integral gain in motion"),
-        Parameter("ki_rest", ki[0], rest, 1e-6 * ki[2], ki[2], "integral gain at rest"),
+        Parameter("kp", kp[0], kp[1], 1e-6 * kp[2], kp[2], "proportional gain"),
+        Parameter("ki", ki[0], ki[1], 1e-8 * ki[2], ki[2], "integral gain in motion"),
+        Parameter("ki_rest", ki[0], rest, 1e-8 * ki[2], ki[2], "integral gain at rest"),
         Parameter("moves", "m/s", 2e-3, 1e-6, 1.0, "v, wanted speed from which the gain of motion holds"),
     )
 
@@ -36,7 +36,7 @@ class ScheduledPid(InverseHole):
             *direction_gains(10.0, 5e-4),
         ),
         ("hole", "tension", "tension"): ParameterTable(
-            *_schedule(("1", 0.3, 100.0), ("1/s", 30.0, 1e4), 30.0),
+            *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 1.0),
             LEAD,
             *direction_gains(10.0, 1e-3),
         ),

@@ -25,6 +25,10 @@ CASES = [
 ]
 
 
+PROGRAMS = ("mpc",)
+"""Controllers that solve a program at every step."""
+
+
 def make(name, plant, mode, task, **gains):
     return make_controller(name, plant, mode, task, RIGS[plant, task], DT, **gains)
 
@@ -32,6 +36,7 @@ def make(name, plant, mode, task, **gains):
 def test_registry_holds_the_papers_controllers_and_the_marker():
     assert set(CONTROLLERS) == {
         "open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompensated-pid", "oracle",
+        "adaptive-inverse", "scheduled-pid", "lqg", "ilc", "mpc", "virtual-jaw",
     }  # fmt: skip
     for name, kind in CONTROLLERS.items():
         assert kind.name == name
@@ -145,7 +150,7 @@ def test_series_of_holes_multiplies_the_ratios():
 
 
 def test_baselines_import_no_gym_and_nothing_above_the_plants():
-    for path in Path(baselines.__file__).parent.glob("*.py"):
+    for path in Path(baselines.__file__).parent.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text())):
             names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
             names += [node.module] if isinstance(node, ast.ImportFrom) and node.module else []
@@ -160,7 +165,8 @@ def test_baselines_import_no_gym_and_nothing_above_the_plants():
 
 @pytest.mark.parametrize(("name", "plant", "mode", "task"), CASES)
 def test_one_decision_takes_microseconds(name, plant, mode, task):
-    """Measured 1 to 10 us; 100 us leaves room for a loaded machine and still shows an array operation slipped in."""
+    """Measured 1 to 40 us, and 2 to 3 ms for what solves a program at every step; the rest is room for a loaded
+    machine, and still shows an array operation slipped in."""
     controller = make(name, plant, mode, task)
     y = {s.name: 0.1 for s in PLANTS[plant].PLANT.signals}
     controller.act(0.0, y, (0.1, 0.0, 0.0))
@@ -170,4 +176,4 @@ def test_one_decision_takes_microseconds(name, plant, mode, task):
         for k in range(100):
             controller.act(k * DT, y, (0.1 + 1e-4 * (k % 7), 0.01, 0.0))
         best = min(best, (time.perf_counter() - start) / 100)
-    assert best < 100e-6
+    assert best < (20e-3 if name in PROGRAMS else 100e-6)

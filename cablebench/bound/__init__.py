@@ -1,0 +1,157 @@
+"""Upper bound of what a controller can reach: the commands of an episode found off-line, with its true rig.
+
+>>> from cablebench.bound import upper_bound
+>>> found = upper_bound("cable_envs/CableHole-Position-Sine-v0", seeds=[2000000], options={"duration": 1.0}, rounds=2)
+>>> found[0].rmse < found[0].starts["oracle"]
+True
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from cable_envs.sim.registered import setup_of
+from cable_envs.sim.setup import Setup
+from cablebench.bound.motion import Plants
+from cablebench.bound.search import improve
+from cablebench.entrants.entrant import controller_entrant
+from cablebench.run.evaluation import core_of, run_episode
+
+STARTS = ("oracle", "adaptive-inverse", "lqg", "virtual-jaw")
+"""Controllers from whose commands a search may begin, the oracle first."""
+
+
+@dataclass(frozen=True)
+class Bound:
+    """What the best commands found lead to in one episode.
+
+    Attributes
+    ----------
+    seed : int
+        Of the episode.
+    rmse : float
+        Root of the mean squared error, SI.
+    off : float
+        By what share ``rmse`` may be above the least possible one, as far as the search can tell: the larger of what
+        the slopes at its end still promise, and of what the second best start is worse by. A search that goes down
+        from a few starts proves no least error; ``off`` is an estimate.
+    starts : mapping of str to float
+        RMSE of the controllers that it began from, without sensor noise, SI.
+    overload : float
+        Share of the control steps in which a tension was beyond the rig's limit.
+    command : ndarray, shape (steps,)
+        The commands, SI.
+    """
+
+    seed: int
+    rmse: float
+    off: float
+    starts: Mapping[str, float]
+    overload: float
+    command: np.ndarray
+
+
+def upper_bound(
+    env_id: str,
+    seeds: Sequence[int],
+    options: Mapping[str, Any] | None = None,
+    reset: Mapping[str, Any] | None = None,
+    starts: int = 2,
+    rounds: int = 12,
+    least: float = 0.01,
+) -> list[Bound]:
+    """The least error that was found for episodes, with the true rig, the whole reference and the limits of the drive.
+
+    Commands keep the rig's tension limit, as those of every reference controller. The search of
+    `cablebench.bound.search` begins from the commands of the oracle and of the best other controllers.
+
+    Parameters
+    ----------
+    env_id : str
+        Registered id of the environment, namespace and version included.
+    seeds : sequence of int
+        Of the resets; each decides the rig of an episode.
+    options : mapping, optional
+        Of the environment, as ``{"randomize": True}``. Sensor noise, delays and levels of observation do not matter.
+    reset : mapping, optional
+        Options of the resets, as ``{"reference": {...}}``.
+    starts : int
+        Controllers to begin from.
+    rounds : int
+        Most rounds of the search.
+    least : float
+        Fall of the mean squared error in a round, as a share, below which it ends.
+
+    Returns
+    -------
+    list of Bound
+        One for each seed.
+
+    Raises
+    ------
+    ConfigurationError
+        For unknown environments and options.
+    """
+    setup, states, began = _beginnings(env_id, seeds, dict(options or {}), dict(reset or {}))
+    order = [np.argsort([rmse[k] for rmse, _ in began.values()])[:starts] for k in range(len(seeds))]
+    names = list(began)
+    runs = [(k, names[j]) for k, chosen in enumerate(order) for j in chosen]
+    plants = Plants([states[k] for k, _ in runs], setup)
+    low, high = _limits(setup)
+    actions = np.stack([_asked(began[name][1][k], setup) for k, name in runs], axis=1)
+    found = improve(plants, actions, low, high, rounds, least)
+    bounds = []
+    for k, seed in enumerate(seeds):
+        mine = [j for j, (episode, _) in enumerate(runs) if episode == k]
+        first, *others = sorted(mine, key=lambda j: found.cost[j])
+        rmse = float(np.sqrt(found.cost[first]))
+        spread = float(np.sqrt(found.cost[others[0]])) / max(rmse, 1e-300) - 1.0 if others else 0.0
+        promised = 1.0 - float(np.sqrt(max(1.0 - found.promised[first], 0.0)))
+        command = setup.low + 0.5 * (found.actions[:, first] + 1.0) * (setup.high - setup.low)
+        told = {name: float(errors[k]) for name, (errors, _) in began.items()}
+        overload = plants.overload(found.actions)[first]
+        bounds.append(Bound(int(seed), rmse, max(spread, promised), told, float(overload), command))
+    return bounds
+
+
+def _beginnings(env_id: str, seeds: Sequence[int], options: dict[str, Any], reset: dict[str, Any]) -> Any:
+    """(setup, states after the resets, {controller: (RMSE, commands) of each episode})."""
+    quiet = {**options, "sensor_noise": False, "observe": "full"}
+    setup_of(env_id, quiet)  # refuses what does not fit
+    began: dict[str, tuple[list[float], list[np.ndarray]]] = {}
+    with gym.make(env_id, disable_env_checker=True, **quiet) as env:
+        setup, states = core_of(env).setup, []
+        for seed in seeds:
+            env.reset(seed=int(seed), options=reset or None)
+            states.append(core_of(env).simulation.state())
+        for name in STARTS:
+            entrant = controller_entrant(name)
+            if entrant.enters(env_id, {**options, "sensor_noise": False}) is None:
+                continue
+            actor = entrant.make(setup)
+            episodes = [run_episode(env, actor, int(seed), reset or None) for seed in seeds]
+            whole = [e if e.complete else None for e in episodes]
+            if all(e is not None for e in whole):
+                began[name] = [float(np.sqrt(np.mean(e.error**2))) for e in episodes], [e.command for e in episodes]
+    return setup, states, began
+
+
+def _limits(setup: Setup) -> tuple[float, float]:
+    """Actions of the lowest and of the highest command that keep the rig's tension limit."""
+    if setup.action_mode.unit != "N":
+        return -1.0, 1.0
+    most = min(setup.high, setup.rig.values["tension_limit"])
+    return -1.0, float(_action(np.array(most), setup))
+
+
+def _action(command: np.ndarray, setup: Setup) -> np.ndarray:
+    return 2.0 * (command - setup.low) / (setup.high - setup.low) - 1.0
+
+
+def _asked(command: np.ndarray, setup: Setup) -> np.ndarray:
+    """The actions that were asked for, from the commands that acted: those are late by the action delay."""
+    late = setup.action_delay
+    return np.append(_action(command, setup)[late:], np.full(late, _action(command[-1:], setup)))
