@@ -23,7 +23,10 @@ from cable_envs.core.errors import ConfigurationError, nearest
 if __name__ != "cable_envs.baselines":
     raise ImportError("the folder baselines/ of this checkout is imported as cable_envs.baselines")
 
-SHOWN = ("open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompensated-pid", "oracle")
+SHOWN = (
+    "open-loop", "pid", "scheduled-pid", "mrac-g22", "mrac-g9", "mrac", "adaptive-inverse", "lqg", "ilc", "mpc",
+    "feedforward-pid", "uncompensated-pid", "virtual-jaw", "oracle",
+)  # fmt: skip
 """The order in which controllers are listed to people; what is not named here comes behind, by name."""
 
 

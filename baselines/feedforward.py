@@ -58,7 +58,9 @@ class _DrivePid(Controller):
     compensates: ClassVar[bool]
     gain_tables: ClassVar = {
         # rounded from random searches (40, 85, 56, 64 trials) with compensation, on the nominal rig's step and sine
-        ("circuit", "position", "position"): _gains(("1", 0.1, 100.0), ("1/s", 1.0, 1e4), ("s", 0.0, 10.0), 0.02, 0.055),
+        ("circuit", "position", "position"): _gains(
+            ("1", 0.1, 100.0), ("1/s", 1.0, 1e4), ("s", 0.0, 10.0), 0.02, 0.055
+        ),
         # a larger ki winds up in a step
         ("circuit", "torque", "position"): _gains(
             ("N m/rad", 1.2, 1e3), ("N m/(rad s)", 1.0, 1e5), ("N m s/rad", 0.015, 30.0), 0.004, 0.05

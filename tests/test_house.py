@@ -36,6 +36,7 @@ INSIDE = {
         "export",
         "pages",
         "tune",
+        "bound",
         "board",
         "score",
         "run",

@@ -3,15 +3,16 @@
 Zou's working lines (Eqs. 42-46) are straight as long as both cables are taut. At a grasp torque tau the elongation D
 and the drive torque M lie between the clockwise and the counter-clockwise line; in between the output holds:
 
-    D = g (theta - theta_0) - c (z - z_0) + eps D_0            c = 1 (z: output angle)  or  1 / (kappa k)  (z: grasp torque)
-    eps (D_m - phi D_h) <= D <= eps (D_m + phi D_h)          D_m, D_h: middle and half width of the lines, linear in tau
+    D = g (theta - theta_0) - c (z - z_0) + eps D_0
+    c = 1  (z: output angle)   or   1 / (kappa k)  (z: grasp torque)
+    eps (D_m - phi D_h) <= D <= eps (D_m + phi D_h)          D_m, D_h: middle and half width, linear in tau
     M = M_m + M_h (D - eps D_m) / (eps D_h)
 
 phi, eps and kappa scale the nominal friction (shafts and pretension), the compliance of the cables and the stiffness of
-the object. State (z, ln phi, ln eps, ln kappa) and its covariance follow the measured drive angle and drive torque by an
-extended Kalman filter, with slopes by differences. In the hold the torque tells the compliance, at its plateau the
-friction, and with an object the slope of the working lines tells its stiffness. No absolute angle is needed: z_0 is
-what the output is where the filter begins.
+the object. Before the output moves, `Hold` fits the line of the hold, angle over torque: its slope tells eps, and where
+the drive goes beyond it, the output has broken away, at a torque that tells phi. From then on an extended Kalman filter
+follows (z, ln phi, ln eps, ln kappa) by the measured drive angle and torque, with slopes by differences. No absolute
+angle is needed: z_0 is what the output is where the filter begins.
 """
 
 import math

@@ -2,11 +2,13 @@
 
 The tip of a surgical instrument carries no sensor. `play.PlayFilter` estimates the output, the friction and the
 compliance from angle and torque of the drive. The drive is then told the angle, or the torque, with which the output is
-at the reference on the working line of the way that it moves, and an integral of the estimated error corrects the rest.
+at the reference on the working line of the way that it moves. An integral of the estimated error corrects the rest.
 
-**Search for breakaway.** While the reference stands still, the drive goes slowly to the end of the dead zone. The torque
-climbs until the output is about to move: this plateau is the friction, and the climb the compliance, so that both are
-known before the reference moves. The drive then waits at the end of the dead zone.
+**Search for breakaway.** While the reference stands still, the drive goes slowly to the end of the dead zone. The
+torque climbs until the output moves: this plateau is the friction, and the climb the compliance, so that both are known
+before the reference moves. The drive then waits at the end of the dead zone.
+
+An episode is taken to begin with the output on its reference: of the drive's sensors none tells another beginning.
 """
 
 from collections.abc import Mapping
@@ -25,21 +27,22 @@ LARGEST = 0.3
 """Largest correction by the integral, as a share of the scale of the output."""
 
 
-def _gains(kp: tuple[str, float, float], kd: tuple[str, float, float], scale: tuple[str, float, float], turn: float):
-    """kp, kd: (unit, default, high) of the torque on the drive's angle; scale: (unit, tolerance, ki) of the output."""
-    unit, tolerance, ki = scale
+def _gains(mode: str, task: str) -> ParameterTable:
+    held = task == "position"
+    unit, tolerance, ki, misfit, walk = ("rad", 2e-3, 11.0, 3e-3, 3e-4) if held else ("N m", 2e-3, 0.5, 5e-3, 3e-3)
     return ParameterTable(
         Parameter("ki", "1/s", ki, 1e-4, 1e4, "integral gain of the estimated error"),
-        Parameter("kp", kp[0], kp[1], 0.0, kp[2], "torque per angle of the drive (torque commands)"),
-        Parameter("kd", kd[0], kd[1], 0.0, kd[2], "torque per speed of the drive (torque commands)"),
+        Parameter("kp", "N m/rad", 5.0 if held else 0.0, 0.0, 1e3, "torque per angle of the drive (torque commands)"),
+        Parameter("kd", "N m s/rad", 0.02, 0.0, 30.0, "torque per speed of the drive (torque commands)"),
         Parameter("lead", "s", 0.01, -0.5, 0.5, "how far ahead the reference is taken"),
-        Parameter("turn_time", "s", turn, 1e-4, 10.0, "time constant of changes of direction and jumps"),
-        Parameter("search", "1/s", 6.9, 1e-3, 1e3, "half widths of the dead zone per second of the search"),
+        Parameter("turn_time", "s", 0.03 if mode == "position" else 0.05, 1e-4, 10.0,
+                  "time constant of changes of direction, and of jumps of a torque"),
+        Parameter("search", "1/s", 0.5, 1e-3, 1e3, "half widths of the dead zone per second of the search"),
         Parameter("tolerance", unit, tolerance, 1e-6, 1.0, "error at rest that is brought back"),
-        Parameter("beyond", "rad", 5e-4, 1e-6, 1.0, "drive angle beyond the hold that tells breakaway"),
-        Parameter("misfit", "N m", 3e-3, 1e-6, 10.0, "standard deviation of the drive torque about the model"),
-        Parameter("walk", "1/sqrt(s)", 3e-4, 1e-9, 100.0, "how far ln phi walks in a second"),
-    )
+        Parameter("beyond", "rad", 1e-3 if held else 1.5e-3, 1e-6, 1.0, "drive angle beyond the hold at breakaway"),
+        Parameter("misfit", "N m", misfit, 1e-6, 10.0, "standard deviation of the drive torque about the model"),
+        Parameter("walk", "1/sqrt(s)", walk, 1e-9, 100.0, "how far ln phi walks in a second"),
+    )  # fmt: skip
 
 
 FARTHEST = 5.0
@@ -60,11 +63,9 @@ class VirtualJaw(Controller):
     plants = CIRCUITS
     tasks = ("position", "torque")
     gain_tables: ClassVar = {
-        ("circuit", mode, task): _gains(
-            ("N m/rad", 0.0 if task == "torque" else 5.0, 100.0), ("N m s/rad", 0.02, 2.0), scale, turn
-        )
-        for mode, turn in (("position", 0.037), ("torque", 0.1))
-        for task, scale in (("position", ("rad", 2e-3, 11.0)), ("torque", ("N m", 5e-3, 0.5)))
+        ("circuit", mode, task): _gains(mode, task)
+        for mode in ("position", "torque")
+        for task in ("position", "torque")
     }
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:

@@ -40,7 +40,6 @@ def _adaptation(slides: float, misfit: float, walk: float) -> tuple[Parameter, .
     )
 
 
-
 class AdaptiveInverse(InverseHole):
     """PI-D on the load through an inverse model of the friction that is fitted while the cable slides."""
 

@@ -9,6 +9,7 @@ as with a multisine or random steps, nothing is learned and the law is the sched
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import ClassVar
 
 from cable_envs.baselines.base import Reference
@@ -22,10 +23,13 @@ ALIKE = 5e-3
 """largest difference of them, as a share of the range of the reference so far"""
 
 _LEARNING = (
-    Parameter("gain", "1", 0.9, 0.0, 1.5, "share of the last period's correction that is given ahead of time"),
-    Parameter("ahead", "s", 0.02, -0.2, 0.5, "how much earlier it is given"),
-    Parameter("window", "s", 0.03, 0.0, 1.0, "half width of the mean over the last period's correction"),
+    Parameter("gain", "1", 0.9, 0.0, 10.0, "share of the last period's correction that is given ahead of time"),
+    Parameter("ahead", "s", 0.005, -1.0, 1.0, "how much earlier it is given"),
+    Parameter("window", "s", 0.02, 0.0, 10.0, "half width of the mean over the last period's correction"),
 )
+
+_CALM = {"kp": 15000.0, "ki": 1e5, "ki_rest": 1e5, "kd": 300.0}
+"""Feedback of the position that leaves something to learn: a stiffer one is better alone, and worse with learning."""
 
 
 class Period:
@@ -73,7 +77,10 @@ class Ilc(ScheduledPid):
 
     name = "ilc"
     gain_tables: ClassVar = {
-        case: ParameterTable(*table, *_LEARNING) for case, table in ScheduledPid.gain_tables.items()
+        case: ParameterTable(*(replace(p, default=_CALM.get(p.name, p.default)) for p in table), *_LEARNING)
+        if case[2] == "position"
+        else ParameterTable(*table, *_LEARNING)
+        for case, table in ScheduledPid.gain_tables.items()
     }
 
     def reset(self) -> None:

@@ -9,19 +9,20 @@ speed. Tension: F = (r(t + lead) + kp e + I) n^s.
 """
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from cable_envs.baselines.base import Reference
 from cable_envs.baselines.hole.inverse import LEAD, InverseHole, direction_gains
 from cable_envs.core.params import Parameter, ParameterTable
 
 
-def _schedule(kp: tuple[str, float, float], ki: tuple[str, float, float], rest: float) -> tuple[Parameter, ...]:
+def _schedule(kp: tuple, ki: tuple, rest: float, moves: float) -> tuple[Parameter, ...]:
+    """kp, ki: (unit, default, high)."""
     return (
         Parameter("kp", kp[0], kp[1], 1e-6 * kp[2], kp[2], "proportional gain"),
         Parameter("ki", ki[0], ki[1], 1e-8 * ki[2], ki[2], "integral gain in motion"),
         Parameter("ki_rest", ki[0], rest, 1e-8 * ki[2], ki[2], "integral gain at rest"),
-        Parameter("moves", "m/s", 2e-3, 1e-6, 1.0, "v, wanted speed from which the gain of motion holds"),
+        Parameter("moves", "m/s", moves, 1e-7, 100.0, "v, wanted speed from which the gain of motion holds"),
     )
 
 
@@ -31,20 +32,16 @@ class ScheduledPid(InverseHole):
     name = "scheduled-pid"
     gain_tables: ClassVar = {
         ("hole", "tension", "position"): ParameterTable(
-            *_schedule(("N/m", 15000.0, 1e7), ("N/(m s)", 1e5, 1e9), 1e5),
-            Parameter("kd", "N s/m", 300.0, 0.1, 1e5, "derivative gain"),
-            *direction_gains(10.0, 5e-4),
+            *_schedule(("N/m", 39000.0, 1e7), ("N/(m s)", 2.2e4, 1e9), 7e5, 0.5),
+            Parameter("kd", "N s/m", 140.0, 0.1, 1e5, "derivative gain"),
+            *direction_gains(4.8, 5e-5),
         ),
         ("hole", "tension", "tension"): ParameterTable(
-            *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 1.0),
+            *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 1.0, 2e-3),
             LEAD,
             *direction_gains(10.0, 1e-3),
         ),
     }
-
-    def use_rig(self, rig: Mapping[str, Any]) -> None:
-        super().use_rig(rig)
-        self.integral = 0.0
 
     def reset(self) -> None:
         super().reset()

@@ -35,9 +35,10 @@ class Bound:
     rmse : float
         Root of the mean squared error, SI.
     off : float
-        By what share ``rmse`` may be above the least possible one, as far as the search can tell: the larger of what
-        the slopes at its end still promise, and of what the second best start is worse by. A search that goes down
-        from a few starts proves no least error; ``off`` is an estimate.
+        Share of ``rmse`` that the slopes at the end of the search still promise: how far it may be above the least
+        error near these commands. A search that goes down from a few starts proves no least error of all.
+    spread : float
+        By what share the second best start ended above the best one: 0 where both found the same.
     starts : mapping of str to float
         RMSE of the controllers that it began from, without sensor noise, SI.
     overload : float
@@ -49,6 +50,7 @@ class Bound:
     seed: int
     rmse: float
     off: float
+    spread: float
     starts: Mapping[str, float]
     overload: float
     command: np.ndarray
@@ -66,7 +68,9 @@ def upper_bound(
     """The least error that was found for episodes, with the true rig, the whole reference and the limits of the drive.
 
     Commands keep the rig's tension limit, as those of every reference controller. The search of
-    `cablebench.bound.search` begins from the commands of the oracle and of the best other controllers.
+    `cablebench.bound.search` begins from the commands of the oracle and of the best other controllers. A single step is
+    not known before it comes: the commands up to it stay as they were. Other references are known from the beginning,
+    so that the bound of random steps, which it sees coming, lies below what any controller can do.
 
     Parameters
     ----------
@@ -100,10 +104,11 @@ def upper_bound(
     names = list(began)
     runs = [(k, names[j]) for k, chosen in enumerate(order) for j in chosen]
     plants = Plants([states[k] for k, _ in runs], setup)
-    low, high = _limits(setup)
+    signal = {**setup.reference, **((reset or {}).get("reference") or {})}
+    first = round(signal.get("start", 0.0) / setup.control_period) if signal["kind"] == "step" else 0
     actions = np.stack([_asked(began[name][1][k], setup) for k, name in runs], axis=1)
-    found = improve(plants, actions, low, high, rounds, least)
-    bounds = []
+    found = improve(plants, actions, _limits(setup), rounds, least, first)
+    bounds, overloads = [], plants.overload(found.actions)
     for k, seed in enumerate(seeds):
         mine = [j for j, (episode, _) in enumerate(runs) if episode == k]
         first, *others = sorted(mine, key=lambda j: found.cost[j])
@@ -112,8 +117,8 @@ def upper_bound(
         promised = 1.0 - float(np.sqrt(max(1.0 - found.promised[first], 0.0)))
         command = setup.low + 0.5 * (found.actions[:, first] + 1.0) * (setup.high - setup.low)
         told = {name: float(errors[k]) for name, (errors, _) in began.items()}
-        overload = plants.overload(found.actions)[first]
-        bounds.append(Bound(int(seed), rmse, max(spread, promised), told, float(overload), command))
+        overload = float(overloads[first])
+        bounds.append(Bound(int(seed), rmse, promised, spread, told, overload, command))
     return bounds
 
 

@@ -1,4 +1,4 @@
-"""The best commands for episodes whose rig and reference are known: differential dynamic programming, Gauss-Newton form.
+"""The best commands for episodes whose rig and reference are known, by iLQR.
 
 At each step of a trajectory the simulator itself gives the slopes of the state after it. A Riccati recursion backwards
 (Li and Todorov 2004, iLQR; limits as in Tassa et al. 2014 by leaving out what lies at them) gives a change of the
@@ -30,7 +30,9 @@ class Found:
     """share of the cost that the slopes say could still fall, [episodes]"""
 
 
-def improve(plants: Plants, actions: np.ndarray, low: float, high: float, rounds: int, least: float) -> Found:
+def improve(
+    plants: Plants, actions: np.ndarray, limits: tuple[float, float], rounds: int, least: float, first: int = 0
+) -> Found:
     """Improve actions by rounds of slopes, recursion and trials.
 
     Parameters
@@ -39,19 +41,22 @@ def improve(plants: Plants, actions: np.ndarray, low: float, high: float, rounds
         Episodes.
     actions : ndarray, shape (steps, episodes)
         To begin with.
-    low, high : float
-        Limits of the actions.
+    limits : tuple of two float
+        Lowest and highest action.
     rounds : int
         Most rounds.
     least : float
         Relative improvement of a mean squared error below which a round counts as without gain; two of them end it.
+
+    first : int
+        Steps before it keep the actions of the beginning.
 
     Returns
     -------
     Found
         What is at least as good as the beginning.
     """
-    best = np.clip(actions, low, high)
+    best = np.clip(actions, *limits)
     cost, _, blocks = plants.follow(lambda k, _: best[k], 1, keep=True)
     cost, idle = cost[:, 0], 0
     plants.relevant(blocks)
@@ -60,10 +65,10 @@ def improve(plants: Plants, actions: np.ndarray, low: float, high: float, rounds
         states = blocks[:, plants.rows].transpose(0, 2, 1)
         a, b, output = plants.slopes(blocks, plants.scales(blocks))
         errors = plants.errors(blocks)
-        plans = [_backward(a, b, output, errors, best, (low, high), d) for d in DAMPINGS]
+        plans = [_backward(a, b, output, errors, best, limits, d, first) for d in DAMPINGS]
         promised = np.minimum(plans[0][2] / np.maximum(cost, 1e-300), 1.0)
         trials = [(change, gain, size) for change, gain, _ in plans for size in SIZES]
-        taken = _try(plants, states, best, trials, (low, high))
+        taken = _try(plants, states, best, trials, limits)
         better = taken[1] < cost
         gained = np.where(better, 1.0 - taken[1] / cost, 0.0)
         best = np.where(better, taken[0], best)
@@ -75,14 +80,14 @@ def improve(plants: Plants, actions: np.ndarray, low: float, high: float, rounds
     return Found(best, cost, promised)
 
 
-def _backward(a, b, output, errors, actions, limits, damping):
-    """(change [steps, episodes], gain [steps, episodes, states], promised fall of the mean squared error [episodes])."""
+def _backward(a, b, output, errors, actions, limits, damping, first):
+    """(change [steps, episodes], gain [steps, episodes, states], promised fall of the cost [episodes])."""
     steps, episodes, n = b.shape
     weight = 1.0 / np.maximum(np.mean(errors**2, axis=0), 1e-300)  # in shares of the present error
     v, vv = np.zeros((episodes, n)), np.zeros((episodes, n, n))
     change, gain, fall = np.zeros((steps, episodes)), np.zeros((steps, episodes, n)), np.zeros(episodes)
     low, high = limits
-    for k in range(steps - 1, -1, -1):
+    for k in range(steps - 1, first - 1, -1):
         v[:, output] -= weight * errors[k]
         vv[:, output, output] += weight
         va = vv @ a[k]
