@@ -37,9 +37,9 @@ class ScheduledPid(InverseHole):
             *direction_gains(4.8, 5e-5),
         ),
         ("hole", "tension", "tension"): ParameterTable(
-            *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 1.0, 2e-3),
+            *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 0.06, 2.2e-4),
             LEAD,
-            *direction_gains(10.0, 1e-3),
+            *direction_gains(1.0, 6e-5),
         ),
     }
 

@@ -16,6 +16,9 @@ from cablebench.bound.motion import Plants
 DAMPINGS = (1e-4, 1e-2, 1.0, 100.0)
 """Weights of a squared change of an action, times the steps, beside the squared error over its mean."""
 
+WILD = 1e25
+"""Curvature at which the recursion counts as diverging, at a kink of the motion: it begins anew there."""
+
 SIZES = (1.0, 0.5, 0.2, 0.05)
 """Shares of the proposed change that are tried, with each damping."""
 
@@ -65,7 +68,8 @@ def improve(
         states = blocks[:, plants.rows].transpose(0, 2, 1)
         a, b, output = plants.slopes(blocks, plants.scales(blocks))
         errors = plants.errors(blocks)
-        plans = [_backward(a, b, output, errors, best, limits, d, first) for d in DAMPINGS]
+        with np.errstate(all="ignore"):
+            plans = [_backward(a, b, output, errors, best, limits, d, first) for d in DAMPINGS]
         promised = np.minimum(plans[0][2] / np.maximum(cost, 1e-300), 1.0)
         trials = [(change, gain, size) for change, gain, _ in plans for size in SIZES]
         taken = _try(plants, states, best, trials, limits)
@@ -97,11 +101,14 @@ def _backward(a, b, output, errors, actions, limits, damping, first):
         stuck = ((actions[k] >= high) & (qu < 0.0)) | ((actions[k] <= low) & (qu > 0.0))
         step = np.where(stuck, 0.0, -qu / quu)
         back = np.where(stuck[:, None], 0.0, -bv / quu[:, None])
+        fall += np.where(stuck | ~np.isfinite(quu), 0.0, qu * qu / quu) / weight / steps
+        wild = ~np.isfinite(quu) | (np.abs(quu) > WILD)
+        step, back = np.where(wild, 0.0, step), np.where(wild[:, None], 0.0, back)
         change[k], gain[k] = step, back
-        fall += np.where(stuck, 0.0, qu * qu / quu) / weight / steps
         v = np.einsum("eji,ej->ei", a[k], v) + back * qu[:, None]
         vv = a[k].transpose(0, 2, 1) @ va + back[:, :, None] * bv[:, None, :]
         vv = 0.5 * (vv + vv.transpose(0, 2, 1))
+        v, vv = np.where(wild[:, None], 0.0, v), np.where(wild[:, None, None], 0.0, vv)
     return change, gain, fall
 
 
