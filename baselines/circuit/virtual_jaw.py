@@ -59,6 +59,8 @@ class VirtualJaw(Controller):
     """Inverse of the circuit on its estimated working lines, and an integral of the estimated error."""
 
     name = "virtual-jaw"
+    charged: ClassVar = {"tuning_trials": 60}
+    """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     information = "nominal"
     plants = CIRCUITS
     tasks = ("position", "torque")

@@ -44,6 +44,8 @@ class AdaptiveInverse(InverseHole):
     """PI-D on the load through an inverse model of the friction that is fitted while the cable slides."""
 
     name = "adaptive-inverse"
+    charged: ClassVar = {"tuning_trials": 80}
+    """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     gain_tables: ClassVar = {
         ("hole", "tension", "position"): ParameterTable(
             Parameter("kp", "1/s^2", 11655.0, 1.0, 1e6, "acceleration per error"),

@@ -69,6 +69,8 @@ class Lqg(InverseHole):
     """Kalman filter with a disturbance, linear-quadratic regulator, nominal inverse of the friction."""
 
     name = "lqg"
+    charged: ClassVar = {"tuning_trials": 60}
+    """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     gain_tables: ClassVar = {
         ("hole", "tension", "position"): ParameterTable(
             Parameter("q_position", "1/s^4", 1e7, 1.0, 1e14, "weight of the squared error over that of acceleration"),

@@ -35,10 +35,18 @@ OPTIONS = {
 STATES = ("drive_position", "load_position", "load_velocity")
 
 
+def _installed() -> bool:
+    try:
+        return find_spec("casadi") is not None
+    except ImportError:  # a finder that refuses it
+        return False
+
+
 class Mpc(Controller):
     """Nonlinear model predictive controller of the nominal hole."""
 
     name = "mpc"
+    charged: ClassVar = {"tuning_trials": 1}
     information = "nominal"
     plants = (HOLE,)
     tasks = ("position",)
@@ -57,7 +65,7 @@ class Mpc(Controller):
     def check_case(cls, plant: str, action_mode: str, task: str) -> None:
         """As of `Controller`, and refuse to run where CasADi is not installed."""
         super().check_case(plant, action_mode, task)
-        if find_spec("casadi") is None:
+        if not _installed():
             raise ConfigurationError("controller 'mpc' needs casadi: pip install 'cable-envs[casadi]'")
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:

@@ -19,9 +19,9 @@ from cable_envs.core.params import Parameter, ParameterTable
 def _schedule(kp: tuple, ki: tuple, rest: float, moves: float) -> tuple[Parameter, ...]:
     """kp, ki: (unit, default, high)."""
     return (
-        Parameter("kp", kp[0], kp[1], 1e-6 * kp[2], kp[2], "proportional gain"),
-        Parameter("ki", ki[0], ki[1], 1e-8 * ki[2], ki[2], "integral gain in motion"),
-        Parameter("ki_rest", ki[0], rest, 1e-8 * ki[2], ki[2], "integral gain at rest"),
+        Parameter("kp", kp[0], kp[1], 1e-4, kp[2], "proportional gain"),
+        Parameter("ki", ki[0], ki[1], 1e-4, ki[2], "integral gain in motion"),
+        Parameter("ki_rest", ki[0], rest, 1e-4, ki[2], "integral gain at rest"),
         Parameter("moves", "m/s", moves, 1e-7, 100.0, "v, wanted speed from which the gain of motion holds"),
     )
 
@@ -30,6 +30,8 @@ class ScheduledPid(InverseHole):
     """PI-D whose gains follow the direction and the speed of sliding."""
 
     name = "scheduled-pid"
+    charged: ClassVar = {"tuning_trials": 60}
+    """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     gain_tables: ClassVar = {
         ("hole", "tension", "position"): ParameterTable(
             *_schedule(("N/m", 39000.0, 1e7), ("N/(m s)", 2.2e4, 1e9), 7e5, 0.5),
