@@ -12,10 +12,11 @@ from cable_envs.effects.base import Effect
 
 SHOWN = (
     "coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "presliding_hysteresis",
-    "lugre_friction", "elastoplastic_friction", "load_dependent_friction", "lateral_extrusion",
+    "lugre_friction", "elastoplastic_friction", "load_dependent_friction", "gear_friction", "lateral_extrusion",
     "bending_stiffness", "cable_elongation", "stiffness_hardening",
     "viscoelastic_creep", "friction_drift", "backlash", "slack", "partial_slip", "position_ripple",
-    "position_dependent_load", "actuator_lag", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification",
+    "position_dependent_load", "actuator_lag", "command_delay", "dead_band", "quantised_command", "supply_sag",
+    "winding_heating", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification",
 )  # fmt: skip
 """The order in which effects are listed to people, friction first; what is not named here comes behind, by name."""
 

@@ -261,6 +261,12 @@ def slide(e, s, g, i, v, mass, level, drive, resist, stiffness, damping, dt):
     """
     dry_friction(e, g, i, v, level, 0.0)
     up, down = drive - resist - g.up[i], drive - resist + g.down[i]
+    return slid(e, s, g, i, v, mass, up, down, stiffness, damping, dt)
+
+
+@inline
+def slid(e, s, g, i, v, mass, up, down, stiffness, damping, dt):
+    """`slide` of given net forces against all friction moving up and moving down; ``g`` has that of `dry_friction`."""
     falling = maximum(damping + g.steep[i], -mass / dt)
     sliding = crossing_step(v, mass, up, down, stiffness, falling, dt)
     more = 2.0 * g.excess[i]

@@ -37,6 +37,23 @@ def current_range(emf, resistance, voltage, limit):
 
 
 @inline
+def driven_current(duty, emf, resistance, supply, voltage, limit):
+    """Current, A, that a bridge drives with a ``duty`` in [-1, 1]; R of the winding and R_s of the supply in ohm.
+
+    The supply is in the circuit for the share |duty| of each period, and else the current runs on through the winding:
+    duty U - k_t N w = i (R + R_s |duty|). The winding's time constant is taken as long against the bridge's period.
+
+    Examples
+    --------
+    Half of 12 V less the back-EMF of 2 V, across 3 ohm and half of 2 ohm.
+
+    >>> driven_current(0.5, 2.0, 3.0, 2.0, 12.0, 10.0)
+    1.0
+    """
+    return minimum(maximum((duty * voltage - emf) / (resistance + supply * abs(duty)), -limit), limit)
+
+
+@inline
 def behind_gear(torque, speed, ratio, efficiency):
     """Torque behind the gear, N m: it loses a share of the power, whichever way that flows.
 

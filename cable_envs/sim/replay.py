@@ -170,6 +170,8 @@ def replay(
     }  # fmt: skip
     columns = {k: _column(k, v, n) for k, v in given.items() if v is not None}
     columns = {k: _widened(v, idle) if v.shape[1] > 1 else v for k, v in columns.items()}
+    if drive not in DRIVES:
+        columns |= _late(plant, p, {k: columns[k] for k in ("command", "rate") if k in columns}, period)
     inputs = _inputs(plant, columns, period, drive, hold, held)
     names = [s.name for s in plant.signals]
     for name in signals:
@@ -195,6 +197,15 @@ def replay(
 def _widened(columns: np.ndarray, idle: int) -> np.ndarray:
     """The same with the last column ``idle`` times more: a processor's lanes that would be empty cost nothing."""
     return np.concatenate([columns, np.repeat(columns[..., -1:], idle, axis=-1)], axis=-1) if idle else columns
+
+
+def _late(plant: Plant, p: np.ndarray, columns: dict, period: float) -> dict:
+    """The command and its rate behind the effect command_delay, each [T, 1] or [T, n]."""
+    time = p[plant.coefficient_rows.count + plant.effects.lanes.row("command_delay_time")]
+    if not np.any(time):
+        return {}
+    wide = {k: np.ascontiguousarray(np.broadcast_to(v, (len(v), len(time)))) for k, v in columns.items()}
+    return {k: delayed(v, time / period) for k, v in wide.items()}
 
 
 def _held(plant: Plant, drive: str, state: np.ndarray) -> np.ndarray | None:

@@ -51,6 +51,7 @@ class Played:
 PLAYED: Mapping[str, Played] = {
     "linear_drive": Played("position", 0.1, 0.4, "position", changes=(("belt_stiffness", 5e4),)),
     "coupled_drives": Played("voltage", 3.0, 0.8, "pulley_position"),
+    "rotary_joint": Played("position", 1.0, 0.4, "position", changes=(("gear_friction.driving", 0.3),)),
     "band_brake": Played("follow", 0.01, 0.4, "position"),
     "transmission": Played("follow", 0.8, 0.4, "output_angle", disturbance=0.04),
 }

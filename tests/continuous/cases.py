@@ -40,7 +40,7 @@ class Case:
 
 
 FAST = {"drive_acceleration_limit": 1e3}  # the equations of the hole leave this limit out
-DRIVE, COUPLED = {"plant": "linear_drive"}, {"plant": "coupled_drives"}
+DRIVE, COUPLED, JOINT = {"plant": "linear_drive"}, {"plant": "coupled_drives"}, {"plant": "rotary_joint"}
 IDEAL = {
     "hole-tension": Case("gu-inferred", "tension", 20.0, 0.0, FAST),
     "hole-speed": Case("gu-inferred", "speed", 0.02, 0.0, FAST),
@@ -77,6 +77,11 @@ IDEAL = {
         {"asymmetric_friction.difference": 2.0, "position_dependent_load.stiffness": 50.0,
          "position_ripple.force": 3.0, "position_ripple.period": 0.05},
     ),
+    "rotary-duty": Case(
+        JOINT, "duty", 0.3, 0.2, {"gear_friction.driving": 0.4, "gear_friction.backdriving": 0.3,
+         "supply_sag.resistance": 1.0, "position_dependent_load.stiffness": 0.05},
+    ),
+    "rotary-position": Case(JOINT, "position", 0.4, 0.0, {"gear_friction.driving": 0.3, "rate_gain": 0.02}),
     "coupled": Case(COUPLED, "voltage", 2.0, 0.0, {"coulomb": 5.0, "stiffness_hardening.coefficient": 0.05}),
     "joint-position": Case("finger-joint", "position", 0.3, 0.1, {"joint_friction": 0.004}, 3.0, 0.01),
     "joint-torque": Case(

@@ -17,7 +17,7 @@ EFFECTS = (
 def _rigid(state, rows: Rows, way):
     y, v = state
     p, u, e, s, g, _, _ = rows
-    force, _, _ = _motor_force(p, u, 0, y, v)
+    force, _, _ = _motor_force(p, u, e, 0, y, v)
     resist, _, _ = _load(p, u, e, s, 0, y, v)
     dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)
     faster = rubbed(force - resist, g.up[0], g.down[0], way) / (p.mass[0] + p.motor_mass[0])
@@ -27,7 +27,7 @@ def _rigid(state, rows: Rows, way):
 def _belted(state, rows: Rows, way):
     xm, vm, y, v = state
     p, u, e, s, g, _, _ = rows
-    force, _, _ = _motor_force(p, u, 0, xm, vm)
+    force, _, _ = _motor_force(p, u, e, 0, xm, vm)
     pull, _, _, _ = sprung(e, s, 0, p.belt_stiffness[0], p.belt_damping[0], xm - y, vm - v)
     resist, _, _ = _load(p, u, e, s, 0, y, v)
     dry_friction(e, g, 0, along(v, way), p.coulomb[0], 0.0)

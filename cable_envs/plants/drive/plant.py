@@ -25,12 +25,14 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
+from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
 from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.physics.motor import shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 
 _TYPICAL = "chosen: a small belt axis"
@@ -76,7 +78,8 @@ ACTING = Acting(
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
-        "actuator_lag": ("time",),
+        "actuator_lag": ("time",), "command_delay": ("time",), "dead_band": ("width",),
+        "quantised_command": ("steps",),
     },
     sensors={"position": "m", "velocity": "m/s", "force": "N", "motor_position": "m"},
     aliases={
@@ -98,18 +101,20 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 
 
 @inline
-def _motor_force(p, u, i, x, v):
+def _motor_force(p, u, e, i, x, v):
     """(force, stiffness, damping) of the motor at a position and speed; none of the latter two at its limit."""
     servo, observed = u.mode[i] > 0.5, u.mode[i] > OBSERVED - 0.5
     wanted = p.servo_stiffness[i] * (u.command[i] - x) + p.servo_damping[i] * (u.command_rate[i] - v)
     wanted = select(observed, wanted + u.disturbance[i], wanted)
-    force = clip(select(servo, wanted, u.command[i]), -p.force_limit[i], p.force_limit[i])
-    free = servo & (abs(wanted) < p.force_limit[i])
-    return force, select(free, p.servo_stiffness[i], 0.0), select(free, p.servo_damping[i], 0.0)
+    force, limit = clip(select(servo, wanted, u.command[i]), -p.force_limit[i], p.force_limit[i]), p.force_limit[i]
+    asked = dead_zone(force, 2.0 * limit * e.dead_band_width[i])
+    made = shown(asked, e.quantised_command_steps[i] / limit)
+    free = servo & (abs(wanted) < limit) & ((e.dead_band_width[i] <= 0.0) | (asked != 0.0))
+    return select(observed, force, made), select(free, p.servo_stiffness[i], 0.0), select(free, p.servo_damping[i], 0.0)
 
 
 @inline
-def _observed_force(p, u, s, g, i, y, v, half):
+def _observed_force(p, u, e, s, g, i, y, v, half):
     """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves the lag on.
 
     The speed there goes on as it did in the step before: the servo is soft enough for that.
@@ -117,7 +122,7 @@ def _observed_force(p, u, s, g, i, y, v, half):
     going = s.started[i] > 0.5
     ahead = select(going, 0.5 * (v - s.pulley_angle[i]), 0.0)
     s.pulley_angle[i] = v
-    wanted, _, _ = _motor_force(p, u, i, y + half * (v + 0.5 * ahead), v + ahead)
+    wanted, _, _ = _motor_force(p, u, e, i, y + half * (v + 0.5 * ahead), v + ahead)
     late = select(going, s.gap_position[i], wanted)
     s.gap_position[i] = lagged(late, wanted, g.force_left[i])
     return select(g.force_left[i] > 0.0, wanted + (late - wanted) * g.force_late[i], wanted)
@@ -160,8 +165,8 @@ def _step(x, p, u, e, s, g, i, dt):
     follows, half = g.follows[i] > 0.5, 0.5 * dt
     # behind a belt both are solved together: its force in the middle of the step is pull + grip (change of vm - of v)
     observed = u.mode[i] > OBSERVED - 0.5
-    pushed = _observed_force(p, u, s, g, i, y, v, half)
-    force, k, c = _motor_force(p, u, i, xm + half * vm, vm)
+    pushed = _observed_force(p, u, e, s, g, i, y, v, half)
+    force, k, c = _motor_force(p, u, e, i, xm + half * vm, vm)
     force, k, c = select(observed, pushed, force), select(observed, 0.0, k), select(observed, 0.0, c)
     pull, belt_k, belt_c = _belt(p, e, s, g, i, xm + half * vm - (y + half * v), vm - v)
     grip = 0.5 * (belt_c + half * belt_k)
@@ -169,7 +174,7 @@ def _step(x, p, u, e, s, g, i, dt):
     alone = select(follows, g.target_rate[i] - vm, dt * (force - pull) / inertia)
     along = select(follows, 0.0, dt * grip / inertia)
     # one body, or the carriage
-    direct, k, c = _motor_force(p, u, i, y + half * v, v)
+    direct, k, c = _motor_force(p, u, e, i, y + half * v, v)
     direct, k, c = select(observed, pushed, direct), select(observed, 0.0, k), select(observed, 0.0, c)
     resist, load_k, load_c = _load(p, u, e, s, i, y + half * v, v)
     elastic = g.elastic[i]
@@ -197,6 +202,7 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
     force, _, _ = _motor_force(
         p,
         u,
+        e,
         i,
         select(observed, x.position[i], x.motor_position[i]),
         select(observed, x.velocity[i], x.motor_velocity[i]),

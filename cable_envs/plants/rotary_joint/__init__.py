@@ -1,0 +1,27 @@
+"""A joint that a motor turns through a gear against a pendulum, under the controller of its servo."""
+
+from cable_envs.plants.family import Family
+
+
+def _build(variant: str, holes: int):
+    from cable_envs.plants.rotary_joint.plant import PLANT
+
+    return PLANT
+
+
+FAMILY = Family(
+    name="rotary_joint",
+    title="Rotary joint",
+    build=_build,
+    continuous="cable_envs.plants.rotary_joint.continuous:equations",
+    scene="cable_envs.plants.rotary_joint.scene:RotaryJointScene",
+    shown=("position", "velocity", "duty", "current", "torque", "load_torque", "sliding"),
+    channels={
+        "time": "s", "position": "rad", "velocity": "rad/s", "position_reference": "rad", "duty": "1", "release": "1",
+        "supply_voltage": "V", "temperature": "1",
+    },
+    commands={"position": "position_reference", "duty": "duty"},
+    known=("load_mass", "arm_length", "position_gain", "rate_gain", "duty_limit"),
+    nominal=("inertia", "coulomb", "viscous", "torque_constant", "resistance", "supply_voltage", "hanging_angle"),
+    ways=("turning forward", "turning backward"),
+)
