@@ -13,10 +13,12 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("driving", "1", 0.0, 0.0, 10.0, "loss over the load's torque, the motor drives", 0.3),
         EffectParameter("backdriving", "1", 0.0, 0.0, 0.99, "loss over the load's torque, the load drives", 0.3),
-        EffectParameter("rise", "1", 0.0, 0.0, 10.0, "how much more it is at standstill", 0.5, shape=True),
+        EffectParameter(
+            "rise", "1", 0.0, 0.0, 10.0, "how much more it is at standstill", 0.5, shape=True, probes=(1.0,)
+        ),
         EffectParameter(
             "velocity", "m/s", 0.1, 1e-6, 1e3, "speed at which the rise has fallen to 1/e", 0.1, 1.0, shape=True,
-            null_turning=1.0,
+            probes=(0.5, 2.0), null_turning=1.0,
         ),
     ),
     validity="one gear without a gap; a backdriving loss of 1 holds any load (self-locking)",

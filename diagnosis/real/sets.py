@@ -10,6 +10,7 @@ from cable_envs.diagnosis.readers.writer import write_data_set
 
 FOLDERS = {
     "da-vinci-jaw": "davinci_tool", "band-brake": "band_brake", "emps": "emps", "coupled-drives": "coupled_drives",
+    "servo-pendulum": "servo_pendulum",
 }  # fmt: skip
 """Format of ``cablebench import`` -> folder of the set."""
 

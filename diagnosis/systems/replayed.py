@@ -33,6 +33,7 @@ class Run:
     offset        | signals whose zero means nothing in this record
     hold          | "ramp": the command goes from sample to sample; "step": each is held over the step that ends there
     mean          | whether samples are means over the control step around them
+    second        | of a drive with a second command: at every sample [T]; None: as at rest
     """
 
     command: np.ndarray
@@ -44,6 +45,7 @@ class Run:
     offset: tuple[str, ...] = ()
     hold: str = "ramp"
     mean: bool = False
+    second: np.ndarray | None = None
 
 
 class ReplayModel:
@@ -145,10 +147,13 @@ class ReplayModel:
         if self.lead:
             command = np.concatenate([np.full(self.lead * fine, command[0]), command])
             rate = None if rate is None else np.concatenate([np.zeros(self.lead), rate])
+        second = None if run.second is None else np.repeat(run.second, fine)
+        if second is not None and self.lead:
+            second = np.concatenate([np.full(self.lead * fine, second[0]), second])
         alone, place = self._without_sensors(columns)
         out = replay(
             self.plant, alone, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
-            start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False,
+            start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False, second=second,
         )  # fmt: skip
         rows = [self.plant.row(name) for name in run.signals]
         first = self.plant.rest(self.plant.prepare(alone), np.full(alone.shape[1], start))[rows]

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.plants import plant_for
 from cable_envs.sim.replay import replay
 
@@ -157,7 +156,8 @@ def test_a_spring_and_gravity_are_balanced_where_their_torques_are_equal():
     assert 0.4905 * np.sin(rest) == pytest.approx(0.4 * (1.0 - rest), abs=1e-4)
 
 
-def test_a_loss_that_would_make_energy_is_refused():
-    values = PLANT.table.pack({"gear_friction.backdriving": 0.8, "gear_friction.rise": 0.5})[:, None]
-    with pytest.raises(ConfigurationError, match="backdriving"):
-        PLANT.prepare(values)
+def test_a_gear_that_loses_all_of_a_load_that_drives_holds_it():
+    """Self-locking: backdriving (1 + rise) is above 1 at standstill, so no load moves a released joint."""
+    for losses in ({"gear_friction__backdriving": 0.99, "gear_friction__rise": 0.5}, {}):
+        found = run(np.zeros(STEPS), start=1.0, second=np.ones(STEPS), coulomb=0.0, **losses)
+        assert (found["position"][-1] == 1.0) == bool(losses)

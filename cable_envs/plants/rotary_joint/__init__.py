@@ -17,8 +17,8 @@ FAMILY = Family(
     scene="cable_envs.plants.rotary_joint.scene:RotaryJointScene",
     shown=("position", "velocity", "duty", "current", "torque", "load_torque", "sliding"),
     channels={
-        "time": "s", "position": "rad", "velocity": "rad/s", "position_reference": "rad", "duty": "1", "release": "1",
-        "supply_voltage": "V", "temperature": "1",
+        "time": "s", "position": "rad", "velocity": "rad/s", "position_reference": "rad", "duty": "1",
+        "release_reference": "1",
     },
     commands={"position": "position_reference", "duty": "duty"},
     known=("load_mass", "arm_length", "position_gain", "rate_gain", "duty_limit"),

@@ -16,12 +16,11 @@ R, R_s, h | resistance of the winding when cold and of the supply's path; what h
 The motor's side is what rubs; `gear_friction` is the gear between it and the load. All lengths are angles: it is the
 linear drive with the motor's circuit and with gravity as a pendulum, and its dry friction is the same code
 (`cable_envs.effects.seams.slid`). Linearly implicit trapezoidal steps with the forces at the predicted middle of the
-step: order 2. One kernel: it has the effects always.
+step: order 2. One kernel: it has the effects always. `replay` with drive "follow": the joint is moved as told.
 """
 
 import numpy as np
 
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, select, sign, sine_cosine
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
@@ -170,7 +169,9 @@ def _step(x, p, u, e, s, g, i, dt):
     v_new = slid(e, s, g, i, v, mass, upward * up + ahead, ahead - downward * down, stiff, damp, dt)
     loss = p.resistance[i] * (1.0 + x.warming[i]) * current * current
     x.warming[i] = warmed(x.warming[i], loss, e.winding_heating_growth[i], e.winding_heating_time[i], dt)
-    x.position[i], x.velocity[i] = y + half * (v + v_new), v_new
+    follows = g.follows[i] > 0.5
+    v_new = select(follows, g.target_rate[i], v_new)
+    x.position[i], x.velocity[i] = select(follows, g.target[i], y + half * (v + v_new)), v_new
 
 
 @inline
@@ -205,14 +206,9 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
 
 
 def _derive(value, e) -> dict[str, np.ndarray]:
-    """Rows of `COEFFICIENTS`; raises ConfigurationError for a load that has a torque and no inertia."""
+    """Rows of `COEFFICIENTS`."""
     point = value["load_mass"] * value["arm_length"]
     same = (name for name in COEFFICIENTS.names if name not in ("load_inertia", "weight"))
-    lost = (e.gear_friction_backdriving >= 1.0) | (e.gear_friction_backdriving * (1.0 + e.gear_friction_rise) > 1.0)
-    if np.any(lost):
-        raise ConfigurationError(
-            "gear_friction: backdriving (1 + rise) is above 1: the gear would take more than the load gives; lower one"
-        )
     return {name: value[name] for name in same} | {
         "load_inertia": value["load_inertia"] + point * value["arm_length"], "weight": point * value["gravity"],
     }  # fmt: skip
@@ -250,5 +246,5 @@ PLANT = Plant(
     solve=_solve,
     effects=Layout("rotary_joint", PARAMETERS, ACTING),
     plain=False,
-    replays=(),
+    replays=("follow",),
 )
