@@ -19,7 +19,8 @@ _SAID = {
     "sensor_rectification": "rectifying sensor", "actuator_lag": "lag of the drive",
     "sensor_delay.speed_reading": "delay of the sensor", "detector_power": "nonlinear sensor",
     "coulomb_friction": "Coulomb friction", "stribeck_friction": "Stribeck friction",
-    "position_dependent_load": "position-dependent load",
+    "position_dependent_load": "position-dependent load", "gear_friction": "gear friction",
+    "supply_sag": "supply sag", "command_delay": "delay of the command",
 }  # fmt: skip
 _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 
@@ -69,7 +70,7 @@ def summary(out: Path, names: Sequence[str]) -> str:
     lines = [
         "# Recordings of real rigs, diagnosed",
         "",
-        "Four public recordings of real rigs were diagnosed. Each diagnosis began with a *naive* simulator, which",
+        "Five public recordings of real rigs were diagnosed. Each diagnosis began with a *naive* simulator, which",
         "lacks almost everything, and accepted an effect only if its evidence is above 20 to 1",
         "([how](../evidence.md)). The error is the RMS of the prediction on held-out records, which no refit has used.",
         "The last column says which effects are named when the diagnosis starts from the corrected rig.",
@@ -175,6 +176,10 @@ _GLANCE: Mapping[str, tuple[str, str, Callable[[Any], Any], Callable[[Any], str]
     "coupled-drives": (
         "coupled drives", "drives", lambda numbers: numbers["findings"]["uniform"]["steps"],
         lambda step: f"{number(step['heldout']['speed_reading'])} V",
+    ),
+    "servo-pendulum": (
+        "servo pendulum", "servo", lambda numbers: numbers["steps"],
+        lambda step: f"{number(step['heldout'])} rad (mean size)",
     ),
 }  # fmt: skip
 """Of each set: its title, its place on the page, its accepted steps, and how an error is shown."""

@@ -174,6 +174,26 @@ def da_vinci(shared: Path, work: Path, tell: Tell) -> Made:
     return rounded(study(recording.path.parent, tell)), {}
 
 
+def servo_pendulum(shared: Path, work: Path, tell: Tell) -> Made:
+    """The ladder on every split beside the peers' friction models, and a held-out run."""
+    from cable_envs.diagnosis.real import servo_pendulum as study
+    from cable_envs.diagnosis.real.sets import imported
+
+    found = study.servo_pendulum(imported("servo-pendulum", shared, work), tell)
+    panels = []
+    for split, run in study.FIGURE:
+        first, last = (found.splits[split][k].curves[run] for k in (0, -1))
+        panels.append({
+            "title": f"{run.replace('_', ' ')}, fitted on the other gain", "ylabel": "angle  [rad]", "time": first.time,
+            "measured": first.measured, "nominal": first.predicted, "final": last.predicted,
+        })  # fmt: skip
+    rungs = {name: [rung.as_json() for rung in ladder] for name, ladder in found.splits.items()}
+    return {
+        "splits": rungs, "steps": study.glance(rungs), "peers": study.PEERS, "finding": numbers(found.finding),
+    }, {"runs": draw.runs(panels, shared=True)}  # fmt: skip
+
+
 SETS: Mapping[str, Callable[[Path, Path, Tell], Made]] = {
     "da-vinci-jaw": da_vinci, "band-brake": band_brake, "emps": emps, "coupled-drives": coupled_drives,
+    "servo-pendulum": servo_pendulum,
 }  # fmt: skip

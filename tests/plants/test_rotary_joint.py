@@ -103,13 +103,14 @@ def test_at_rest_the_motor_holds_the_load_with_the_printed_duty():
 
 def test_a_gear_lifts_with_more_and_lets_down_with_less_and_holds_between():
     """Constant slow motion: the torque is load (1 + driving) up and load (1 - backdriving) down."""
-    slow = {"position_gain": 50.0, "coulomb": 0.0, "viscous": 0.0}
+    slow = {"position_gain": 10.0, "coulomb": 0.0, "viscous": 0.05}
     losses = {"gear_friction__driving": 0.5, "gear_friction__backdriving": 0.25}
     ramp = 0.3 + 0.1 * TIME
     for path, share in ((ramp, 1.5), (ramp[::-1], 0.75)):
         found = run(path, start=path[0], **slow, **losses)
-        held, load = (np.mean(found[name][75:]) for name in ("torque", "load_torque"))  # over the servo's own swings
-        assert held == pytest.approx(share * load, rel=1e-2)
+        lifted = found["torque"] - 0.05 * found["velocity"]
+        # the speed still changes by 1 % of a second's gravity
+        np.testing.assert_allclose(lifted[-30:], share * found["load_torque"][-30:], rtol=5e-3)
     load = 0.5 * 9.81 * 0.1 * np.sin(0.4)
     for share, moves in ((1.45, 0), (1.55, 1), (0.8, 0), (0.7, -1)):
         duty = np.full(STEPS, share * load / 0.4 * 3.0 / 7.4)

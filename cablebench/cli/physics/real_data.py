@@ -22,7 +22,7 @@ def real_data(
     only: Annotated[list[str] | None, typer.Option(help="Run this set alone; may be repeated.")] = None,
     page_only: Annotated[bool, typer.Option("--page-only", help="Make the page again from what is there.")] = False,
 ) -> None:
-    """Diagnose da Vinci jaw, band brake, EMPS and coupled drives from naive simulators; about 6 minutes."""
+    """Diagnose da Vinci jaw, band brake, EMPS, coupled drives and servo pendulum from naive simulators; ten minutes."""
     from cable_envs.core.files import write_atomic
     from cable_envs.diagnosis.fit.rounds import heard
     from cablebench.pages.recordings import PAGE, SUMMARY, render, summary, write_set
