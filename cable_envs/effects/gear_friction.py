@@ -6,10 +6,10 @@ from cable_envs.effects.base import Effect, EffectParameter
 EFFECT = Effect(
     name="gear_friction",
     seam="load",
-    equation="F = -driving |T| sign(v) where the load is driven (T v > 0), -backdriving |T| sign(v) where it drives; T: "
-    "torque that the load takes, its inertia included; both times 1 + rise exp(-(v / velocity)^2)",
-    source="losses of a gear in proportion to the torque passed on, other ones where it is driven from behind: Giberti, "
-    "Cinquemani, Legnani, Mechatronics 20 (2010) 604; the fall with the speed: Stribeck 1902",
+    equation="F = -driving |T| sign(v) where the load is driven (T v > 0), -backdriving |T| sign(v) where it drives; "
+    "T: torque that the load takes, its inertia included; both times 1 + rise exp(-(v / velocity)^2)",
+    source="losses of a gear in proportion to the torque passed on, other ones where it is driven from behind: "
+    "Giberti, Cinquemani, Legnani, Mechatronics 20 (2010) 604; the fall with the speed: Stribeck 1902",
     parameters=(
         EffectParameter("driving", "1", 0.0, 0.0, 10.0, "loss over the load's torque, the motor drives", 0.3),
         EffectParameter("backdriving", "1", 0.0, 0.0, 0.99, "loss over the load's torque, the load drives", 0.3),

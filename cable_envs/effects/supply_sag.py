@@ -10,7 +10,9 @@ EFFECT = Effect(
     source="averaged model of a bridge: Erickson and Maksimovic, Fundamentals of Power Electronics, Springer 2001, "
     "ch. 3, with a resistance in the supply's path and none in the path in which the current runs on",
     parameters=(
-        EffectParameter("resistance", "ohm", 0.0, 0.0, 100.0, "resistance of supply, leads and the bridge's switch", 1.0),
+        EffectParameter(
+            "resistance", "ohm", 0.0, 0.0, 100.0, "resistance of supply, leads and the bridge's switch", 1.0
+        ),
     ),
     validity="current that does not stop within a period of the bridge; a supply without a capacitor that would carry "
     "it over one",

@@ -12,7 +12,15 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("growth", "1/J", 0.0, 0.0, 10.0, "share by which a joule of loss makes R grow", 0.02),
         EffectParameter(
-            "time", "s", 20.0, 1e-2, 1e6, "time constant of its cooling", 20.0, shape=True, probes=(0.2, 1.0),
+            "time",
+            "s",
+            20.0,
+            1e-2,
+            1e6,
+            "time constant of its cooling",
+            20.0,
+            shape=True,
+            probes=(0.2, 1.0),
             search_low=1.0,  # what answers within less is a resistance, no heat
         ),
     ),

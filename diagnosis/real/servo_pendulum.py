@@ -25,6 +25,8 @@ from cable_envs.diagnosis.systems.question import Question, Request
 
 LADDER = ("gear_friction", "supply_sag", "command_delay")
 """Effects in the order in which the rungs add them."""
+ASKED = (*LADDER, "winding_heating", "stribeck_friction")
+"""What the diagnosis is asked for: what a servo is known to have."""
 PEERS = {
     "Coulomb, viscous": {"all": 0.0819, "kp=100": 0.041, "kp=400": 0.091},
     "load-dependent": {"all": 0.0691, "kp=100": 0.028, "kp=400": 0.074},
@@ -38,7 +40,11 @@ TRIED, FIRST, LATER, FRESH = 3, 6, 30, 16
 """Starts that are refitted to the end; iterations of the first look at all of them, and of those; starts from the data
 sheet at the most."""
 DECIMALS = 4
-FIGURE = ("without kp=100", "kp100_sin_sin"), ("without kp=400", "kp400_sin_sin"), ("without kp=400", "kp400_lift_and_drop")
+FIGURE = (
+    ("without kp=100", "kp100_sin_sin"),
+    ("without kp=400", "kp400_sin_sin"),
+    ("without kp=400", "kp400_lift_and_drop"),
+)
 """Splits, and runs that they hold out, for a figure."""
 
 
@@ -86,7 +92,7 @@ def servo_pendulum(recording: Recording, tell: Callable[[str], None] = lambda te
         tell(f"servo pendulum: {name}")
         found[name] = ladder(split)
     tell("servo pendulum: diagnosis")
-    return ServoPendulum(found, find("servo pendulum", recording, tell=tell))
+    return ServoPendulum(found, find("servo pendulum", recording, effects=ASKED, tell=tell))
 
 
 def splits(recording: Recording) -> dict[str, Recording]:

@@ -1,8 +1,8 @@
 """Recordings of a rotary joint whose own controller is in the loop: the whole run again from its reference.
 
 Each record is simulated from its first angle on, with the controller's gains as its conditions or the recording state
-them, and is never reset; where it was recorded that the torque is off (``release_reference``) the bridge is open. The angle is
-predicted. What was recorded of duty and speed is not used: it follows from the angle by the controller's law.
+them, and is never reset; where it was recorded that the torque is off (``release_reference``) the bridge is open. The
+angle is predicted. What was recorded of duty and speed is not used: it follows from the angle by the controller's law.
 """
 
 import numpy as np
@@ -40,7 +40,12 @@ def prepare(recording: Recording, request: Request) -> Question:
     recording.require("position", "position_reference", purpose="the diagnosis of a rotary joint")
     plant = with_own_effects(plant_for("rotary_joint"), request.own)
     stated = [given(record, plant) for record in recording.records]
-    said = {*recording.known, *recording.nominal, *(recording.rig.values if recording.rig else ()), *(request.rig or ())}
+    said = {
+        *recording.known,
+        *recording.nominal,
+        *(recording.rig.values if recording.rig else ()),
+        *(request.rig or ()),
+    }
     if "position_gain" not in said and any("position_gain" not in one for one in stated):
         raise ConfigurationError(
             f"{recording.path}: no position_gain (1/rad, duty for a radian): state it under known, or as a condition "
@@ -48,7 +53,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         )
     values = plant_values(recording, plant, request.rig)
     nominals = free_parameters(recording, plant, values, REFITTED, request)
-    modelled = {name: "said to be known" for name in recording.known} | {f.name: "refitted" for f in nominals}
+    modelled = dict.fromkeys(recording.known, "said to be known") | {f.name: "refitted" for f in nominals}
     candidates = hypotheses_for(plant, values, modelled, ("position",), only=request.only, without=request.without)
     candidates = candidates.less({"sensor_bias.position": "it looks the same as the refitted hanging_angle"})
     found = {f.name: f for f in (*nominals, *(f for h in candidates.asked for f in h.free))}

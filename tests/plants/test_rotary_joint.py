@@ -25,7 +25,9 @@ def run(command=WAVE, drive="position", substeps=20, start=0.0, hold="ramp", sec
     return dict(zip(NAMES, found[:, :, 0].T, strict=True))
 
 
-def solved(command=WAVE, start=0.0, gain=1.0, driving=0.0, backdriving=0.0, sag=0.0, coulomb=0.0, growth=0.0, cool=20.0):
+def solved(
+    command=WAVE, start=0.0, gain=1.0, driving=0.0, backdriving=0.0, sag=0.0, coulomb=0.0, growth=0.0, cool=20.0
+):
     """(angle, warming) [T, 2] by SciPy: the printed equations by cases, a friction that is a steep function at rest."""
     rotor, load, weight, k, ohm, volts = 2e-3, 0.5 * 0.1**2, 0.5 * 9.81 * 0.1, 0.4, 3.0, 7.4
 

@@ -17,7 +17,11 @@ FAMILY = Family(
     scene="cable_envs.plants.rotary_joint.scene:RotaryJointScene",
     shown=("position", "velocity", "duty", "current", "torque", "load_torque", "sliding"),
     channels={
-        "time": "s", "position": "rad", "velocity": "rad/s", "position_reference": "rad", "duty": "1",
+        "time": "s",
+        "position": "rad",
+        "velocity": "rad/s",
+        "position_reference": "rad",
+        "duty": "1",
         "release_reference": "1",
     },
     commands={"position": "position_reference", "duty": "duty"},

@@ -21,8 +21,8 @@ def import_(
         str,
         typer.Argument(
             metavar="FORMAT",
-            help="da-vinci-jaw, band-brake, emps, coupled-drives, servo-pendulum, table, mat, mdf, rosbag, mcap, or a .py "
-            "file with open_dataset.",
+            help="da-vinci-jaw, band-brake, emps, coupled-drives, servo-pendulum, table, mat, mdf, rosbag, mcap, or a "
+            ".py file with open_dataset.",
         ),
     ],
     path: Annotated[Path, typer.Argument(help="A file, or a folder of them.")],
