@@ -58,8 +58,10 @@ def recording():
 
 
 def test_the_ladder_finds_gear_and_sag_and_predicts_the_gain_left_out(recording):
-    """Noise of 1 mrad has a mean size of 0.8 mrad; the simulator without both is off by many times that. A loss of the driven gear and a smaller torque
-    constant are much the same, so neither is asked for."""
+    """Noise of 1 mrad has a mean size of 0.8 mrad; the simulator without both is off by many times that.
+
+    A loss of the driven gear and a smaller torque constant are much the same, so neither is asked for.
+    """
     naive, gear, sag = study.ladder(recording, ("gear_friction", "supply_sag"))
     held = [float(np.mean(list(rung.heldout.values()))) for rung in (naive, gear, sag)]
     assert held[0] > 0.01 and held[2] < 0.2 * held[0] and held[2] < held[1]
