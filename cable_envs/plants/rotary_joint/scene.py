@@ -19,6 +19,7 @@ class RotaryJointScene(Scene):
     title = "Rotary joint"
     shows = "angle"
     pulls = "torque (N m)"
+    least_tension = 0.2
 
     def __init__(self, rig: Mapping[str, float], reference_unit: str):
         self.mass, self.limit = rig.get("load_mass", 0.0), rig.get("duty_limit", 1.0)
@@ -41,7 +42,7 @@ class RotaryJointScene(Scene):
         self.ball = sheet.shape(fc="#52606d", ec=d.INK, lw=1.0, zorder=6)
         style: dict[str, Any] = {"ha": "center", "va": "center", "moving": True}
         self.label = w.Label(sheet, 0.0, 0.0, f"{self.mass:g} kg", d.TINY, "white", **style)
-        self.current = w.Label(sheet, _AXIS[0] + 130.0, _AXIS[1] + 90.0, "", d.NORMAL, d.TORQUE, **style)
+        self.current = w.Label(sheet, _AXIS[0] + 150.0, _AXIS[1] + 90.0, "", d.NORMAL, d.TORQUE, **style)
         self.pills = w.Pill(sheet, 24, 572), w.Pill(sheet, 130, 572)
 
     def update(self, signals: Mapping[str, float], reference: float) -> None:
