@@ -65,7 +65,7 @@ def test_a_page_of_one_set_shows_its_ladder_and_says_what_is_missing(tmp_path):
     }
     write_set(tmp_path, "band-brake", brake(), {"loops": draw.loops([loop])})
     page = render(tmp_path, list(SETS))
-    assert "Not run yet: da-vinci-jaw, emps, coupled-drives." in page
+    assert "Not run yet: da-vinci-jaw, emps, coupled-drives, servo-pendulum." in page
     assert "4 [3.5, 4.5] mm" in page and "7\u202f780" in page
     assert page.count("<svg") == 1 and "cable elongation" in page and 'id="emps"' not in page
     assert read_json(tmp_path / "band-brake.json.xz")["finding"]["named"] == ["backlash"]
