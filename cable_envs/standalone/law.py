@@ -25,6 +25,8 @@ from cable_envs.standalone.specialise import program_of
 PERIOD, SUBSTEPS = 0.01, 20
 """Control period, s, and integration steps in it, as of the tasks (configs/tasks), unless others are asked for."""
 
+DELAY = "command_delay.time"
+"""Effect of a recorded command, which `cable_envs.sim.replay.replay` delays before the plant is told."""
 BRISTLES = 2
 """Number of the kernel whose friction has bristles (`cable_envs.plants.base.Plant.kernel_needed`)."""
 
@@ -116,6 +118,10 @@ class Law:
         if own:
             raise ConfigurationError(
                 f"{own[0]}: an effect of your own cannot be exported; only those of the library can"
+            )
+        if self.rig.effects.get(DELAY, 0.0):
+            raise ConfigurationError(
+                f"{DELAY}: a delay of the command is not in the exported law; tell it what came then"
             )
         records = {
             "x": plant.signal_rows, "p": plant.coefficient_rows, "u": INPUTS, "w": plant.scratch,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import yaml
 
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.standalone.law import law_of
 from cable_envs.standalone.python_text import python_text
 from tests.standalone.cases import RIGS, in_c, inputs_of, needs_gcc, plain, with_effects
@@ -105,3 +106,10 @@ def test_bits_and_the_fused_product_are_those_of_the_processor():
         exact = Fraction(a) * Fraction(b) - Fraction(a * b)
         assert Fraction(left) == exact
     assert space["fma"](np.inf, 1.0, 1.0) == np.inf and space["fma"](1.0, 1.0, -1.0) == 0.0
+
+
+def test_a_delay_of_the_command_is_refused_by_name():
+    """The simulator's replay makes it of a recorded command; the exported law is told each command as it comes."""
+    law = law_of({"plant": "rotary_joint", "effects": {"command_delay": {"time": 0.01}}})
+    with pytest.raises(ConfigurationError, match=r"command_delay\.time"):
+        law.program()

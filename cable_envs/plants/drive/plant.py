@@ -78,8 +78,7 @@ ACTING = Acting(
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
-        "actuator_lag": ("time",), "command_delay": ("time",), "dead_band": ("width",),
-        "quantised_command": ("steps",),
+        "actuator_lag": ("time",), "dead_band": ("width",), "quantised_command": ("steps",),
     },
     sensors={"position": "m", "velocity": "m/s", "force": "N", "motor_position": "m"},
     aliases={
