@@ -38,7 +38,10 @@ from cable_envs.diagnosis.search.elsewhere import groups_of
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
-from cable_envs.diagnosis.systems import looked_at, plant_of, prepare
+from cable_envs.diagnosis.simulators.base import Simulator
+from cable_envs.diagnosis.simulators.question import about_simulator, look_of, request_at_ports, require_fits
+from cable_envs.diagnosis.simulators.question import prepare as prepare_at_ports
+from cable_envs.diagnosis.systems import looked_at, plant_of, prepare, require_model
 from cable_envs.diagnosis.systems.common import resample
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.effects import Effect
@@ -71,6 +74,7 @@ def diagnose(
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
+    simulator: Simulator | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
@@ -90,6 +94,9 @@ def diagnose(
         such a file, as in the field ``rig`` of an earlier answer.
     variant : str
         "analytic" or "chain": the form of a circuit that is held against it; "": the chain.
+    simulator : Simulator, optional
+        One of your own (`cable_envs.diagnosis.simulators`), for a recording of system "own": effects are looked for at
+        the ports that it declares.
     seed : int
         Of all draws; the same seed gives the same answer.
     out : Path or str, optional
@@ -116,8 +123,8 @@ def diagnose(
         [(effect.name, effect.confidence) for effect in found.effects]
     """
     return examine(
-        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant, seed=seed,
-        out=out, tell=tell,
+        recording, effects=effects, without=without, effect_file=effect_file, rig=rig, variant=variant,
+        simulator=simulator, seed=seed, out=out, tell=tell,
     ).diagnosis  # fmt: skip
 
 
@@ -129,6 +136,7 @@ def examine(
     effect_file: Path | str | Effect | None = None,
     rig: Path | str | Rig | Mapping[str, Any] | None = None,
     variant: str = "",
+    simulator: Simulator | None = None,
     seed: int = 0,
     out: Path | str | None = None,
     tell: Callable[[str], None] = lambda text: None,
@@ -143,21 +151,30 @@ def examine(
     started = clock.monotonic()
     recording = recording if isinstance(recording, Recording) else load_recording(recording)
     tell(stages.CHECKING)
-    look = looked_at(recording)
+    if simulator is not None:
+        require_fits(recording, simulator)
+    look = looked_at(recording) if simulator is None else look_of(simulator)
     quality = gate(recording, look)
     quality.require_usable()
     recording, brought = on_one_clock(recording)
     recording, averaged = averaged_if_long(recording)
     if averaged:
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
-    request = request_of(recording, effects, without, effect_file, rig, variant)
+    if simulator is None:
+        request = request_of(recording, effects, without, effect_file, rig, variant)
+    else:
+        request = request_at_ports(
+            simulator, effects, without, {"an effect file": effect_file, "a rig": rig, "a variant": variant or None}
+        )
     question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
-    options = (request.only, request.without, taken, effect_file, variant, seed)
+    own = None if simulator is None else simulator.digest()
+    options = (request.only, request.without, taken, effect_file, variant, own, seed)
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
-    bare = steps("without", partial(without_its_effects, recording, request)) if request.rig else None
+    added = simulator is not None and bool(simulator.terms)
+    bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
     predicted = {b.channel for b in question.fit.blocks}
     selection = select(
         question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
@@ -170,6 +187,7 @@ def examine(
         "effects": None if effects is None else list(effects), "without": list(without),
         "effect_file": None if effect_file is None else str(getattr(effect_file, "name", effect_file)),
         "rig": _name_of(rig), "variant": variant or None, "averaged": averaged,
+        **({} if simulator is None else about_simulator(recording, simulator)),
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
@@ -226,6 +244,7 @@ def request_of(
     ConfigurationError
         For unknown names, nothing left to look for, and a rig of another plant.
     """
+    require_model(recording)
     own = () if effect_file is None else (_own(effect_file),)
     if variant:
         require_known("variant", [variant], variants())
@@ -279,10 +298,11 @@ def _dotted_names(effects: Mapping[str, Any]) -> list[str]:
 
 def ask(recording: Recording, request: Request) -> Question:
     """The question of a recording (`cable_envs.diagnosis.systems`), with something held out."""
+    asked = prepare if request.simulator is None else prepare_at_ports
     if recording.used_for("heldout"):
-        return _with_held_shapes(prepare(recording, request), request)
+        return _with_held_shapes(asked(recording, request), request)
     cut, ends = kept_back(recording)
-    question = _with_held_shapes(prepare(cut, request), request)
+    question = _with_held_shapes(asked(cut, request), request)
     for block in question.heldout.blocks:  # the whole record is run, for the state at the cut; its end is scored
         block.good[block.time < ends[block.record]] = False
     share = f"the last {KEPT_BACK:.0%} of each record is held out: the recording has no record for that"
@@ -309,6 +329,9 @@ def without_its_effects(recording: Recording, request: Request) -> dict[str, flo
 
     What an effect is called in the plant's own table (a spring at the load) counts as one.
     """
+    if request.simulator is not None:
+        bare = told_at_rest(recording, ask(recording, replace(request, simulator=request.simulator.plain())))
+        return Joint(bare.fit, bare.heldout).left_by(refit_nominals(bare.fit, bare.nominals).fit)
     plant = plant_for(plant_of(recording))
     effects = (*plant.effects.effects.values(), *request.own)
     rows = {e.row(p) for e in effects for p in e.parameters}

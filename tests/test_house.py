@@ -53,6 +53,7 @@ INSIDE = {
         "report",
         "search",
         "evidence",
+        "simulators",
         "intake",
         "systems",
         "fit",

@@ -83,6 +83,27 @@ def to_si(value: float, unit: str, si_unit: str, name: str = "value") -> float:
     return float(value) * factor
 
 
+def si_of(unit: str) -> str:
+    """The SI unit to which a unit converts; the unit itself where it is one, or is not known.
+
+    Parameters
+    ----------
+    unit : str
+        As in a file.
+
+    Returns
+    -------
+    str
+        The unit of the converted number.
+
+    Examples
+    --------
+    >>> si_of("mm"), si_of("N m")
+    ('m', 'N m')
+    """
+    return _UNITS.get(unit, (unit, 1.0))[0]
+
+
 def is_number(value: Any) -> bool:
     """Whether a value is a finite real number, of Python or NumPy; a bool is none.
 

@@ -3,7 +3,7 @@
 The same entries stand in a YAML file and are given in memory; numbers become SI here.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -12,9 +12,11 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.core.params import ParameterTable, is_number, to_si
+from cable_envs.core.params import ParameterTable, is_number, si_of, to_si
 from cable_envs.sim.rigs import Rig, load_rig
 
+OWN = "own"
+"""System of a recording that a user's own simulator is held against: channels are called as that declares them."""
 HOLDS = ("line", "step")
 """Of a command between its samples."""
 _CHANNEL_KEYS = ("column", "unit", "scale", "offset", "noise_std", "offset_free", "hold", "note", "every")
@@ -28,9 +30,27 @@ def channels_of(system: str) -> Mapping[str, str]:
     """
     from cable_envs.plants import families, family
 
+    if system == OWN:
+        return _AnyChannel(time="s")
     if system not in families():
         raise ConfigurationError(f"unknown system '{system}'; {nearest(system, families())}")
     return family(system).records()
+
+
+def require_channels(kind: str, names: Iterable[str], system: str) -> None:
+    """ConfigurationError for the first of the names that is no channel of a system; one of one's own may have any."""
+    if system != OWN:
+        require_known(kind, names, channels_of(system))
+
+
+class _AnyChannel(dict[str, str]):
+    """Channels of a user's own simulator, of which nothing is known here but the time."""
+
+    def __contains__(self, name: object) -> bool:
+        return True
+
+    def __missing__(self, name: str) -> str:
+        raise ConfigurationError(f"channel {name}: its unit must be stated, as '{OWN}' has no channels of its own")
 
 
 @cache
@@ -106,6 +126,8 @@ def read_rig(entry: Any, system: str, path: Path) -> Rig | None:
         rig = load_rig(entry)
     else:
         raise ConfigurationError(f"{path.name}: 'rig' must be a preset's name or a file, got {entry!r}")
+    if system == OWN:
+        raise ConfigurationError(f"{path.name}: a simulator of your own has no rig; leave 'rig' out")
     if rig.plant != system:
         name = entry if isinstance(entry, (str, Path)) else rig.name
         raise ConfigurationError(f"{path.name}: rig '{name}' belongs to {rig.plant}, the recording to {system}")
@@ -118,6 +140,8 @@ def read_quantities(entries: Any, system: str, origin: str) -> dict[str, Quantit
         return {}
     if not isinstance(entries, Mapping):
         raise ConfigurationError(f"{origin}: expected a mapping of name: {{value, unit, std}}")
+    if system == OWN and entries:
+        raise ConfigurationError(f"{origin}: parameters of a simulator of your own are declared by it; leave this out")
     table, found = parameters_of(system), {}
     require_known(f"parameter in {origin}", entries, table.names)
     for name, entry in entries.items():
@@ -138,13 +162,17 @@ def read_channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
     """``{position: {column: x, unit: mm, noise_std: 0.01}}`` by name. Raises ConfigurationError."""
     if not isinstance(entries, Mapping) or "time" not in entries:
         raise ConfigurationError(f"{origin}: 'channels' must be a mapping of name: {{column, unit}} and hold 'time'")
-    units, found = channels_of(system), {}
-    require_known(f"channel in {origin}", entries, units)
+    units, found = dict(channels_of(system)), {}
+    require_channels(f"channel in {origin}", entries, system)
     for name, entry in entries.items():
         where = f"{origin}: channel {name}"
         if not isinstance(entry, Mapping) or "column" not in entry or "unit" not in entry:
-            raise ConfigurationError(f"{where}: expected {{column: NAME, unit: {units[name]}}}, got {entry!r}")
+            raise ConfigurationError(
+                f"{where}: expected {{column: NAME, unit: {units.get(name, 'UNIT')}}}, got {entry!r}"
+            )
         require_known(f"key in {where}", entry, _CHANNEL_KEYS)
+        if system == OWN and name != "time":
+            units[name] = si_of(str(entry["unit"]))
         numbers = {k: _number(entry[k], f"{where}: {k}") for k in ("scale", "offset", "noise_std") if k in entry}
         if numbers.get("scale") == 0.0:
             raise ConfigurationError(f"{where}: scale 0 would make every sample equal")
@@ -155,8 +183,8 @@ def read_channels(entries: Any, system: str, origin: str) -> dict[str, Channel]:
         noise = None if noise is None else noise * factor
         found[name] = Channel(
             name, str(entry["column"]), str(entry["unit"]), units[name], **numbers, noise_std=noise,
-            offset_free=offset_free(entry, name, where), note=str(entry.get("note", "")), hold=hold(entry, name, where),
-            every=every(entry, name, where),
+            offset_free=offset_free(entry, name, where), note=str(entry.get("note", "")),
+            hold=hold(entry, name, where, system), every=every(entry, name, where),
         )  # fmt: skip
     return found
 
@@ -185,11 +213,11 @@ def every(entry: Mapping[str, Any], name: str, where: str) -> float | None:
     return to_si(_number(entry["every"], f"{where}: every", positive=True), str(entry.get("unit", "s")), "s", where)
 
 
-def hold(entry: Mapping[str, Any], name: str, where: str) -> str:
+def hold(entry: Mapping[str, Any], name: str, where: str, system: str = "") -> str:
     """How a channel goes on between its samples, of `HOLDS`. Raises ConfigurationError."""
     found = str(entry.get("hold", "line"))
     require_known(f"hold in {where}", [found], HOLDS)
-    if found == "step" and not name.endswith("_command"):
+    if found == "step" and not name.endswith("_command") and system != OWN:
         raise ConfigurationError(f"{where}: 'hold: step' is for commands (..._command); a sensor holds nothing")
     return found
 

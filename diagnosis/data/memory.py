@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.description import channels_of, require_channels
 
 Tables = dict[str, dict[str, np.ndarray]]
 """Record -> channel -> raw numbers [samples]."""
@@ -46,14 +46,13 @@ def tables_of(records: Any, time: Any, system: str, origin: str) -> Tables:
 
     Raises ConfigurationError that names record and channel.
     """
-    units = channels_of(system)
     tables: Tables = {}
     for name, given in named(
         records, Mapping, "a mapping of channel: array (from_dataframe takes data frames)", origin
     ).items():
         where = f"{origin}, record '{name}'"
         arrays = dict(given) if time is None or "time" in given else {"time": time, **given}
-        require_known(f"channel in {where}", arrays, units)
+        require_channels(f"channel in {where}", arrays, system)
         if "time" not in arrays:
             raise ConfigurationError(f"{where}: there is no channel 'time'; give it here, or as 'time' for all records")
         table = {channel: numbers(values, f"{where}, channel {channel}") for channel, values in arrays.items()}
@@ -96,7 +95,7 @@ def frames_of(frames: Any, columns: Mapping[str, Any] | None, clock: str, system
         raise ConfigurationError("data frames need pandas: pip install pandas") from error
     units = channels_of(system)
     _require_mapping(columns, f"{origin}: columns")
-    require_known(f"channel in {origin}: columns", columns or {}, units)
+    require_channels(f"channel in {origin}: columns", columns or {}, system)
     tables: Tables = {}
     for name, frame in named(frames, pandas.DataFrame, "a pandas DataFrame", origin).items():
         where = f"{origin}, record '{name}'"
@@ -167,7 +166,7 @@ def channel_entries(
             raise ConfigurationError(f"{origin}: channels: {channel}: '{min(twice)}' is said by units and noise")
     entries: dict[str, dict[str, Any]] = {}
     for channel in there:
-        entries[channel] = {"column": channel, "unit": (units or {}).get(channel, si[channel])}
+        entries[channel] = {"column": channel, "unit": (units or {}).get(channel) or si[channel]}
         if noise and channel in noise:
             entries[channel]["noise_std"] = noise[channel]
         entries[channel] |= (more or {}).get(channel) or {}

@@ -183,6 +183,23 @@ class Spectra:
         """At parameter values by name."""
         return self.of(self.column(values), runs)[0]
 
+    def bent(self, values: Mapping[str, float], runs: int) -> float:
+        """Share of what runs at parameter values are apart by that is not in proportion to how far they are nudged.
+
+        1 of an oscillation whose phase is any; next to 0 where a parameter only shifts what is predicted, however far.
+        """
+        predictions = self.model.predict(_nudged(self.model, self.column(values), runs))
+        by = np.arange(runs) - 0.5 * (runs - 1)
+        bent, apart = 0.0, 0.0
+        for k in self._blocks:
+            block = self.model.blocks[k]
+            off = predictions[k] - predictions[k].mean(axis=1, keepdims=True)
+            rest = off - np.outer(off @ by / (by @ by), by)
+            power = self.whitener.noise[block.channel].floor ** -2.0
+            bent += power * float(np.sum(rest[block.good] ** 2))
+            apart += power * float(np.sum(off[block.good] ** 2))
+        return bent / apart if apart > 0.0 else 0.0
+
     def column(self, values: Mapping[str, float]) -> np.ndarray:
         """[parameters, 1]; what ``values`` does not have is at its start."""
         return np.array([[values.get(p.name, p.start)] for p in self.model.parameters])

@@ -82,7 +82,7 @@ class Logged:
         for channel, seconds in zip(self._filters, rest, strict=True):
             if np.any(seconds > 0.0):
                 found = [
-                    _filtered(p, b.time, seconds) if b.channel == channel else p
+                    filtered(p, b.time, seconds) if b.channel == channel else p
                     for p, b in zip(found, self.blocks, strict=True)
                 ]
         return found
@@ -112,7 +112,7 @@ def _in_lines(series: np.ndarray, time: np.ndarray, period: np.ndarray) -> np.nd
     return np.where(period > 0.0, smooth[more : more + count], series)
 
 
-def _filtered(series: np.ndarray, time: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+def filtered(series: np.ndarray, time: np.ndarray, seconds: np.ndarray) -> np.ndarray:
     """Series [T, n] through filters of the first order with time constants [n], settled at the start.
 
     Exact for signals that go from sample to sample in straight lines.

@@ -282,6 +282,21 @@ class Diagnosis:
                 data[f.name] = jsonable(value if write is None else [write(effect) for effect in value])
         return data
 
+    def corrected(self, simulator: Any) -> Any:
+        """A user's simulator with the physics that is named, at its ports.
+
+        Parameters
+        ----------
+        simulator : Simulator
+            That was diagnosed (`cable_envs.diagnosis.simulators`).
+
+        Returns
+        -------
+        Simulator
+            The same interface, with the refitted parameters as its nominal ones.
+        """
+        return simulator.corrected(self.rig)
+
     def write(self, out: Path) -> None:
         """diagnosis.json and augmented.yaml into a folder, which is made; each file is replaced whole."""
         write_atomic(out / "diagnosis.json", json_text(self.as_json()))

@@ -60,7 +60,7 @@ def answer(
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
     rig = question.rig(final.fit.values, accepted)
-    valid = fitted_range(recording, rig["plant"])
+    valid = fitted_range(recording, rig["plant"]) if "plant" in rig else {}
     return Diagnosis(
         verdict,
         found if named else (),

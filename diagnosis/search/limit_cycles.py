@@ -26,6 +26,8 @@ from cable_envs.diagnosis.model.model import Free, Whitener
 from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.search.selection import Selection, confidence
 
+BENT = 0.1
+"""Share of what nudged runs are apart by, out of proportion to the nudge, from which they oscillate."""
 GAIN = 40.0
 """Fall of the cost that a limit cycle must bring: odds of e^20 before its parameters' price."""
 SIGNIFICANCE, HIDDEN = 1e-3, 1e-6
@@ -83,8 +85,12 @@ class LimitCycle(EffectGain):
 
 
 def oscillates(spectra: Spectra) -> bool:
-    """Whether a model oscillates by itself as it is claimed to be, so that `GAIN` could be gained by it."""
-    return bool(spectra) and spectra.at({}, RUNS).expected_gain >= GAIN
+    """Whether a model oscillates by itself as it is claimed to be, so that `GAIN` could be gained by it.
+
+    Runs that are apart in proportion to a parameter are no oscillation: of a long way, measured well, a ten-thousandth
+    is more than the noise.
+    """
+    return bool(spectra) and spectra.at({}, RUNS).expected_gain >= GAIN and spectra.bent({}, RUNS) > BENT
 
 
 def refitted(spectra: Spectra, nominals: tuple[str, ...], rng: np.random.Generator) -> tuple[Judged, Bands]:

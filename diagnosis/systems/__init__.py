@@ -23,6 +23,7 @@ from importlib.util import find_spec
 from types import ModuleType
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.description import OWN
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.systems import general, transmission
 from cable_envs.diagnosis.systems.common import plant_values
@@ -50,8 +51,7 @@ means."""
 
 def prepare(recording: Recording, request: Request | None = None) -> Question:
     """What a recording asks. Raises ConfigurationError where its channels cannot answer, naming what is missing."""
-    if _of_plant(recording.system) is None:
-        raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
+    require_model(recording)
     request = request or Request()
     plant, chosen = _of_plant(recording.system), _chosen(recording)
     if request.variant and not (chosen is plant and _has_variants(recording.system)):
@@ -104,6 +104,17 @@ def starting_values(recording: Recording, plant: Plant, request: Request) -> dic
         return {}
     own = getattr(chosen, "values_of", None)
     return own(recording, plant, request) if own else plant_values(recording, plant, request.rig)
+
+
+def require_model(recording: Recording) -> None:
+    """Refuse a recording of a system that no module here models."""
+    if recording.system == OWN:
+        raise ConfigurationError(
+            f"{recording.path}: a recording of system '{OWN}' needs its simulator: diagnose(recording, simulator=...), "
+            "or --simulator FILE.py:NAME"
+        )
+    if _of_plant(recording.system) is None:
+        raise ConfigurationError(f"{recording.path}: no model for system '{recording.system}'")
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
@@ -159,6 +170,8 @@ def looked_at(recording: Recording) -> Look:
 
 def _of_plant(name: str) -> ModuleType | None:
     """The module of a plant; the general one where its family says how it is replayed; None where there is none."""
+    if name == OWN:
+        return None
     found = find_spec(f"{__name__}.{name}") if name.isidentifier() else None
     if found is None:
         return general if general.models(name) else None

@@ -23,6 +23,8 @@ class Request:
         Values and effects of a rig file that replace those of the recording (an augmented rig), SI.
     variant : str
         "analytic" or "chain": which form of a circuit is held against the recording; "": the chain.
+    simulator : Simulator, optional
+        A user's own (`cable_envs.diagnosis.simulators`), which no module of this package knows.
     """
 
     only: tuple[str, ...] | None = None
@@ -30,6 +32,7 @@ class Request:
     own: tuple[Effect, ...] = ()
     rig: Mapping[str, float] | None = None
     variant: str = ""
+    simulator: Any = None
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,13 @@ class Look:
     """What of a record a model uses: ``spacing``, s between samples (0: all), less ``edge`` s at either end.
 
     averages: whether it averages its predictions where samples are means (`cable_envs.diagnosis.data.record.Record`).
+    told: channels that are commands whatever they are called.
     """
 
     spacing: float = 0.0
     edge: float = 0.0
     averages: bool = False
+    told: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)

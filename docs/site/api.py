@@ -36,7 +36,8 @@ PAGES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "diagnosis": (
         "Diagnosis",
         "Recordings, and what a simulator leaves out of them.",
-        ("cable_envs.diagnosis.data.recording", "cable_envs.diagnosis.engine", "cable_envs.diagnosis.readers.base"),
+        ("cable_envs.diagnosis.data.recording", "cable_envs.diagnosis.engine", "cable_envs.diagnosis.readers.base",
+         "cable_envs.diagnosis.simulators", "cable_envs.diagnosis.simulators.base"),
     ),
     "benchmark": (
         "Benchmark",

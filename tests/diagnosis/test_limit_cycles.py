@@ -193,3 +193,21 @@ def test_the_controller_is_found_under_noise(oscillating):
     mass = oscillating[1]["true_nominal"]["mass"]
     assert gains["control.kv"] == pytest.approx(gains["control.kd"], rel=0.02)
     assert 25.0 * 1.4 * mass < gains["control.kd"] < 45.0 * 1.4 * mass * 1.5 and left < 1.6
+
+
+@pytest.mark.parametrize(("turns", "by_itself"), [(0.0, False), (1e6, True)])
+def test_runs_that_are_apart_in_proportion_to_a_parameter_do_not_oscillate(turns, by_itself):
+    """A long way that is measured well, and an oscillation whose phase the least change of a parameter decides."""
+
+    class Way:
+        parameters = (Free("a", 1.0, 0.0, 2.0, 1.0, 0.1),)
+        time = np.arange(800) * 0.01
+        blocks = (Block("one", "position", time, 10.0 * time, np.ones(800, dtype=bool), "m", sensor="position"),)
+
+        def predict(self, values):
+            phase = turns * values[0] + 30.0 * self.time[:, None]
+            return [10.0 * self.time[:, None] * values[0] + (turns > 0.0) * np.sin(phase)]
+
+    spectra = Spectra(Way(), {"position": 1e-4})
+    assert spectra.at({}, limit_cycles.RUNS).expected_gain >= limit_cycles.GAIN  # the runs are apart in both
+    assert limit_cycles.oscillates(spectra) is by_itself

@@ -155,3 +155,12 @@ def test_diagnose_and_retrain(tmp_path):
     arguments = ["--out", str(tmp_path), "--steps", "8192", "--record-seconds", "12", "--seconds", "3"]
     found = example("diagnose_and_retrain").main([*arguments, "--effects", "actuator_lag", "backlash"])
     assert set(found) == {"nominal", "corrected"} and (tmp_path / "answer" / "augmented.yaml").exists()
+
+
+def test_a_simulator_of_ones_own_is_given_the_friction_that_it_lacks(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["own_simulator.py", "--effects", "coulomb_friction"])
+    example("own_simulator").main()
+    said = capsys.readouterr().out
+    level = re.search(r"coulomb_friction, pivot.level: ([\d.]+) N m \(([\d.]+) to ([\d.]+)\); 0.02 was put in", said)
+    assert level and abs(float(level[1]) - 0.02) < 2e-4
+    assert "the corrected pendulum comes to rest at" in said

@@ -33,6 +33,11 @@ def diagnose(
     variant: Annotated[
         str, typer.Option(help="Model of a circuit: chain (default), or analytic, the closed form.")
     ] = "",
+    simulator: Annotated[
+        str | None,
+        typer.Option(help="A simulator of your own for a recording of system own: FILE.py:NAME, which is executed."),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes that share the runs of --simulator.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws behind p-values.")] = 0,
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
@@ -48,6 +53,12 @@ def diagnose(
     from cable_envs.diagnosis.engine import diagnose as run
     from cable_envs.diagnosis.fit.rounds import heard
 
+    own = None
+    if simulator is not None:
+        from cable_envs.diagnosis.simulators.base import load_simulator
+
+        own = load_simulator(simulator)
+        own.workers = workers
     err = console(stderr=True)
     if out is not None:
         require_writable(out)
@@ -57,7 +68,7 @@ def diagnose(
         with stages() as (tell, hear), heard(hear):
             found = run(
                 loaded, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
-                variant=variant, seed=seed, out=out, tell=tell,
+                variant=variant, simulator=own, seed=seed, out=out, tell=tell,
             )  # fmt: skip
     except KeyboardInterrupt:
         kept = f"finished steps are kept in {out}; the same command goes on from there" if out else "nothing is kept"
