@@ -138,13 +138,18 @@ class Lanes:
         body = f"base = stack({max(self.count, 1)}); return kind({', '.join(parts)})"
         return _written("tile()", body, row_at=row_at, rows_at=rows_at, stack=stack, kind=self.kind)
 
+    def slices(self, array: str) -> list[str]:
+        """For each field the text of what takes its rows from an array of that name."""
+        parts = []
+        for first, many, apart in self._places.values():
+            turns = "" if apart == 1 else f":{apart}"
+            parts.append(f"{array}[{first}]" if many < 0 else f"{array}[{first}:{first + many * apart}{turns}]")
+        return parts
+
     @cached_property
     def views(self) -> Callable[[np.ndarray], Any]:
         """For kernels: `over`."""
-        parts = [f"array[:{self.count}]"]
-        for first, many, apart in self._places.values():
-            turns = "" if apart == 1 else f":{apart}"
-            parts.append(f"array[{first}]" if many < 0 else f"array[{first}:{first + many * apart}{turns}]")
+        parts = [f"array[:{self.count}]", *self.slices("array")]
         return _written("views(array)", f"return kind({', '.join(parts)})", kind=self.kind)
 
     @cached_property

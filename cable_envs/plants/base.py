@@ -13,7 +13,7 @@ from cable_envs.core.params import ParameterTable
 from cable_envs.effects import Effect, Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import joined
-from cable_envs.plants.kernel import kernels
+from cable_envs.plants.kernel import Rows, device_kernel, kernels
 
 STEP_ROWS = Lanes("Step", STEP)
 
@@ -264,12 +264,34 @@ class Plant:
         `kernel_needed` has their numbers. Each gives those of the one behind it, to the bit, for what it can simulate.
         """
         drive = "" if self.drive == "ideal" else f"_{self.drive}"
-        made = kernels(
-            f"{self.name}{drive}_{self.version}_{len(self.signals)}", self.signal_rows, self.coefficient_rows,
-            self.scratch, self.effects.lanes, self.effects.states, self.step_rows, self.solve,
-            joined(self.effects.effects.values()),
-        )  # fmt: skip
+        name = f"{self.name}{drive}_{self.version}_{len(self.signals)}"
+        made = kernels(name, self._rows, self.solve, joined(self.effects.effects.values()))
         return made if self.plain else (made[1], *made[1:])
+
+    def device_kernel(self, needed: int, precision: str = "float64") -> Any:
+        """One of the `kernels` for CUDA (`cable_envs.core.compiling.device`).
+
+        Parameters
+        ----------
+        needed : int
+            Its number, as of `kernel_needed`.
+        precision : str
+            "float64" or "float32": what it computes with. Its arrays have double precision.
+
+        Returns
+        -------
+        function
+            A device function (x, p, u, lo, hi, substeps, dt).
+        """
+        number = needed if self.plain else max(needed, 1)
+        return device_kernel(self._rows, self.solve, joined(self.effects.effects.values()), number, precision)
+
+    @property
+    def _rows(self) -> Rows:
+        layout = self.effects
+        return Rows(
+            self.signal_rows, self.coefficient_rows, self.scratch, layout.lanes, layout.states, self.step_rows
+        )
 
     def prepare(self, values: np.ndarray) -> np.ndarray:
         """Coefficients of the kernel from parameters.

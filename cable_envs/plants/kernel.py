@@ -4,16 +4,18 @@ It is written once; `kernels` fills in what is a plant's own: its rows and its `
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
+from cable_envs.core.compiling import device
 from cable_envs.core.compiling.templates import instantiate, specialised
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import LANES, load, store
+from cable_envs.core.kernels import LANES, inline, load, store
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.bristles import deflection
 
-input_tile = INPUTS.tile
 # filled in for each plant
+input_tile: Any = None
 signal_tile: Any = None
 coefficient_tile: Any = None
 scratch_tile: Any = None
@@ -24,11 +26,21 @@ solve: Any = None
 SIGNALS = COEFFICIENTS = EFFECTS = 0
 
 
+@inline
+def together(left):
+    """How many of the columns that are left go through the stages together."""
+    return min(LANES, left)
+
+
+def _alone(left):
+    return 1
+
+
 def advance(x, p, u, lo, hi, substeps, dt):
     """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
     xt, pt, ut, wt = signal_tile(), coefficient_tile(), input_tile(), scratch_tile()
     for first in range(lo, hi, LANES):
-        lanes = min(LANES, hi - first)
+        lanes = together(hi - first)
         load(xt.rows, x[:SIGNALS], first, lanes)
         load(pt.rows, p[:COEFFICIENTS], first, lanes)
         load(ut.rows, u, first, lanes)
@@ -41,7 +53,7 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
     xt, pt, ut, wt = signal_tile(), coefficient_tile(), input_tile(), scratch_tile()
     et, st, gt = effect_tile(), state_tile(), step_tile()
     for first in range(lo, hi, LANES):
-        lanes = min(LANES, hi - first)
+        lanes = together(hi - first)
         load(xt.rows, x[:SIGNALS], first, lanes)
         load(pt.rows, p[:COEFFICIENTS], first, lanes)
         load(ut.rows, u, first, lanes)
@@ -52,21 +64,43 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
         store(st.rows, x[SIGNALS:], first, lanes)
 
 
-def kernels(
-    name: str, signals: Lanes, coefficients: Lanes, scratch: Lanes, effects: Lanes, states: Lanes, step: Lanes,
-    solve: Callable, hooks: dict[str, Any],
-) -> tuple[Callable[..., None], ...]:  # fmt: skip
+@dataclass(frozen=True)
+class Rows:
+    """The rows that a plant's kernel works on."""
+
+    signals: Lanes
+    coefficients: Lanes
+    scratch: Lanes
+    effects: Lanes
+    states: Lanes
+    step: Lanes
+
+    def named(self, tile: Callable[[Lanes], Any]) -> dict[str, Any]:
+        """What the shell reads of them, by its names. tile: what makes a block of rows."""
+        return {
+            "signal_tile": tile(self.signals), "coefficient_tile": tile(self.coefficients),
+            "scratch_tile": tile(self.scratch), "effect_tile": tile(self.effects), "state_tile": tile(self.states),
+            "step_tile": tile(self.step), "input_tile": tile(INPUTS), "SIGNALS": self.signals.count,
+            "COEFFICIENTS": self.coefficients.count, "EFFECTS": self.effects.count,
+        }  # fmt: skip
+
+
+def kernels(name: str, rows: Rows, solve: Callable, hooks: dict[str, Any]) -> tuple[Callable[..., None], ...]:
     """The kernels (x, p, u, lo, hi, substeps, dt) of a plant, compiled on first use.
 
     They are: without effects, with them, and with the friction that has bristles besides.
     hooks: what takes the place of pieces at the seams (`cable_envs.effects.own`), by their names.
     """
-    own = {
-        "signal_tile": signals.tile, "coefficient_tile": coefficients.tile, "scratch_tile": scratch.tile,
-        "effect_tile": effects.tile, "state_tile": states.tile, "step_tile": step.tile,
-        "solve": specialised(solve, **hooks),
-        "SIGNALS": signals.count, "COEFFICIENTS": coefficients.count, "EFFECTS": effects.count,
-    }  # fmt: skip
+    own = rows.named(lambda lanes: lanes.tile) | {"solve": specialised(solve, **hooks)}
     plain, with_effects = (instantiate(f, f"{name}_{f.__name__}", **own) for f in (advance, advance_with_effects))
     own["solve"] = specialised(solve, **hooks, bristle_length=deflection)
     return plain, with_effects, instantiate(advance_with_effects, f"{name}_advance_with_bristles", **own)
+
+
+def device_kernel(rows: Rows, solve: Callable, hooks: dict[str, Any], number: int, precision: str) -> Any:
+    """One of the `kernels`, by its number, as a piece of kernels for CUDA; each thread takes one column."""
+    bristles = {"bristle_length": deflection} if number > 1 else {}
+    own = rows.named(lambda lanes: device.tile(lanes, precision)) 
+    own |= {"LANES": 1, "together": device.on_device(_alone)}  # a constant: rows of tiles then are registers
+    own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision)
+    return device.on_device(advance_with_effects if number else advance, precision, **own)

@@ -90,7 +90,7 @@ def names_within(piece):
             seen.add(function)
             names = names_read(function.__code__)
             found |= set(names)
-            waiting += [value for name in names if _is_piece(value := function.__globals__.get(name))]
+            waiting += [value for name in names if is_piece(value := function.__globals__.get(name))]
     return found
 
 
@@ -100,7 +100,7 @@ def _others(function, names, done):
     for used in names_read(function.__code__):
         if used in names:
             others[used] = names[used]
-        elif _is_piece(piece := function.__globals__.get(used)):
+        elif is_piece(piece := function.__globals__.get(used)):
             if piece not in done:
                 inner = getattr(piece, "py_func", piece)
                 changed = _others(inner, names, done)
@@ -134,7 +134,8 @@ def _copied(function, name, others):
     return made
 
 
-def _is_piece(value):
+def is_piece(value):
+    """Whether a value is a kernel or a piece of one."""
     if JIT_DISABLED:
         return isinstance(value, FunctionType) and is_ours(value)
     return isinstance(value, Dispatcher)
