@@ -71,7 +71,7 @@ for _id in ENV_IDS + V1_IDS:
     register(
         id=_id,
         entry_point="cable_envs.envs:CableEnv",
-        vector_entry_point="cable_envs.vector:CableVectorEnv",
+        vector_entry_point="cable_envs.device:make_batch",
         kwargs={"task": _task, "reference": _reference} | ({"version": "v0"} if _version == "v0" else {}),
         reward_threshold=_THRESHOLDS.get(_task, {}).get(_reference.lower()),
         # what Gymnasium's default wrappers check the environments check themselves; a fifth of a step's time

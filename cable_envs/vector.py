@@ -258,7 +258,10 @@ class CableVectorEnv(VectorEnv):
         self._running = True
         if self.render_mode is not None:
             self._draw()
-        return self._obs.copy(), self.infos(None if mask is self._everyone else mask)
+        return self._seen(), self.infos(None if mask is self._everyone else mask)
+
+    def _seen(self) -> Any:
+        return self._obs.copy()
 
     def _mask(self, mask: Any) -> np.ndarray:
         if mask is None:

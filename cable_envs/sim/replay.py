@@ -4,12 +4,15 @@ Every column is one hypothesis or one start, with a rig and effects of its own; 
 steps in one compiled call.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache
 from typing import Any
 
 import numpy as np
 
+from cable_envs.core.compiling.device import module
 from cable_envs.core.compiling.templates import instantiate
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.inputs import FOLLOW, IMPOSED, INPUTS, OBSERVED, RAMPED
@@ -19,6 +22,7 @@ from cable_envs.core.team import Team
 from cable_envs.effects.lanes import SENSE
 from cable_envs.effects.sensor_delay import delayed
 from cable_envs.plants.base import Plant
+from cable_envs.sim.device.replays import run
 
 BLOCK = 32
 """Columns that go through the whole record before the next ones do: their numbers stay in the cache."""
@@ -28,6 +32,7 @@ ABREAST, ALONE = 8, 2
 
 DRIVES = ("follow", "imposed", "observed")
 HOLDS = ("step", "ramp")
+DEVICES = ("cpu", "cuda")
 
 
 @inline
@@ -46,11 +51,17 @@ def _keep(x, rows, out, t, first, last):
             out[t, k, i] = x[rows[k], i]
 
 
+@inline
+def room(rows):
+    """Space for the inputs of a block of columns."""
+    return np.empty((rows, BLOCK))
+
+
 advance: Any = None  # filled in for each plant
 
 
 def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = np.empty((inputs.shape[1], BLOCK))
+    u = room(inputs.shape[1])
     for first in range(lo, hi, BLOCK):
         last = min(first + BLOCK, hi)
         for t in range(inputs.shape[0]):
@@ -62,6 +73,39 @@ def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
 @cache
 def _kernel(plant: Plant, needed: int) -> Callable[..., None]:
     return instantiate(_replay, f"replay_{plant.name}_{len(plant.signals)}", advance=plant.kernels[needed])
+
+
+_DEVICE: ContextVar[str] = ContextVar("device", default="cpu")
+
+
+@contextmanager
+def replays_on(device: str) -> Iterator[None]:
+    """Within the block replays run on a device.
+
+    Parameters
+    ----------
+    device : str
+        "cpu", or "cuda": an NVIDIA GPU.
+
+    Raises
+    ------
+    ConfigurationError
+        For an unknown device, and for "cuda" where there is no GPU.
+
+    Examples
+    --------
+    >>> with replays_on("cpu"):
+    ...     pass
+    """
+    if device not in DEVICES:
+        raise ConfigurationError(f"unknown device {device!r}; {nearest(str(device), DEVICES)}")
+    if device == "cuda":
+        module()
+    token = _DEVICE.set(device)
+    try:
+        yield
+    finally:
+        _DEVICE.reset(token)
 
 
 def replay(
@@ -145,7 +189,7 @@ def replay(
 
     Notes
     -----
-    All columns go through all steps in one compiled call. Sensors have no noise here. The steps are as coarse as they
+    All columns go through all steps in one compiled call, on a GPU within `replays_on`. Sensors have no noise here. The steps are as coarse as they
     are asked for: inertias that are too small for them are raised (`Plant.raise_to`).
     """
     n = values.shape[1] if np.ndim(values) == 2 else 0
@@ -180,18 +224,25 @@ def replay(
     rows = np.array([plant.row(name) for name in signals])
     out = np.empty((len(inputs), len(rows), n + idle))
     first = state[rows].copy()
-    kernel = _kernel(plant, max(plant.kernel_needed(p), 1))
-    arguments = (state, p, inputs, rows, substeps, period / substeps, out)
-    if threads > 1 and n > BLOCK:
-        team = Team(kernel, arguments, n + idle, threads, BLOCK)
-        team()
-        team.close()
+    needed = max(plant.kernel_needed(p), 1)
+    if _DEVICE.get() == "cuda":
+        run(_replay, plant, needed, (state, p, inputs, rows, out), substeps, period / substeps)
     else:
-        kernel(*arguments, 0, n + idle)
+        arguments = (state, p, inputs, rows, substeps, period / substeps, out)
+        _on_cores(_kernel(plant, needed), arguments, n + idle, threads if n > BLOCK else 1)
     if gone_on is not None and idle:
         gone_on[:] = state[:, :n]
     shown = distort(plant, p, signals, out, period, first) if sensors else out
     return shown[:, :, :n]
+
+
+def _on_cores(kernel: Callable[..., None], arguments: tuple, n: int, threads: int) -> None:
+    if threads > 1:
+        team = Team(kernel, arguments, n, threads, BLOCK)
+        team()
+        team.close()
+    else:
+        kernel(*arguments, 0, n)
 
 
 def _widened(columns: np.ndarray, idle: int) -> np.ndarray:

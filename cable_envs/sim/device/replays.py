@@ -1,0 +1,70 @@
+"""Replays on a GPU: a thread takes one column through the whole record."""
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cable_envs.core.compiling import device
+from cable_envs.core.inputs import INPUTS
+from cable_envs.plants.base import Plant
+
+MOST = 2**30
+"""Bytes of inputs and signals that lie on the device at a time; more columns go in several launches."""
+
+# filled in for each kernel
+cuda: Any = None
+replayed: Any = None
+input_tile: Any = None
+
+
+def _own_inputs(rows):
+    return input_tile().rows
+
+
+def _all_columns(x, p, inputs, rows, substeps, dt, out):
+    i = cuda.grid(1)
+    if i < x.shape[1]:
+        replayed(x, p, inputs, rows, substeps, dt, out, i, i + 1)
+
+
+@cache
+def _kernel(text: Callable[..., None], plant: Plant, needed: int) -> Any:
+    room = device.on_device(_own_inputs, input_tile=device.tile(INPUTS))
+    piece = device.on_device(text, advance=plant.device_kernel(needed), room=room, BLOCK=1)
+    return device.as_kernel(_all_columns, replayed=piece)
+
+
+def run(text: Callable[..., None], plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> None:
+    """Replay all columns, as the kernel of the CPU does.
+
+    Parameters
+    ----------
+    text : function
+        That kernel, not compiled (`cable_envs.sim.replay`).
+    plant : Plant
+        What simulates them.
+    needed : int
+        Number of its kernel (`Plant.kernel_needed`).
+    arrays : tuple of ndarray
+        x, p, inputs, rows of x that are kept, and out: x and out are written.
+    substeps : int
+        Integration steps in a step of the record.
+    dt : float
+        Length of one, s.
+    """
+    cuda = device.module()
+    kernel = _kernel(text, plant, needed)
+    x, p, inputs, rows, out = arrays
+    n = x.shape[1]
+    each = 8 * (out.shape[0] * out.shape[1] + (inputs[:, :, 0].size if inputs.shape[2] > 1 else 0))
+    share = max(MOST // each, 1)
+    kept = cuda.to_device(rows)
+    for lo in range(0, n, share):
+        part = slice(lo, min(lo + share, n))
+        given = inputs[:, :, part] if inputs.shape[2] > 1 else inputs
+        there = [cuda.to_device(np.ascontiguousarray(a)) for a in (x[:, part], p[:, part], given)]
+        seen = cuda.device_array((*out.shape[:2], part.stop - lo), dtype=np.float64)
+        device.launched(kernel, part.stop - lo, *there, kept, substeps, dt, seen)
+        x[:, part], out[:, :, part] = there[0].copy_to_host(), seen.copy_to_host()
