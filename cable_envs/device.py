@@ -1,6 +1,4 @@
-"""Batched environments whose state, observations and rewards stay in the memory of a GPU, and what chooses between them
-and those of the CPU.
-"""
+"""Batched environments whose state stays in the memory of a GPU, and what chooses between them and those of the CPU."""
 
 from collections.abc import Mapping
 from typing import Any, NoReturn
@@ -14,6 +12,7 @@ from cable_envs.envs import wanted_shape
 from cable_envs.sim.device.steps import ENDED, NOT_FINITE, DeviceSimulation
 from cable_envs.sim.replay import DEVICES
 from cable_envs.vector import CableVectorEnv
+
 
 def make_batch(
     task: str, reference: str | Mapping[str, Any], num_envs: int = 1, *, device: str = "cpu",
@@ -95,6 +94,11 @@ class DeviceVectorEnv(CableVectorEnv):
         """Parameters of each simulated rig in its present episode, as of `cable_envs.envs.CableEnv.true_rig`."""
         parameters = self.setup.plant.parameters
         return tuple(map(parameters.unpack, self.device.values[: len(parameters)].T))
+
+    @property
+    def last_actions(self) -> Any:
+        """As of `cable_envs.vector.CableVectorEnv`, a device array."""
+        return self.device.action
 
     def _start(self, lanes: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
         """Begin episodes now, and have the next ones lie ready."""

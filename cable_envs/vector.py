@@ -190,6 +190,11 @@ class CableVectorEnv(VectorEnv):
         """Parameters of each simulated rig in its present episode, as of `cable_envs.envs.CableEnv.true_rig`."""
         return tuple(map(self.simulation.lane_rig, range(self.num_envs)))
 
+    @property
+    def last_actions(self) -> Any:
+        """Actions that act now, shape (num_envs,): after a reset those that keep the mechanisms at rest."""
+        return self.simulation.buffers.named.action
+
     # Gymnasium declares one generator and allows one for each environment; none of them is to be replaced from outside
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]

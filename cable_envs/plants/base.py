@@ -265,7 +265,7 @@ class Plant:
         """
         drive = "" if self.drive == "ideal" else f"_{self.drive}"
         name = f"{self.name}{drive}_{self.version}_{len(self.signals)}"
-        made = kernels(name, self._rows, self.solve, joined(self.effects.effects.values()))
+        made = kernels(name, self.rows, self.solve, joined(self.effects.effects.values()))
         return made if self.plain else (made[1], *made[1:])
 
     def device_kernel(self, needed: int, precision: str = "float64") -> Any:
@@ -284,14 +284,13 @@ class Plant:
             A device function (x, p, u, lo, hi, substeps, dt).
         """
         number = needed if self.plain else max(needed, 1)
-        return device_kernel(self._rows, self.solve, joined(self.effects.effects.values()), number, precision)
+        return device_kernel(self.rows, self.solve, joined(self.effects.effects.values()), number, precision)
 
     @property
-    def _rows(self) -> Rows:
+    def rows(self) -> Rows:
+        """What its kernels work on, by name."""
         layout = self.effects
-        return Rows(
-            self.signal_rows, self.coefficient_rows, self.scratch, layout.lanes, layout.states, self.step_rows
-        )
+        return Rows(self.signal_rows, self.coefficient_rows, self.scratch, layout.lanes, layout.states, self.step_rows)
 
     def prepare(self, values: np.ndarray) -> np.ndarray:
         """Coefficients of the kernel from parameters.

@@ -100,7 +100,7 @@ def kernels(name: str, rows: Rows, solve: Callable, hooks: dict[str, Any]) -> tu
 def device_kernel(rows: Rows, solve: Callable, hooks: dict[str, Any], number: int, precision: str) -> Any:
     """One of the `kernels`, by its number, as a piece of kernels for CUDA; each thread takes one column."""
     bristles = {"bristle_length": deflection} if number > 1 else {}
-    own = rows.named(lambda lanes: device.tile(lanes, precision)) 
+    own = rows.named(lambda lanes: device.tile(lanes, precision))
     own |= {"LANES": 1, "together": device.on_device(_alone)}  # a constant: rows of tiles then are registers
     own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision)
     return device.on_device(advance_with_effects if number else advance, precision, **own)

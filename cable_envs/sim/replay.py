@@ -189,8 +189,8 @@ def replay(
 
     Notes
     -----
-    All columns go through all steps in one compiled call, on a GPU within `replays_on`. Sensors have no noise here. The steps are as coarse as they
-    are asked for: inertias that are too small for them are raised (`Plant.raise_to`).
+    All columns go through all steps in one compiled call, on a GPU within `replays_on`. Sensors have no noise here. The
+    steps are as coarse as they are asked for: inertias that are too small for them are raised (`Plant.raise_to`).
     """
     n = values.shape[1] if np.ndim(values) == 2 else 0
     if n == 0 or len(values) != len(plant.table):

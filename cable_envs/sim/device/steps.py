@@ -1,11 +1,11 @@
 """The state of many environments in the memory of a GPU: a step, and the start of the next episode, are kernels there.
 
 A thread takes one environment through a control step: action, plant, sensors with their noise and rings, reference,
-reward, end of the episode. All of it is the text of `cable_envs.sim.steppers`, and the block has the rows that it has on
-the CPU (`cable_envs.sim.buffers`).
+reward, end of the episode. All of it is the text of `cable_envs.sim.steppers`, and the block has the rows of the CPU's
+(`cable_envs.sim.buffers`).
 
-What a new episode begins with is drawn and prepared on the host, by the same code as on the CPU, while the device steps:
-each environment has the first state of its next episode lying ready in a second block, and takes it by itself.
+What a new episode begins with is drawn and prepared on the host, by the code of the CPU, while the device steps: each
+environment has the first state of its next episode lying ready in a second block, and takes it by itself.
 """
 
 from collections.abc import Mapping, Sequence
@@ -153,6 +153,11 @@ class DeviceSimulation:
         return self.block[_REWARD, : self.n]
 
     @property
+    def action(self) -> Any:
+        """Actions that act now, a device array of shape (n,)."""
+        return self.block[ENVIRONMENT.row("action"), : self.n]
+
+    @property
     def table(self) -> list[Any]:
         """The values of an info, in the order of ``info_names``: device arrays of shape (n,) that follow the state."""
         first = ENVIRONMENT.row("info")
@@ -182,10 +187,11 @@ class DeviceSimulation:
             obs.copy_to_device(b.obs)
         else:
             columns = np.ascontiguousarray(b.block[:, lanes])
-            device.launched(_putting(), len(lanes), block, obs, *map(self._cuda.to_device, (columns, b.obs[lanes], lanes)))
+            given = map(self._cuda.to_device, (columns, b.obs[lanes], lanes))
+            device.launched(_putting(), len(lanes), block, obs, *given)
 
     def step(self, actions: Any, restarts: bool) -> None:
-        """A control step with ``actions``, a device array (n, 1 or 2); what it leaves is in ``obs``, `reward`, ``ends``.
+        """A control step with ``actions``, a device array (n, 1 or 2); it leaves ``obs``, `reward` and ``ends``.
 
         restarts: whether environments whose episode ended in the step before begin the next one instead.
         """
@@ -199,7 +205,7 @@ class DeviceSimulation:
         self.values[:, lanes] = self._next_values[:, lanes]
 
     def restart(self) -> tuple[Any, list[Any]]:
-        """Begin the next episode where one has just ended; returns last observations, and last infos of those, else 0."""
+        """Begin the next episode where one has just ended; returns all last observations, and infos of those."""
         if self._last_block is None:
             rows = ENVIRONMENT.row("info") - _REWARD + len(self.info_names)
             self._last_block = self._cuda.to_device(np.zeros((rows, self.n)))

@@ -39,6 +39,7 @@ def diagnose(
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes that share the runs of --simulator.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the draws behind p-values.")] = 0,
+    device: Annotated[str, typer.Option(help="Where refits run: cpu, or cuda (an NVIDIA GPU).")] = "cpu",
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The verdict as JSON on standard output.")] = False,
 ) -> None:
@@ -52,6 +53,7 @@ def diagnose(
     from cable_envs.diagnosis.data.recording import load_recording
     from cable_envs.diagnosis.engine import diagnose as run
     from cable_envs.diagnosis.fit.rounds import heard
+    from cable_envs.sim.replay import replays_on
 
     own = None
     if simulator is not None:
@@ -65,7 +67,7 @@ def diagnose(
         out.mkdir(parents=True, exist_ok=True)
     loaded = joined(load_recording(recording), [load_recording(path) for path in add or ()])
     try:
-        with stages() as (tell, hear), heard(hear):
+        with stages() as (tell, hear), heard(hear), replays_on(device):
             found = run(
                 loaded, effects=_names(effects), without=_names(without) or (), effect_file=effect_file, rig=rig,
                 variant=variant, simulator=own, seed=seed, out=out, tell=tell,
