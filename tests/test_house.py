@@ -15,6 +15,7 @@ LAYERS = (
     ("cable_envs.diagnosis", "cable_envs.proof", "cable_envs.identification"),
     ("cable_envs.baselines",),
     ("cable_envs.shipped",),
+    ("cable_envs.device",),
     ("cable_envs.vector",),
     ("cable_envs.envs",),
     ("cable_envs.render",),

@@ -213,7 +213,7 @@ def test_the_extra_all_holds_every_extra_of_users():
     extras = PROJECT["project"]["optional-dependencies"]
     (named,) = extras["all"]
     held = set(named.removeprefix("cable-envs[").removesuffix("]").split(","))
-    assert held | {"bench", "all", "docs", "dev"} == set(extras) and extras["dev"][0] == "cable-envs[all,docs]"
+    assert held | {"bench", "all", "docs", "dev", "gpu"} == set(extras) and extras["dev"][0] == "cable-envs[all,docs]"
 
 
 def test_what_is_cited_is_this_version():

@@ -51,23 +51,22 @@ def _keep(x, rows, out, t, first, last):
             out[t, k, i] = x[rows[k], i]
 
 
-@inline
-def room(rows):
-    """Space for the inputs of a block of columns."""
-    return np.empty((rows, BLOCK))
-
-
 advance: Any = None  # filled in for each plant
 
 
+@inline
+def _through(u, x, p, inputs, rows, substeps, dt, out, first, last):
+    """Columns first..last through the whole record; u: space for their inputs."""
+    for t in range(inputs.shape[0]):
+        _take(inputs, u, t, first, last)
+        advance(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
+        _keep(x, rows, out, t, first, last)
+
+
 def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = room(inputs.shape[1])
+    u = np.empty((inputs.shape[1], BLOCK))
     for first in range(lo, hi, BLOCK):
-        last = min(first + BLOCK, hi)
-        for t in range(inputs.shape[0]):
-            _take(inputs, u, t, first, last)
-            advance(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
-            _keep(x, rows, out, t, first, last)
+        _through(u, x, p, inputs, rows, substeps, dt, out, first, min(first + BLOCK, hi))
 
 
 @cache
@@ -226,7 +225,7 @@ def replay(
     first = state[rows].copy()
     needed = max(plant.kernel_needed(p), 1)
     if _DEVICE.get() == "cuda":
-        run(_replay, plant, needed, (state, p, inputs, rows, out), substeps, period / substeps)
+        run(_through, plant, needed, (state, p, inputs, rows, out), substeps, period / substeps)
     else:
         arguments = (state, p, inputs, rows, substeps, period / substeps, out)
         _on_cores(_kernel(plant, needed), arguments, n + idle, threads if n > BLOCK else 1)

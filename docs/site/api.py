@@ -8,13 +8,14 @@ PAGES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "environments": (
         "Environments",
         "Single environments, native batches, and what defines them.",
-        ("cable_envs.envs.CableEnv", "cable_envs.vector.CableVectorEnv", "cable_envs.sim.setup.Setup",
-         "cable_envs.sim.setup.make_setup", "cable_envs.sim.tasks", "cable_envs.sim.references"),
+        ("cable_envs.envs.CableEnv", "cable_envs.vector.CableVectorEnv", "cable_envs.device",
+         "cable_envs.sim.setup.Setup", "cable_envs.sim.setup.make_setup", "cable_envs.sim.tasks", "cable_envs.sim.references"),
     ),
     "rigs": (
         "Rigs and replay",
         "The parameters of a test rig, and recorded inputs through many mechanisms at once.",
-        ("cable_envs.sim.rigs", "cable_envs.sim.replay.replay", "cable_envs.core.params", "cable_envs.core.errors"),
+        ("cable_envs.sim.rigs", "cable_envs.sim.replay.replay", "cable_envs.sim.replay.replays_on",
+         "cable_envs.core.params", "cable_envs.core.errors"),
     ),
     "plants": (
         "Plants and effects",

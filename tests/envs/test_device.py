@@ -19,7 +19,8 @@ HELD = (
 )  # fmt: skip
 SLOW = (
     "plant PulleyCircuit-Position-Sine-v1", "plant TendonSheath-Position-Sine-v1",
-    "plant AntagonistJoint-Torque-Sine-v1", "plant Wrist-Position-Sine-v1", "own_effect", "replays pulley_circuit", "example",
+    "plant AntagonistJoint-Torque-Sine-v1", "plant Wrist-Position-Sine-v1", "own_effect",
+    "replays pulley_circuit", "example",
 )  # fmt: skip
 
 

@@ -1,6 +1,5 @@
 """Replays on a GPU: a thread takes one column through the whole record."""
 
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -15,34 +14,29 @@ MOST = 2**30
 
 # filled in for each kernel
 cuda: Any = None
-replayed: Any = None
+through: Any = None
 input_tile: Any = None
-
-
-def _own_inputs(rows):
-    return input_tile().rows
 
 
 def _all_columns(x, p, inputs, rows, substeps, dt, out):
     i = cuda.grid(1)
     if i < x.shape[1]:
-        replayed(x, p, inputs, rows, substeps, dt, out, i, i + 1)
+        through(input_tile().rows, x, p, inputs, rows, substeps, dt, out, i, i + 1)
 
 
 @cache
-def _kernel(text: Callable[..., None], plant: Plant, needed: int) -> Any:
-    room = device.on_device(_own_inputs, input_tile=device.tile(INPUTS))
-    piece = device.on_device(text, advance=plant.device_kernel(needed), room=room, BLOCK=1)
-    return device.as_kernel(_all_columns, replayed=piece)
+def _kernel(text: Any, plant: Plant, needed: int) -> Any:
+    piece = device.on_device(text, advance=plant.device_kernel(needed))
+    return device.as_kernel(_all_columns, through=piece, input_tile=device.tile(INPUTS))
 
 
-def run(text: Callable[..., None], plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> None:
+def run(text: Any, plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> None:
     """Replay all columns, as the kernel of the CPU does.
 
     Parameters
     ----------
     text : function
-        That kernel, not compiled (`cable_envs.sim.replay`).
+        What takes columns through a record there (`cable_envs.sim.replay`).
     plant : Plant
         What simulates them.
     needed : int
