@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from cable_envs.core.compiling import device
 from cable_envs.core.compiling.templates import instantiate, specialised
 from cable_envs.core.inputs import INPUTS
@@ -36,6 +38,16 @@ def _alone(left):
     return 1
 
 
+@inline
+def own_precision(dt):
+    """The length of a step in the precision that the stages compute in."""
+    return dt
+
+
+def _single(dt):
+    return np.float32(dt)
+
+
 def advance(x, p, u, lo, hi, substeps, dt):
     """Move columns lo..hi by ``substeps`` steps of dt seconds, in place; without effects."""
     xt, pt, ut, wt = signal_tile(), coefficient_tile(), input_tile(), scratch_tile()
@@ -44,7 +56,7 @@ def advance(x, p, u, lo, hi, substeps, dt):
         load(xt.rows, x[:SIGNALS], first, lanes)
         load(pt.rows, p[:COEFFICIENTS], first, lanes)
         load(ut.rows, u, first, lanes)
-        solve(xt, pt, ut, wt, None, None, None, lanes, substeps, dt)
+        solve(xt, pt, ut, wt, None, None, None, lanes, substeps, own_precision(dt))
         store(xt.rows, x[:SIGNALS], first, lanes)
 
 
@@ -59,7 +71,7 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
         load(ut.rows, u, first, lanes)
         load(et.rows, p[COEFFICIENTS : COEFFICIENTS + EFFECTS], first, lanes)
         load(st.rows, x[SIGNALS:], first, lanes)
-        solve(xt, pt, ut, wt, et, st, gt, lanes, substeps, dt)
+        solve(xt, pt, ut, wt, et, st, gt, lanes, substeps, own_precision(dt))
         store(xt.rows, x[:SIGNALS], first, lanes)
         store(st.rows, x[SIGNALS:], first, lanes)
 
@@ -102,5 +114,7 @@ def device_kernel(rows: Rows, solve: Callable, hooks: dict[str, Any], number: in
     bristles = {"bristle_length": deflection} if number > 1 else {}
     own = rows.named(lambda lanes: device.tile(lanes, precision))
     own |= {"LANES": 1, "together": device.on_device(_alone)}  # a constant: rows of tiles then are registers
+    if precision == "float32":
+        own["own_precision"] = device.on_device(_single)
     own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision)
     return device.on_device(advance_with_effects if number else advance, precision, **own)

@@ -9,7 +9,8 @@ PAGES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         "Environments",
         "Single environments, native batches, and what defines them.",
         ("cable_envs.envs.CableEnv", "cable_envs.vector.CableVectorEnv", "cable_envs.device",
-         "cable_envs.sim.setup.Setup", "cable_envs.sim.setup.make_setup", "cable_envs.sim.tasks", "cable_envs.sim.references"),
+         "cable_envs.sim.setup.Setup", "cable_envs.sim.setup.make_setup", "cable_envs.sim.tasks",
+         "cable_envs.sim.references"),
     ),
     "rigs": (
         "Rigs and replay",

@@ -11,6 +11,7 @@ import gymnasium as gym
 import pytest
 
 import cable_envs
+from tests.support.compiled_for_a_device import MISSING
 from tests.support.tree import ROOT
 
 HELD = (
@@ -30,6 +31,19 @@ def test_the_device_gives_the_numbers_of_the_cpu(what):
     environment = {**os.environ, "NUMBA_ENABLE_CUDASIM": "1"}
     done = subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stderr[-3000:]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_kernels_compile_for_a_device(precision):
+    """The simulator knows no types: what it runs may not compile. Single precision must not fall back to double."""
+    command = [sys.executable, "-m", "tests.support.compiled_for_a_device", "CableHole-Position-Sine-v1", precision]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=900)
+    if done.returncode == MISSING:
+        pytest.skip(f"the extra 'gpu' is not installed: {done.stdout.strip()[:200]}")
+    assert done.returncode == 0, done.stderr[-3000:]
+    _, double, single = map(int, done.stdout.split("\n")[0].split())
+    assert double > single == 0 if precision == "float64" else single > double > 0
 
 
 def test_without_a_device_the_error_says_what_is_missing():

@@ -1,7 +1,8 @@
-"""Machine code of a plant's kernels for a GPU, without one: ``python -m tests.support.compiled_for_a_device ID PRECISION``.
+"""Machine code of a plant's kernels for a GPU, without one.
 
-It needs numba-cuda and the compiler of the toolkit (the extra `gpu`), and ends with 77 where these are missing. It prints
-the text's length and how many operations of each precision it has.
+``python -m tests.support.compiled_for_a_device ID PRECISION`` needs numba-cuda and the compiler of the toolkit (the
+extra `gpu`), and ends with 77 where these are missing. It prints the text's length and how many operations of each
+precision it has.
 """
 
 import re
