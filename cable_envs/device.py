@@ -159,8 +159,9 @@ class DeviceVectorEnv(CableVectorEnv):
             raise gym.error.ResetNeeded(
                 f"environments {late[:5].tolist()} have finished: reset(options={{'reset_mask': ...}})"
             )
-        if tuple(np.shape(actions) if isinstance(actions, list) else actions.shape) != self.action_space.shape:
-            raise ValueError(f"actions must have shape {wanted_shape(self.setup, self.num_envs)}, got {actions.shape}")
+        shape = tuple(getattr(actions, "shape", None) or np.shape(actions))
+        if shape != self.action_space.shape:
+            raise ValueError(f"actions must have shape {wanted_shape(self.setup, self.num_envs)}, got {shape}")
         d = self.device
         d.step(d.actions(actions, len(self.setup.ranges)), self._any_finished)
         if self._any_finished:  # while the device steps

@@ -15,6 +15,7 @@ for.
 """
 
 import math
+import warnings
 from collections.abc import Callable
 from functools import cache
 from types import CodeType, FunctionType
@@ -86,8 +87,17 @@ def require_precision(name: str) -> type:
 
 def launched(kernel: Any, n: int, *arguments: Any) -> None:
     """Run a kernel of `as_kernel` on ``n`` threads."""
-    threads = 1 if simulated() else THREADS
-    kernel[-(-n // threads), threads](*arguments)
+    if simulated():
+        kernel[n, 1](*arguments)
+    else:
+        _configured(kernel, -(-n // THREADS))(*arguments)
+
+
+@cache
+def _configured(kernel: Any, blocks: int) -> Any:
+    with warnings.catch_warnings():  # that a small batch leaves most of a device idle is no news
+        warnings.simplefilter("ignore")
+        return kernel[blocks, THREADS]
 
 
 def as_kernel(function: Callable[..., None], **names: Any) -> Any:
