@@ -100,7 +100,7 @@ def _configured(kernel: Any, blocks: int) -> Any:
         return kernel[blocks, THREADS]
 
 
-def as_kernel(function: Callable[..., None], **names: Any) -> Any:
+def as_kernel(function: Any, **names: Any) -> Any:
     """A function of ``cuda`` and pieces of `on_device`, by name, as a kernel that is launched."""
     cuda = module()
     made = _copied(function, {"cuda": cuda, **names})
@@ -142,6 +142,7 @@ def on_device(function: Any, precision: str = "float64", /, **names: Any) -> Any
 
 def tile(lanes: Lanes, precision: str = "float64") -> Callable[[], Any]:
     """What `Lanes.tile` is on the device: the rows of one column, private to a thread."""
+    space: dict[str, Any]
     space, array = {"kind": lanes.kind, "real": PRECISIONS[precision], "empty": np.empty}, "empty"
     if not simulated():
         space |= {"cuda": module(), "real": numba.from_dtype(np.dtype(precision))}
@@ -171,7 +172,7 @@ def _converted(function: FunctionType, precision: str, names: dict[str, Any], do
     return done[function]
 
 
-def _piece(function: FunctionType) -> Any:
+def _piece(function: Any) -> Any:
     if simulated():
         return function
     cuda = module()
