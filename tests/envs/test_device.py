@@ -43,7 +43,8 @@ def test_kernels_compile_for_a_device(precision):
         pytest.skip(f"the extra 'gpu' is not installed: {done.stdout.strip()[:200]}")
     assert done.returncode == 0, done.stderr[-3000:]
     _, double, single = map(int, done.stdout.split("\n")[0].split())
-    assert double > single == 0 if precision == "float64" else single > double > 0
+    few = 2  # once in a control step the share of slack is divided by a whole number
+    assert double > single == 0 if precision == "float64" else double <= few < single / 100
 
 
 def test_without_a_device_the_error_says_what_is_missing():

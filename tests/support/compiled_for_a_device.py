@@ -1,8 +1,8 @@
 """Machine code of a plant's kernels for a GPU, without one.
 
 ``python -m tests.support.compiled_for_a_device ID PRECISION`` needs numba-cuda and the compiler of the toolkit (the
-extra `gpu`), and ends with 77 where these are missing. It prints the text's length and how many operations of each
-precision it has.
+extra `gpu`), and ends with 77 where these are missing. It prints the length of each text and how many operations
+of each precision it has; the first is the plant's own kernel.
 """
 
 import re
@@ -32,6 +32,15 @@ def ptx_of(cuda, kernel, *types):
     return cuda.compile_ptx(kernel.py_func, numba.void(*types), cc=CAPABILITY)[0]
 
 
+cuda = advance = None  # filled in
+
+
+def _alone(x, p, u, substeps, dt):
+    i = cuda.grid(1)
+    if i < x.shape[1]:
+        advance(x, p, u, i, i + 1, substeps, dt)
+
+
 def main(env_id, precision):
     try:
         from numba import cuda
@@ -50,7 +59,9 @@ def main(env_id, precision):
     block, obs, flags = DOUBLE[:, ::1], SINGLE[:, ::1], numba.uint8[::1]
     common = numba.from_dtype(np.dtype(COMMON.descr, align=True))[::1]
     state = (block, obs, block, obs)
+    alone = device.as_kernel(_alone, advance=plant.device_kernel(0, precision))
     texts = [
+        ptx_of(cuda, alone, block, block, block, WHOLE, DOUBLE),
         ptx_of(
             cuda, steps._kernels_of(plant, 0, precision), block, obs, common, SINGLE[:, ::1], block, obs, flags,
             numba.boolean[:, ::1], numba.boolean,
