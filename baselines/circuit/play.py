@@ -43,12 +43,10 @@ class Lines:
 
     def __init__(self, model: CircuitModel):
         span = 0.1
-        self.torque, self.torque_half = _lines(
-            *((p.drive_torque(0.0), p.drive_torque(span)) for p in (model.ccw, model.cw)), span
-        )
-        self.elongation, self.elongation_half = _lines(
-            *((p.elongation(0.0), p.elongation(span)) for p in (model.ccw, model.cw)), span
-        )
+        torques = [(p.drive_torque(0.0), p.drive_torque(span)) for p in (model.ccw, model.cw)]
+        elongations = [(p.elongation(0.0), p.elongation(span)) for p in (model.ccw, model.cw)]
+        self.torque, self.torque_half = _lines(torques[0], torques[1], span)
+        self.elongation, self.elongation_half = _lines(elongations[0], elongations[1], span)
 
 
 def _lines(ccw: tuple[float, float], cw: tuple[float, float], span: float) -> tuple:

@@ -36,7 +36,7 @@ class InverseHole(Controller):
 
     information = "nominal"
     plants = (HOLE,)
-    tasks = ("position", "tension")
+    tasks: ClassVar[tuple[str, ...]] = ("position", "tension")
     modes: ClassVar[tuple[str, ...]] = ("tension",)
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:

@@ -7,6 +7,7 @@ the best is kept. The cost is the mean squared error of the episode and nothing 
 that commands within the limits can reach.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,7 +61,7 @@ def improve(
         What is at least as good as the beginning.
     """
     best = np.clip(actions, *limits)
-    cost, _, blocks = plants.follow(lambda k, _: best[k], 1, keep=True)
+    cost, _, blocks = plants.follow(_commands_of(best), 1, keep=True)
     cost, idle = cost[:, 0], 0
     plants.relevant(blocks)
     promised = np.zeros_like(cost)
@@ -76,12 +77,17 @@ def improve(
         better = taken[1] < cost
         gained = np.where(better, 1.0 - taken[1] / cost, 0.0)
         best = np.where(better, taken[0], best)
-        cost, _, blocks = plants.follow(lambda k, _, now=best: now[k], 1, keep=True)
+        cost, _, blocks = plants.follow(_commands_of(best), 1, keep=True)
         cost = cost[:, 0]
         idle = idle + 1 if np.all(gained < least) else 0
         if idle == 2:
             break
     return Found(best, cost, promised)
+
+
+def _commands_of(plan: np.ndarray) -> Callable[[int, np.ndarray], np.ndarray]:
+    """The plan [steps, episodes] as what `Plants.follow` asks: the commands of one step, whatever the states are."""
+    return lambda step, _: plan[step]
 
 
 def _backward(a, b, output, errors, actions, limits, damping, first):

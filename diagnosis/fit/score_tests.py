@@ -8,6 +8,7 @@ p-values are familywise: the distribution of the best score of all probes under 
 of the probes (their information matrix).
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -31,6 +32,8 @@ NEAR = 0.6
 """Share of a probe's size, or its inverse, between which it is near enough."""
 HIDDEN = 30.0
 """Degrees to what the free parameters can do, below which they go along."""
+SAME = 1e-6
+"""Share of a gain within which another one is the same."""
 FAR = 0.1
 """Least share of a probe's size at which it is probed next: beyond that a score says nothing of the size."""
 
@@ -231,7 +234,7 @@ def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[st
     single = [s for s in scores if len(s.directions) == 1 and np.isfinite(s.visible)]
     if not single:
         return None
-    best = max(single, key=lambda s: s.gain)
+    best = min(_as_good(single), key=lambda s: abs(math.log(abs(s.amount[0]))) if s.amount[0] else math.inf)
     sizes = [name for name in best.directions[0] if name in best.hypothesis.nulls]
     if len(sizes) != 1 or sizes[0] in best.hypothesis.inverse:
         return None
@@ -258,6 +261,12 @@ def _nearer(model: Model, fit: Fit, scores: Sequence[Score]) -> tuple[Mapping[st
                 moved = found.get(p.name, now) - now + from_.absorbed[p.name]
                 found[p.name] = p.clip(now + share * moved)
     return (found,)
+
+
+def _as_good(scores: Sequence[Score]) -> list[Score]:
+    """The best of some scores, and those that differ from it by rounding alone: probes of one shape at other sizes."""
+    most = max(s.gain for s in scores)
+    return [s for s in scores if s.gain >= most - SAME * abs(most)]
 
 
 def _without_the_explained(

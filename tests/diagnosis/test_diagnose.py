@@ -178,12 +178,12 @@ def test_an_interrupted_diagnosis_goes_on_where_it_was(tmp_path, monkeypatch):
     assert not list(out.rglob("*.pickle"))
 
 
-def test_ctrl_c_ends_the_command_with_130(tmp_path, monkeypatch):
+def test_ctrl_c_ends_the_command_with_130(sprung, tmp_path, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(engine, "diagnose", interrupted)
-    done = CliRunner().invoke(app, ["diagnose", str(tmp_path), "--out", str(tmp_path / "out")])
+    done = CliRunner().invoke(app, ["diagnose", str(sprung[0]), "--out", str(tmp_path / "out")])
     assert done.exit_code == 130 and "goes on from there" in done.stderr
 
 

@@ -39,7 +39,8 @@ def describe(env_id: str) -> dict[str, Any]:
     arguments = gym.spec(env_id).kwargs
     setup = make_setup(**arguments)
     values = setup.rig.values
-    all_seen = {"sensors": "ideal"} if setup.conditions is not None else {}  # a level may have no sensor at the output
+    # a level may have no sensor at the output
+    all_seen: dict[str, Any] = {"sensors": "ideal"} if setup.conditions is not None else {}
 
     def ranged(m: Any) -> dict[str, Any]:
         return {
