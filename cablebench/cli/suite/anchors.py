@@ -28,6 +28,9 @@ def anchors(
     episodes: Annotated[int, typer.Option(min=1, help="Test episodes of each task and track.")] = 20,
     replace: Annotated[bool, typer.Option("--replace", help="Make anchors again that are there.")] = False,
     out: Annotated[Path | None, typer.Option(help="File; default: the protocol's own, in configs/anchors.")] = None,
+    check: Annotated[
+        Path | None, typer.Option(help="Make none: count in this results folder how often a bound was beaten.")
+    ] = None,
     sandbox: Walls = "auto",
     trust: Trusted = False,
 ) -> None:
@@ -41,6 +44,9 @@ def anchors(
     chosen = load_protocol(protocol)
     if not chosen.anchors:
         raise ConfigurationError(f"'{chosen.name}' has score version {chosen.score_version}: it needs no anchors")
+    if check is not None:
+        _check(chosen, check)
+        return
     path = out or (
         Path(chosen.anchors) if Path(chosen.anchors).suffix else config_root() / "anchors" / f"{chosen.anchors}.yaml"
     )
@@ -87,3 +93,25 @@ def _missing(protocol: Any, known: Any, envs: Sequence[str], tracks: Sequence[st
             if there is None or replace:
                 found.append((task, track))
     return found
+
+
+def _check(protocol: Any, folder: Path) -> None:
+    """Print how many of the recorded episodes are below the bound of the same episode."""
+    from cablebench.run.folders import open_store
+    from cablebench.score.anchors import anchors_of
+    from cablebench.score.held import held
+
+    records = [r for r in open_store(folder).read().records if r["protocol_hash"] == protocol.hash()]
+    found = held(records, anchors_of(protocol))
+    if not found:
+        raise ConfigurationError(f"{folder} has no records of '{protocol.name}' that a bound of an episode belongs to")
+    say = console()
+    for one in found:
+        say.print(
+            f"{one.task} ({one.track}): {one.below} of {one.episodes} episodes below the bound; nearest {one.nearest}, "
+            f"{one.share:.3g} of it",
+            markup=False,
+        )
+    below, episodes = sum(one.below for one in found), sum(one.episodes for one in found)
+    share = 100.0 * (1.0 - below / episodes)
+    say.print(f"the bound is a bound in {share:.2f} % of {episodes} episodes ({below} below it)", markup=False)
