@@ -191,8 +191,7 @@ class Protocol:
             out += ("score_version", "anchors", "survival")
         decides = {k: v for k, v in asdict(self).items() if k not in out}
         for task in decides["tasks"]:
-            if task["ranked"]:
-                del task["ranked"]
+            del task["ranked"]  # no episode and no score depends on it
         for sweep in (sweep for track in decides["tracks"] for sweep in track["sweeps"]):
             if not sweep["disturb"]:
                 del sweep["disturb"]

@@ -18,7 +18,7 @@ from cablebench.protocol.episode import Episode
 from cablebench.protocol.failures import broken, scored_error
 from cablebench.protocol.files import load_protocol
 from cablebench.protocol.metrics import ended_by_rule, measure, priced_rmse
-from cablebench.protocol.protocol import Protocol, Task, Track
+from cablebench.protocol.protocol import Task, Track
 from cablebench.run.evaluation import core_of, run_episode
 from cablebench.score.anchors import Anchor, anchors_of, load_anchors, task_hash, write_anchors
 from cablebench.score.held import held
@@ -189,10 +189,11 @@ def test_entrants_do_not_move_each_other(board):
             assert (row.score, row.scores, row.worst_tenth) == (other.score, other.scores, other.worst_tenth)
 
 
-def test_ranked_belongs_to_the_protocols_hash_only_where_a_task_is_not(board):
-    protocol, _ = board
-    assert isinstance(protocol, Protocol)
-    assert replace(protocol, tasks=(*protocol.tasks[:2], Task(CLASSIC))).hash() != protocol.hash()
+def test_records_stay_those_of_the_protocol_when_a_task_joins_the_ranking(board):
+    protocol, records = board
+    joined = replace(protocol, tasks=(*protocol.tasks[:2], Task(CLASSIC)))
+    assert joined.hash() == protocol.hash() != replace(protocol, tasks=protocol.tasks[:2]).hash()
+    assert build_board(joined, records).overall[0].tasks == 3
 
 
 # the bound
