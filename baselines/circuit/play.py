@@ -113,6 +113,11 @@ class PlayFilter:
         """Estimated output: rad, or N m of grasp torque."""
         return self.state[0]
 
+    def shift(self, by: float) -> None:
+        """Move the output, and the zero that it is measured from, by ``by`` (rad, or N m): it was seen elsewhere."""
+        self.state[0] += by
+        self._output += by
+
     def update(self, angle: float, speed: float, torque: float) -> None:
         """One more measurement of the drive: rad, rad/s, N m."""
         self._seen += 0.5 * (self._speed + speed) * self._dt
