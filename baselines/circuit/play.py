@@ -129,12 +129,22 @@ class PlayFilter:
         self.moved = self._hold.leaves(self._seen - self._angle, torque - self._torque)
         self.state[2] = math.log(max(self._hold.compliance / self._nominal, math.exp(-_WIDEST)))
         if self.moved:
-            friction = max(abs(torque - self._middle) / self._half, math.exp(-_WIDEST))
-            self.state[1] = math.log(friction)
-            gone = self._gear * self._hold.gone * (self._stiffness if self._count > 3 else 1.0)
-            self.state[0] += gone
-            n, spread = self._count, (0.5 * abs(gone), *UNCERTAIN)
-            self._spread = [[spread[i] ** 2 if i == j else 0.0 for j in range(n)] for i in range(n)]
+            self._slide(torque, self._gear * self._hold.gone * (self._stiffness if self._count > 3 else 1.0))
+
+    def begin_grasp(self, angle: float, torque: float, plateau: float) -> None:
+        """Start with an object just met: ``plateau`` was the drive torque (N m) of the freely sliding jaw."""
+        (m0, m1), (h0, h1) = self._lines.torque, self._lines.torque_half
+        phi = (plateau - m0) / h0
+        self.begin((torque - plateau) / (m1 + phi * h1), angle, torque)
+        self.moved = True
+        self._slide(torque, 0.0)
+
+    def _slide(self, torque: float, gone: float) -> None:
+        """The filter begins: ``torque`` tells phi; the output has gone by ``gone`` since it broke away."""
+        self.state[1] = math.log(max(abs(torque - self._middle) / self._half, math.exp(-_WIDEST)))
+        self.state[0] += gone
+        n, spread = self._count, (0.5 * abs(gone), *UNCERTAIN)
+        self._spread = [[spread[i] ** 2 if i == j else 0.0 for j in range(n)] for i in range(n)]
 
     def _correct(self, angle: float, torque: float) -> None:
         """A step of the extended Kalman filter."""

@@ -106,8 +106,13 @@ class VirtualJaw(Controller):
         if self.action_mode == "position":
             return self.limit(held)
         rate = self._speed.update(held)
-        free = needs + g["kp"] * (held - angle) + g["kd"] * (rate - y["drive_velocity"])
-        return self.limit(free + self.rig["drive_damping"] * rate)
+        return self.limit(self.driven(held - angle, rate, needs, y))
+
+    def driven(self, away: float, rate: float, needs: float, y: Mapping[str, float]) -> float:
+        """The torque command for a drive that is ``away`` (rad), is to move at ``rate`` and to give ``needs`` (N m)."""
+        g = self.gains
+        damped = g["kd"] * (rate - y["drive_velocity"]) + self.rig["drive_damping"] * rate
+        return needs + g["kp"] * away + damped
 
     def _turn(self, ref: Reference, error: float) -> None:
         """The side of the dead zone at which the drive is to be; beyond 1 while breakaway is searched."""
