@@ -8,7 +8,7 @@ pictures (the mean of what they say) until it is ``camera``, as the filter drift
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from cable_envs.baselines.base import Levels, Reference
 from cable_envs.baselines.circuit.virtual_jaw import VirtualJaw
@@ -19,8 +19,8 @@ class CameraJaw(VirtualJaw):
     """Virtual jaw whose zero comes from late pictures of the output."""
 
     name = "camera-jaw"
-    plants = ("pulley_chain",)
-    tasks = ("position",)
+    plants: ClassVar[tuple[str, ...]] = ("pulley_chain",)
+    tasks: ClassVar[tuple[str, ...]] = ("position",)
     modes: ClassVar = ("position",)
     levels: ClassVar[Mapping[str, str]] = Levels({"pulley_chain": "output"})
     gain_tables: ClassVar = {

@@ -34,8 +34,8 @@ class GraspJaw(VirtualJaw):
     """Closes, learns the friction on the way, finds the object by the torque's rise, and holds a grasp torque."""
 
     name = "grasp-jaw"
-    plants = CIRCUITS
-    tasks = ("torque",)
+    plants: ClassVar[tuple[str, ...]] = CIRCUITS
+    tasks: ClassVar[tuple[str, ...]] = ("torque",)
     modes: ClassVar = ("torque",)
     gain_tables: ClassVar = {
         case: ParameterTable(

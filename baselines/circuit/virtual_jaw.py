@@ -62,8 +62,8 @@ class VirtualJaw(Controller):
     charged: ClassVar = {"tuning_trials": 60}
     """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     information = "nominal"
-    plants = CIRCUITS
-    tasks = ("position", "torque")
+    plants: ClassVar[tuple[str, ...]] = CIRCUITS
+    tasks: ClassVar[tuple[str, ...]] = ("position", "torque")
     gain_tables: ClassVar = {
         ("circuit", mode, task): _gains(mode, task)
         for mode in ("position", "torque")

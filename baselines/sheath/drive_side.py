@@ -16,9 +16,9 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from cable_envs.baselines.base import Controller, Levels, Reference
-from cable_envs.baselines.general import view_of
 from cable_envs.baselines.parts import Smoother, follow_direction
 from cable_envs.core.params import Parameter, ParameterTable
+from cable_envs.plants.sheath.view import SheathLoad
 
 SHEATH = "tendon_sheath"
 
@@ -31,7 +31,7 @@ def mean_tension(drive: float, load: float) -> float:
 
 
 class SheathDriveSide(Controller):
-    """PI on the load's place as the drive's position and tension tell it, and the friction of the way as feedforward."""
+    """PI on the load's place as the drive tells it, with the friction of the way as feedforward."""
 
     name = "sheath-drive-side"
     information = "nominal"
@@ -53,7 +53,7 @@ class SheathDriveSide(Controller):
 
     def use_rig(self, rig: Mapping[str, Any]) -> None:
         super().use_rig(rig)
-        self._load = view_of(self.plant, self.rig, self.action_mode, self.task).load
+        self._load = SheathLoad(self.rig)
         self._side = Smoother(self.dt, self.gains["turn_time"])
 
     def reset(self) -> None:
