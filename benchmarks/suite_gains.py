@@ -110,12 +110,12 @@ def tuned(law: str, env_id: str, trials: int, seeds: Sequence[int]) -> tuple[dic
     return {d.name: d.value(study.best_params[d.name]) for d in space}, study.best_value
 
 
-def written(law: str, gains: Mapping[str, Mapping[str, float]], trials: int, episodes: int) -> None:
+def written(law: str, gains: Mapping[str, Mapping[str, float]], trials: int, made_by: str) -> None:
     """Write the controller file of a law."""
     content: dict[str, Any] = {
         "schema": SCHEMA, "name": f"{law}-suite", "controller": law, "charged": {"tuning_trials": trials},
         "gains": {env_id: dict(gains[env_id]) for env_id in cable_envs.SUITE_IDS if env_id in gains},
-        "made_by": f"python -m benchmarks.suite_gains {law} --trials {trials} --episodes {episodes}",
+        "made_by": made_by,
     }  # fmt: skip
     text = yaml.safe_dump(content, sort_keys=False, width=120)
     write_atomic(config_root() / "controllers" / f"{law}-suite.yaml", text)
@@ -157,7 +157,8 @@ def main() -> None:
             best, reached = tuned(law, full(name), arguments.trials, seeds)
             print(f"{law} on {name}: {math.exp(reached):.3g}, {best}", flush=True)
             gains |= {full(one): best for one in (name, *others)}
-            written(law, gains, arguments.trials, arguments.episodes)
+            made_by = f"python -m benchmarks.suite_gains {law} --trials {arguments.trials} --task {name.split('-')[0]}"
+            written(law, gains, arguments.trials, made_by)
 
 
 if __name__ == "__main__":
