@@ -57,6 +57,8 @@ STARTS: Mapping[tuple[str, str], Mapping[str, float]] = {
 """Gains that the search begins with where the defaults, made for sensors without delay, let the loop swing."""
 
 LAWS = ("pid", "scheduled-pid", "adaptive-inverse", "lqg", "drive-side", "camera-jaw", "grasp-jaw", "sheath-drive-side")
+NEAR, INSIDE = 0.04, 0.04
+"""Shares of a box: how far from the beginning half of the trials are, and how near they come to its edges."""
 MARGIN = 2
 """Control periods."""
 WORST = 1000.0
@@ -97,9 +99,11 @@ def tuned(law: str, env_id: str, trials: int, seeds: Sequence[int]) -> tuple[dic
     for _ in range(trials // 2):  # about the beginning: the box spans decades that no loop can use
         near = {}
         for d in space:
-            width = 0.06 * (d.coordinate(d.high) - d.coordinate(d.low))
-            where = d.coordinate(begins[d.name]) + width * spread.standard_normal()
-            near[d.name] = min(max(where, d.coordinate(d.low)), d.coordinate(d.high))
+            ends = d.coordinate(d.low), d.coordinate(d.high), d.coordinate(begins[d.name])
+            low, high, begin = map(math.log, ends) if d.kind == "log" else ends
+            where = begin + NEAR * (high - low) * spread.standard_normal()
+            where = min(max(where, low + INSIDE * (high - low)), high - INSIDE * (high - low))
+            near[d.name] = math.exp(where) if d.kind == "log" else where
         study.enqueue_trial(near)
 
     def one(trial: optuna.Trial) -> float:

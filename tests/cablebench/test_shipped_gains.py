@@ -23,7 +23,8 @@ def test_no_tuned_gain_lies_at_a_bound(name):
         setup = setup_of(env_id, {})
         kind = controller_class(file.controller)
         table = kind.parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
-        for dimension in gain_space(table):
+        tried = [d for d in gain_space(table) if d.name in gains]  # a gain that came later keeps its default
+        for dimension in tried:
             low, high, value = (
                 dimension.distribution().to_internal_repr(dimension.coordinate(v))
                 for v in (dimension.low, dimension.high, gains[dimension.name])
