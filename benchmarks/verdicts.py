@@ -49,7 +49,7 @@ class Verdict:
     draws: Mapping[str, Draws]
     """by entrant"""
     pairs: tuple[Pair, ...]
-    """of all entrants but those that do nothing, with Holm's correction"""
+    """of the classical controllers, the agent and the best oracle, with Holm's correction"""
     discriminates: bool | None
     """None where no classical controller enters"""
 
@@ -82,7 +82,10 @@ def verdict(env_id: str, rows: list[Row], anchors: tuple[float, float] | None = 
     for row in rows:
         if row.part not in best or draws[row.entrant].value > draws[best[row.part].entrant].value:
             best[row.part] = row
-    entered = {row.entrant: [draws[row.entrant]] for row in rows if row.part != NOTHING}
+    ranked = [row for row in rows if row.part in (CLASSICAL, AGENT)] + [
+        best[part] for part in (ORACLE,) if part in best
+    ]
+    entered = {row.entrant: [draws[row.entrant]] for row in ranked}
     chosen = [best[part].entrant for part in (CLASSICAL, AGENT, ORACLE) if part in best]
     chosen.sort(key=lambda name: draws[name].value)
     steps = [paired(b, [draws[b]], a, [draws[a]], LEVEL) for a, b in pairwise(chosen)]

@@ -25,6 +25,8 @@ COMPLIANCE, FRICTION = 0.27, 0.17
 """c of the nominal rig, rad/(N m), and the plateau of its torque, N m, as one recording of it shows them."""
 BREAKS = 4e-3
 """Angle of the jaw from which it counts as sliding, rad."""
+MOST = 0.02
+"""Largest weight of what is known of c, (N m)^2: older reversals fade."""
 NEAR = 0.05
 """Error up to which the integral works, rad: a jump of the reference is no fault of the feedforward."""
 KNOWN = 2e-3
@@ -43,7 +45,7 @@ class TextbookCircuit:
         self.gear = rig["drive_radius"] / rig["output_radius"]
         self.slope, self.weight = COMPLIANCE, 1e-4  # c and how much is known of it, (N m)^2
         self.plateau, self.slides = FRICTION, False
-        self.start = None
+        self.start, self.before = None, (0.0, 0.0)
         self.side = self.integral = self.ahead = self.still = 0.0
         self.way, self.last, self.jaw = 1.0, None, 0.0
 
@@ -73,12 +75,17 @@ class TextbookCircuit:
         if not self.slides:
             missed = turned - self.slope * more
             if self.weight > KNOWN and abs(missed) > BREAKS:
-                self.slides, self.plateau = True, abs(torque)
+                self.slides = True
             elif abs(more) > 5e-3:
                 self.weight += more * more
                 self.slope += more * missed / self.weight
+        elif max(abs(torque), abs(self.before[1])) < 0.7 * self.plateau:  # a reversal shows c again
+            step, change = turned - self.before[0], torque - self.before[1]
+            self.weight = min(self.weight + change * change, MOST)
+            self.slope += change * (step - self.slope * change) / self.weight
         elif rate != 0.0 and abs(self.side) > 0.9 and torque * self.way > 0.5 * self.plateau:
             self.plateau += 0.05 * (abs(torque) - self.plateau)
+        self.before = turned, torque
         seen = self.start[0] + turned - self.slope * more
         carried = self.gear * speed * self.dt if self.slides and abs(torque) > 0.8 * self.plateau else 0.0
         self.jaw += self.smooth * (seen - self.jaw) + (1.0 - self.smooth) * carried
