@@ -161,7 +161,8 @@ def main() -> None:
             best, reached = tuned(law, full(name), arguments.trials, seeds)
             print(f"{law} on {name}: {math.exp(reached):.3g}, {best}", flush=True)
             gains |= {full(one): best for one in (name, *others)}
-            made_by = f"python -m benchmarks.suite_gains {law} --trials {arguments.trials} --task {name.split('-')[0]}"
+            asked = "".join(f" --task {part}" for part in arguments.task)
+            made_by = f"python -m benchmarks.suite_gains {law} --trials {arguments.trials}{asked}"
             written(law, gains, arguments.trials, made_by)
 
 

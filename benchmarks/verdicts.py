@@ -82,9 +82,7 @@ def verdict(env_id: str, rows: list[Row], anchors: tuple[float, float] | None = 
     for row in rows:
         if row.part not in best or draws[row.entrant].value > draws[best[row.part].entrant].value:
             best[row.part] = row
-    ranked = [row for row in rows if row.part in (CLASSICAL, AGENT)] + [
-        best[part] for part in (ORACLE,) if part in best
-    ]
+    ranked = [row for row in rows if row.part in (CLASSICAL, AGENT) or row is best.get(ORACLE)]
     entered = {row.entrant: [draws[row.entrant]] for row in ranked}
     chosen = [best[part].entrant for part in (CLASSICAL, AGENT, ORACLE) if part in best]
     chosen.sort(key=lambda name: draws[name].value)
