@@ -11,7 +11,7 @@ drive. `benchmarks.verdicts` says what follows. Results are kept in a file; what
 import argparse
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,7 +34,7 @@ from cablebench.run.evaluation import core_of, run_episode
 IDEAL = {"sensors": "ideal", "preview": True, "sensor_noise": False, "sensor_delay": 0}
 SIZES = (1.0, 0.5, 0.25)
 """Of the oracle's gains."""
-DEFAULTS = ("mrac", "feedforward-pid", "virtual-jaw")
+DEFAULTS = ("feedforward-pid", "virtual-jaw")
 """Laws that run with their default gains."""
 BEGIN, END = "<!-- begin: python -m benchmarks.headroom -->", "<!-- end -->"
 
@@ -65,8 +65,10 @@ def oracles(env_id: str) -> Iterable[Entrant]:
         yield replace(controller_entrant(ORACLE, gains), name=f"oracle x {size:g}")
 
 
-def measure(env_id: str, entrant: Entrant, part: str, seeds: Iterable[int]) -> Row | None:
-    """Run an entrant on an environment of the suite; None where it does not enter."""
+def measure(env_id: str, entrant: Entrant, part: str, seeds: Sequence[int]) -> Row | None:
+    """Run an entrant on an environment of the suite; None where it does not enter, or nothing is left to run."""
+    if not seeds:
+        return None
     asked: dict[str, Any] = {"split": "test"}
     if part == ORACLE:
         drawn = setup_of(env_id, asked).randomize  # effects are drawn last: the rigs are the same without them
@@ -161,14 +163,15 @@ def main() -> None:
         if arguments.train:
             entered.append((agent(env_id, arguments.train, arguments.out), AGENT))
         for entrant, part in entered:
-            again = any(text in entrant.name for text in arguments.again)
-            if entrant.name in kept and len(kept[entrant.name]["errors"]) == len(seeds) and not again:
-                continue
-            row = measure(env_id, entrant, part, seeds)
+            if any(text in entrant.name for text in arguments.again):
+                kept.pop(entrant.name, None)
+            has = kept.get(entrant.name, {"part": part, "errors": [], "failures": []})
+            row = measure(env_id, entrant, part, seeds[len(has["errors"]) :])
             if row is None:
                 continue
             errors = [e if math.isfinite(e) else None for e in row.errors]
-            kept[entrant.name] = {"part": part, "errors": errors, "failures": row.failures}
+            failures = [*has["failures"], *row.failures]
+            kept[entrant.name] = {"part": part, "errors": [*has["errors"], *errors], "failures": failures}
             print(env_id, entrant.name, f"{row.median:.3g}", *row.failures, flush=True)
             arguments.out.mkdir(parents=True, exist_ok=True)
             write_atomic(file, json.dumps(results, indent=1).encode())

@@ -31,7 +31,7 @@ class DriveSide(ScheduledPid):
     gain_tables: ClassVar = {
         case: ParameterTable(
             *(replace(p, default=_SLOWER.get(p.name, p.default)) for p in table),
-            Parameter("homed", "1", 1.0, 0.0, 1.0, "share of the first sample's compliance that is believed"),
+            Parameter("homed", "1", 1.0, 0.0, 2.0, "share of the first sample's compliance that is believed"),
         )
         for case, table in ScheduledPid.gain_tables.items()
         if case[2] == "position"

@@ -43,7 +43,7 @@ class SheathDriveSide(Controller):
         (SHEATH, "position", "position"): ParameterTable(
             Parameter("kp", "1", 0.2, 1e-4, 100.0, "proportional gain of the estimated error"),
             Parameter("ki", "1/s", 4.0, 1e-4, 1e4, "integral gain of the estimated error"),
-            Parameter("homed", "1", 1.0, 0.0, 1.0, "share of the first sample's compliance that is believed"),
+            Parameter("homed", "1", 1.0, 0.0, 2.0, "share of the first sample's compliance that is believed"),
             Parameter("lead", "s", 0.02, -0.5, 0.5, "how far ahead the reference is taken"),
             Parameter("turn_time", "s", 0.1, 1e-4, 10.0, "time constant of changes of direction"),
             Parameter("learns", "1/s", 2.0, 1e-4, 1e3, "rate at which the friction follows the measured tension"),
