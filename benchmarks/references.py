@@ -62,8 +62,8 @@ Medians = Mapping[tuple[str, str, str], float]
 def entrants() -> list[Entrant]:
     """Those that are run."""
     files = [str(ROOT / "examples" / f"{name.replace('-', '_')}.py") for name in TEXTBOOK.values()]
-    names = [name for family in FAMILIES.values() for name in family]
-    return [named_entrant(name) for name in names] + [named_entrant(file, sandbox="none") for file in files]
+    names = [name for family in reversed(FAMILIES.values()) for name in family]
+    return [named_entrant(file, sandbox="none") for file in files] + [named_entrant(name) for name in names]
 
 
 def measured(out: Path) -> list[dict[str, Any]]:

@@ -91,6 +91,7 @@ class PlayFilter:
         self._lines, self._gear, self._stiffness = Lines(model), model.ratio, stiffness
         self._misfit, self._walk, self._beyond, self._dt = misfit, walk * walk * dt, beyond, dt
         self._count = 4 if stiffness > 0.0 else 3
+        self._relaxation = model.relaxation
         self.begin(0.0, 0.0, 0.0)
 
     def begin(self, output: float, angle: float, torque: float) -> None:
@@ -126,7 +127,8 @@ class PlayFilter:
         if self.moved:
             self._correct(self._seen, torque)
             return
-        self.moved = self._hold.leaves(self._seen - self._angle, torque - self._torque)
+        damped = self._relaxation * speed / self._nominal  # the cable's damping, as its stretch grows at this speed
+        self.moved = self._hold.leaves(self._seen - self._angle, torque - damped - self._torque)
         self.state[2] = math.log(max(self._hold.compliance / self._nominal, math.exp(-_WIDEST)))
         if self.moved:
             self._slide(torque, self._gear * self._hold.gone * (self._stiffness if self._count > 3 else 1.0))
