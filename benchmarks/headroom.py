@@ -12,94 +12,52 @@ import argparse
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 
 import cable_envs
 from benchmarks.verdicts import AGENT, CLASSICAL, NOTHING, OPEN, ORACLE, Row, rows_of, table
-from cable_envs.baselines import controller_class
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.sim.registered import setup_of
+from cablebench.bound.candidates import oracles, staying, without_effects
 from cablebench.entrants.controller_files import shipped_files
-from cablebench.entrants.entrant import Entrant, controller_entrant
+from cablebench.entrants.entrant import Entrant
 from cablebench.entrants.named import named_entrant
+from cablebench.protocol.failures import scored_error
 from cablebench.protocol.files import load_protocol
+from cablebench.protocol.metrics import measure as measured
 from cablebench.run.evaluation import core_of, run_episode
+from cablebench.score.anchors import load_anchors
 
-IDEAL = {"sensors": "ideal", "preview": True, "sensor_noise": False, "sensor_delay": 0}
-SIZES = (1.0, 0.5, 0.25)
-"""Of the oracle's gains."""
+TEST = {"split": "test"}
 DEFAULTS = ("feedforward-pid", "virtual-jaw")
 """Laws that run with their default gains."""
 BEGIN, END = "<!-- begin: python -m benchmarks.headroom -->", "<!-- end -->"
-
-
-class Stay:
-    """The command of the start, whatever happens."""
-
-    def start(self, env: Any) -> None:
-        self.action = env.simulation.buffers.named.action.copy()
-
-    def act(self, observation: np.ndarray, t: float) -> np.ndarray:
-        return self.action
-
-
-def staying() -> Entrant:
-    """A drive that stays where it began."""
-    return Entrant(NOTHING, "model-free", lambda setup: Stay(), lambda env_id, setup: {}, "")
-
-
-def oracles(env_id: str) -> Iterable[Entrant]:
-    """The oracle with each of the `SIZES` of its gains per second."""
-    setup = setup_of(env_id, {})
-    kind = controller_class(ORACLE)
-    table = kind.parameters_for(setup.plant.name, setup.action_mode.name, setup.task.kind)
-    rates = {name: table[name] for name in table.names if table[name].unit == "1/s"}
-    for size in SIZES:
-        gains = {name: max(one.default * size, one.low) for name, one in rates.items()} if size != 1.0 else {}
-        yield replace(controller_entrant(ORACLE, gains), name=f"oracle x {size:g}")
 
 
 def measure(env_id: str, entrant: Entrant, part: str, seeds: Sequence[int]) -> Row | None:
     """Run an entrant on an environment of the suite; None where it does not enter, or nothing is left to run."""
     if not seeds:
         return None
-    asked: dict[str, Any] = {"split": "test"}
-    if part == ORACLE:
-        drawn = setup_of(env_id, asked).randomize  # effects are drawn last: the rigs are the same without them
-        open_to_it = {name: {"low": low, "high": high} for name, low, high in drawn if "." not in name}
-        asked |= IDEAL | {"randomize": open_to_it}
-    options = entrant.enters(env_id, asked)
-    if options is None or not _allowed(env_id, options):
+    options = entrant.enters(env_id, without_effects(env_id, TEST) if part == ORACLE else TEST)
+    if options is None:
         return None
-    env = gym.make(env_id, **options)
-    setup = core_of(env).setup
-    assert setup.conditions is not None
     errors, failures = [], []
-    actor = entrant.make(setup)
-    for seed in seeds:
-        episode = run_episode(env, actor, seed)
-        scored = episode.signals["priced_error"][episode.time >= setup.task.homing]
-        rule = int(episode.signals["failure"][-1])
-        failed = bool(rule) or not episode.complete
-        errors.append(math.inf if failed else float(np.sqrt(np.mean(scored**2))))
-        failures.append(setup.conditions.rules[rule - 1].name if rule else "not finite" if failed else "")
-    env.close()
+    with closing(gym.make(env_id, disable_env_checker=True, **options)) as env:
+        setup = core_of(env).setup
+        assert setup.conditions is not None
+        actor = entrant.make(setup)
+        for seed in seeds:
+            episode = run_episode(env, actor, seed)
+            found = measured(episode)
+            rule = int(episode.signals["failure"][-1])
+            failed = bool(rule) or not episode.complete
+            errors.append(math.inf if failed else scored_error(found))
+            failures.append(setup.conditions.rules[rule - 1].name if rule else "not finite" if failed else "")
     return Row(entrant.name, part, tuple(errors), tuple(filter(None, failures)))
-
-
-def _allowed(env_id: str, options: Mapping[str, Any]) -> bool:
-    """Whether the level has the sensors that an entrant asks for."""
-    try:
-        setup_of(env_id, options)
-    except ConfigurationError:
-        return False
-    return True
 
 
 def policy_name(env_id: str) -> str:
@@ -134,10 +92,9 @@ def agent(env_id: str, steps: int, folder: Path) -> Entrant:
 
 
 def entrants_of(env_id: str, names: Iterable[str]) -> Iterable[tuple[Entrant, str]]:
-    """All but the agent, with their parts."""
+    """All but agent and oracles, with their parts."""
     yield named_entrant(OPEN), NOTHING
     yield staying(), NOTHING
-    yield from ((entrant, ORACLE) for entrant in oracles(env_id))
     yield from ((named_entrant(name), CLASSICAL) for name in names)
 
 
@@ -148,13 +105,14 @@ def main() -> None:
     parser.add_argument("--controller", action="append", help="a classical entrant; default: <law>-suite and some more")
     parser.add_argument("--train", type=int, default=0, help="steps to train PPO for on each task; 0: no agent")
     parser.add_argument("--again", action="append", default=[], help="parts of names of entrants that are run anew")
+    parser.add_argument("--no-oracle", action="store_true", help="run none where the frozen bound has no episodes")
     parser.add_argument("--out", type=Path, default=Path("results/headroom"))
     parser.add_argument("--page", type=Path, help="a page whose marked part is replaced by the table")
     arguments = parser.parse_args()
     suite = [name for name in shipped_files() if name.endswith("-suite")]
     names = arguments.controller or [*suite, *DEFAULTS]
     chosen = [i for i in cable_envs.SUITE_IDS if not arguments.tasks or any(part in i for part in arguments.tasks)]
-    seeds = load_protocol("quick").seeds(arguments.episodes)
+    seeds = load_protocol("suite-v1").seeds(arguments.episodes)
     file = arguments.out / "headroom.json"
     results: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
     for env_id in chosen:
@@ -162,6 +120,8 @@ def main() -> None:
         entered = list(entrants_of(env_id, names))
         if arguments.train:
             entered.append((agent(env_id, arguments.train, arguments.out), AGENT))
+        if frozen(env_id, len(seeds)) is None and not arguments.no_oracle:
+            entered += [(entrant, ORACLE) for entrant in oracles(env_id, TEST)]
         for entrant, part in entered:
             if any(text in entrant.name for text in arguments.again):
                 kept.pop(entrant.name, None)
@@ -175,7 +135,12 @@ def main() -> None:
             print(env_id, entrant.name, f"{row.median:.3g}", *row.failures, flush=True)
             arguments.out.mkdir(parents=True, exist_ok=True)
             write_atomic(file, json.dumps(results, indent=1).encode())
-    text = table({env_id: rows_of(results[env_id]) for env_id in chosen}, anchors())
+    shown = {}
+    for env_id in chosen:
+        bound = frozen(env_id, len(seeds))
+        rows = [row for row in rows_of(results[env_id]) if bound is None or row.part != ORACLE]
+        shown[env_id] = rows if bound is None else [*rows, bound]
+    text = table(shown, anchors())
     print(text)
     if arguments.page:
         page = arguments.page.read_text(encoding="utf-8")
@@ -183,9 +148,18 @@ def main() -> None:
         write_atomic(arguments.page, f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}")
 
 
+def frozen(env_id: str, episodes: int) -> Row | None:
+    """The frozen bound's errors of as many episodes; None where it has fewer."""
+    one = load_anchors("suite-v1").get((env_id, "test"))
+    if one is None or len(one.bounds) < episodes:
+        return None
+    return Row("bound", ORACLE, tuple(one.bounds[:episodes]), ())
+
+
 def anchors() -> Mapping[str, tuple[float, float]]:
-    """e0 and e1 of the tasks, where they are frozen."""
-    return {}
+    """e0 and e1 of the tasks, as they are frozen."""
+    kept = load_anchors("suite-v1")
+    return {env_id: (one.open_loop, one.bound) for (env_id, track), one in kept.items() if track == "test"}
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ import yaml
 import cable_envs
 from cable_envs.baselines import controller_class
 from cable_envs.core.config import config_root
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.sim.registered import setup_of
 from cablebench.entrants.controller_files import SCHEMA
@@ -125,18 +124,6 @@ def written(law: str, gains: Mapping[str, Mapping[str, float]], trials: int, mad
     write_atomic(config_root() / "controllers" / f"{law}-suite.yaml", text)
 
 
-def enters(entrant: Entrant, env_id: str) -> bool:
-    """Whether an entrant does the task, and with the sensors that the level has."""
-    options = entrant.enters(env_id, {"split": "train"})
-    if options is None:
-        return False
-    try:
-        setup_of(env_id, options)
-    except ConfigurationError:
-        return False
-    return True
-
-
 def full(name: str) -> str:
     """The id of a task of the suite."""
     return f"cable_envs/{name}-v1"
@@ -156,7 +143,7 @@ def main() -> None:
         for name, others in GROUPS.items():
             if arguments.task and not any(part in name for part in arguments.task):
                 continue
-            if not enters(controller_entrant(law), full(name)):
+            if controller_entrant(law).enters(full(name), {"split": "train"}) is None:
                 continue
             best, reached = tuned(law, full(name), arguments.trials, seeds)
             print(f"{law} on {name}: {math.exp(reached):.3g}, {best}", flush=True)
