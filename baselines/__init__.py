@@ -25,7 +25,8 @@ if __name__ != "cable_envs.baselines":
 
 SHOWN = (
     "open-loop", "pid", "scheduled-pid", "mrac-g22", "mrac-g9", "mrac", "adaptive-inverse", "lqg", "ilc", "mpc",
-    "feedforward-pid", "uncompensated-pid", "virtual-jaw", "oracle",
+    "feedforward-pid", "uncompensated-pid", "virtual-jaw", "camera-jaw", "grasp-jaw", "drive-side", "sheath-drive-side",
+    "oracle",
 )  # fmt: skip
 """The order in which controllers are listed to people; what is not named here comes behind, by name."""
 

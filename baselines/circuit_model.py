@@ -19,6 +19,8 @@ class IdealCircuit:
 
     def __init__(self, rig: Mapping[str, float]):
         self.ratio = rig["drive_radius"] / rig["output_radius"]
+        self.relaxation = rig["cable_damping"] / rig["tensile_stiffness"]
+        """s by which a stretched cable's tension is ahead of its stretch"""
         self._contact = rig["contact_angle"]
         self._stiffness = rig["contact_stiffness"]
         self._contact_damping = rig["contact_damping"]

@@ -91,6 +91,7 @@ class PlayFilter:
         self._lines, self._gear, self._stiffness = Lines(model), model.ratio, stiffness
         self._misfit, self._walk, self._beyond, self._dt = misfit, walk * walk * dt, beyond, dt
         self._count = 4 if stiffness > 0.0 else 3
+        self._relaxation = model.relaxation
         self.begin(0.0, 0.0, 0.0)
 
     def begin(self, output: float, angle: float, torque: float) -> None:
@@ -113,6 +114,11 @@ class PlayFilter:
         """Estimated output: rad, or N m of grasp torque."""
         return self.state[0]
 
+    def shift(self, by: float) -> None:
+        """Move the output, and the zero that it is measured from, by ``by`` (rad, or N m): it was seen elsewhere."""
+        self.state[0] += by
+        self._output += by
+
     def update(self, angle: float, speed: float, torque: float) -> None:
         """One more measurement of the drive: rad, rad/s, N m."""
         self._seen += 0.5 * (self._speed + speed) * self._dt
@@ -121,15 +127,26 @@ class PlayFilter:
         if self.moved:
             self._correct(self._seen, torque)
             return
-        self.moved = self._hold.leaves(self._seen - self._angle, torque - self._torque)
+        damped = self._relaxation * speed / self._nominal  # the cable's damping, as its stretch grows at this speed
+        self.moved = self._hold.leaves(self._seen - self._angle, torque - damped - self._torque)
         self.state[2] = math.log(max(self._hold.compliance / self._nominal, math.exp(-_WIDEST)))
         if self.moved:
-            friction = max(abs(torque - self._middle) / self._half, math.exp(-_WIDEST))
-            self.state[1] = math.log(friction)
-            gone = self._gear * self._hold.gone * (self._stiffness if self._count > 3 else 1.0)
-            self.state[0] += gone
-            n, spread = self._count, (0.5 * abs(gone), *UNCERTAIN)
-            self._spread = [[spread[i] ** 2 if i == j else 0.0 for j in range(n)] for i in range(n)]
+            self._slide(torque, self._gear * self._hold.gone * (self._stiffness if self._count > 3 else 1.0))
+
+    def begin_grasp(self, angle: float, torque: float, plateau: float) -> None:
+        """Start with an object just met: ``plateau`` was the drive torque (N m) of the freely sliding jaw."""
+        (m0, m1), (h0, h1) = self._lines.torque, self._lines.torque_half
+        phi = (plateau - m0) / h0
+        self.begin((torque - plateau) / (m1 + phi * h1), angle, torque)
+        self.moved = True
+        self._slide(torque, 0.0)
+
+    def _slide(self, torque: float, gone: float) -> None:
+        """The filter begins: ``torque`` tells phi; the output has gone by ``gone`` since it broke away."""
+        self.state[1] = math.log(max(abs(torque - self._middle) / self._half, math.exp(-_WIDEST)))
+        self.state[0] += gone
+        n, spread = self._count, (0.5 * abs(gone), *UNCERTAIN)
+        self._spread = [[spread[i] ** 2 if i == j else 0.0 for j in range(n)] for i in range(n)]
 
     def _correct(self, angle: float, torque: float) -> None:
         """A step of the extended Kalman filter."""

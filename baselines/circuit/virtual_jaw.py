@@ -62,8 +62,8 @@ class VirtualJaw(Controller):
     charged: ClassVar = {"tuning_trials": 60}
     """for a case: on steps, sinusoids, multisines and random steps of nominal and randomised rigs"""
     information = "nominal"
-    plants = CIRCUITS
-    tasks = ("position", "torque")
+    plants: ClassVar[tuple[str, ...]] = CIRCUITS
+    tasks: ClassVar[tuple[str, ...]] = ("position", "torque")
     gain_tables: ClassVar = {
         ("circuit", mode, task): _gains(mode, task)
         for mode in ("position", "torque")
@@ -106,8 +106,13 @@ class VirtualJaw(Controller):
         if self.action_mode == "position":
             return self.limit(held)
         rate = self._speed.update(held)
-        free = needs + g["kp"] * (held - angle) + g["kd"] * (rate - y["drive_velocity"])
-        return self.limit(free + self.rig["drive_damping"] * rate)
+        return self.limit(self.driven(held - angle, rate, needs, y))
+
+    def driven(self, away: float, rate: float, needs: float, y: Mapping[str, float]) -> float:
+        """The torque command for a drive that is ``away`` (rad), is to move at ``rate`` and to give ``needs`` (N m)."""
+        g = self.gains
+        damped = g["kd"] * (rate - y["drive_velocity"]) + self.rig["drive_damping"] * rate
+        return needs + g["kp"] * away + damped
 
     def _turn(self, ref: Reference, error: float) -> None:
         """The side of the dead zone at which the drive is to be; beyond 1 while breakaway is searched."""

@@ -20,6 +20,7 @@ from cablebench.board.suite import (
 )
 from cablebench.board.tables import Board, Row, Table
 from cablebench.entrants.entrant import INFORMATION
+from cablebench.protocol.failures import scored_error
 from cablebench.protocol.metrics import METRICS
 from cablebench.protocol.protocol import Protocol
 from cablebench.run.makers import told_apart
@@ -257,10 +258,10 @@ def _charged(records: list[Record]) -> dict[str, float]:
 
 
 def _typical_run(records: list[Record]) -> str:
-    """The run with the median RMSE (upper median); runs with failures come last."""
+    """The run with the median error (upper median); runs with failures come last."""
     runs: dict[str, list[float]] = {}
     for r in records:
-        runs.setdefault(r["run"], []).append(math.inf if r["metrics"]["failed"] else r["metrics"]["rmse"])
+        runs.setdefault(r["run"], []).append(math.inf if r["metrics"]["failed"] else scored_error(r["metrics"]))
     ordered = sorted(runs, key=lambda k: float(np.mean(runs[k])))
     return ordered[len(ordered) // 2]
 
@@ -293,9 +294,12 @@ def ranked(rows: Iterable[Row]) -> tuple[Row, ...]:
 def _overall(tables: tuple[Table, ...], protocol: Protocol, summary: Summary) -> tuple[Table, ...]:
     """For each track one table over all tasks of a mechanism, of those who ran every one, if any.
 
-    In score version 1 there is one over all tasks of the suite before them.
+    In score version 1 there is one over all tasks of the suite before them. Tasks that the protocol does not rank are
+    in none of them.
     """
     result = []
+    beside = {task.short for task in protocol.tasks if not task.ranked}
+    tables = tuple(t for t in tables if t.task not in beside)
     groups = [(t.family, t.track) for t in tables]
     if protocol.score_version and len({t.family for t in tables}) > 1:
         groups = [*(("", t.track) for t in tables), *groups]

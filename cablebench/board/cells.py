@@ -1,5 +1,8 @@
 """What stands in the cells of a board's tables, the same on the terminal, in Markdown and on the page."""
 
+import math
+from collections.abc import Iterable, Mapping
+
 from cable_envs.core.text import count
 from cablebench.board.suite import RANKED
 from cablebench.board.tables import Board, Row, Table
@@ -10,6 +13,9 @@ from cablebench.protocol.units import shown, unit_of
 MAIN_METRICS = {True: ("rmse", "settling_5", "steady_state_error"), False: ("rmse", "max_error", "reversal_error")}
 """Raw metrics beside the score: for step tasks, for others."""
 
+PRICED = ("priced_rmse", "rmse", "max_error")
+"""The same for tasks that are scored by the priced error."""
+
 
 SUITE = "Suite"
 """What a table over the tasks of all mechanisms is called."""
@@ -18,6 +24,13 @@ SUITE = "Suite"
 def heading(table: Table) -> str:
     """What a table is about, in words."""
     return f"{table.task or f'{table.family or SUITE}: all {table.tasks} tasks'} ({table.track} track)"
+
+
+def main_metrics(task: str, raw: Iterable[Mapping[str, float]]) -> tuple[str, ...]:
+    """The raw metrics beside the score of a task, by its short name and the metrics of its entrants."""
+    if any(math.isfinite(known.get("priced_rmse", math.nan)) for known in raw):
+        return PRICED
+    return MAIN_METRICS["Step" in task] if task else ()
 
 
 def interval(row: Row) -> str:
@@ -30,7 +43,7 @@ def interval(row: Row) -> str:
 
 def cells(table: Table) -> tuple[list[str], list[list[str]]]:
     """Headings and rows of the compact table that terminal and Markdown show."""
-    metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    metrics = main_metrics(table.task, (row.raw for row in table.rows))
     if table.score_version:
         return _suite_cells(table, metrics)
     head = ["#", "controller", "class", "score (IQM)", "worst 10 %", "> paper"]

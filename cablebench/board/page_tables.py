@@ -6,7 +6,7 @@ from typing import Any
 
 from cable_envs.core.text import count
 from cablebench.board import figures
-from cablebench.board.cells import MAIN_METRICS, censored, failures, improvement, placed, remarks
+from cablebench.board.cells import censored, failures, improvement, main_metrics, placed, remarks
 from cablebench.board.suite import RANKED
 from cablebench.board.tables import Row, Table
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
@@ -20,7 +20,7 @@ _ROBUST = "share of the values of disturbance, delay, noise and friction that we
 
 _FAILED = {
     False: "episodes that did not run to their end",
-    True: "episodes that break a rule: torn, dropped, runaway, slack, overload",
+    True: "episodes that break a rule: torn, ended by a rule of the task, dropped, runaway, slack, overload",
 }
 
 
@@ -34,7 +34,7 @@ def _ranked_columns(table: Table) -> list[dict[str, str]]:
 
 def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
     """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
-    metrics = MAIN_METRICS["Step" in table.task] if table.task else ()
+    metrics = main_metrics(table.task, (row.raw for row in table.rows))
     suite = table.score_version > 0
     columns = [
         {"key": "runs", "label": "runs", "unit": "seeds", "title": "training seeds"},

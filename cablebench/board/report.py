@@ -120,17 +120,27 @@ def _linear_legend(board: Board) -> list[str]:
 def _suite_legend(board: Board) -> list[str]:
     p = board.protocol
     return [
-        f"Score: ln(e_open/e) / ln(e_open/e_bound) of the RMSE e between frozen anchors ('{p.anchors}'): 0 = "
-        f"{p.open_loop}, 1 = the bound. A task's score is an interquartile mean, over several tasks their mean, with "
+        f"Score: ln(e_open/e) / ln(e_open/e_bound) of the error e between frozen anchors ('{p.anchors}'): 0 = doing "
+        "nothing, 1 = the bound. The error is the priced one, which a restless command adds to, where a task has it, "
+        "else the RMSE. A task's score is an interquartile mean, over several tasks their mean, with "
         f"its {100 * p.level:g} % interval over training seeds and rigs; a star marks a single run, whose interval is "
-        f"over rigs. A failed episode has a score of {p.worst_score:g}: torn, load dropped, runaway (10 times the open "
-        "loop's error), a slack cable or an overload for more than 0.5 % of the time.",
+        f"over rigs. A failed episode has a score of {p.worst_score:g}: torn, ended by a rule of the task, runaway (10 "
+        "times the open loop's error); on tasks without rules load dropped, a slack cable or an overload for more "
+        "than 0.5 % of the time.",
+        *_beside(board),
         "Entrants are ranked within their information class. 'worst rigs': mean of the worst tenth. 'robust': share of "
         "the values of disturbance, delay, noise and friction that were survived. '> paper': the probability of a "
         f"higher score than {_papers(board)} on the same rig. Other values are medians over completed episodes, with "
         "the place in the table in brackets (over several tasks the mean place). '>' before a settling time: it was "
         "not reached.",
     ]
+
+
+def _beside(board: Board) -> list[str]:
+    """Which of the board's tasks are not ranked."""
+    names = {t.task for t in board.tables}
+    found = [task.short for task in board.protocol.tasks if not task.ranked and task.short in names]
+    return [f"Shown beside the ranking, in no table over several tasks: {', '.join(found)}."] if found else []
 
 
 def _papers(board: Board) -> str:

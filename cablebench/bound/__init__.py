@@ -6,6 +6,7 @@
 True
 """
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,15 +14,23 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
+from cablebench.bound.candidates import oracles, staying
 from cablebench.bound.motion import Plants
-from cablebench.bound.search import improve
-from cablebench.entrants.entrant import controller_entrant
+from cablebench.bound.search import Found, improve
+from cablebench.entrants.entrant import IDEAL, controller_entrant
+from cablebench.protocol.episode import Episode
+from cablebench.protocol.metrics import priced_rmse, rmse
 from cablebench.run.evaluation import core_of, run_episode
 
 STARTS = ("oracle", "adaptive-inverse", "lqg", "virtual-jaw")
-"""Controllers from whose commands a search may begin, the oracle first."""
+"""Controllers from whose commands a search may begin, the oracle first. On tasks of suite v1: oracles of three sizes of
+their gains, with ideal sensors."""
+
+ROOM = 2.5e8
+"""Bytes that the slopes of all steps may take: episodes are searched in groups."""
 
 
 @dataclass(frozen=True)
@@ -33,14 +42,15 @@ class Bound:
     seed : int
         Of the episode.
     rmse : float
-        Root of the mean squared error, SI.
+        The error that the episode is scored by, SI: the root of the mean squared error, on tasks of suite v1 that of
+        the priced error after the homing.
     off : float
         Share of ``rmse`` that the slopes at the end of the search still promise: how far it may be above the least
         error near these commands. A search that goes down from a few starts proves no least error of all.
     spread : float
         By what share the second best start ended above the best one: 0 where both found the same.
     starts : mapping of str to float
-        RMSE of the controllers that it began from, without sensor noise, SI.
+        Errors of the controllers that it began from, without sensor noise, SI; infinite where an episode failed.
     overload : float
         Share of the control steps in which a tension was beyond the rig's limit.
     command : ndarray, shape (steps,)
@@ -79,7 +89,8 @@ def upper_bound(
     seeds : sequence of int
         Of the resets; each decides the rig of an episode.
     options : mapping, optional
-        Of the environment, as ``{"randomize": True}``. Sensor noise, delays and levels of observation do not matter.
+        Of the environment, as ``{"randomize": True}`` or ``{"split": "test"}``. Sensors, their noise and their delay
+        do not matter.
     reset : mapping, optional
         Options of the resets, as ``{"reference": {...}}``.
     starts : int
@@ -97,51 +108,81 @@ def upper_bound(
     Raises
     ------
     ConfigurationError
-        For unknown environments and options.
+        For unknown environments and options, and where no controller to begin from ends an episode.
     """
     setup, states, began = _beginnings(env_id, seeds, dict(options or {}), dict(reset or {}))
-    order = [np.argsort([rmse[k] for rmse, _ in began.values()])[:starts] for k in range(len(seeds))]
-    names = list(began)
-    runs = [(k, names[j]) for k, chosen in enumerate(order) for j in chosen]
-    plants = Plants([states[k] for k, _ in runs], setup)
     signal = {**setup.reference, **((reset or {}).get("reference") or {})}
-    first = round(signal.get("start", 0.0) / setup.control_period) if signal["kind"] == "step" else 0
-    actions = np.stack([_asked(began[name][1][k], setup) for k, name in runs], axis=1)
-    found = improve(plants, actions, _limits(setup), rounds, least, first)
-    bounds, overloads = [], plants.overload(found.actions)
+    first = round(signal.get("start", 0.0) / setup.control_period) if signal.get("kind") == "step" else 0
+    chosen = []  # for each episode the names of the best beginnings
     for k, seed in enumerate(seeds):
-        mine = [j for j, (episode, _) in enumerate(runs) if episode == k]
-        first, *others = sorted(mine, key=lambda j: found.cost[j])
-        rmse = float(np.sqrt(found.cost[first]))
-        spread = float(np.sqrt(found.cost[others[0]])) / max(rmse, 1e-300) - 1.0 if others else 0.0
-        promised = 1.0 - float(np.sqrt(max(1.0 - found.promised[first], 0.0)))
-        command = setup.low + 0.5 * (found.actions[:, first] + 1.0) * (setup.high - setup.low)
-        told = {name: float(errors[k]) for name, (errors, _) in began.items()}
-        overload = float(overloads[first])
-        bounds.append(Bound(int(seed), rmse, promised, spread, told, overload, command))
+        able = [name for name, (errors, _) in began.items() if np.isfinite(errors[k])]
+        if not able:
+            raise ConfigurationError(f"{env_id}, seed {seed}: no controller to begin from ends the episode")
+        chosen.append(sorted(able, key=lambda name: began[name][0][k])[:starts])
+    bounds: list[Bound] = []
+    most = _together(states[0], setup, _asked(began[chosen[0][0]][1][0], setup)) // starts
+    for group in range(0, len(seeds), max(most, 1)):
+        mine = range(group, min(group + max(most, 1), len(seeds)))
+        runs = [(k, name) for k in mine for name in chosen[k]]
+        plants = Plants([states[k] for k, _ in runs], setup)
+        actions = np.stack([_asked(began[name][1][k], setup) for k, name in runs], axis=1)
+        found = improve(plants, actions, _limits(setup), rounds, least, first)
+        overloads = plants.overload(found.actions)
+        for k in mine:
+            told = {name: float(errors[k]) for name, (errors, _) in began.items()}
+            ends = [j for j, (episode, _) in enumerate(runs) if episode == k]
+            bounds.append(_bound(int(seeds[k]), setup, found, ends, overloads, told))
     return bounds
 
 
+def _bound(
+    seed: int, setup: Setup, found: Found, ends: Sequence[int], overloads: np.ndarray, told: Mapping[str, float]
+) -> Bound:
+    """The best of the ends of one episode's searches."""
+    best, *others = sorted(ends, key=lambda j: found.cost[j])
+    rmse = float(np.sqrt(found.cost[best]))
+    spread = float(np.sqrt(found.cost[others[0]])) / max(rmse, 1e-300) - 1.0 if others else 0.0
+    promised = 1.0 - float(np.sqrt(max(1.0 - found.promised[best], 0.0)))
+    command = setup.low + 0.5 * (found.actions[:, best] + 1.0) * (setup.high - setup.low)
+    return Bound(seed, rmse, promised, spread, told, float(overloads[best]), command)
+
+
+def _together(state: Mapping[str, Any], setup: Setup, actions: np.ndarray) -> int:
+    """How many searches fit into `ROOM`, by the states that reach the output."""
+    one = Plants([state], setup)
+    _, _, blocks = one.follow(lambda k, _: actions[k : k + 1], 1, keep=True)
+    one.relevant(blocks)
+    n, rows = len(one.rows), blocks.shape[1]
+    return int(ROOM // (8 * setup.steps * (n * n + 8 * n + rows)))
+
+
 def _beginnings(env_id: str, seeds: Sequence[int], options: dict[str, Any], reset: dict[str, Any]) -> Any:
-    """(setup, states after the resets, {controller: (RMSE, commands) of each episode})."""
-    quiet = {**options, "sensor_noise": False, "observe": "full"}
+    """(setup, states after the resets, {controller: (error, commands) of each episode})."""
+    of_suite = setup_of(env_id, options).conditions is not None
+    quiet = {**options, **(IDEAL if of_suite else {"sensor_noise": False}), "observe": "full"}
     setup_of(env_id, quiet)  # refuses what does not fit
+    if of_suite:
+        entrants = [*oracles(env_id, quiet), staying()]
+    else:
+        entrants = [e for e in map(controller_entrant, STARTS) if e.enters(env_id, {**options, "sensor_noise": False})]
     began: dict[str, tuple[list[float], list[np.ndarray]]] = {}
     with gym.make(env_id, disable_env_checker=True, **quiet) as env:
         setup, states = core_of(env).setup, []
         for seed in seeds:
             env.reset(seed=int(seed), options=reset or None)
             states.append(core_of(env).simulation.state())
-        for name in STARTS:
-            entrant = controller_entrant(name)
-            if entrant.enters(env_id, {**options, "sensor_noise": False}) is None:
-                continue
+        for entrant in entrants:
             actor = entrant.make(setup)
             episodes = [run_episode(env, actor, int(seed), reset or None) for seed in seeds]
-            whole = [e if e.complete else None for e in episodes]
-            if all(e is not None for e in whole):
-                began[name] = [float(np.sqrt(np.mean(e.error**2))) for e in episodes], [e.command for e in episodes]
+            errors = [_error(e) if e.complete else math.inf for e in episodes]
+            began[entrant.name] = errors, [e.command for e in episodes]
     return setup, states, began
+
+
+def _error(episode: Episode) -> float:
+    """What the episode is scored by."""
+    priced = priced_rmse(episode)
+    return rmse(episode) if math.isnan(priced) else priced
 
 
 def _limits(setup: Setup) -> tuple[float, float]:

@@ -1,18 +1,53 @@
 """Many episodes side by side in the simulator: what commands lead to, and how that depends on them."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from cable_envs.sim.buffers import ENVIRONMENT, INFO
 from cable_envs.sim.simulation import Simulation
+from cable_envs.sim.suite.judging import JUDGED
 
 LANES = 20000
 """Environments that are stepped at once where slopes are taken: about 20 MB."""
 
 STEP, LEAST = 1e-4, 1e-9
 """Differences for slopes: share of a state's range in the episodes, and its least, SI."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a trajectory of each episode does to its score, step by step.
+
+    Attributes
+    ----------
+    a, b : ndarray, shape (steps, episodes, states, states) and (steps, episodes, states)
+        Slopes of the states after a step by those before it and by the action.
+    output : int
+        Place of the output in the state.
+    error : ndarray, shape (steps, episodes)
+        With the sign of the error and, on tasks of suite v1, up to twice its size for the price that goes with it; SI.
+    weight : ndarray, shape (steps,)
+        1 for steps that are scored, 0 during the homing.
+    filter : int
+        Place of the state of the command's high pass; -1 where nothing is priced.
+    price, passed : ndarray, shape (steps, episodes)
+        What a squared passed command costs later steps, in squared SI units of the error, and the passed command.
+    direct : float
+        Change of the passed command with the action.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    output: int
+    error: np.ndarray
+    weight: np.ndarray
+    filter: int
+    price: np.ndarray
+    passed: np.ndarray
+    direct: float
 
 
 class Plants:
@@ -29,14 +64,20 @@ class Plants:
     def __init__(self, states: Sequence[Any], setup: Any):
         self.setup, self.episodes = setup, len(states)
         self._states = list(states)
-        first = ENVIRONMENT.count
-        sizes = Simulation(setup, 1).buffers.common[0]
+        self._sizes = sizes = Simulation(setup, 1).buffers.common[0]
+        first = ENVIRONMENT.count + int(sizes.judged)
         waiting = range(int(sizes.waiting), int(sizes.waiting + sizes.action_delay))
-        self._rows = np.array(
-            [ENVIRONMENT.row("inputs", 0), *range(first, first + int(sizes.signals + sizes.states)), *waiting]
-        )
+        # the price of a command that comes late is left to the trials
+        self._filter = [ENVIRONMENT.row(n) for n in ("passed_1", "passed_2")] if sizes.judged and not waiting else []
+        self._rows = np.array([
+            ENVIRONMENT.row("inputs", 0), *self._filter, *range(first, first + int(sizes.signals + sizes.states)),
+            *waiting,
+        ])  # fmt: skip
         self._output = first + int(sizes.output)
         self._error = ENVIRONMENT.row("info", INFO.row("error"))
+        self._scored = ENVIRONMENT.count + JUDGED.row("priced_error") if sizes.judged else self._error
+        ends = setup.control_period * np.arange(1, setup.steps + 1)
+        self.weight = (ends >= setup.task.homing - 1e-9).astype(float)
         self._made: dict[int, Simulation] = {}
 
     def simulation(self, copies: int) -> Simulation:
@@ -64,7 +105,7 @@ class Plants:
         Returns
         -------
         cost : ndarray, shape (episodes, copies)
-            Mean squared error; infinite where an episode ended early.
+            Mean square of the error that is scored, after the homing; infinite where an episode ended early.
         errors : ndarray, shape (steps, episodes * copies)
             Reference less output at the end of each step, SI.
         blocks : ndarray or None
@@ -73,7 +114,7 @@ class Plants:
         made = self.simulation(copies)
         step, block, n = made.advance(), made.buffers.block, self.episodes * copies
         steps, rows = self.setup.steps, self.rows
-        errors, ended = np.empty((steps, n)), np.zeros(n, bool)
+        errors, ended, square = np.empty((steps, n)), np.zeros(n, bool), np.zeros(n)
         blocks = np.empty((steps + 1, len(block), n)) if keep else None
         for k in range(steps):
             if blocks is not None:
@@ -81,11 +122,11 @@ class Plants:
             made.asked[:] = act(k, block[rows, :n].T)
             step()
             errors[k] = block[self._error, :n]
+            square += self.weight[k] * block[self._scored, :n] ** 2
             ended |= made.buffers.named.terminated > 0.5
         if blocks is not None:
             blocks[steps] = block[:, :n]
-        square = np.where(np.isfinite(errors), errors, np.inf) ** 2
-        cost = np.where(ended, np.inf, square.mean(axis=0))
+        cost = np.where(ended | ~np.isfinite(square), np.inf, square / self.weight.sum())
         return cost.reshape(self.episodes, copies), errors, blocks
 
     @property
@@ -101,16 +142,53 @@ class Plants:
         """Leave out of the state what does not reach the output, seen from some steps."""
         a, _, _ = self.slopes(blocks[:: max(1, len(blocks) // 40)], self.scales(blocks))
         acts_on = np.any(a != 0.0, axis=(0, 1))  # [after, before]
-        used = self.rows == self._output
+        used = np.isin(self.rows, [self._output, *self._filter])
         for _ in used:
             used = used | np.any(acts_on[used], axis=0)
         self._rows = self.rows[used]
 
-    def scales(self, blocks: np.ndarray) -> np.ndarray:
-        """Difference by which each state is changed for slopes, SI."""
-        return np.maximum(STEP * np.ptp(blocks[:, self.rows], axis=(0, 2)), LEAST)
+    def motion(self, blocks: np.ndarray, actions: np.ndarray, share: float = STEP, tame: bool = False) -> Motion:
+        """Slopes and prices along trajectories.
 
-    def slopes(self, blocks: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+        Parameters
+        ----------
+        blocks : ndarray, shape (steps + 1, rows, episodes)
+            As of `follow`.
+        actions : ndarray, shape (steps, episodes)
+            That led to them.
+        share : float
+            Difference for the slopes, as a share of each state's range.
+        tame : bool
+            As of `slopes`.
+
+        Returns
+        -------
+        Motion
+        """
+        a, b, output = self.slopes(blocks, self.scales(blocks, share), tame)
+        error = self.errors(blocks)
+        if not self._filter:
+            empty = np.zeros_like(error)
+            return Motion(a, b, output, error, self.weight, -1, empty, empty, 0.0)
+        c = self._sizes
+        priced = blocks[1:, self._scored]
+        dear = self.weight[:, None] * priced * c.error_scale / c.activity_limit**2
+        price, later = np.empty_like(error), np.zeros(self.episodes)
+        for k in range(len(price) - 1, -1, -1):
+            later = dear[k] + (1.0 - c.fading) * later
+            price[k] = c.fading * later
+        price[blocks[1:, ENVIRONMENT.row("paused")] > 0.0] = 0.0
+        direct = 0.5 * float(c.pass_b)
+        passed = direct * actions + blocks[:-1, self._filter[0]]
+        shown = np.sign(error) * np.minimum(priced, 2.0 * np.abs(error))
+        place = int(np.flatnonzero(self.rows == self._filter[0])[0])
+        return Motion(a, b, output, shown, self.weight, place, price, passed, direct)
+
+    def scales(self, blocks: np.ndarray, share: float = STEP) -> np.ndarray:
+        """Difference by which each state is changed for slopes, SI."""
+        return np.maximum(share * np.ptp(blocks[:, self.rows], axis=(0, 2)), LEAST)
+
+    def slopes(self, blocks: np.ndarray, change: np.ndarray, tame: bool = False) -> tuple[np.ndarray, np.ndarray, int]:
         """How the states after each step depend on those before it and on the action, by central differences.
 
         Parameters
@@ -119,6 +197,9 @@ class Plants:
             As of `follow`.
         change : ndarray, shape (states,)
             Differences, SI.
+        tame : bool
+            Whether to take the smaller one of the slopes to both sides, and 0 where they differ in sign: at the kinks
+            of play and dry friction a jump over a small difference is no slope.
 
         Returns
         -------
@@ -155,6 +236,10 @@ class Plants:
             step()
             after = block[self.rows, :lanes].reshape(n, *here.shape[1:])
             slope = (after[..., 0] - after[..., 1]) / (2.0 * both)
+            if tame:
+                here = blocks[first + 1 : first + 1 + len(took)][:, self.rows].transpose(1, 0, 2)[..., None]
+                up, down = (after[..., 0] - here) / both, (here - after[..., 1]) / both
+                slope = np.where(up * down > 0.0, np.where(np.abs(up) < np.abs(down), up, down), 0.0)
             a[first : first + len(took)] = slope[..., :n].transpose(1, 2, 0, 3)
             b[first : first + len(took)] = slope[..., n].transpose(1, 2, 0)
         return a, b, output

@@ -83,9 +83,10 @@ def load_controller_file(path: str | Path) -> ControllerFile:
         gains = {}
     elif not isinstance(gains, Mapping) or not gains:
         raise ConfigurationError(f"{path}: 'gains' must map environment ids to gains, found {gains!r}")
-    by_short = {Task(env).short: env for env in cable_envs.ENV_IDS}
+    known = cable_envs.ENV_IDS + cable_envs.SUITE_IDS
+    by_short = {Task(env).short: env for env in known}
     resolved = {by_short.get(str(env), str(env)): _gains(path, str(env), values) for env, values in gains.items()}
-    require_known(f"environment under 'gains' in {path}", resolved, cable_envs.ENV_IDS)
+    require_known(f"environment under 'gains' in {path}", resolved, known)
     information = str(data.get("information") or "")
     require_known(f"information class in {path}", [information] if information else [], INFORMATION)
     charged = data.get("charged") or {}
@@ -170,7 +171,7 @@ def _kind(path: Path, controller: str, gains: Mapping[str, Any], sandbox: str) -
     return CONTROLLERS[controller]
 
 
-def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, bool], Mapping[str, float]]) -> None:
+def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, str], Mapping[str, float]]) -> None:
     """Make the controller once for ``env``: it says itself what does not fit."""
     from cable_envs.sim.registered import setup_of
 
@@ -182,17 +183,25 @@ def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, bool], Map
         raise ConfigurationError(f"{path}, {env}: {error}") from None
 
 
-def _case_of(env: str) -> tuple[str, bool]:
-    """What a setup shows of its environment id: the task, and whether the reference is a step."""
-    task, _, reference = Task(env).short.rpartition("-")
-    return task, reference == "Step"
+def _case_of(env: str) -> tuple[str, str]:
+    """`_case` of an environment id."""
+    from cable_envs.sim.registered import setup_of
+
+    return _case(setup_of(env, {}))
 
 
-def _chosen(gains: Mapping[tuple[str, bool], Mapping[str, float]], setup: Setup) -> Mapping[str, float]:
+def _case(setup: Setup) -> tuple[str, str]:
+    """What a setup shows of its environment id: the task, and its level or whether the reference is a step."""
+    if setup.conditions is not None:
+        return setup.task.name, setup.conditions.level
+    return setup.task.name, "step" if setup.reference.get("kind") == "step" else ""
+
+
+def _chosen(gains: Mapping[tuple[str, str], Mapping[str, float]], setup: Setup) -> Mapping[str, float]:
     """The gains for a setup; under another kind of reference than tuned for, those of the same task."""
     if not gains:
         return {}
-    case = (setup.task.name, setup.reference.get("kind") == "step")
+    case = _case(setup)
     same_task = [values for (task, _), values in gains.items() if task == setup.task.name]
     if case not in gains and not same_task:
         raise ConfigurationError(f"no gains for {setup.task.name}; there are gains for {sorted({t for t, _ in gains})}")

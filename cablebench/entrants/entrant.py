@@ -9,6 +9,7 @@ from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.sim.file_options import KNOWN
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import LEVELS
 from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
 
 INFORMATION = ("model-free", "nominal", "identified", "planner", "oracle")
@@ -23,6 +24,11 @@ CHOICES = ("action_mode", "observe")
 episodes are run and are the protocol's."""
 
 
+IDEAL: Mapping[str, Any] = {"sensors": "ideal", "preview": True, "sensor_noise": False, "sensor_delay": 0}
+"""What an oracle has on the tasks of suite v1 besides: sensors without noise, delay, steps and unknown zero, and the
+acceleration of the reference."""
+
+
 def check_choices(options: Mapping[str, Any], who: str) -> None:
     """Refuse options that an entrant may not choose. Raises ConfigurationError that names the first of them."""
     for name in options:
@@ -31,6 +37,12 @@ def check_choices(options: Mapping[str, Any], who: str) -> None:
                 f"{who}: the option '{name}' is the protocol's; an entrant may only choose {', '.join(CHOICES)}"
             )
     require_known(f"option of {who}", options, CHOICES)
+
+
+def _sees(setup: Setup, needs: Mapping[str, Any]) -> bool:
+    """Whether a task has the sensors that an entrant asks for."""
+    level = needs.get("observe")
+    return setup.conditions is None or level is None or LEVELS.index(level) <= LEVELS.index(setup.conditions.observe)
 
 
 IN_NAMES = " ._+-()=,:/@#%"
@@ -85,19 +97,25 @@ class Entrant:
 
     def entered(self) -> tuple[str, ...]:
         """The ids of the environments that it enters, of all that there are, with their default options."""
-        from cable_envs import FIRST_IDS
+        from cable_envs import FIRST_IDS, SUITE_IDS
 
-        return tuple(env_id for env_id in FIRST_IDS if self.needs(env_id, setup_of(env_id, {})) is not None)
+        return tuple(i for i in FIRST_IDS + SUITE_IDS if self.needs(i, setup_of(i, {})) is not None)
 
     def enters(self, env_id: str, options: Mapping[str, Any]) -> dict[str, Any] | None:
         """The options of the environment that it enters under a protocol's ``options``; None where it does not enter.
 
-        Raises ConfigurationError where it asks for what the protocol decides.
+        On tasks of suite v1 an oracle has `IDEAL` sensors where the protocol does not say otherwise, and no other
+        entrant more sensors than the level has. Raises ConfigurationError where it asks for what the protocol decides.
         """
-        needs = self.needs(env_id, setup_of(env_id, options))
+        setup = setup_of(env_id, options)
+        needs = self.needs(env_id, setup)
         if needs is None:
             return None
         check_choices(needs, f"'{self.title}'")
+        if setup.conditions is not None and self.information == "oracle":
+            needs = {**{name: value for name, value in IDEAL.items() if name not in options}, **needs}
+        elif not _sees(setup, needs):
+            return None
         for name, value in needs.items():
             if options.get(name, value) != value:
                 raise ConfigurationError(

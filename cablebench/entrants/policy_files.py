@@ -110,8 +110,9 @@ def load_policy_file(path: str | Path) -> PolicyFile:
         )
     if len(foreign) == 1 and policy.suffix != SUFFIX:
         raise ConfigurationError(f"{path}: 'env' and 'algo' belong together; only '{foreign[0]}' is there")
-    env_id = {Task(e).short: e for e in cable_envs.FIRST_IDS}.get(str(data.get("env")), str(data.get("env") or ""))
-    require_known(f"environment in {path}", filter(None, [env_id]), cable_envs.FIRST_IDS)
+    known = cable_envs.FIRST_IDS + cable_envs.SUITE_IDS
+    env_id = {Task(e).short: e for e in known}.get(str(data.get("env")), str(data.get("env") or ""))
+    require_known(f"environment in {path}", filter(None, [env_id]), known)
     if foreign and "environment_steps" not in charged:
         raise ConfigurationError(f"{path}: charged.environment_steps is missing: what did the training take?")
     seed = data.get("seed", 0)

@@ -166,14 +166,15 @@ class FileController:
         return value.strip()
 
     def _tasks(self, value: Any) -> tuple[str, ...]:
-        from cable_envs import ENV_IDS
+        from cable_envs import ENV_IDS, SUITE_IDS
 
         if value is None:
             return ()
         if isinstance(value, str) or not isinstance(value, (list, tuple, set)):
             raise ConfigurationError(f"{self.path}: tasks must be a list of environment ids, found {value!r}")
-        short = {Task(env).short: env for env in ENV_IDS}
-        require_known(f"environment under 'tasks' in {self.path}", map(str, value), [*short, *ENV_IDS])
+        known = ENV_IDS + SUITE_IDS
+        short = {Task(env).short: env for env in known}
+        require_known(f"environment under 'tasks' in {self.path}", map(str, value), [*short, *known])
         return tuple(short.get(str(env), str(env)) for env in value)
 
     def _charges(self, value: Any) -> dict[str, float]:

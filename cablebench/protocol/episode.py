@@ -26,6 +26,7 @@ class Episode:
     | settings | what produced it: env_id, rig, controller, seed, options, ... (JSON types only) |
     | step_time | when the reference steps (s); None where it does not step |
     | success_error | largest error of the last fifth that counts as success, in `output_unit`; None: not judged |
+    | homing | s from the start in which nothing is scored |
     """
 
     time: np.ndarray
@@ -42,6 +43,7 @@ class Episode:
     command_unit: str = "1"
     step_time: float | None = None
     success_error: float | None = None
+    homing: float = 0.0
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

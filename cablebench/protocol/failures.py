@@ -1,7 +1,8 @@
 """What makes an episode a failure, whatever its tracking error: rules over the metrics of the episode.
 
 The rules belong to score version 1. A rule whose metric was not measured (NaN, or a record that is older than the
-metric) is not broken.
+metric) is not broken. Tasks of suite v1 have rules for slack, dropped loads and overload of their own, which end the
+episode (`cable_envs.sim.suite.judging`): there these here do not count beside them.
 """
 
 import math
@@ -19,12 +20,18 @@ Metrics = Mapping[str, Any]
 
 def torn(metrics: Metrics, open_loop: float) -> bool:
     """The episode did not run to its end: the cable tore, or a number was not finite."""
-    return bool(_value(metrics, "failed") > 0.0) or math.isnan(_value(metrics, "rmse"))
+    unfinished = bool(_value(metrics, "failed") > 0.0) or math.isnan(_value(metrics, "rmse"))
+    return unfinished and not ended(metrics, open_loop)
+
+
+def ended(metrics: Metrics, open_loop: float) -> bool:
+    """A rule of the task ended the episode: tension, slack, dropped load, grasp force or runaway for over 50 ms."""
+    return _value(metrics, "ended_by_rule") > 0.0
 
 
 def dropped(metrics: Metrics, open_loop: float) -> bool:
     """The load fell: it ended more than 50 mm below every place where it started or should have been."""
-    return _value(metrics, "dropped") > 0.0
+    return not _has_rules(metrics) and _value(metrics, "dropped") > 0.0
 
 
 def runaway(metrics: Metrics, open_loop: float) -> bool:
@@ -34,17 +41,17 @@ def runaway(metrics: Metrics, open_loop: float) -> bool:
 
 def slack(metrics: Metrics, open_loop: float) -> bool:
     """A cable was slack for more than 0.5 % of the time."""
-    return _value(metrics, "slack") > SHARE
+    return not _has_rules(metrics) and _value(metrics, "slack") > SHARE
 
 
 def overload(metrics: Metrics, open_loop: float) -> bool:
     """A tension was above the rig's safety limit for more than 0.5 % of the time."""
-    return _value(metrics, "overload") > SHARE
+    return not _has_rules(metrics) and _value(metrics, "overload") > SHARE
 
 
 Rule = Callable[[Metrics, float], bool]
 
-RULES: tuple[Rule, ...] = (torn, dropped, runaway, slack, overload)
+RULES: tuple[Rule, ...] = (torn, ended, dropped, runaway, slack, overload)
 """(metrics of an episode, RMSE of the open loop in the unit of the output) -> whether the rule is broken."""
 
 
@@ -69,6 +76,33 @@ def broken(metrics: Metrics, open_loop: float) -> tuple[str, ...]:
     ('slack',)
     """
     return tuple(rule.__name__ for rule in RULES if rule(metrics, open_loop))
+
+
+def scored_error(metrics: Metrics) -> float:
+    """The error that an episode is scored by, SI: the priced error where the task has one, else the RMSE.
+
+    Parameters
+    ----------
+    metrics : mapping
+        Of the episode.
+
+    Returns
+    -------
+    float
+        NaN where there is neither.
+
+    Examples
+    --------
+    >>> scored_error({"rmse": 0.002, "priced_rmse": None}), scored_error({"rmse": 0.002, "priced_rmse": 0.003})
+    (0.002, 0.003)
+    """
+    priced = _value(metrics, "priced_rmse")
+    return _value(metrics, "rmse") if math.isnan(priced) else priced
+
+
+def _has_rules(metrics: Metrics) -> bool:
+    """Whether the task has rules of its own that end its episodes."""
+    return not math.isnan(_value(metrics, "ended_by_rule"))
 
 
 def _value(metrics: Metrics, name: str) -> float:

@@ -206,8 +206,11 @@ def _task(data: Any, source: str) -> Task:
         return Task(data)
     if not isinstance(data, Mapping) or "env" not in data:
         raise ConfigurationError(f"{source}: a task is an environment id or a mapping with 'env', not {data!r}")
-    require_known(f"key in a task of {source}", data, ("env", "options"))
-    return Task(str(data["env"]), _options(data, f"{source}, task '{data['env']}'"))
+    require_known(f"key in a task of {source}", data, ("env", "options", "ranked"))
+    ranked = data.get("ranked", True)
+    if not isinstance(ranked, bool):
+        raise ConfigurationError(f"{source}, task '{data['env']}': ranked = {ranked!r}; expected true or false")
+    return Task(str(data["env"]), _options(data, f"{source}, task '{data['env']}'"), ranked)
 
 
 def _options(data: Mapping[str, Any], place: str) -> dict[str, Any]:

@@ -74,6 +74,17 @@ def rmse(e: Episode) -> float:
     return float(np.sqrt(np.mean(e.error**2)))
 
 
+def priced_rmse(e: Episode) -> float:
+    """Root mean square of the priced error after the homing: tracking error and the price of a restless command.
+
+    It is what tasks of suite v1 are scored by, the same number that their reward is made of. NaN for other tasks.
+    """
+    scored = e.signals.get("priced_error")
+    if scored is None or not np.any(e.time >= e.homing):
+        return math.nan
+    return float(np.sqrt(np.mean(scored[e.time >= e.homing] ** 2)))
+
+
 def iae(e: Episode) -> float:
     """Integral of the absolute tracking error over time."""
     return float(np.sum(np.abs(e.error)) * e.dt)
@@ -275,6 +286,11 @@ def failed(e: Episode) -> float:
     return float(not e.complete)
 
 
+def ended_by_rule(e: Episode) -> float:
+    """1 where a rule of the task ended the episode. NaN for tasks without rules of their own."""
+    return float(e.signals["failure"][-1] > 0.0) if "failure" in e.signals else math.nan
+
+
 def inference_us(e: Episode) -> float:
     """Median time the policy took for one action, on the machine that ran it (the first one may compile)."""
     return float(np.median(e.inference) * 1e6)
@@ -304,6 +320,7 @@ def rmse_working(e: Episode) -> float:
 
 METRICS: tuple[Metric, ...] = (
     Metric("rmse", "{y}", "lower", "RMSE", rmse),
+    Metric("priced_rmse", "{y}", "lower", "priced error", priced_rmse),
     Metric("iae", "{y} s", "lower", "IAE", iae),
     Metric("itae", "{y} s^2", "lower", "ITAE", itae),
     Metric("max_error", "{y}", "lower", "max error", max_error),
@@ -325,6 +342,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("dropped", "1", "lower", "load dropped", dropped),
     Metric("success", "1", "higher", "success", success),
     Metric("failed", "1", "lower", "failed", failed),
+    Metric("ended_by_rule", "1", "lower", "ended by a rule", ended_by_rule),
     Metric("inference_us", "us", "lower", "inference", inference_us),
     Metric("rmse_delay", "{y}", "lower", "RMSE delay", rmse_delay),
     Metric("rmse_transition", "{y}", "lower", "RMSE transition", rmse_transition),

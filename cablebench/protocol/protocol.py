@@ -36,6 +36,8 @@ class Task:
 
     env: str
     options: Mapping[str, Any] = field(default_factory=dict)
+    ranked: bool = True
+    """whether it counts in the tables over all tasks; else it is shown beside the ranking"""
 
     @property
     def short(self) -> str:
@@ -188,6 +190,8 @@ class Protocol:
         if self.score_version == 0:
             out += ("score_version", "anchors", "survival")
         decides = {k: v for k, v in asdict(self).items() if k not in out}
+        for task in decides["tasks"]:
+            del task["ranked"]  # no episode and no score depends on it
         for sweep in (sweep for track in decides["tracks"] for sweep in track["sweeps"]):
             if not sweep["disturb"]:
                 del sweep["disturb"]

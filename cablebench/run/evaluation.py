@@ -115,6 +115,7 @@ def run_episode(
         command_unit=setup.action_mode.unit,
         step_time=float(reference.get("start", 0.0)) if reference.get("kind") == "step" else None,
         success_error=float(setup.task.success_error),
+        homing=float(setup.task.homing),
         settings={"seed": seed, "rig": setup.rig.name, "action_mode": setup.action_mode.name,
                   "env_id": env.spec.id if env.spec else "", **(settings or {})},
     )  # fmt: skip

@@ -12,6 +12,7 @@ from cable_envs.core.files import jsonable
 from cable_envs.core.provenance import machine, versions
 from cablebench.entrants.entrant import Entrant
 from cablebench.protocol.episode import Episode
+from cablebench.protocol.failures import scored_error
 from cablebench.protocol.metrics import measure
 from cablebench.protocol.protocol import Cell, Protocol
 from cablebench.run.store import ResultStore
@@ -57,8 +58,8 @@ def facts(episode: Episode) -> dict[str, Any]:
 
 
 def badness(record: Mapping[str, Any]) -> float:
-    """The RMSE of a record or of `facts`; infinite where the episode failed."""
-    return math.inf if record["metrics"]["failed"] else record["metrics"]["rmse"]
+    """The error that a record or `facts` is scored by; infinite where the episode failed."""
+    return math.inf if record["metrics"]["failed"] else scored_error(record["metrics"])
 
 
 def make_record(
@@ -125,7 +126,7 @@ def typical(kept: list[tuple[float, Episode]]) -> dict[str, dict[str, np.ndarray
     Parameters
     ----------
     kept : list of (float, Episode)
-        RMSE, infinite for a failed episode, and the episode.
+        Error, infinite for a failed episode, and the episode.
 
     Returns
     -------

@@ -6,7 +6,7 @@ the hash of what its task is made of; where the task has changed since, the anch
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import MISSING, asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ import yaml
 from cable_envs.core.config import config_path, configuration_hash, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import write_atomic
+from cable_envs.core.params import is_number
 from cable_envs.sim.registered import setup_of
 from cablebench.protocol.protocol import Protocol, Task, Track
 
@@ -26,7 +27,7 @@ LEAST_RATIO = 1.5
 
 _TYPES = {
     "task": str, "track": str, "open_loop": float, "bound": float, "unit": str, "open_loop_by": str, "bound_by": str,
-    "episodes": int, "first_seed": int, "task_hash": str, "source": str,
+    "episodes": int, "first_seed": int, "task_hash": str, "source": str, "off": float, "spread": float, "bounds": list,
 }  # fmt: skip
 
 
@@ -39,13 +40,13 @@ class Anchor:
     track: str
     """track or level of the protocol"""
     open_loop: float
-    """median RMSE of the open loop, in `unit`"""
+    """median error of doing nothing, in `unit`"""
     bound: float
-    """median RMSE of the best entrant that was given the true parameters, in `unit`"""
+    """median of the least errors that were found with the true parameters, episode by episode, in `unit`"""
     unit: str
     open_loop_by: str
     bound_by: str
-    """names of the entrants that made the two"""
+    """what made the two; of the bound how many episodes each"""
     episodes: int
     first_seed: int
     """the episodes have the seeds from this one on"""
@@ -53,6 +54,12 @@ class Anchor:
     """`task_hash` of the task and track when the anchor was made"""
     source: str
     """hash of the simulator's source that made it"""
+    off: float = 0.0
+    """median share of the bound that the search says may still be gained (`cablebench.bound`)"""
+    spread: float = 0.0
+    """median of the share by which its second start ended above the first"""
+    bounds: tuple[float, ...] = ()
+    """the bound of each episode, in `unit`; empty: not kept"""
 
     def __post_init__(self) -> None:
         if not (0.0 < LEAST_RATIO * self.bound <= self.open_loop < math.inf):
@@ -80,14 +87,19 @@ def task_hash(task: Task, track: Track) -> str:
     -------
     str
         Twelve hex digits over the task's YAML file, the rig's parameters, what the id is registered with, and the
-        options of task and track.
+        options of task and track. On tasks of suite v1 the file of the task that it extends, and the parameters of
+        the cables that its episodes draw, count too.
     """
     options = {**task.options, **track.options}
     setup = setup_of(task.env, options)
-    return configuration_hash({
+    decides = {
         "env": task.env, "registered": gym.spec(task.env).kwargs, "options": options, "rig": setup.rig.content(),
-        "task": read_yaml(config_path("tasks", f"{setup.task.name}.yaml")),
-    })  # fmt: skip
+    }  # fmt: skip
+    if setup.conditions is None:
+        return configuration_hash({**decides, "task": read_yaml(config_path("tasks", f"{setup.task.name}.yaml"))})
+    own = read_yaml(config_path("suite", f"{setup.task.name}.yaml"))
+    base = read_yaml(config_path("tasks", f"{own['extends']}.yaml"))
+    return configuration_hash({**decides, "task": base, "suite": own, "cables": setup.conditions.cables.tolist()})
 
 
 def anchors_path(name: str) -> Path:
@@ -118,9 +130,9 @@ def load_anchors(name: str) -> dict[tuple[str, str], Anchor]:
 
     Examples
     --------
-    >>> found = load_anchors("suite-v1")["cable_envs/CableHole-Position-Sine-v0", "nominal"]
-    >>> found.open_loop_by, found.unit, found.open_loop > found.bound
-    ('open-loop', 'm', True)
+    >>> found = load_anchors("suite-v1")["cable_envs/CableHole-Track-Easy-v1", "test"]
+    >>> found.unit, found.open_loop > found.bound, len(found.bounds) == found.episodes
+    ('m', True, True)
     """
     path = anchors_path(name)
     data = read_yaml(path)
@@ -140,11 +152,16 @@ def _anchor(entry: Any, source: str) -> Anchor:
     if not isinstance(entry, Mapping):
         raise ConfigurationError(f"{source}: an anchor is a mapping with the keys {', '.join(_TYPES)}; found {entry!r}")
     require_known(f"key of an anchor in {source}", entry, tuple(_TYPES))
+    given = {f.name: f.default for f in fields(Anchor) if f.default is not MISSING} | dict(entry)
+    given["bounds"] = list(given["bounds"]) if isinstance(given["bounds"], (list, tuple)) else given["bounds"]
     for name, kind in _TYPES.items():
-        value = entry.get(name)
+        value = given.get(name)
         if isinstance(value, bool) or not isinstance(value, (int, float) if kind is float else kind):
             raise ConfigurationError(f"{source}: {name} of an anchor is {value!r}; expected {kind.__name__}")
-    return Anchor(**{name: kind(entry[name]) for name, kind in _TYPES.items()})
+    if not all(is_number(bound) and bound > 0.0 for bound in given["bounds"]):
+        raise ConfigurationError(f"{source}: bounds of an anchor are {given['bounds']!r}; expected numbers above 0")
+    made = {name: kind(given[name]) for name, kind in _TYPES.items()}
+    return Anchor(**{**made, "bounds": tuple(map(float, made["bounds"]))})
 
 
 def anchors_of(protocol: Protocol, tasks: Sequence[Task] = ()) -> dict[tuple[str, str], Anchor]:
@@ -185,6 +202,13 @@ def anchors_of(protocol: Protocol, tasks: Sequence[Task] = ()) -> dict[tuple[str
     return found
 
 
+def _entry(anchor: Anchor) -> dict[str, Any]:
+    """What the file has of an anchor: without what is as by default."""
+    defaults = {f.name: f.default for f in fields(Anchor)}
+    entry = {name: value for name, value in asdict(anchor).items() if value != defaults[name]}
+    return entry | {name: list(value) for name, value in entry.items() if isinstance(value, tuple)}
+
+
 def write_anchors(path: Path, anchors: Iterable[Anchor], note: str) -> Path:
     """Write a file of anchors, whole or not at all.
 
@@ -201,6 +225,6 @@ def write_anchors(path: Path, anchors: Iterable[Anchor], note: str) -> Path:
     """
     ordered = sorted(anchors, key=lambda a: (a.task, a.track))
     head = yaml.safe_dump({"schema": SCHEMA, "note": note}, sort_keys=False, width=120)
-    lines = [yaml.safe_dump(asdict(a), sort_keys=False, default_flow_style=True, width=10_000).strip() for a in ordered]
+    lines = [yaml.safe_dump(_entry(a), sort_keys=False, default_flow_style=True, width=10_000).strip() for a in ordered]
     path.parent.mkdir(parents=True, exist_ok=True)
     return write_atomic(path, f"{head}anchors:\n" + "".join(f"  - {line}\n" for line in lines))

@@ -2,16 +2,17 @@
 
     score = ln(e_open / e) / ln(e_open / e_bound), at least the protocol's worst score
 
-e is the RMSE of the episode, e_open and e_bound the anchors of its task and track (`cablebench.score.anchors`). The
-open loop's error scores 0, the bound's 1. An episode that breaks a rule (`cablebench.protocol.failures`) has the worst
-score. Nothing in it depends on other entrants.
+e is the error of the episode (`cablebench.protocol.failures.scored_error`: the priced error on tasks of suite v1, else
+the RMSE), e_open and e_bound the anchors of its task and track (`cablebench.score.anchors`). The open loop's error
+scores 0, the bound's 1. An episode that breaks a rule (`cablebench.protocol.failures`) has the worst score. Nothing in
+it depends on other entrants.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cablebench.protocol.failures import broken
+from cablebench.protocol.failures import broken, scored_error
 from cablebench.protocol.protocol import Protocol
 from cablebench.score.anchors import Anchor, Anchors
 
@@ -27,7 +28,7 @@ def log_score(error: float, open_loop: float, bound: float, worst: float = -1.0)
     Parameters
     ----------
     error : float
-        RMSE of an episode.
+        Of an episode.
     open_loop, bound : float
         The anchors, in the same unit, the first the larger one.
     worst : float
@@ -82,7 +83,7 @@ def _score(record: Record, worst: float, anchors: Anchors) -> float:
         return math.nan
     if violations(record, anchors):
         return worst
-    return log_score(record["metrics"]["rmse"], anchor.open_loop, anchor.bound, worst)
+    return log_score(scored_error(record["metrics"]), anchor.open_loop, anchor.bound, worst)
 
 
 def survived(record: Record, score: float, protocol: Protocol, anchors: Anchors) -> bool:

@@ -36,7 +36,8 @@ def make(name, plant, mode, task, **gains):
 def test_registry_holds_the_papers_controllers_and_the_marker():
     assert set(CONTROLLERS) == {
         "open-loop", "pid", "mrac-g22", "mrac-g9", "feedforward-pid", "uncompensated-pid", "oracle",
-        "mrac", "adaptive-inverse", "scheduled-pid", "lqg", "ilc", "mpc", "virtual-jaw",
+        "mrac", "adaptive-inverse", "scheduled-pid", "lqg", "ilc", "mpc", "virtual-jaw", "camera-jaw", "grasp-jaw",
+        "drive-side", "sheath-drive-side",
     }  # fmt: skip
     for name, kind in CONTROLLERS.items():
         assert kind.name == name

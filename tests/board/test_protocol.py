@@ -23,7 +23,7 @@ def data():
 def test_every_protocol_file_loads_and_names_registered_environments(name):
     protocol = load_protocol(name)
     assert protocol.name == name
-    assert {t.env for t in protocol.tasks} <= set(cable_envs.ENV_IDS + cable_envs.V1_IDS)
+    assert {t.env for t in protocol.tasks} <= set(cable_envs.ENV_IDS + cable_envs.V1_IDS + cable_envs.SUITE_IDS)
     assert protocol.cells()
 
 

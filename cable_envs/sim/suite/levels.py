@@ -72,6 +72,8 @@ class Conditions:
         Values of k cables of which an episode draws one, in the rows ``cable_rows`` of the plant's table.
     cable_rows : tuple of int
         Rows of the plant's table.
+    observe : str
+        The most that may be observed with the level's own sensors.
     """
 
     level: str
@@ -84,6 +86,7 @@ class Conditions:
     preview: bool
     cables: np.ndarray
     cable_rows: tuple[int, ...]
+    observe: str
 
     def draw_cable(self, column: np.ndarray, key: float) -> None:
         """Write the parameters of one of the level's cables, where it has some, into a rig.
@@ -215,6 +218,7 @@ def make_conditions(
         preview=bool(preview),
         cables=cables,
         cable_rows=rows,
+        observe=_allowed(task, content),
     )
 
 
@@ -239,12 +243,16 @@ def check_observed(task: Task, content: Mapping[str, Any], level: str, observed:
     ConfigurationError
         Where more is asked for than the level has.
     """
-    allowed = content.get("observe") or task.observe
+    allowed = _allowed(task, content)
     if sensors != "ideal" and LEVELS.index(observed) > LEVELS.index(allowed):
         raise ConfigurationError(
             f"level {level} of task {task.name} has sensors of '{allowed}' only; observe='{observed}' needs "
             "sensors='ideal', as for an oracle"
         )
+
+
+def _allowed(task: Task, content: Mapping[str, Any]) -> str:
+    return str(content.get("observe") or task.observe)
 
 
 def check_derived(conditions: Conditions, sensors: Iterable[str]) -> None:

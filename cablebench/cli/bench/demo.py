@@ -1,6 +1,6 @@
-"""``cablebench demo``: all references on all tasks, one freshly trained PPO agent on each plant, one ranked board.
+"""``cablebench demo``: all references on a few tasks, a freshly trained PPO agent on one of them, one ranked board.
 
-References are evaluated in this process while a second one trains the agents: one core each.
+References are evaluated in this process while a second one trains the agent: one core each.
 """
 
 import multiprocessing
@@ -18,8 +18,11 @@ from cablebench.cli.bench.leaderboard import make_board
 from cablebench.cli.shared.arguments import short_name
 from cablebench.cli.shared.output import console, progress_bar
 
-TRAINED = ("cable_envs/CableHole-Position-Sine-v0", "cable_envs/PulleyCircuit-Position-Sine-v0")
-"""One task of each plant to train an agent for."""
+TRAINED = (
+    "cable_envs/CableHole-Track-Easy-v1", "cable_envs/CableHole-Position-Sine-v0",
+    "cable_envs/PulleyCircuit-Position-Sine-v0",
+)  # fmt: skip
+"""Tasks to train an agent for, where the protocol has them."""
 
 
 def demo(
@@ -31,9 +34,10 @@ def demo(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="The board as JSON on standard output.")] = False,
 ) -> None:
-    """Rank every reference controller and a freshly trained PPO agent on both plants (within ten minutes)."""
+    """Rank every reference controller and a freshly trained PPO agent on a few tasks (within ten minutes)."""
     started = time.monotonic()
     from cable_envs.agents.settings import load_settings
+    from cablebench.cli.shared.arguments import entering
     from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import reference_entrants
     from cablebench.protocol.files import load_protocol
@@ -59,7 +63,7 @@ def demo(
             update(names, p.done, p.total, p.text)
             training.listen()
 
-        evaluate(chosen, reference_entrants(), store=store, progress=report)
+        evaluate(chosen, entering(reference_entrants(), chosen), store=store, progress=report)
         training.finish()
         names = "agents"
         agents = [policy_entrant(str(folder)) for _, folder in jobs.values()]

@@ -67,11 +67,11 @@ def _entering(
     recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]
 ) -> tuple[Any, ...]:
     """The recipes whose entrants apply to at least one of the tasks."""
-    from cable_envs.sim.registered import setup_of
+    from cablebench.cli.shared.arguments import entering
 
-    env_ids = dict.fromkeys(c.task.env for c in protocol.cells(tasks, tracks))
-    setups = {env_id: setup_of(env_id, {}) for env_id in env_ids}
-    return tuple(r for r in recipes if any(r().needs(env_id, setup) is not None for env_id, setup in setups.items()))
+    made = {recipe: recipe() for recipe in recipes}
+    kept = entering(made.values(), protocol, tasks, tracks)
+    return tuple(recipe for recipe, entrant in made.items() if any(entrant is one for one in kept))
 
 
 def evaluate_on(

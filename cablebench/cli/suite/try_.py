@@ -124,7 +124,7 @@ def _print(entrant: Any, task: Any, found: Mapping[str, Any], anchors: Any, reco
     from rich.table import Table
     from rich.text import Text
 
-    from cablebench.board.cells import MAIN_METRICS
+    from cablebench.board.cells import main_metrics
     from cablebench.board.suite import RANKED
     from cablebench.protocol.metrics import metric
     from cablebench.protocol.units import shown, unit_of
@@ -149,10 +149,10 @@ def _print(entrant: Any, task: Any, found: Mapping[str, Any], anchors: Any, reco
     line("failed", [f"{f['failed']}" for _, f in rows])
     for rule in dict.fromkeys(rule for _, f in rows for rule in f["violations"]):
         line(f"  {rule}", [str(f["violations"].get(rule, 0)) for _, f in rows])
-    for label, key in (("RMSE of the open loop (anchor)", "open_loop"), ("RMSE of the bound (anchor)", "bound")):
+    for label, key in (("error of doing nothing (anchor)", "open_loop"), ("error of the bound (anchor)", "bound")):
         errors = [getattr(anchors[task.env, name], key) for name in found]
         line(label, [shown(e, "rmse", units) for e in errors], unit_of("rmse", units))
-    for name in dict.fromkeys([*MAIN_METRICS["Step" in task.short], "command_ripple", *RANKED]):
+    for name in dict.fromkeys([*main_metrics(task.short, [record["metrics"]]), "command_ripple", *RANKED]):
         values = [f["metrics"].get(name) for _, f in rows]
         line(RANKED.get(name, metric(name).label), [shown(v, name, units) for v in values], unit_of(name, units))
     out.print(table)
