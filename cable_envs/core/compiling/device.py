@@ -5,9 +5,9 @@ A kernel's pieces are plain functions; what differs between the two machines are
 every thread has one column for itself. `on_device` copies a function, and every piece that it calls at any depth, with
 the device's primitives in their places. No formula is written twice.
 
-Two precisions: in "float64" the device does what the CPU does, but that its compiler may join a product and a sum into
-one rounding (``fma``). In "float32" every constant and every tile of a plant's kernel has single precision, and
-elementary functions are those of CUDA.
+Two precisions: in "float64" the device does what the CPU does, with the same roundings. In "float32" every constant and
+every tile of a plant's kernel has single precision, elementary functions are those of CUDA, and its compiler may join a
+product and a sum into one rounding.
 
 With ``NUMBA_ENABLE_CUDASIM=1`` in the environment the same copies run as plain Python under numba's simulator, without
 a device; fused operations there are those of the CPU's compiled code. Nothing of CUDA is imported before it is asked
@@ -16,8 +16,10 @@ for.
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -45,26 +47,33 @@ def module() -> Any:
     ConfigurationError
         Says what is missing.
     """
-    from numba import cuda
-
     if kernels.JIT_DISABLED:
         raise ConfigurationError("device='cuda' needs compiled code; unset NUMBA_DISABLE_JIT")
-    if simulated() or cuda.is_available():
+    cuda: Any = None
+    with suppress(ImportError):  # numba keeps no kernels for CUDA of its own for ever
+        cuda = import_module("numba.cuda")
+    if cuda is not None and (simulated() or cuda.is_available()):
         return cuda
+    missing = []
+    if cuda is None or getattr(cuda, "implementation", "") == "Built-in":
+        missing.append("the package numba-cuda is not installed (pip install 'cable-envs[gpu]')")
+    if cuda is not None:
+        missing.append(_reason(cuda))
     raise ConfigurationError(
-        "device='cuda' needs an NVIDIA GPU with its driver, and the extra 'gpu' (pip install 'cable-envs[gpu]'); "
-        f"none was found: {_reason(cuda)}. Without a GPU: device='cpu', or numba's slow simulator for tests "
-        "(NUMBA_ENABLE_CUDASIM=1)"
+        f"device='cuda' needs an NVIDIA GPU, its driver and the extra 'gpu': {'; '.join(missing)}. Without a GPU use "
+        "device='cpu'"
     )
 
 
 def _reason(cuda: Any) -> str:
+    """Why numba finds no device, in a sentence of its own or of NVIDIA's driver."""
     try:
-        cuda.detect()
         cuda.current_context()
-    except Exception as error:
-        return (str(error).strip().splitlines() or [type(error).__name__])[0].rstrip(":")
-    return "numba cannot use it"
+    except Exception as error:  # each layer has errors of its own
+        said = [line.strip().rstrip(".:") for line in str(error).splitlines()]
+        told = [line for line in said if line and not line.startswith("Error at driver init")]
+        return told[0] if told else type(error).__name__
+    return "numba finds no device that it can use"
 
 
 def simulated() -> bool:
@@ -100,11 +109,42 @@ def _configured(kernel: Any, blocks: int) -> Any:
         return kernel[blocks, THREADS]
 
 
-def as_kernel(function: Any, **names: Any) -> Any:
+def as_kernel(function: Any, precision: str = "float64", /, **names: Any) -> Any:
     """A function of ``cuda`` and pieces of `on_device`, by name, as a kernel that is launched."""
     cuda = module()
     made = _copied(function, {"cuda": cuda, **names})
-    return cuda.jit(_quiet(made) if simulated() else made)
+    if simulated():
+        return cuda.jit(_quiet(made))
+    kernel = cuda.jit(made)
+    if precision == "float64":
+        kernel.compile = _rounded(kernel.compile)
+    return kernel
+
+
+def _rounded(compiles: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def compile_(signature):
+        with rounded_as_written():
+            return compiles(signature)
+
+    return compile_
+
+
+@contextmanager
+def rounded_as_written() -> Iterator[None]:
+    """Kernels compiled within round every product and every sum, as those of the CPU do.
+
+    NVIDIA's compiler otherwise joins a product and a sum into an operation that rounds once. numba has no option for
+    its switch.
+    """
+    module()
+    from numba.cuda.cudadrv import nvvm
+
+    usual = nvvm.compile_ir
+    nvvm.compile_ir = lambda ir, **options: usual(ir, **{**options, "fma": False})
+    try:
+        yield
+    finally:
+        nvvm.compile_ir = usual
 
 
 def _quiet(function: FunctionType) -> FunctionType:

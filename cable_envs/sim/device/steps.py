@@ -8,7 +8,7 @@ What a new episode begins with is drawn and prepared on the host, by the code of
 environment has the first state of its next episode lying ready in a second block, and takes it by itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -90,12 +90,11 @@ def _put(block, obs, columns, seen, lanes):
 
 
 @cache
-def _kernels_of(plant: Plant, needed: int, precision: str) -> Any:
-    """The kernel `_step_all` of a plant; compiled on first use."""
-    stepped = device.on_device(
-        steppers._step, advance=plant.device_kernel(needed, precision), distorted=1 if needed else None
-    )
-    return device.as_kernel(_step_all, step=stepped, take=device.on_device(_take))
+def _kernels_of(plant: Plant, needed: int, suite: bool, precision: str) -> Any:
+    """The kernel `_step_all` of a plant, in tasks of the suite or in others; compiled on first use."""
+    names = steppers.filled_in(1 if needed else None, suite)
+    stepped = device.on_device(steppers._step, advance=plant.device_kernel(needed, precision), **names)
+    return device.as_kernel(_step_all, precision, step=stepped, take=device.on_device(_take))
 
 
 @cache
@@ -163,20 +162,18 @@ class DeviceSimulation:
         first = ENVIRONMENT.row("info")
         return [self.block[first + k, : self.n] for k in range(len(self.info_names))]
 
-    def reset(
-        self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
-    ) -> None:
-        """Begin new episodes, as `Simulation.reset` does."""
-        self.host.reset(lanes, generators, options)
+    def reset(self, lanes: np.ndarray, drawn: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
+        """Begin new episodes, as `Simulation.reset` does with what `Simulation.draw` has drawn."""
+        self.host.reset(lanes, drawn, options)
         self.values[:, lanes] = self.host.values[:, lanes]
         self._upload(self.block, self.obs, lanes)
         codes = self._codes.copy_to_host()
         codes[lanes] = RUNNING
         self._codes.copy_to_device(codes)
 
-    def prepare(self, lanes: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
+    def prepare(self, lanes: np.ndarray, drawn: np.ndarray) -> None:
         """Have the first states of the next episodes lie ready on the device."""
-        self.host.reset(lanes, generators)
+        self.host.reset(lanes, drawn)
         self._next_values[:, lanes] = self.host.values[:, lanes]
         self._upload(self._next_block, self._next_obs, lanes)
 
@@ -196,8 +193,9 @@ class DeviceSimulation:
         restarts: whether environments whose episode ended in the step before begin the next one instead.
         """
         device.launched(
-            _kernels_of(self.setup.plant, self.host.with_effects, self.precision), self.n, self.block, self.obs,
-            self._common, actions, self._next_block, self._next_obs, self._codes, self.ends, restarts,
+            _kernels_of(self.setup.plant, self.host.with_effects, self.setup.conditions is not None, self.precision),
+            self.n, self.block, self.obs, self._common, actions, self._next_block, self._next_obs, self._codes,
+            self.ends, restarts,
         )  # fmt: skip
 
     def taken(self, lanes: np.ndarray) -> None:
