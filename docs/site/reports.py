@@ -14,7 +14,8 @@ from docs.site.cache import ROOT, kept
 from docs.site.markdown import page, table
 
 FOLDER = "reports"
-BOARDS = ("quick", "full")
+BOARDS = ("suite-v1", "quick", "full")
+"""Published boards: the suite's, then those of the archive."""
 PROOF, RECORDINGS = ROOT / "docs" / "proof", ROOT / "docs" / "recordings"
 REPRODUCTION = ROOT / "build" / "reproduction"
 SHOWN = 6
@@ -83,7 +84,8 @@ def _boards() -> str:
         "# Boards",
         "The published boards rank reference controllers and trained agents on test episodes that nobody trained on. "
         "How to read one is on [its own page](read-the-board.md); how to enter, under "
-        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md).",
+        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md). The boards quick and "
+        "full are of [suite v0](archive-v0.md), an archive.",
     ]
     for name in BOARDS:
         summary = kept(f"board-{name}-summary.md", lambda n=name: _summary(n).encode(), _records(name))

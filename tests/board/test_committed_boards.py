@@ -11,7 +11,7 @@ from cablebench.protocol.files import load_protocol
 from cablebench.run.store import ResultStore
 
 BOARDS = Path(__file__).parents[2] / "boards"
-NAMES = ("quick", "full")
+NAMES = ("suite-v1", "quick", "full")
 
 
 def _records(name):

@@ -123,3 +123,9 @@ def test_all_tasks_are_run_ranked_and_replayed_without_open_loop_and_oracle(cli,
     arguments = ("--results", results, "--protocol", frozen, "--entrant", "pid", "--env", HOLE)
     code, out, err = cli("replay", *arguments, "--track", "nominal")
     assert code == 0 and "every metric is the same to the last digit" in out, err
+    code, out, err = cli("anchors", "--protocol", frozen, "--check", results)
+    assert code == 0 and "the bound is a bound in 100.00 % of 2 episodes (0 below it)" in out, err
+    code, _, err = cli("anchors", "--protocol", frozen, "--check", tmp_path / "nothing")
+    assert code == 2 and "no records of 'tiny'" in err
+    code, _, err = cli("anchors", "--protocol", frozen, "--track", "nominl")
+    assert code == 2 and "nominal" in err
