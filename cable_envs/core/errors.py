@@ -41,7 +41,9 @@ class UnknownOption(ConfigurationError, TypeError):
 
 
 MOST_NAMES, LONGEST_NAME = 200, 200
-"""Names that an error lists, and characters of each: a file of others may have any number."""
+"""Names among which an error looks for the closest, and characters of each: a file of others may have any number."""
+LISTED, CLOSEST = 36, 12
+"""Names that an error lists all, and how many of more than those."""
 
 
 def nearest(name: str, valid: Iterable[str]) -> str:
@@ -57,7 +59,8 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     Returns
     -------
     str
-        The list of all valid names in alphabetical order, behind the closest one where one is close.
+        The list of all valid names in alphabetical order, behind the closest one where one is close. Of more than
+        `LISTED` names the closest `CLOSEST` are listed, and how many more there are.
 
     Examples
     --------
@@ -67,8 +70,11 @@ def nearest(name: str, valid: Iterable[str]) -> str:
     options = sorted(map(str, valid))
     close = difflib.get_close_matches(str(name)[:LONGEST_NAME], options[:MOST_NAMES], n=1, cutoff=0.5)
     hint = f"did you mean '{close[0]}'? " if close else ""
-    more = f" and {len(options) - MOST_NAMES} more" if len(options) > MOST_NAMES else ""
-    return f"{hint}Valid: {', '.join(option[:LONGEST_NAME] for option in options[:MOST_NAMES])}{more}"
+    listed, more = options, ""
+    if len(options) > LISTED:
+        likely = difflib.get_close_matches(str(name)[:LONGEST_NAME], options[:MOST_NAMES], n=CLOSEST, cutoff=0.0)
+        listed, more = sorted(likely), f" and {len(options) - len(likely)} more"
+    return f"{hint}Valid: {', '.join(option[:LONGEST_NAME] for option in listed)}{more}"
 
 
 def require_known(kind: str, names: Iterable[str], valid: Iterable[str]) -> None:

@@ -117,6 +117,8 @@ class _Run:
         self.residual = self.jacobian = np.empty(0)
         self.known = False
         """whether the residual is that of the values"""
+        self.sloped = False
+        """whether the Jacobian is that of the values"""
 
     def prior(self, values: np.ndarray) -> float:
         """Sum of squared priors."""
@@ -193,7 +195,7 @@ class _Run:
         gain = self.cost - costs[best]
         if gain > 0.0:
             factor, self.values = trials[best]
-            self.residual, self.known = white[:, best].copy(), True
+            self.residual, self.known, self.sloped = white[:, best].copy(), True, False
             self.damping = max(self.damping * factor * 0.3, 1e-9)
             self.done = gain < SETTLED
         else:
@@ -227,8 +229,8 @@ def _inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: bool) -> None:
-    """Residual and Jacobian of every run that is not done, from one batch."""
-    runs = [run for run in runs if not run.done]
+    """Residual and Jacobian of every run that is not done, from one batch; a step that was not taken has left both."""
+    runs = [run for run in runs if not (run.done or run.sloped)]
     if not runs:
         return
     groups = [run.columns(central) for run in runs]
@@ -249,7 +251,7 @@ def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: boo
         widths = np.array([columns[k, b] - columns[k, a] for k, (a, b) in zip(run.rows, pairs, strict=True)])
         run.residual, run.known = mine[:, 0].copy(), True
         slopes = (mine[:, low] - mine[:, high]) / np.where(widths == 0.0, 1e-300, widths)
-        run.jacobian = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0)
+        run.jacobian, run.sloped = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0), True
         if not np.isfinite(run.residual).all():  # a simulation that runs away: this start leads nowhere
             run.residual, run.known, run.done, run.failed = np.zeros(len(mine)), False, True, True
 

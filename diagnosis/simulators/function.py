@@ -29,6 +29,7 @@ class FunctionSimulator(Simulator):
     --------
     A mass that is pushed, by the trapezoidal rule:
 
+    >>> import numpy as np
     >>> from cable_envs.diagnosis.simulators import Command, ForcePort, Output, SimulatorParameter
     >>> def start(parameters, first):
     ...     state = first["position"], first["velocity"]

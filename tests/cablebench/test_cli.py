@@ -190,7 +190,10 @@ def test_file_that_cannot_be_written_is_an_error(cli, tmp_path):
 def test_without_names_the_references_of_the_chosen_task_are_evaluated(cli, protocol):
     """A circuit's controller is no error where a hole was asked for."""
     code, out, _ = cli("evaluate", "--protocol", protocol, "--env", HOLE, "--json")
-    assert code == 0 and len(json.loads(out)) == 10  # 5 controllers, 2 episodes each
+    assert code == 0
+    run = [r["entrant"] for r in json.loads(out)]
+    assert {"open-loop", "pid", "mrac-g22", "lqg", "oracle"} < set(run) and "feedforward-pid" not in run
+    assert all(run.count(name) == 2 for name in run)  # two episodes each
 
 
 def test_train_run_evaluate_leaderboard(cli, tmp_path, protocol):
@@ -206,7 +209,7 @@ def test_train_run_evaluate_leaderboard(cli, tmp_path, protocol):
     assert code == 0 and json.loads(out)["entrant"] == "ppo"
     # references on both tasks, the agent on its own
     code, out, _ = cli("evaluate", "--protocol", protocol, "--results", results)
-    assert code == 0 and "20 records added" in out  # 5 controllers at each plant, 2 episodes each
+    assert code == 0 and int(re.search(r"(\d+) records added", out)[1]) > 20
     code, out, _ = cli("evaluate", "--protocol", protocol, "--results", results, "--policy", folder, "--json")
     records = json.loads(out)
     assert code == 0 and [r["entrant"] for r in records] == ["ppo", "ppo"]

@@ -13,8 +13,11 @@ from tests.continuous.cases import BRAKE, EVERY, point, tangents
 casadi = pytest.importorskip("casadi", reason="CasADi functions need it: pip install 'cable-envs[casadi]'")
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
+LONG = {name for name in EVERY if name.startswith("series")} - {"series-tension"}
+"""Functions of three holes take ten seconds each."""
 SLIDING = pytest.mark.parametrize(
-    "case", [c for c in EVERY.values() if c is not BRAKE], ids=[n for n, c in EVERY.items() if c is not BRAKE]
+    "case",
+    [pytest.param(c, id=n, marks=[pytest.mark.slow] if n in LONG else []) for n, c in EVERY.items() if c is not BRAKE],
 )
 
 

@@ -22,6 +22,15 @@ from tests.support.tree import ROOT
 
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
 COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
+LONG = {
+    "series-tension", "series-stiff-cable", "series-motor-force", "series-motor-speed", "series-motor-no-extrusion",
+    "hole-motor-force", "contacts-position", "contacts-tension", "contacts-motor-force", "contacts-motor-position",
+    "chain-motor-position", "sheath-motor-force",
+}  # fmt: skip
+"""Of those commanded, whose motion in fine steps takes up to minutes to integrate or to compile."""
+FINELY = pytest.mark.parametrize(
+    "case", [pytest.param(c, id=n, marks=[pytest.mark.slow] if n in LONG else []) for n, c in DRIVEN.items()]
+)
 PERIOD = 0.01
 FINE = {"rtol": 1e-9, "atol": 1e-13}
 """Where a contact starts or stops to slide no event ends a step of the integration: its tolerances must."""
@@ -49,7 +58,7 @@ def test_friction_holds_within_its_limits_and_not_beyond(case):
             assert m.f(*inside)[place] == 0.0 and slides * m.f(*outside)[place] > 0.0
 
 
-@COMMANDED
+@FINELY
 def test_the_kernel_with_fine_steps_moves_as_the_integrated_equations(case):
     """Substeps of 10 us. The largest difference seen is 2.0e-4 of the range, with a servo read every 10 us 5.1e-4."""
     m = case.made

@@ -75,7 +75,9 @@ def test_aliases_are_parameters_of_the_plant_and_nulls_leave_the_physics_out(pla
         assert plant.table[name] is plant.parameters[parameter]
     values = plant.table.unpack(plant.table.pack({}))
     assert not set(plant.effects.present(values)) & {"backlash", "actuator_lag", "sensor_bias", "slack"}
-    assert "backlash" in plant.effects.present({**values, "backlash.gap": 0.1})
+    given = "backlash" if "backlash.gap" in plant.table.names else "actuator_lag"  # a rotary joint has no gap
+    size = {"backlash": "gap", "actuator_lag": "time"}[given]
+    assert given in plant.effects.present({**values, f"{given}.{size}": 0.1})
     assert set(plant.effects.measured) <= {s.name for s in plant.signals}
 
 

@@ -10,6 +10,7 @@ from scipy import signal as filters
 import cable_envs
 from cable_envs.baselines import make_controller
 from cable_envs.baselines.base import command_range
+from cable_envs.core.config import config_names, config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.references import FIELDS, KINDS
 from cable_envs.sim.registered import setup_of
@@ -363,3 +364,13 @@ def test_a_batch_goes_on_from_a_state_to_the_bit(env_id):
         one, many = env.step(action), envs.step(np.repeat(action[None], 3, axis=0))
         assert all(np.array_equal(one[0], row) for row in many[0]) and set(many[1].tolist()) == {one[1]}
         assert all(set(many[4][name].tolist()) == {value} for name, value in one[4].items())
+
+
+def test_the_ids_are_the_levels_of_the_files():
+    """They are read from the text, as parsing all files would take half of the import's time."""
+    parsed = [
+        f"cable_envs/{task}-{level}-v1"
+        for task in config_names("suite")
+        for level in read_yaml(config_path("suite", f"{task}.yaml"))["levels"]
+    ]
+    assert list(cable_envs.SUITE_IDS) == parsed

@@ -36,6 +36,7 @@ def agree(seen, name: str, path) -> None:
     assert apart < 0.01, (name, apart)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rig", [HOLE, SERIES], ids=["hole", "series"])
 def test_a_drive_within_its_gap_moves_as_without_a_cable(rig):
     """The nut is held by its friction, and with it the cable. That of the other rig pulls with a millinewton."""

@@ -33,14 +33,22 @@ def describe(env_id: str) -> dict[str, Any]:
     """One environment as JSON types: units, action modes with their ranges, observation channels by level."""
     import gymnasium as gym
 
+    from cable_envs.core.errors import ConfigurationError
     from cable_envs.sim.setup import make_setup
     from cable_envs.sim.tasks import LEVELS
 
     arguments = gym.spec(env_id).kwargs
     setup = make_setup(**arguments)
     values = setup.rig.values
-    # a level may have no sensor at the output
-    all_seen: dict[str, Any] = {"sensors": "ideal"} if setup.conditions is not None else {}
+
+    def seen(level: str) -> Any:
+        """The channels of a level, with ideal sensors where the task has none for it."""
+        try:
+            return make_setup(**arguments, observe=level).channels
+        except ConfigurationError:
+            return make_setup(**arguments, observe=level, sensors="ideal").channels
+
+    channels = {level: seen(level) for level in LEVELS}
 
     def ranged(m: Any) -> dict[str, Any]:
         return {
@@ -66,13 +74,10 @@ def describe(env_id: str) -> dict[str, Any]:
             ranged(m) | ({"second": ranged(m.commands[1])} if len(m.commands) > 1 else {})
             for m in setup.plant.action_modes
         ],
-        "observe": setup.task.observe,
+        "observe": next(level for level, those in channels.items() if those == setup.channels),
         "channels": {
-            level: [
-                {"name": c.name, "unit": c.unit, "scale": c.scale}
-                for c in make_setup(**arguments, observe=level, **all_seen).channels
-            ]
-            for level in LEVELS
+            level: [{"name": c.name, "unit": c.unit, "scale": c.scale} for c in those]
+            for level, those in channels.items()
         },
         "error_scale": setup.task.error_scale,
         "success_error": setup.task.success_error,

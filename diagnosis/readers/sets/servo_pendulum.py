@@ -41,7 +41,7 @@ def position_gain(kp: float) -> float:
     Examples
     --------
     >>> round(position_gain(400.0), 4)
-    1.1510
+    1.151
     """
     return kp * COUNTS / (2.0 * math.pi) / (GAIN_UNIT * DUTIES)
 
