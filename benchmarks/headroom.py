@@ -138,8 +138,9 @@ def main() -> None:
             write_atomic(file, as_lines(results).encode())
     shown = {}
     for env_id in chosen:
-        bound = frozen(env_id, len(seeds))
-        rows = [row for row in rows_of(results[env_id]) if bound is None or row.part != ORACLE]
+        rows = rows_of(results[env_id])
+        bound = frozen(env_id, len(rows[0].errors))
+        rows = [row for row in rows if bound is None or row.part != ORACLE]
         shown[env_id] = rows if bound is None else [*rows, bound]
     text = table(shown, anchors())
     print(text)
