@@ -35,6 +35,7 @@ from cablebench.score.anchors import load_anchors
 TEST = {"split": "test"}
 DEFAULTS = ("feedforward-pid", "virtual-jaw")
 """Laws that run with their default gains."""
+RESULTS = Path(__file__).parents[1] / "docs" / "headroom.json"
 BEGIN, END = "<!-- begin: python -m benchmarks.headroom -->", "<!-- end -->"
 
 
@@ -101,21 +102,22 @@ def entrants_of(env_id: str, names: Iterable[str]) -> Iterable[tuple[Entrant, st
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.headroom", description=__doc__)
     parser.add_argument("tasks", nargs="*", help="parts of ids, as CableHole-Track or Hard; all by default")
-    parser.add_argument("--episodes", type=int, default=20, help="test episodes of each task")
+    parser.add_argument("--episodes", type=int, default=20, help="test episodes of each task; 0: what is kept")
     parser.add_argument("--controller", action="append", help="a classical entrant; default: <law>-suite and some more")
     parser.add_argument("--train", type=int, default=0, help="steps to train PPO for on each task; 0: no agent")
     parser.add_argument("--again", action="append", default=[], help="parts of names of entrants that are run anew")
     parser.add_argument("--no-oracle", action="store_true", help="run none where the frozen bound has no episodes")
-    parser.add_argument("--out", type=Path, default=Path("results/headroom"))
+    parser.add_argument("--out", type=Path, default=Path("results/headroom"), help="folder for policies")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="file that keeps the errors of every episode")
     parser.add_argument("--page", type=Path, help="a page whose marked part is replaced by the table")
     arguments = parser.parse_args()
     suite = [name for name in shipped_files() if name.endswith("-suite")]
     names = arguments.controller or [*suite, *DEFAULTS]
     chosen = [i for i in cable_envs.SUITE_IDS if not arguments.tasks or any(part in i for part in arguments.tasks)]
     seeds = load_protocol("suite-v1").seeds(arguments.episodes)
-    file = arguments.out / "headroom.json"
+    file = arguments.results
     results: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
-    for env_id in chosen:
+    for env_id in chosen if seeds else ():
         kept = results.setdefault(env_id, {})
         entered = list(entrants_of(env_id, names))
         if arguments.train:
@@ -129,16 +131,16 @@ def main() -> None:
             row = measure(env_id, entrant, part, seeds[len(has["errors"]) :])
             if row is None:
                 continue
-            errors = [e if math.isfinite(e) else None for e in row.errors]
+            errors = [float(f"{e:.4g}") if math.isfinite(e) else None for e in row.errors]
             failures = [*has["failures"], *row.failures]
             kept[entrant.name] = {"part": part, "errors": [*has["errors"], *errors], "failures": failures}
             print(env_id, entrant.name, f"{row.median:.3g}", *row.failures, flush=True)
-            arguments.out.mkdir(parents=True, exist_ok=True)
-            write_atomic(file, json.dumps(results, indent=1).encode())
+            write_atomic(file, as_lines(results).encode())
     shown = {}
     for env_id in chosen:
-        bound = frozen(env_id, len(seeds))
-        rows = [row for row in rows_of(results[env_id]) if bound is None or row.part != ORACLE]
+        rows = rows_of(results[env_id])
+        bound = frozen(env_id, len(rows[0].errors))
+        rows = [row for row in rows if bound is None or row.part != ORACLE]
         shown[env_id] = rows if bound is None else [*rows, bound]
     text = table(shown, anchors())
     print(text)
@@ -146,6 +148,15 @@ def main() -> None:
         page = arguments.page.read_text(encoding="utf-8")
         before, rest = page.split(BEGIN)
         write_atomic(arguments.page, f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}")
+
+
+def as_lines(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """JSON with one entrant a line."""
+    tasks = []
+    for env_id, kept in results.items():
+        lines = ",\n".join(f"  {json.dumps(name)}: {json.dumps(one)}" for name, one in kept.items())
+        tasks.append(f" {json.dumps(env_id)}: {{\n{lines}\n }}")
+    return "{\n" + ",\n".join(tasks) + "\n}\n"
 
 
 def frozen(env_id: str, episodes: int) -> Row | None:

@@ -172,9 +172,7 @@ def tuned() -> str:
     for name in dict.fromkeys(n for family in FAMILIES.values() for n in family):
         if name not in shipped_files():
             charged = controller_class(name).charged.get("tuning_trials", 0)
-            lines.append(
-                f"| defaults of `{name}` | {charged} | trials of steps, sinusoids, multisines and random steps |"
-            )
+            lines.append(f"| defaults of `{name}` | {charged} | trials on steps, sines, multisines, random steps |")
     for name in shipped_files():
         file = load_controller_file(f"configs/controllers/{name}.yaml")
         if controller_class(file.controller).name in FAMILIES["CableHole"] + FAMILIES["PulleyCircuit"]:

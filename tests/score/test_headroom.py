@@ -1,11 +1,12 @@
 """The verdicts of benchmarks.headroom and the tables of benchmarks.references, on numbers chosen by hand."""
 
+import json
 import math
 
 import numpy as np
 import pytest
 
-from benchmarks import references, suite_gains, verdicts
+from benchmarks import headroom, references, suite_gains, verdicts
 from benchmarks.verdicts import AGENT, CLASSICAL, NOTHING, ORACLE, Row
 from cable_envs import SUITE_IDS
 
@@ -86,3 +87,40 @@ def test_page_compares_each_reference_with_the_textbook():
     assert "| 0.0404 | 0.0243 mm | `lqg` 0.0303 | `lqg` 0.0303, `mrac` 0.0505 |" in said  # nominal
     assert "| 0.0404 | 0.0295 mm |" in said
     assert "| `lqg` | 0.0303 / 0.0303 |" in references.errors_table("CableHole", found, unit)
+
+
+def test_kept_errors_are_read_as_they_were_written():
+    kept = {TASK: {"ppo": {"part": AGENT, "errors": [1e-3, None], "failures": ["runaway"]}}}
+    assert json.loads(headroom.as_lines(kept)) == kept
+    (row,) = verdicts.rows_of(kept[TASK])
+    assert row == Row("ppo", AGENT, (1e-3, math.inf), ("runaway",))
+
+
+def test_rows_are_cut_to_the_episodes_that_all_have():
+    kept = {
+        "ppo": {"part": AGENT, "errors": [1e-3, None, 2e-3, None], "failures": ["runaway", "slack"]},
+        "pid": {"part": CLASSICAL, "errors": [1e-3, 2e-3, 3e-3], "failures": []},
+        "oracle": {"part": ORACLE, "errors": [1e-3], "failures": []},
+    }
+    rows = {row.entrant: row for row in verdicts.rows_of(kept)}
+    assert rows["ppo"] == Row("ppo", AGENT, (1e-3, math.inf, 2e-3), ("runaway",))
+    assert len(rows["pid"].errors) == 3
+    assert "oracle" not in rows
+
+
+def test_the_published_errors_are_whole():
+    """Every task has those that do nothing, PPO and a classical controller, on at least eight episodes."""
+    kept = json.loads(headroom.RESULTS.read_text(encoding="utf-8"))
+    assert set(kept) == set(SUITE_IDS)
+    for env_id, content in kept.items():
+        rows = verdicts.rows_of(content)
+        assert {NOTHING, CLASSICAL, AGENT} <= {row.part for row in rows}, env_id
+        assert {len(row.errors) for row in rows} <= set(range(8, 21)), env_id
+        assert all(sum(map(math.isinf, row.errors)) == len(row.failures) for row in rows), env_id
+        verdicts.verdict(env_id, rows, headroom.anchors()[env_id])
+
+
+def test_levels_with_the_same_training_share_a_policy():
+    short = "PulleyCircuit-Track-{}-v1"
+    assert headroom.policy_name(f"cable_envs/{short.format('Hard')}") == short.format("Medium")
+    assert headroom.policy_name(TASK) == "CableHole-Track-Medium-v1"
