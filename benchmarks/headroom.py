@@ -102,7 +102,7 @@ def entrants_of(env_id: str, names: Iterable[str]) -> Iterable[tuple[Entrant, st
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.headroom", description=__doc__)
     parser.add_argument("tasks", nargs="*", help="parts of ids, as CableHole-Track or Hard; all by default")
-    parser.add_argument("--episodes", type=int, default=20, help="test episodes of each task")
+    parser.add_argument("--episodes", type=int, default=20, help="test episodes of each task; 0: what is kept")
     parser.add_argument("--controller", action="append", help="a classical entrant; default: <law>-suite and some more")
     parser.add_argument("--train", type=int, default=0, help="steps to train PPO for on each task; 0: no agent")
     parser.add_argument("--again", action="append", default=[], help="parts of names of entrants that are run anew")
@@ -117,7 +117,7 @@ def main() -> None:
     seeds = load_protocol("suite-v1").seeds(arguments.episodes)
     file = arguments.results
     results: dict[str, Any] = json.loads(file.read_text()) if file.is_file() else {}
-    for env_id in chosen:
+    for env_id in chosen if seeds else ():
         kept = results.setdefault(env_id, {})
         entered = list(entrants_of(env_id, names))
         if arguments.train:
@@ -138,8 +138,9 @@ def main() -> None:
             write_atomic(file, as_lines(results).encode())
     shown = {}
     for env_id in chosen:
-        bound = frozen(env_id, len(seeds))
-        rows = [row for row in rows_of(results[env_id]) if bound is None or row.part != ORACLE]
+        rows = rows_of(results[env_id])
+        bound = frozen(env_id, len(rows[0].errors))
+        rows = [row for row in rows if bound is None or row.part != ORACLE]
         shown[env_id] = rows if bound is None else [*rows, bound]
     text = table(shown, anchors())
     print(text)

@@ -95,13 +95,13 @@ def verdict(env_id: str, rows: list[Row], anchors: tuple[float, float] | None = 
 def table(results: Mapping[str, list[Row]], anchors: Mapping[str, tuple[float, float]]) -> str:
     """The results as Markdown: the table, then how the tasks rank against each other."""
     lines = [
-        "| task | doing nothing | best classical | PPO trained for it | bound | pairs separated | discriminates |",
-        "|---|--:|---|---|--:|--:|---|",
+        "| task | episodes | doing nothing | best classical | PPO trained for it | bound | pairs | discriminates |",
+        "|---|--:|--:|---|---|--:|--:|---|",
     ]
     found = {env_id: verdict(env_id, rows, anchors.get(env_id)) for env_id, rows in results.items()}
     for env_id, one in found.items():
         unit = setup_of(env_id, {}).output_unit
-        cells = [f"{one.ends[0]:.3g} {unit}"]
+        cells = [str(len(results[env_id][0].errors)), f"{one.ends[0]:.3g} {unit}"]
         cells += [_cell(one, part, unit) for part in (CLASSICAL, AGENT)]
         cells += [f"{one.ends[1]:.3g} {unit}", f"{separated(one.pairs, LEVEL)} of {len(one.pairs)}"]
         says = {True: "yes", False: "no", None: "none enters"}[one.discriminates]
@@ -149,8 +149,11 @@ def _alike(a: str, b: str, same: bool | None) -> bool:
 
 
 def rows_of(content: Mapping[str, Any]) -> list[Row]:
-    """The rows that a file of results holds for one task."""
-    return [
-        Row(name, one["part"], tuple(math.inf if e is None else e for e in one["errors"]), tuple(one["failures"]))
-        for name, one in content.items()
-    ]
+    """The rows that a file of results holds for one task, on the episodes that all of them have."""
+    common = min((len(one["errors"]) for one in content.values() if one["part"] != ORACLE), default=0)
+    found = []
+    for name, one in content.items():
+        errors = tuple(math.inf if e is None else e for e in one["errors"][:common])
+        if len(errors) == common:
+            found.append(Row(name, one["part"], errors, tuple(one["failures"][: sum(map(math.isinf, errors))])))
+    return found

@@ -146,7 +146,7 @@ def test_core_runs_without_extras():
     """Environments and reference controllers work where torch, typer, rich, matplotlib, ... cannot be imported."""
     done = _python("-c", WITHOUT_EXTRAS, ",".join(EXTRAS), cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("environments 12 controllers 14")
+    assert done.stdout.startswith("environments 12 controllers 18")
 
 
 def test_command_line_without_extras_says_what_to_install():

@@ -96,14 +96,26 @@ def test_kept_errors_are_read_as_they_were_written():
     assert row == Row("ppo", AGENT, (1e-3, math.inf), ("runaway",))
 
 
+def test_rows_are_cut_to_the_episodes_that_all_have():
+    kept = {
+        "ppo": {"part": AGENT, "errors": [1e-3, None, 2e-3, None], "failures": ["runaway", "slack"]},
+        "pid": {"part": CLASSICAL, "errors": [1e-3, 2e-3, 3e-3], "failures": []},
+        "oracle": {"part": ORACLE, "errors": [1e-3], "failures": []},
+    }
+    rows = {row.entrant: row for row in verdicts.rows_of(kept)}
+    assert rows["ppo"] == Row("ppo", AGENT, (1e-3, math.inf, 2e-3), ("runaway",))
+    assert len(rows["pid"].errors) == 3
+    assert "oracle" not in rows
+
+
 def test_the_published_errors_are_whole():
-    """Every task has those that do nothing, PPO and a classical controller, each on the same number of episodes."""
+    """Every task has those that do nothing, PPO and a classical controller, on at least eight episodes."""
     kept = json.loads(headroom.RESULTS.read_text(encoding="utf-8"))
     assert set(kept) == set(SUITE_IDS)
     for env_id, content in kept.items():
         rows = verdicts.rows_of(content)
         assert {NOTHING, CLASSICAL, AGENT} <= {row.part for row in rows}, env_id
-        assert len({len(row.errors) for row in rows if row.part != ORACLE}) == 1, env_id
+        assert {len(row.errors) for row in rows} <= set(range(8, 21)), env_id
         assert all(sum(map(math.isinf, row.errors)) == len(row.failures) for row in rows), env_id
         verdicts.verdict(env_id, rows, headroom.anchors()[env_id])
 
