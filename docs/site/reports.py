@@ -84,8 +84,8 @@ def _boards() -> str:
         "# Boards",
         "The published boards rank reference controllers and trained agents on test episodes that nobody trained on. "
         "How to read one is on [its own page](read-the-board.md); how to enter, under "
-        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md). The boards quick and "
-        "full are of [suite v0](archive-v0.md), an archive.",
+        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md). The boards quick "
+        "and full are of [suite v0](archive-v0.md), an archive.",
     ]
     for name in BOARDS:
         summary = kept(f"board-{name}-summary.md", lambda n=name: _summary(n).encode(), _records(name))
