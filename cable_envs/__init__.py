@@ -92,7 +92,7 @@ for _id in SUITE_IDS:
     register(
         id=_id,
         entry_point="cable_envs.envs:CableEnv",
-        vector_entry_point="cable_envs.vector:CableVectorEnv",
+        vector_entry_point="cable_envs.device:make_batch",
         kwargs={"task": _task, "level": _level},
         order_enforce=False,
         disable_env_checker=True,

@@ -15,7 +15,7 @@ from cable_envs.vector import CableVectorEnv
 
 
 def make_batch(
-    task: str, reference: str | Mapping[str, Any], num_envs: int = 1, *, device: str = "cpu",
+    task: str, reference: str | Mapping[str, Any] | None = None, num_envs: int = 1, *, device: str = "cpu",
     precision: str = "float64", **options: Any,
 ) -> VectorEnv:  # fmt: skip
     """What ``gymnasium.make_vec`` calls for the ids of this package.
@@ -71,8 +71,8 @@ class DeviceVectorEnv(CableVectorEnv):
     """
 
     def __init__(
-        self, task: str, reference: str | Mapping[str, Any], num_envs: int = 1, *, precision: str = "float64",
-        **options: Any,
+        self, task: str, reference: str | Mapping[str, Any] | None = None, num_envs: int = 1, *,
+        precision: str = "float64", **options: Any,
     ):  # fmt: skip
         for name in ("render_mode", "threads"):
             if options.get(name) is not None:

@@ -275,18 +275,23 @@ _SUITE = {"suite": 1, "_X": ENVIRONMENT.count + JUDGED.count, "_judged_column": 
 """Names of the templates as the tasks of the suite have them."""
 
 
+def filled_in(distorted: int | None, suite: bool) -> dict[str, Any]:
+    """What the templates read besides a plant: effects of sensors (None or 1), and what the tasks of the suite have."""
+    return {"distorted": distorted, **(_SUITE if suite else {})}
+
+
 @cache
 def begin_of(distorted: int | None, suite: bool) -> Callable[..., None]:
     """The kernel (block, obs, common, lanes) of a reset, without (None) or with (1) effects of sensors."""
     name = "begin_with_effects" if distorted else "begin"
-    return instantiate(_begin, f"{name}_suite" if suite else name, distorted=distorted, **(_SUITE if suite else {}))
+    return instantiate(_begin, f"{name}_suite" if suite else name, **filled_in(distorted, suite))
 
 
 @cache
 def kernels_of(plant: Plant, suite: bool = False) -> tuple[Callable[..., None], ...]:
     """The kernels (block, obs, common, lo, hi) of a plant, as `Plant.kernels` has them; compiled on first use."""
     return tuple(
-        instantiate(_step, name, advance=kernel, distorted=distorted, **(_SUITE if suite else {}))
+        instantiate(_step, name, advance=kernel, **filled_in(distorted, suite))
         for name, kernel, distorted in zip(_names("step", plant, suite), plant.kernels, (None, 1, 1), strict=True)
     )
 
@@ -297,9 +302,9 @@ def single_kernels_of(plant: Plant, suite: bool = False) -> tuple[Callable[..., 
 
     The arrays are `kernels.handed`.
     """
-    column, more = plant.signal_rows.column, _SUITE if suite else {}
+    column = plant.signal_rows.column
     return tuple(
-        instantiate(_step_one, name, advance=inlined(kernel), distorted=distorted, signal_column=column, **more)
+        instantiate(_step_one, name, advance=inlined(kernel), signal_column=column, **filled_in(distorted, suite))
         for name, kernel, distorted in zip(_names("step_one", plant, suite), plant.kernels, (None, 1, 1), strict=True)
     )
 

@@ -90,10 +90,10 @@ def _put(block, obs, columns, seen, lanes):
 
 
 @cache
-def _kernels_of(plant: Plant, needed: int, precision: str) -> Any:
-    """The kernel `_step_all` of a plant; compiled on first use."""
+def _kernels_of(plant: Plant, needed: int, suite: bool, precision: str) -> Any:
+    """The kernel `_step_all` of a plant, in tasks of the suite or in others; compiled on first use."""
     stepped = device.on_device(
-        steppers._step, advance=plant.device_kernel(needed, precision), distorted=1 if needed else None
+        steppers._step, advance=plant.device_kernel(needed, precision), **steppers.filled_in(1 if needed else None, suite)
     )
     return device.as_kernel(_step_all, step=stepped, take=device.on_device(_take))
 
@@ -196,8 +196,9 @@ class DeviceSimulation:
         restarts: whether environments whose episode ended in the step before begin the next one instead.
         """
         device.launched(
-            _kernels_of(self.setup.plant, self.host.with_effects, self.precision), self.n, self.block, self.obs,
-            self._common, actions, self._next_block, self._next_obs, self._codes, self.ends, restarts,
+            _kernels_of(self.setup.plant, self.host.with_effects, self.setup.conditions is not None, self.precision),
+            self.n, self.block, self.obs, self._common, actions, self._next_block, self._next_obs, self._codes,
+            self.ends, restarts,
         )  # fmt: skip
 
     def taken(self, lanes: np.ndarray) -> None:
