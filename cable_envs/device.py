@@ -84,7 +84,8 @@ class DeviceVectorEnv(CableVectorEnv):
         self.device = DeviceSimulation(self.setup, self.num_envs, self.precision)
         self.simulation, self._team = self.device.host, None
         self._generators = [None] * self.num_envs
-        self._before: list[Any] = [None] * self.num_envs
+        self._ahead = np.empty((self.num_envs, 1 + len(self.setup.randomize)))
+        self._drawn_by: list[Any] = [None] * self.num_envs
         self._names = self.device.info_names
         self._masks = tuple(f"_{name}" for name in self._names)
         self._renderers = {}
@@ -102,18 +103,24 @@ class DeviceVectorEnv(CableVectorEnv):
 
     def _start(self, lanes: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
         """Begin episodes now, and have the next ones lie ready."""
-        for lane in lanes:  # the generator as it was before the next episode was drawn
-            generator = self._generator(lane)
-            if self._before[lane] is not None and self._before[lane][0] is generator:
-                generator.bit_generator.state = self._before[lane][1]
-        self.device.reset(lanes, [self._generator(lane) for lane in lanes], options)
-        self._prepare(lanes)
+        self.device.reset(lanes, self._draws(lanes), options)
+        self._begun(lanes)
 
-    def _prepare(self, lanes: np.ndarray) -> None:
-        generators = [self._generator(lane) for lane in lanes]
-        for lane, generator in zip(lanes, generators, strict=True):
-            self._before[lane] = generator, generator.bit_generator.state
-        self.device.prepare(lanes, generators)
+    def _begun(self, lanes: np.ndarray) -> None:
+        """These environments have begun the episodes that were drawn for them: the next ones are prepared."""
+        for lane in lanes:
+            self._drawn_by[lane] = None
+        self.device.prepare(lanes, self._draws(lanes))
+
+    def _draws(self, lanes: np.ndarray) -> np.ndarray:
+        """What the next episodes take from their generators, drawn once: those of new generators again."""
+        late = [lane for lane in lanes if self._drawn_by[lane] is not self._generator(lane)]
+        if late:
+            generators = [self._generator(lane) for lane in late]
+            self._ahead[late] = self.simulation.draw(generators)
+            for lane, generator in zip(late, generators, strict=True):
+                self._drawn_by[lane] = generator
+        return self._ahead[lanes]
 
     def _seen(self) -> Any:
         return self.device.obs
@@ -167,7 +174,7 @@ class DeviceVectorEnv(CableVectorEnv):
         if self._any_finished:  # while the device steps
             begun = self._all[self._finished]
             d.taken(begun)
-            self._prepare(begun)
+            self._begun(begun)
         codes = d.codes()
         if (codes == NOT_FINITE).any():
             bad = self._all[codes == NOT_FINITE]
@@ -184,7 +191,7 @@ class DeviceVectorEnv(CableVectorEnv):
         obs, table = self.device.restart()
         lanes = self._all[ended]
         self.device.taken(lanes)
-        self._prepare(lanes)
+        self._begun(lanes)
         self._finished, self._any_finished = np.zeros(self.num_envs, dtype=np.bool_), False
         final_info = {**dict(zip(self._names, table, strict=True)), **masks}
         return {"final_obs": obs, "_final_obs": ended, "final_info": final_info, "_final_info": ended.copy()}

@@ -138,24 +138,25 @@ def signal(q, i, t):  # noqa: PLR0911 - one return for each kind
 
 
 @jit
-def evaluate(q, i, t):
-    """Value of a signal with its first two derivatives, for callers in Python.
+def evaluate(q, t):
+    """Values of signals with their first two derivatives, for callers in Python.
 
     Parameters
     ----------
     q : ndarray, shape (FIELDS.count, n)
         Columns as `pack_signal` makes them.
-    i : int
-        Column.
     t : float
         Time, s.
 
     Returns
     -------
-    tuple of three float
-        As of `signal`.
+    ndarray, shape (3, n)
+        r, dr/dt and d2r/dt2 as of `signal`.
     """
-    return signal(_named(q), i, t)
+    named, found = _named(q), np.empty((3, q.shape[1]))
+    for i in range(q.shape[1]):
+        found[0, i], found[1, i], found[2, i] = signal(named, i, t)
+    return found
 
 
 def pack_signal(what: str, spec: Mapping[str, Any]) -> np.ndarray:

@@ -116,17 +116,39 @@ class Simulation:
         self.asked = self._named.asked
         self.spread = 1.0
 
+    def draw(self, generators: Sequence[np.random.Generator]) -> np.ndarray:
+        """All that the next episodes take from their generators.
+
+        Parameters
+        ----------
+        generators : sequence of numpy.random.Generator
+            One for each episode; they go on.
+
+        Returns
+        -------
+        ndarray, shape (m, 1 + numbers that are randomised)
+            The key of each episode, a whole number, from which all else is drawn; then numbers in [0, 1).
+        """
+        count = len(self.setup.randomize)
+        drawn = np.empty((len(generators), 1 + count))
+        for k, rng in enumerate(generators):
+            drawn[k, 0] = rng.integers(1, 2**52)
+            if count:
+                drawn[k, 1:] = rng.random(count)
+        return drawn
+
     def reset(
-        self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
-    ) -> None:
+        self, lanes: np.ndarray, source: Sequence[np.random.Generator] | np.ndarray,
+        options: Mapping[str, Any] | None = None,
+    ) -> None:  # fmt: skip
         """Begin new episodes.
 
         Parameters
         ----------
         lanes : ndarray of int, shape (m,)
             Environments that begin one.
-        generators : sequence of numpy.random.Generator
-            ``generators[k]`` draws for environment ``lanes[k]``.
+        source : sequence of numpy.random.Generator, or ndarray
+            ``source[k]`` draws for environment ``lanes[k]``; or what `draw` has taken from the generators before.
         options : mapping, optional
             "rig" (parameters to change), "reference", "disturbance", "posture" (mappings), "initial_position" (of the
             output, SI), for these episodes.
@@ -138,21 +160,19 @@ class Simulation:
         """
         options = dict(options or {})
         require_known("reset option", options, RESET_OPTIONS)
-        signals, keys, conditions = self._signals(options), np.empty(len(lanes)), self.setup.conditions
+        signals, conditions = self._signals(options), self.setup.conditions
         values, p = self._rigs(len(lanes), options.get("rig"))
         parameters = self.setup.plant.table
         rows = [parameters.index(name) for name, _, _ in self.setup.randomize]
-        for k, rng in enumerate(generators):
-            keys[k] = rng.integers(1, 2**52)
-            if conditions is not None:
-                conditions.draw_cable(values[:, k], keys[k])
-            for row, draw, (_, low, high) in zip(rows, rng.random(len(rows)), self.setup.randomize, strict=True):
-                if self.spread != 1.0:
-                    low, high = (values[row, k] + self.spread * (end - values[row, k]) for end in (low, high))
-                values[row, k] = low + draw * (high - low)
-        reference, disturbance, posture = (
-            np.array([one.draw(k, number) for k in keys]).T for number, one in enumerate(signals)
-        )
+        keys, *shares = (source if isinstance(source, np.ndarray) else self.draw(source)).T
+        if conditions is not None and conditions.cable_rows:
+            for k, key in enumerate(keys):
+                conditions.draw_cable(values[:, k], key)
+        for row, share, (_, low, high) in zip(rows, shares, self.setup.randomize, strict=True):
+            if self.spread != 1.0:
+                low, high = (values[row] + self.spread * (end - values[row]) for end in (low, high))
+            values[row] = low + share * (high - low)
+        reference, disturbance, posture = (one.draw(keys, number) for number, one in enumerate(signals))
         key = FIELDS.row("key")
         reference[key], disturbance[key], posture[key] = keys, keys + 1.0, keys + 2.0
         drawn = bool(rows) or (conditions is not None and bool(conditions.cable_rows))
@@ -167,7 +187,7 @@ class Simulation:
         x = self.setup.plant.rest(p, start)
         if self.setup.plant.posture:
             bent = x[self.setup.plant.row(self.setup.plant.posture)]
-            bent[:] = np.maximum(bent + [evaluate(posture, k, 0.0)[0] for k in range(len(lanes))], 0.0)
+            bent[:] = np.maximum(bent + evaluate(posture, 0.0)[0], 0.0)
 
         if drawn or options.get("rig") is not None:  # else it is the nominal rig, which was looked at before
             if self._needed(p) > self.with_effects:
@@ -273,7 +293,7 @@ class Simulation:
                     f"reset option 'initial_position': expected at most {FARTHEST:g} m or rad, got {position!r}"
                 )
             return np.full(n, float(position))
-        r = np.array([evaluate(reference, k, 0.0)[0] for k in range(n)])
+        r = evaluate(reference, 0.0)[0]
         named = dict(zip(self.setup.plant.parameters.names, values, strict=False))
         return family(self.setup.rig.plant).output(self.setup.task.kind).start(named, r)
 

@@ -32,7 +32,7 @@ def column(spec, key=12345):
 
 def values(spec, times, key=12345):
     q = column(spec, key)
-    return np.array([evaluate(q, 0, t) for t in times])
+    return np.array([evaluate(q, t)[:, 0] for t in times])
 
 
 def test_every_kind_is_tested():

@@ -113,37 +113,39 @@ def test_mistakes_say_what_would_be_right(options, message):
 # draws
 
 
-def numbers(column):
-    return dict(zip(FIELDS.names, column.tolist(), strict=True))
+KEYS = np.arange(1.0, 400.0)
+
+
+def numbers(columns):
+    return [dict(zip(FIELDS.names, column, strict=True)) for column in columns.T.tolist()]
 
 
 def test_draws_stay_in_their_ranges_and_below_the_fastest():
     spec = {"kind": "sine", "start": 3.0, "amplitude": [0.001, 0.015], "frequency": [0.05, 1.0], "fastest": 0.01}
-    drawn = [numbers(DrawnSignal.of("reference", spec).draw(float(key), 0)) for key in range(1, 400)]
+    drawn = numbers(DrawnSignal.of("reference", spec).draw(KEYS, 0))
     speed = [2 * math.pi * one["frequency"] * one["amplitude"] for one in drawn]
     assert all(0.001 <= one["amplitude"] <= 0.015 and one["start"] == 3.0 for one in drawn)
     assert max(speed) <= 0.01 * (1 + 1e-12) and sum(s > 0.0099999 for s in speed) > 100  # many at the drive's limit
     assert min(one["frequency"] for one in drawn) < 0.06
     spec["fastest"] = 100.0
-    logs = np.log(
-        [numbers(DrawnSignal.of("reference", spec).draw(float(key), 0))["frequency"] for key in range(1, 400)]
-    )
+    logs = np.log([one["frequency"] for one in numbers(DrawnSignal.of("reference", spec).draw(KEYS, 0))])
     # even in the logarithm: the mean of 399 draws is within four standard deviations of the middle
     assert abs(logs.mean() - 0.5 * math.log(0.05)) < 4 * math.log(20) / math.sqrt(12 * 399)
 
 
 def test_a_draw_is_of_its_key_and_its_number_alone():
     one = DrawnSignal.of("reference", load_task("CableHole-Track").levels["Easy"]["reference"])
-    assert np.array_equal(one.draw(77.0, 0), one.draw(77.0, 0))
-    assert not np.array_equal(one.draw(77.0, 0), one.draw(78.0, 0))
-    assert not np.array_equal(one.draw(77.0, 0), one.draw(77.0, 1))
-    kinds = {KINDS[int(one.draw(float(key), 0)[0])] for key in range(1, 40)}
+    drawn = one.draw(KEYS, 0)
+    assert np.array_equal(drawn[:, 76:77], one.draw(KEYS[76:77], 0))
+    assert not np.array_equal(drawn[:, 76], drawn[:, 77])
+    assert not np.array_equal(drawn[:, 76:77], one.draw(KEYS[76:77], 1))
+    kinds = {KINDS[int(kind)] for kind in drawn[0, :39]}
     assert kinds == {"multisine", "trapezoids"}
 
 
 def test_a_fixed_signal_is_as_it_is():
     spec = {"kind": "sine", "amplitude": 0.01, "frequency": 0.2}
-    assert numbers(DrawnSignal.of("reference", spec).draw(5.0, 0))["amplitude"] == 0.01
+    assert [one["amplitude"] for one in numbers(DrawnSignal.of("reference", spec).draw(KEYS[:2], 0))] == [0.01, 0.01]
 
 
 def test_every_episode_has_another_reference_and_a_seed_has_one():

@@ -45,26 +45,34 @@ def module() -> Any:
     ConfigurationError
         Says what is missing.
     """
-    from numba import cuda
-
     if kernels.JIT_DISABLED:
         raise ConfigurationError("device='cuda' needs compiled code; unset NUMBA_DISABLE_JIT")
-    if simulated() or cuda.is_available():
+    try:
+        from numba import cuda
+    except ImportError:  # numba keeps no kernels for CUDA of its own for ever
+        cuda = None
+    if cuda is not None and (simulated() or cuda.is_available()):
         return cuda
+    missing = []
+    if cuda is None or getattr(cuda, "implementation", "") == "Built-in":
+        missing.append("the package numba-cuda is not installed (pip install 'cable-envs[gpu]')")
+    if cuda is not None:
+        missing.append(_reason(cuda))
     raise ConfigurationError(
-        "device='cuda' needs an NVIDIA GPU with its driver, and the extra 'gpu' (pip install 'cable-envs[gpu]'); "
-        f"none was found: {_reason(cuda)}. Without a GPU: device='cpu', or numba's slow simulator for tests "
-        "(NUMBA_ENABLE_CUDASIM=1)"
+        f"device='cuda' needs an NVIDIA GPU, its driver and the extra 'gpu': {'; '.join(missing)}. Without a GPU use "
+        "device='cpu'"
     )
 
 
 def _reason(cuda: Any) -> str:
+    """Why numba finds no device, in a sentence of its own or of NVIDIA's driver."""
     try:
-        cuda.detect()
         cuda.current_context()
-    except Exception as error:
-        return (str(error).strip().splitlines() or [type(error).__name__])[0].rstrip(":")
-    return "numba cannot use it"
+    except Exception as error:  # each layer has errors of its own
+        said = [line.strip().rstrip(".:") for line in str(error).splitlines()]
+        told = [line for line in said if line and not line.startswith("Error at driver init")]
+        return told[0] if told else type(error).__name__
+    return "numba finds no device that it can use"
 
 
 def simulated() -> bool:

@@ -8,7 +8,7 @@ What a new episode begins with is drawn and prepared on the host, by the code of
 environment has the first state of its next episode lying ready in a second block, and takes it by itself.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -163,20 +163,18 @@ class DeviceSimulation:
         first = ENVIRONMENT.row("info")
         return [self.block[first + k, : self.n] for k in range(len(self.info_names))]
 
-    def reset(
-        self, lanes: np.ndarray, generators: Sequence[np.random.Generator], options: Mapping[str, Any] | None = None
-    ) -> None:
-        """Begin new episodes, as `Simulation.reset` does."""
-        self.host.reset(lanes, generators, options)
+    def reset(self, lanes: np.ndarray, drawn: np.ndarray, options: Mapping[str, Any] | None = None) -> None:
+        """Begin new episodes, as `Simulation.reset` does with what `Simulation.draw` has drawn."""
+        self.host.reset(lanes, drawn, options)
         self.values[:, lanes] = self.host.values[:, lanes]
         self._upload(self.block, self.obs, lanes)
         codes = self._codes.copy_to_host()
         codes[lanes] = RUNNING
         self._codes.copy_to_device(codes)
 
-    def prepare(self, lanes: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
+    def prepare(self, lanes: np.ndarray, drawn: np.ndarray) -> None:
         """Have the first states of the next episodes lie ready on the device."""
-        self.host.reset(lanes, generators)
+        self.host.reset(lanes, drawn)
         self._next_values[:, lanes] = self.host.values[:, lanes]
         self._upload(self._next_block, self._next_obs, lanes)
 

@@ -12,6 +12,7 @@ kept.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -101,28 +102,31 @@ class DrawnSignal:
         low, high = (np.array([pair[k] for pair in ends]).T for k in (0, 1))
         return cls(low, high, np.array(fastest))
 
-    @property
+    @cached_property
     def fixed(self) -> bool:
         """Whether every episode has the same one, but for what its key draws."""
         return self.low.shape[1] == 1 and bool(np.array_equal(self.low, self.high)) and math.isinf(self.fastest[0])
 
-    def draw(self, key: float, number: int) -> np.ndarray:
-        """The signal of an episode.
+    def draw(self, keys: np.ndarray, number: int) -> np.ndarray:
+        """The signals of episodes.
 
         Parameters
         ----------
-        key : float
-            Key of the episode.
+        keys : ndarray, shape (n,)
+            Keys of the episodes.
         number : int
-            Which of its signals this is: each draws for itself.
+            Which of their signals this is: each draws for itself.
 
         Returns
         -------
-        ndarray, shape (FIELDS.count,)
-            A column as `pack_signal` makes it.
+        ndarray, shape (FIELDS.count, n)
+            Columns as `pack_signal` makes them.
         """
         if self.fixed:
-            return self.low[:, 0].copy()
+            return np.repeat(self.low, len(keys), axis=1)
+        return np.array([self._drawn(key, number) for key in keys]).T.copy()
+
+    def _drawn(self, key: float, number: int) -> np.ndarray:
         rng = draws(key, SIGNALS + number)
         choice = int(rng.integers(self.low.shape[1]))
         low, high, at = self.low[:, choice], self.high[:, choice], rng.random(FIELDS.count)

@@ -160,7 +160,7 @@ SMALL = """
 from cable_envs.core.compiling import cache
 from cable_envs.sim.references import evaluate
 import numpy as np
-print(evaluate(np.zeros((8, 1)), 0, 0.5)[0], Count.compiled, evaluate._cache.cache_path)
+print(evaluate(np.zeros((8, 1)), 0.5)[0, 0], Count.compiled, evaluate._cache.cache_path)
 """
 
 
