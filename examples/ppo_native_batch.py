@@ -85,8 +85,8 @@ def improve(agent, optimiser, data, batch=BATCH):
         optimiser.step()
 
 
-def run(steps=500_000, seed=0, seconds=20.0, tell=print, device="cpu", envs=ENVS):
-    """Train an agent, then give the RMSE in m of one episode on the paper's rig with its mean action."""
+def train(steps, seed, tell, device, envs):
+    """An agent that has learned on so many steps of all environments together."""
     where = torch.device(device if torch.cuda.is_available() else "cpu")  # the simulator of CUDA has no torch
     torch.manual_seed(seed)
     torch.set_num_threads(1)
@@ -102,6 +102,11 @@ def run(steps=500_000, seed=0, seconds=20.0, tell=print, device="cpu", envs=ENVS
         improve(agent, optimiser, data, BATCH * max(envs // ENVS, 1))
         if k % 10 == 0 or k == updates - 1:
             tell(f"{(k + 1) * envs * STEPS:8} steps   mean reward {reward:.3f}")
+    return agent
+
+
+def tracking_error(agent, seconds):
+    """RMSE in m of one episode on the paper's rig with the agent's mean action."""
     env, errors, done, agent = gym.make(ENV_ID, sensor_noise=True, duration=seconds), [], False, agent.cpu()
     observation, _ = env.reset(seed=10_000_000)
     while not done:
@@ -111,6 +116,11 @@ def run(steps=500_000, seed=0, seconds=20.0, tell=print, device="cpu", envs=ENVS
         errors.append(info["error"])
         done = torn or late
     return float(np.sqrt(np.mean(np.square(errors))))
+
+
+def run(steps=500_000, seed=0, seconds=20.0, tell=print, device="cpu", envs=ENVS):
+    """Train an agent, then give its `tracking_error`."""
+    return tracking_error(train(steps, seed, tell, device, envs), seconds)
 
 
 if __name__ == "__main__":

@@ -23,8 +23,6 @@ kept in q_0.
 
 from collections import namedtuple
 
-import numpy as np
-
 from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 
 SPANS, CONTACTS = 5, 4
@@ -144,26 +142,31 @@ def settle(side, i, eta):
 
 @jit
 def sweep(side, i):
-    """Gauss-Seidel over the contacts of one column, from no slip until the slips stand still to 1e-14: sets T and m."""
-    slip, y = np.zeros(CONTACTS), np.empty(SPANS)
+    """Gauss-Seidel over the contacts of one column, from no slip until the slips stand still to 1e-14: sets T and m.
+
+    Until the end the rows of T hold the stretches, and those of m the slips: a kernel on a GPU has no other memory.
+    """
+    y, slip = side.tension, side.state
     scale = 0.0
     for j in range(SPANS):
-        y[j] = side.pull[j, i]
-        scale = max(scale, abs(y[j]))
+        y[j, i] = side.pull[j, i]
+        scale = max(scale, abs(y[j, i]))
+    for k in range(CONTACTS):
+        slip[k, i] = 0.0
     for _ in range(20000):
         change = 0.0
         for k in range(CONTACTS):
             l_a, l_b, lam = side.length[k, i], side.length[k + 1, i], side.limit[k, i]
-            a, b = y[k] + slip[k], y[k + 1] - slip[k]  # stretches if this contact did not slide
+            a, b = y[k, i] + slip[k, i], y[k + 1, i] - slip[k, i]  # stretches if this contact did not slide
             new = max((a * l_b - lam * b * l_a) / (l_b + lam * l_a), 0.0)
             if new == 0.0:
                 new = min((lam * a * l_b - b * l_a) / (lam * l_b + l_a), 0.0)
-            y[k], y[k + 1] = a - new, b + new
-            change = max(change, abs(new - slip[k]))
-            slip[k] = new
+            y[k, i], y[k + 1, i] = a - new, b + new
+            change = max(change, abs(new - slip[k, i]))
+            slip[k, i] = new
         if change <= 1e-14 * scale:
             break
     for j in range(SPANS):
-        side.tension[j, i] = y[j] / side.length[j, i]
+        side.tension[j, i] = y[j, i] / side.length[j, i]
     for k in range(CONTACTS):
-        side.state[k, i] = np.sign(slip[k])
+        side.state[k, i] = select(slip[k, i] > 0.0, 1.0, select(slip[k, i] < 0.0, -1.0, slip[k, i]))

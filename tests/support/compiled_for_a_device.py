@@ -1,12 +1,14 @@
 """Machine code of a plant's kernels for a GPU, without one.
 
 ``python -m tests.support.compiled_for_a_device ID PRECISION`` needs numba-cuda and the compiler of the toolkit (the
-extra `gpu`), and ends with 77 where these are missing. It prints the length of each text and how many operations
-of each precision it has; the first is the plant's own kernel.
+extra `gpu`), and ends with 77 where these are missing. It prints a line for each text, the first of the plant's own
+kernel, the second of a step: its length, its operations in double and in single precision, those in double that the
+assembler may still join, and the fused ones.
 """
 
 import re
 import sys
+from contextlib import nullcontext
 
 import numba
 import numpy as np
@@ -28,8 +30,9 @@ class Device:
     compute_capability = CAPABILITY
 
 
-def ptx_of(cuda, kernel, *types):
-    return cuda.compile_ptx(kernel.py_func, numba.void(*types), cc=CAPABILITY)[0]
+def ptx_of(cuda, precision, kernel, *types):
+    with device.rounded_as_written() if precision == "float64" else nullcontext():
+        return cuda.compile_ptx(kernel.py_func, numba.void(*types), cc=CAPABILITY)[0]
 
 
 cuda = advance = None  # filled in
@@ -55,27 +58,31 @@ def main(env_id, precision):
         print("numba-cuda is not installed")
         sys.exit(MISSING)
     device.module, dispatcher.get_current_device = (lambda: cuda), Device
-    plant = setup_of(f"cable_envs/{env_id}", {}).plant
+    setup = setup_of(f"cable_envs/{env_id}", {})
+    plant, suite = setup.plant, setup.conditions is not None
+    needed = plant.kernel_needed(plant.prepare(setup.rig.column(plant)))
     block, obs, flags = DOUBLE[:, ::1], SINGLE[:, ::1], numba.uint8[::1]
     common = numba.from_dtype(np.dtype(COMMON.descr, align=True))[::1]
     state = (block, obs, block, obs)
-    alone = device.as_kernel(_alone, advance=plant.device_kernel(0, precision))
+    alone = device.as_kernel(_alone, precision, advance=plant.device_kernel(needed, precision))
+    stepped = steps._kernels_of(plant, needed, suite, precision)
     texts = [
-        ptx_of(cuda, alone, block, block, block, WHOLE, DOUBLE),
+        ptx_of(cuda, precision, alone, block, block, block, WHOLE, DOUBLE),
         ptx_of(
-            cuda, steps._kernels_of(plant, 0, precision), block, obs, common, SINGLE[:, ::1], block, obs, flags,
-            numba.boolean[:, ::1], numba.boolean,
+            cuda, precision, stepped, block, obs, common, SINGLE[:, ::1], block, obs, flags, numba.boolean[:, ::1],
+            numba.boolean,
         ),
-        ptx_of(cuda, steps._restart(), *state, flags, block, obs),
-        ptx_of(cuda, steps._putting(), *state, numba.int64[::1]),
+        ptx_of(cuda, precision, steps._restart(), *state, flags, block, obs),
+        ptx_of(cuda, precision, steps._putting(), *state, numba.int64[::1]),
     ]  # fmt: skip
     if precision == "float64":
         cube, kept = DOUBLE[:, :, ::1], numba.int64[::1]
-        kernel = replays._kernel(replay._through, plant, 0)
-        texts.append(ptx_of(cuda, kernel, block, block, cube, kept, WHOLE, DOUBLE, cube))
+        kernel = replays._kernel(replay._through, plant, 1)
+        texts.append(ptx_of(cuda, precision, kernel, block, block, cube, kept, WHOLE, DOUBLE, cube))
     for text in texts:
         counts = [len(re.findall(rf"\b(?:fma\.rn|mul|add|sub)\S*\.f{bits}\b", text)) for bits in (64, 32)]
-        print(len(text), *counts)
+        free = len(re.findall(r"\b(?:mul|add|sub)\.f64\b", text))  # that the assembler may still join
+        print(len(text), *counts, free, len(re.findall(r"\bfma\.rn\.f64\b", text)))
 
 
 if __name__ == "__main__":

@@ -5,9 +5,9 @@ A kernel's pieces are plain functions; what differs between the two machines are
 every thread has one column for itself. `on_device` copies a function, and every piece that it calls at any depth, with
 the device's primitives in their places. No formula is written twice.
 
-Two precisions: in "float64" the device does what the CPU does, but that its compiler may join a product and a sum into
-one rounding (``fma``). In "float32" every constant and every tile of a plant's kernel has single precision, and
-elementary functions are those of CUDA.
+Two precisions: in "float64" the device does what the CPU does, with the same roundings. In "float32" every constant and
+every tile of a plant's kernel has single precision, elementary functions are those of CUDA, and its compiler may join a
+product and a sum into one rounding.
 
 With ``NUMBA_ENABLE_CUDASIM=1`` in the environment the same copies run as plain Python under numba's simulator, without
 a device; fused operations there are those of the CPU's compiled code. Nothing of CUDA is imported before it is asked
@@ -16,7 +16,8 @@ for.
 
 import math
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache
 from types import CodeType, FunctionType
 from typing import Any
@@ -108,11 +109,42 @@ def _configured(kernel: Any, blocks: int) -> Any:
         return kernel[blocks, THREADS]
 
 
-def as_kernel(function: Any, **names: Any) -> Any:
+def as_kernel(function: Any, precision: str = "float64", /, **names: Any) -> Any:
     """A function of ``cuda`` and pieces of `on_device`, by name, as a kernel that is launched."""
     cuda = module()
     made = _copied(function, {"cuda": cuda, **names})
-    return cuda.jit(_quiet(made) if simulated() else made)
+    if simulated():
+        return cuda.jit(_quiet(made))
+    kernel = cuda.jit(made)
+    if precision == "float64":
+        kernel.compile = _rounded(kernel.compile)
+    return kernel
+
+
+def _rounded(compiles: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    def compile_(signature):
+        with rounded_as_written():
+            return compiles(signature)
+
+    return compile_
+
+
+@contextmanager
+def rounded_as_written() -> Iterator[None]:
+    """Kernels compiled within round every product and every sum, as those of the CPU do.
+
+    NVIDIA's compiler otherwise joins a product and a sum into an operation that rounds once. numba has no option for
+    its switch.
+    """
+    module()
+    from numba.cuda.cudadrv import nvvm
+
+    usual = nvvm.compile_ir
+    nvvm.compile_ir = lambda ir, **options: usual(ir, **{**options, "fma": False})
+    try:
+        yield
+    finally:
+        nvvm.compile_ir = usual
 
 
 def _quiet(function: FunctionType) -> FunctionType:

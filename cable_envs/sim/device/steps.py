@@ -92,10 +92,9 @@ def _put(block, obs, columns, seen, lanes):
 @cache
 def _kernels_of(plant: Plant, needed: int, suite: bool, precision: str) -> Any:
     """The kernel `_step_all` of a plant, in tasks of the suite or in others; compiled on first use."""
-    stepped = device.on_device(
-        steppers._step, advance=plant.device_kernel(needed, precision), **steppers.filled_in(1 if needed else None, suite)
-    )
-    return device.as_kernel(_step_all, step=stepped, take=device.on_device(_take))
+    names = steppers.filled_in(1 if needed else None, suite)
+    stepped = device.on_device(steppers._step, advance=plant.device_kernel(needed, precision), **names)
+    return device.as_kernel(_step_all, precision, step=stepped, take=device.on_device(_take))
 
 
 @cache
