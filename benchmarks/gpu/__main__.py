@@ -17,7 +17,7 @@ from benchmarks.gpu.pieces import measured, pieces
 from cable_envs.core.compiling import device
 from cable_envs.core.files import write_atomic
 
-BEGIN, END = "<!-- begin: python -m benchmarks.gpu -->", "<!-- end -->"
+BEGIN, END = "<!-- begin: python -m benchmarks.gpu -->", "<!-- end: gpu -->"
 
 
 def _parsed(given):
@@ -65,9 +65,7 @@ def main(given=None):
     text = tables.page(found, arguments)
     print(text)
     if arguments.page:
-        page = arguments.page.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        write_atomic(arguments.page, f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}")
+        tables.put(arguments.page, BEGIN, END, text)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """The measured numbers as Markdown; what no device has measured says so."""
 
 from benchmarks.gpu.measure import CASES, CPU_SIZES, SIZES
+from cable_envs.core.files import write_atomic
 
 NOT_MEASURED = "not measured"
 PRECISIONS = ("float64", "float32")
@@ -15,7 +16,14 @@ _KNOWN_BY = {"H200": "H200", "H100": "H100 SXM", "A100": "A100 SXM 80 GB", "L40S
 """Part of the name that a driver gives -> name in `PEAKS`."""
 
 
-def _table(head, rows):
+def put(page, begin, end, text):
+    """Replace what is between two marks of a page."""
+    before, rest = page.read_text(encoding="utf-8").split(begin)
+    write_atomic(page, f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}")
+
+
+def markdown(head, rows):
+    """A table of Markdown, numbers to the right."""
     lines = ["| " + " | ".join(head) + " |", "|---|" + "--:|" * (len(head) - 1)]
     return "\n".join(lines + ["| " + " | ".join(row) + " |" for row in rows])
 
@@ -46,7 +54,7 @@ def rates(found, gpu):
             cells = [_million(measured[str(n)]) if str(n) in measured else "" for n in sizes]
             work, peak = found[f"work/{case}"], peak_of(gpu)
             rows.append([case, f"GPU, {precision}", *cells, *_shares(work, max(measured.values()), peak, precision)])
-    return _table(head, rows)
+    return markdown(head, rows)
 
 
 def _shares(work, rate, peak, precision):
@@ -73,7 +81,7 @@ def end_to_end(found):
         ["hole on several GPUs, float32, millions of steps a second", "",
          f"{len(shards)} GPUs: {_million(sum(shards))}" if shards else NOT_MEASURED],
     ]  # fmt: skip
-    return _table(["end to end", "CPU, one core", "GPU"], rows)
+    return markdown(["end to end", "CPU, one core", "GPU"], rows)
 
 
 def bound(work, peak, precision):
@@ -88,7 +96,7 @@ def bounds(found):
         work = found[f"work/{case}"]
         most = ["; ".join(f"{bound(work, peak, p) / 1e6:,.0f}" for p in PRECISIONS) for peak in PEAKS.values()]
         rows.append([case, f"{work['operations']:,.0f}", f"{work['traffic']:,}", str(work["substeps"]), *most])
-    return _table(["environment", "operations", "bytes", "integration steps", *PEAKS], rows)
+    return markdown(["environment", "operations", "bytes", "integration steps", *PEAKS], rows)
 
 
 def costs(found, core, gpu, least, peak="H100 SXM"):
@@ -110,7 +118,7 @@ def costs(found, core, gpu, least, peak="H100 SXM"):
         "even price, 10^6 steps/s", f"that as a share of the bound ({peak}, float64)", "new episode on the host, µs",
         "most steps/s for that (10^6)",
     ]  # fmt: skip
-    return _table(head, rows)
+    return markdown(head, rows)
 
 
 def page(found, arguments):

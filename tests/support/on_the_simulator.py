@@ -1,7 +1,7 @@
-"""What `tests/envs/test_device.py` holds on numba's simulator of CUDA, each in a process of its own.
+"""What `tests/envs/test_device.py` holds on numba's simulator of CUDA, in a process of its own.
 
-``python -m tests.support.on_the_simulator NAME [ARGUMENT]`` ends with an error where it does not hold. The simulator is
-chosen when numba is imported, and is slow: batches of two or three and a few steps.
+``python -m tests.support.on_the_simulator NAME[:ARGUMENT] ...`` ends with an error where one of them does not hold. The
+simulator is chosen when numba is imported, and is slow: batches of two or three and a few steps.
 """
 
 import importlib.util
@@ -15,6 +15,7 @@ import pytest
 from gymnasium.vector import AutoresetMode
 
 import cable_envs
+from benchmarks.gpu.precision import errors
 from cable_envs.core.compiling.device import simulated
 from cable_envs.plants import plant_for
 from cable_envs.sim.replay import replay, replays_on
@@ -125,17 +126,33 @@ def refused(_):
         env.state()
 
 
+def episode(env_id):
+    """A whole episode as it is by default, with noise: equal to the bit from the first step to the last."""
+    envs = both(env_id, 1, sensor_noise=True)
+    stepped(envs, envs[0].setup.steps)
+    assert envs[0]._any_finished and envs[1]._any_finished
+
+
+def shards(_):
+    """Two batches whose seeds follow one another are one batch of their size: several devices need nothing else."""
+    options = {"substeps": FEW, "randomize": True, "sensor_noise": True, "device": "cuda"}
+    whole, *parts = (gym.make_vec("cable_envs/CableHole-Position-Sine-v1", n, **options) for n in (4, 2, 2))
+    seen = [there(env.reset(seed=seed)[0]) for env, seed in ((whole, 5), (parts[0], 5), (parts[1], 7))]
+    np.testing.assert_array_equal(seen[0], np.concatenate(seen[1:]))
+    actions = np.linspace(-1.0, 1.0, 4)[:, None]
+    for _ in range(2):
+        seen = [
+            there(env.step(a)[0]) for env, a in ((whole, actions), (parts[0], actions[:2]), (parts[1], actions[2:]))
+        ]
+        np.testing.assert_array_equal(seen[0], np.concatenate(seen[1:]))
+
+
 def single(_):
-    """The equations in single precision: near those in double, and not the same."""
-    double, _ = both("CableHole-Position-Sine-v1", substeps=FEW)
-    env = gym.make_vec("cable_envs/CableHole-Position-Sine-v1", 2, device="cuda", precision="float32", substeps=FEW)
-    same(double.reset(seed=1)[0], env.reset(seed=1)[0])
-    for _ in range(5):
-        actions = np.full((2, 1), 0.3)
-        ours, device = double.step(actions), env.step(actions)
-    off = np.abs(ours[0] - there(device[0])).max()
+    """The equations in single precision: near those in double, and not the same. Those in double are the CPU's."""
+    off, _ = errors("CableHole-Position-Sine-v1", {"substeps": FEW}, 5)
+    assert off["float64"][0].max() == off["float64"][1] == 0.0
     # a state of 0.1 m is rounded to 4e-9 m at every step, which the cable's 1e5 N/m make 4e-4 N; scales are 50 N
-    assert 0.0 < off < 1e-3, off
+    assert 0.0 < off["float32"][0].max() < 1e-3, off
 
 
 def example(_):
@@ -180,4 +197,7 @@ def replays(system):
 
 if __name__ == "__main__":
     assert simulated(), "NUMBA_ENABLE_CUDASIM=1 is missing"
-    globals()[sys.argv[1]](sys.argv[2] if len(sys.argv) > 2 else "")
+    for what in sys.argv[1:]:
+        print(what, file=sys.stderr)
+        name, _, argument = what.partition(":")
+        globals()[name](argument)

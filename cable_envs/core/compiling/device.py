@@ -17,8 +17,9 @@ for.
 import math
 import warnings
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
+from importlib import import_module
 from types import CodeType, FunctionType
 from typing import Any
 
@@ -48,10 +49,9 @@ def module() -> Any:
     """
     if kernels.JIT_DISABLED:
         raise ConfigurationError("device='cuda' needs compiled code; unset NUMBA_DISABLE_JIT")
-    try:
-        from numba import cuda
-    except ImportError:  # numba keeps no kernels for CUDA of its own for ever
-        cuda = None
+    cuda: Any = None
+    with suppress(ImportError):  # numba keeps no kernels for CUDA of its own for ever
+        cuda = import_module("numba.cuda")
     if cuda is not None and (simulated() or cuda.is_available()):
         return cuda
     missing = []
