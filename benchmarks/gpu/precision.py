@@ -67,7 +67,11 @@ def main():
         "environment", "steps", "double: largest error of all", "single: largest error of an observation, and where",
         "median of the channels' largest errors", "largest error of a reward",
     )  # fmt: skip
-    text = markdown(head, list(rows()))
+    found = []
+    for row in rows():
+        found.append(row)
+        print(*row, sep=" | ", flush=True)
+    text = markdown(head, found)
     print(text)
     if arguments.page:
         put(arguments.page, BEGIN, END, text)
