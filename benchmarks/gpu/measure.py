@@ -41,7 +41,7 @@ SHARE = 0.8
 
 ROOT = Path(__file__).parents[2]
 PPO_STEPS, PPO_ENVS = 500_000, 64
-PPO_UPDATES = (4, 8, 16, 32, 64)
+PPO_UPDATES = (8, 16, 32, 64, 128)
 """Updates after which an agent on the device is compared with the one on the CPU, each trained from the beginning."""
 
 
