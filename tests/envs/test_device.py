@@ -16,7 +16,7 @@ from tests.support.tree import ROOT
 HELD = {  # in one process: to start it takes as long as the checks
     "quick": (
         "plant:CableHole-Tension-Step-v1", "plant:PulleyCircuit-Torque-Sine-v0", "plant:CableHole-Track-Hard-v1",
-        "effects", "autoreset:NextStep", "autoreset:SameStep", "disabled", "refused", "single", "shards",
+        "effects", "autoreset:NextStep", "autoreset:SameStep", "disabled", "refused", "single", "contacts", "shards",
         "replays:linear_drive", "replays:cable_hole",
     ),
 }  # fmt: skip
