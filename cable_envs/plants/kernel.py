@@ -31,8 +31,8 @@ SIGNALS = COEFFICIENTS = EFFECTS = 0
 IN_SINGLE = {name: np.float32(value) for name, value in (
     ("EVEN", 1e-5), ("GRIP", 1.0 + 1e-5), ("LOOSE", 1e-6), ("SETTLED", 1e-6),
 )}  # fmt: skip
-"""What single precision can tell of contacts in `cable_envs.physics.chain` and `cable_envs.physics.series`, by the names
-of their tolerances: with those of double precision their iterations would not end."""
+"""What single precision can tell of contacts (`cable_envs.physics.chain`, `cable_envs.physics.series`), by the names of
+their tolerances: with those of double precision their iterations would not end."""
 
 
 @inline
