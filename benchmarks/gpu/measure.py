@@ -34,7 +34,7 @@ ENDLESS = 1e6
 """Length of the episodes while steps are timed, s: what a new episode costs is measured by itself."""
 
 SHAKE = 0.05
-"""Actions go so far to both sides of what holds the mechanism: friction then slips, and nothing breaks."""
+"""Actions go so far to both sides of what holds the mechanism, in turns; it stays where it is."""
 
 SHARE = 0.8
 """Of a device's free memory that a batch may take."""

@@ -18,7 +18,7 @@ from cable_envs.core.compiling import device
 
 STEPS = {"hole": 2000}
 """Control steps, where not `USUAL`: a whole episode."""
-USUAL = 200
+USUAL = 50
 WANDER, BACK = 0.04, 0.05
 """Standard deviation of an action's change in a step, and the share of its distance that it goes back."""
 

@@ -99,8 +99,29 @@ def bounds(found):
     return markdown(["environment", "operations", "bytes", "integration steps", *PEAKS], rows)
 
 
+def dollars(found, core, gpu, cores=64):
+    """Steps a second, and for a dollar, of a core, of a cluster of cores, and of a GPU at its fastest.
+
+    core, gpu: dollars an hour. A cluster makes at most as many times the steps as it has cores.
+    """
+    rows = []
+    for case in CASES:
+        rate = found[f"rates/{case}/cpu"][str(CPU_SIZES[-1])]
+        fastest = [max(found.get(f"rates/{case}/{p}", {}).values(), default=None) for p in PRECISIONS]
+        each = [NOT_MEASURED if one is None else f"{3.6e-6 * one / gpu:,.0f}" for one in fastest]
+        on_gpu = "; ".join(map(_million, fastest)), "; ".join(each)
+        rows.append(
+            [case, _million(rate), _million(cores * rate), on_gpu[0], f"{3.6e-6 * rate / core:,.0f}", on_gpu[1]]
+        )
+    head = [
+        "environment", "a core, 10^6 steps/s", f"{cores} cores (Ray), at most", "GPU, float64; float32",
+        "cores, 10^9 steps for a dollar", "GPU, 10^9 steps for a dollar",
+    ]  # fmt: skip
+    return markdown(head, rows)
+
+
 def costs(found, core, gpu, least, peak="H100 SXM"):
-    """What a step costs on a core, and from where a GPU pays.
+    """From where a GPU pays, and what the host allows it.
 
     core, gpu: dollars an hour. least: seconds that a step of any batch takes on a GPU.
     """
@@ -110,11 +131,11 @@ def costs(found, core, gpu, least, peak="H100 SXM"):
         even, host = rate * gpu / core, episode["steps"] / episode["each"]
         part = even / bound(found[f"work/{case}"], PEAKS[peak], "float64")
         rows.append([
-            case, f"{3.6e-6 * rate / core:,.0f}", f"{max(round(rate * least), 1):,}", _million(even),
-            f"{100 * part:.2g} %", f"{1e6 * episode['each']:.2g}", _million(host),
+            case, f"{max(round(rate * least), 1):,}", _million(even), f"{100 * part:.2g} %",
+            f"{1e6 * episode['each']:.2g}", _million(host),
         ])  # fmt: skip
     head = [
-        "environment", "steps for a dollar, CPU (10^9)", f"batch from which a step of {1e3 * least:g} ms pays",
+        "environment", f"batch from which a step of {1e3 * least:g} ms pays",
         "even price, 10^6 steps/s", f"that as a share of the bound ({peak}, float64)", "new episode on the host, µs",
         "most steps/s for that (10^6)",
     ]  # fmt: skip
@@ -134,5 +155,6 @@ def page(found, arguments):
         "in double and in single precision:",
         bounds(found),
         f"Costs, with {core:g} dollars an hour for a core and {price:g} for a GPU:",
+        dollars(found, core, price),
         costs(found, core, price, arguments.least),
     ))  # fmt: skip

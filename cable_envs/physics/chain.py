@@ -31,6 +31,8 @@ RELEASE = 1e-13
 """A contact sticks again when its slip changes the tensions by less than this share."""
 GRIP = 1.0 + 1e-11
 """A stuck contact starts to slide when its ratio exceeds lambda by more than this factor."""
+SETTLED = 1e-14
+"""Sweeps end when no slip changes by more than this share of the largest stretch."""
 
 Side = namedtuple("Side", [
     "stretch", "state",  # q [5] and m [4]: what goes on from step to step
@@ -164,7 +166,7 @@ def sweep(side, i):
             y[k, i], y[k + 1, i] = a - new, b + new
             change = max(change, abs(new - slip[k, i]))
             slip[k, i] = new
-        if change <= 1e-14 * scale:
+        if change <= SETTLED * scale:
             break
     for j in range(SPANS):
         side.tension[j, i] = y[j, i] / side.length[j, i]

@@ -28,6 +28,13 @@ solve: Any = None
 SIGNALS = COEFFICIENTS = EFFECTS = 0
 
 
+IN_SINGLE = {name: np.float32(value) for name, value in (
+    ("EVEN", 1e-5), ("GRIP", 1.0 + 1e-5), ("LOOSE", 1e-6), ("SETTLED", 1e-6),
+)}  # fmt: skip
+"""What single precision can tell of contacts (`cable_envs.physics.chain`, `cable_envs.physics.series`), by the names of
+their tolerances: with those of double precision their iterations would not end."""
+
+
 @inline
 def together(left):
     """How many of the columns that are left go through the stages together."""
@@ -116,5 +123,6 @@ def device_kernel(rows: Rows, solve: Callable, hooks: dict[str, Any], number: in
     own |= {"LANES": 1, "together": device.on_device(_alone)}  # a constant: rows of tiles then are registers
     if precision == "float32":
         own["own_precision"] = device.on_device(_single)
-    own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision)
+    coarser = IN_SINGLE if precision == "float32" else {}
+    own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision, **coarser)
     return device.on_device(advance_with_effects if number else advance, precision, **own)

@@ -7,6 +7,7 @@ simulator is chosen when numba is imported, and is slow: batches of two or three
 import importlib.util
 import sys
 import tempfile
+import time
 from pathlib import Path
 
 import gymnasium as gym
@@ -153,6 +154,18 @@ def single(_):
     assert off["float64"][0].max() == off["float64"][1] == 0.0
     # a state of 0.1 m is rounded to 4e-9 m at every step, which the cable's 1e5 N/m make 4e-4 N; scales are 50 N
     assert 0.0 < off["float32"][0].max() < 1e-3, off
+
+
+def contacts(_):
+    """Contacts in series that slide, in single precision: their tolerances can be kept, or a step would not end."""
+    env = gym.make_vec(
+        "cable_envs/CableHole-Position-Sine-v1", 1, rig="gu-three-holes", device="cuda", precision="float32"
+    )
+    env.reset(seed=1)
+    began = time.process_time()
+    for action in (0.3, 0.6, 0.9):
+        env.step(np.full((1, 1), action))
+    assert time.process_time() - began < 5.0  # 0.1 s; with the tolerances of double precision more than 40 s a step
 
 
 def example(_):
