@@ -42,6 +42,8 @@ def late_channels(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fou
     found = []
     for channel in recording.channels:
         if channel != "time" and not is_told(channel) and RATES.get(channel) not in recording.channels:
+            if _moves(channel) and not any(_moves(n) for n in recording.channels if n != channel):
+                continue  # what moves is no sum of what pushes: the effort is held against the motion instead
             shift, sure = shift_of(tracks[:_MOST], channel)
             found.append((sure, shift, channel))
     if not found:
@@ -97,11 +99,17 @@ def _left(track: Track, channel: str, shifts: np.ndarray) -> np.ndarray:
     return np.array(found) + 1e-12
 
 
+def _moves(name: str) -> bool:
+    """Whether a channel is a motion: of a place, or a speed."""
+    places = ("position", "angle", "position_reference", "angle_command", "angle_reference")
+    return "velocity" in name or name.endswith(places)
+
+
 def _columns(track: Track, name: str, values: np.ndarray) -> list[np.ndarray]:
     """A channel, and what mass, damping and friction make of it if it is a motion."""
     if "velocity" in name:
         return [values, np.cumsum(values - np.mean(values)) * track.period]
-    if not name.endswith(("position", "angle", "position_reference", "angle_command", "angle_reference")):
+    if not _moves(name):
         return [values]
     speed = smooth_speed(values, track.period)
     turn = _TURN * float(np.quantile(np.abs(speed), 0.95))

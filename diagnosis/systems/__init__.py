@@ -7,6 +7,7 @@
     values_of(recording, plant, request)        numbers that its simulation starts from (else `common.plant_values`)
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
+    instead(recording)                          another module for this recording, or None
 
 All but the first may be absent, and the whole module: then the plant's family says how it is replayed
 (`cable_envs.diagnosis.systems.general`). What a recording's channels are, and what motion is called, the plant says
@@ -44,7 +45,7 @@ from cable_envs.plants.own_effects import with_own_effects
 _BY_CHANNEL = {"speed_reading": "coupled_drives", "band_tension_1": "band_brake"}
 """Linear drives that are modelled in another way, by a channel that only they have."""
 
-_OF_PLANTS = ("cable_hole", "general", "linear_drive", "pulley_circuit")
+_OF_PLANTS = ("cable_hole", "general", "linear_drive", "observed", "pulley_circuit")
 """Modules that run a plant as the recording states it. Their models average what they predict of samples that are
 means."""
 
@@ -192,4 +193,5 @@ def _chosen(recording: Recording) -> ModuleType:
     if special:
         return import_module(f"{__name__}.{special[0]}")
     assert plant is not None, "a recording without channels of a special module is of a known plant"
-    return plant
+    instead = getattr(plant, "instead", None)
+    return (instead(recording) if instead else None) or plant

@@ -20,6 +20,9 @@ FAMILY = Family(
         "time": "s",
         "position": "rad",
         "velocity": "rad/s",
+        "torque": "N m",
+        "current": "A",
+        "voltage": "V",
         "position_reference": "rad",
         "duty": "1",
         "release_reference": "1",
@@ -27,5 +30,6 @@ FAMILY = Family(
     commands={"position": "position_reference", "duty": "duty"},
     known=("load_mass", "arm_length", "position_gain", "rate_gain", "duty_limit"),
     nominal=("inertia", "coulomb", "viscous", "torque_constant", "resistance", "supply_voltage", "hanging_angle"),
+    needs=(("position",), ("torque", "current", "voltage", "position_reference")),
     ways=("turning forward", "turning backward"),
 )

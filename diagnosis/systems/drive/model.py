@@ -44,7 +44,7 @@ DAMPING_RATIO = 0.7
 
 
 @dataclass(frozen=True)
-class _Run:
+class Driven:
     """One record on the even clock: finely sampled input, and what the drive started from."""
 
     path: np.ndarray
@@ -83,7 +83,7 @@ class DriveModel:
         wanted = [c for c in ("position", "velocity", self.effort, "motor_position") if c in recording.channels]
         self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity")]
         self.blocks: list[Block] = []
-        self._runs: list[_Run] = []
+        self._runs: list[Driven] = []
         for record in recording.used_for(use):
             self._add(record)
 
@@ -96,7 +96,7 @@ class DriveModel:
         time, series = recorded(record, self.period, sorted(needs))
         effort = None if self.closed else self.effort
         own = given(record, self.plant)
-        self._runs.append(_run(time, series, self.period, effort, record.over > 0.0, own))
+        self._runs.append(driven(time, series, self.period, effort, record.over > 0.0, own))
         along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
@@ -126,7 +126,7 @@ class DriveModel:
     def _of(self, columns: np.ndarray, name: str) -> np.ndarray:
         return columns[self.plant.table.index(name)]
 
-    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> dict[str, np.ndarray]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         kp, kv, kd = (shown[name] for name in GAINS)
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
@@ -145,7 +145,7 @@ class DriveModel:
             effort = effort - behind * np.gradient(v, self.period, axis=0)
         return self._seen(columns, {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}, first)
 
-    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: _Run) -> dict[str, np.ndarray]:
+    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> dict[str, np.ndarray]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
         total = self._of(columns, "mass") + self._of(columns, "motor_mass")
@@ -153,7 +153,7 @@ class DriveModel:
         y, v, motor, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
         return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
 
-    def _followed(self, columns, stiff, damping, run: _Run, force):
+    def _followed(self, columns, stiff, damping, run: Driven, force):
         """As `_replay`, with the recorded force on the motor, and our servo between carriage and recorded place.
 
         The servo acts where it feels, as a spring and a damper would, so that whatever the belt is it takes energy out:
@@ -176,7 +176,7 @@ class DriveModel:
         )  # fmt: skip
         return self._sampled(out, first, run)
 
-    def _begun(self, columns, run: _Run):
+    def _begun(self, columns, run: Driven):
         """(state at the start of a record, the signals [3, n] there, their names)."""
         state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
         signals = ["position", "velocity", "motor_position"]
@@ -184,14 +184,14 @@ class DriveModel:
             state[self.plant.row(name)] = run.speed
         return state, state[[self.plant.row(name) for name in signals]].copy(), signals
 
-    def _sampled(self, out: np.ndarray, first: np.ndarray, run: _Run):
+    def _sampled(self, out: np.ndarray, first: np.ndarray, run: Driven):
         if run.mean:
             whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
         else:
             whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
         return whole[:, 0], whole[:, 1], whole[:, 2], first
 
-    def _replay(self, columns, path, rate, stiff, damping, run: _Run, force):
+    def _replay(self, columns, path, rate, stiff, damping, run: Driven, force):
         """(position, speed, motor's position [T, n], the three at the start [3, n]) under a servo of those gains."""
         table, n = self.plant.table, columns.shape[1]
         columns, steps = columns.copy(), len(run.path)
@@ -247,10 +247,11 @@ def middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, n
     return curve(at), curve(at, 1), curve(np.arange(len(values)) * period, 1)
 
 
-def _run(
+def driven(
     time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool,
     own: Mapping[str, float],
-) -> _Run:  # fmt: skip
+) -> Driven:  # fmt: skip
+    """One record's input; effort: channel that drives, None: the position reference; own: its parameters."""
     position = series["position"].values
     samples = series["position_reference"].values if effort is None else position
     path, rate, rates = middle(samples, period)
@@ -262,7 +263,7 @@ def _run(
     start = float(first.mean()) if still else float(position[0])
     if mean:  # what the effort is computed from is averaged as the effort is
         samples, rates = mean_over_samples(samples, 1), mean_over_samples(rates, 1)
-    return _Run(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean, own)
+    return Driven(path, rate, pushed, samples, rates, start, 0.0 if still else float(moving), mean, own)
 
 
 def _halfway(values: np.ndarray) -> np.ndarray:

@@ -5,6 +5,8 @@ them, and is never reset; where it was recorded that the torque is off (``releas
 angle is predicted. What was recorded of duty and speed is not used: it follows from the angle by the controller's law.
 """
 
+from types import ModuleType
+
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
@@ -23,6 +25,7 @@ from cable_envs.diagnosis.systems.common import (
 from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
+from cable_envs.diagnosis.systems.rotary_joint import observed
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
@@ -39,17 +42,10 @@ def prepare(recording: Recording, request: Request) -> Question:
     """What a recording of a joint asks; ConfigurationError where angle, reference or gain is missing."""
     recording.require("position", "position_reference", purpose="the diagnosis of a rotary joint")
     plant = with_own_effects(plant_for("rotary_joint"), request.own)
-    stated = [given(record, plant) for record in recording.records]
-    said = {
-        *recording.known,
-        *recording.nominal,
-        *(recording.rig.values if recording.rig else ()),
-        *(request.rig or ()),
-    }
-    if "position_gain" not in said and any("position_gain" not in one for one in stated):
+    if not (_states_gain(recording) or "position_gain" in (request.rig or {})):
         raise ConfigurationError(
             f"{recording.path}: no position_gain (1/rad, duty for a radian): state it under known, or as a condition "
-            "of every record"
+            "of every record; or record the motor's torque, current or voltage"
         )
     values = plant_values(recording, plant, request.rig)
     nominals = free_parameters(recording, plant, values, REFITTED, request)
@@ -69,6 +65,16 @@ def prepare(recording: Recording, request: Request) -> Question:
         {name: plant.table[name].unit for name in found},
         lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted), not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def instead(recording: Recording) -> ModuleType | None:
+    """The model of a joint that is held to its recorded motion, where its effort was recorded and no gain is stated."""
+    return observed if observed.effort_of(recording) and not _states_gain(recording) else None
+
+
+def _states_gain(recording: Recording) -> bool:
+    said = {*recording.known, *recording.nominal, *(recording.rig.values if recording.rig else ())}
+    return "position_gain" in said or all("position_gain" in record.conditions for record in recording.records)
 
 
 def _run(recording: Recording, record: Record, plant: Plant) -> Run:

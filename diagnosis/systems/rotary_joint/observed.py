@@ -1,0 +1,195 @@
+"""Recordings of a rotary joint whose motor's torque, current or voltage was recorded, and whose controller is not known.
+
+The joint is given the recorded effort and is held to the recorded angle by a soft servo of our own, as a linear drive
+is (`cable_envs.diagnosis.systems.drive.model`): a spring and a damper to the recorded motion, which the model of the
+joint has to move little where it is right. A torque acts as it is; a current through ``torque_constant``; a voltage
+through the winding's resistance, against the back-EMF. Angle and speed are predicted.
+
+Friction that nobody states is absent, and is found. Gravity is not: what a pendulum of unknown weight pulls is refitted.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, hypotheses_for
+from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
+from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.systems.common import (
+    at_first,
+    augmented_rig,
+    free_parameters,
+    motion_coordinates,
+    plant_values,
+)
+from cable_envs.diagnosis.systems.conditions import given
+from cable_envs.diagnosis.systems.drive.model import DAMPING_RATIO, FINE, SOFT, DriveModel, Driven, driven, recorded
+from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.plants import plant_for
+from cable_envs.plants.base import Plant
+from cable_envs.plants.own_effects import with_own_effects
+from cable_envs.sim.replay import replay
+
+EFFORTS = ("torque", "current", "voltage")
+"""Channels that drive it; of several the first."""
+REFITTED = ("inertia", "load_mass", "hanging_angle")
+"""Refitted unless known."""
+_UNITS = {"position": "rad", "velocity": "rad/s"}
+_OF_SUPPLY = ("dead_band", "quantised_command", "supply_sag", "command_delay", "actuator_lag")
+"""What lies between a command and the motor's effort, which was recorded."""
+_OF_WINDING = ("winding_heating",)
+_SCALES = ("torque_constant", "load_mass", "inertia")
+"""A current tells ratios only: one of these must be stated."""
+
+
+def effort_of(recording: Recording) -> str:
+    """Channel of the motor's effort; empty where none was recorded."""
+    return next((name for name in EFFORTS if name in recording.channels), "")
+
+
+def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Start of all numbers of the plant; friction is absent where nobody names it, and the amplifier has no limits."""
+    values = plant_values(recording, plant, request.rig)
+    if recording.rig is not None or request.rig:
+        return values
+    named = {*recording.known, *recording.nominal}
+    named |= {plant.effects.aliases.get(name, name) for name in named}
+    for name in ("viscous", "coulomb"):
+        if name not in named:
+            values[name] = 0.0
+    return values
+
+
+def asks(recording: Recording, plant: Plant, request: Request) -> tuple[str, ...]:
+    """What must be stated and is not."""
+    if effort_of(recording) == "torque" or recording.rig is not None or request.rig:
+        return ()
+    said = {*recording.known, *recording.nominal}
+    if effort_of(recording) == "voltage":
+        return tuple(name for name in ("torque_constant", "resistance") if name not in said)
+    return () if said & set(_SCALES) else ("torque_constant",)
+
+
+def prepare(recording: Recording, request: Request) -> Question:
+    """What the recording asks; ConfigurationError where what a current or a voltage does is not stated."""
+    recording.require("position", purpose="the diagnosis of a rotary joint")
+    plant, effort = with_own_effects(plant_for("rotary_joint"), request.own), effort_of(recording)
+    if missing := asks(recording, plant, request):
+        raise ConfigurationError(
+            f"{recording.path}: {' and '.join(missing)} must be stated: what a {effort} does is told by nothing else, "
+            "and any size of friction and inertia would go with it. State it, e.g. known: {torque_constant: {value: "
+            "1.2, unit: N m/A}}, at the joint: the motor's times the gear's ratio"
+        )
+    values = values_of(recording, plant, request)
+    if effort == "voltage":  # a bridge with duties up to 1 of what was recorded
+        most = max(float(np.max(np.abs(r.data["voltage"][r.usable("voltage")]))) for r in recording.records)
+        values["supply_voltage"] = max(values["supply_voltage"], 1.01 * most)
+    nominals = free_parameters(recording, plant, values, REFITTED, request)
+    candidates = _candidates(plant, recording, values, nominals, request, effort)
+    free = {f.name: f for f in nominals} | {f.name: f for h in candidates.asked for f in h.free}
+    period = sample_period(recording.records)
+    made = {
+        use: JointModel(plant, recording, use, values, tuple(free.values()), period, effort)
+        for use in ("fit", "heldout")
+    }
+    return Question(
+        "rotary_joint", made["fit"], made["heldout"], tuple(f.name for f in nominals), (), candidates.asked,
+        {name: plant.table[name].unit for name in free},
+        lambda found, accepted: augmented_rig(plant, {**values, **found}, accepted),
+        (f"no controller is replayed: the recorded {effort} drives the joint, which is held softly to its recorded angle",),
+        not_asked=candidates.not_asked,
+    )  # fmt: skip
+
+
+def _candidates(
+    plant: Plant, recording: Recording, values: Mapping[str, float], nominals: Sequence[Free], request: Request,
+    effort: str,
+) -> Candidates:  # fmt: skip
+    modelled = {n: KNOWN for n in recording.known if values.get(n)} | {f.name: FREE for f in nominals}
+    signals = [c for c in (*_UNITS, "current") if c in recording.channels]
+    travel = max(float(np.ptp(r.data["position"][r.usable("position")])) for r in recording.used_for("fit"))
+    found = hypotheses_for(plant, values, modelled, signals, only=request.only, without=request.without, travel=travel)
+    gone = dict.fromkeys(_OF_SUPPLY, f"the motor's {effort} was recorded: what comes before it is not asked")
+    gone["sensor_bias.position"] = "it looks the same as the refitted hanging_angle"
+    gone["sensor_scale.position"] = "no controller is replayed: the recorded effort and angle drive the simulator"
+    if effort != "voltage":
+        gone |= dict.fromkeys(_OF_WINDING, f"the motor's {effort} was recorded: its winding does not matter")
+    for what in ("scale", "bias", "delay", "rectification"):
+        gone[f"sensor_{what}.current"] = "it is not predicted: the recorded effort drives the simulator"
+    return found.less(gone)
+
+
+class JointModel(DriveModel):
+    """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI; ``effort``: the channel that drives it."""
+
+    def __init__(
+        self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
+        period: float, effort: str,
+    ):  # fmt: skip
+        self.plant, self.parameters, self.period, self.closed = plant, tuple(parameters), period, False
+        self.substeps, self.effort = 1, effort
+        table = plant.table
+        self._base = np.array([values[p.name] for p in table])
+        self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters)]
+        self.channels = [name for name in _UNITS if name in recording.channels]
+        self.blocks: list[Block] = []
+        self._runs: list[Driven] = []
+        for record in recording.used_for(use):
+            self._add(record)
+
+    def _add(self, record: Record) -> None:
+        time, series = recorded(record, self.period, sorted({"position", *self.channels, self.effort}))
+        own = given(record, self.plant)
+        self._runs.append(driven(time, series, self.period, self.effort, record.over > 0.0, own))
+        along = motion_coordinates(time, series["position"].values, "rad", "position")
+        late = ~at_first(time, series["position"].values)
+        for channel in self.channels:
+            got = series[channel]
+            self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNITS[channel], along))
+
+    def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
+        columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
+        for k, row in self._inside:
+            columns[row] = values[k]
+        found: list[np.ndarray] = []
+        for run in self._runs:
+            own = columns.copy()
+            for name, value in run.given.items():
+                own[self.plant.table.index(name)] = value
+            y, v, _, first = self._joint(own, run)
+            signals = self._seen(own, {"position": y, "velocity": v}, first[:2])
+            found += [signals[channel] for channel in self.channels]
+        return found
+
+    def _joint(self, columns: np.ndarray, run: Driven):
+        """(angle, speed, current [T, n], the three at the start) under the recorded effort and our servo."""
+        arm, mass = self._of(columns, "arm_length"), self._of(columns, "load_mass")
+        total = self._of(columns, "inertia") + self._of(columns, "load_inertia") + mass * arm**2
+        stiff, damping = total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
+        neutral = self._of(columns, "position_dependent_load.neutral")
+        pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
+        command, released = np.zeros(len(run.path)), np.ones(len(run.path))
+        if self.effort == "voltage":
+            command, released = run.effort[:, None] / self._of(columns, "supply_voltage"), np.zeros(len(run.path))
+        elif self.effort == "current":
+            pushed = pushed + run.effort[:, None] * self._of(columns, "torque_constant")
+        else:
+            pushed = pushed + run.effort[:, None]
+        state, first, signals = self._begun(columns, run)
+        held = columns.copy()
+        held[self.plant.table.index("viscous")] += damping
+        held[self.plant.table.index("position_dependent_load.stiffness")] += stiff
+        out = replay(
+            self.plant, held, command, self.period / FINE, drive="duty", hold="step", signals=signals, state=state,
+            substeps=self.substeps, disturbance=pushed, second=released, sensors=False,
+        )  # fmt: skip
+        return self._sampled(out, first, run)
+
+    def _begun(self, columns: np.ndarray, run: Driven):
+        state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
+        signals = ["position", "velocity", "current"]
+        state[self.plant.row("velocity")] = run.speed
+        return state, state[[self.plant.row(name) for name in signals]].copy(), signals
