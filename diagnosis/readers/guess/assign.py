@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from cable_envs.diagnosis.data.description import told
-from cable_envs.diagnosis.readers.guess.words import OF_SYSTEM, SPECIAL, words_of
+from cable_envs.diagnosis.readers.guess.words import SPECIAL, speaks_for, words_of
 from cable_envs.plants import families
 from cable_envs.plants.family import Family
 
@@ -18,6 +18,12 @@ _BESIDE = 0.01
 """Of the score: columns that come first are taken first, and the drive's channels before the output's."""
 _SPOKEN = 1.5
 """Of the score, for a word that speaks for a system."""
+
+
+THROUGH_RADIUS = {("linear_drive", "force"): "N m", ("linear_drive", "motor_position"): "rad"}
+"""Channels that a motor shows as its torque or angle, by the radius of its pulley -> the SI unit of these."""
+_TURNED = 0.5
+"""Of the score, for a channel that is seen through a radius."""
 
 
 @dataclass(frozen=True)
@@ -62,26 +68,36 @@ def _side(name: str) -> str:
     return "drive" if parts[0] in _DRIVE else "output" if parts[0] in _OUTPUT else ""
 
 
-def matches(signals: Sequence[Signal]) -> list[Match]:
-    """Every system whose recordings can be diagnosed, the best first: those that fit, by what they take."""
-    found = [match(one, signals) for one in families().values() if one.channels and one.least]
+def matches(signals: Sequence[Signal], spoken: frozenset[str] = frozenset()) -> list[Match]:
+    """Every system whose recordings can be diagnosed, the best first: those that fit, by what they take.
+
+    spoken: systems for which something besides the signals speaks, as the names of their files.
+    """
+    found = [match(one, signals, spoken) for one in families().values() if one.channels and one.least]
     return sorted(found, key=lambda m: (len(m.missing), -m.score))
 
 
-def match(family: Family, signals: Sequence[Signal]) -> Match:
+def match(family: Family, signals: Sequence[Signal], spoken: frozenset[str] = frozenset()) -> Match:
     """The channels of one system that signals are, each signal once."""
     names = [name for name in family.channels if name != "time"]
     scores = np.array([
-        [_score(name, family.channels[name], signal) - _BESIDE * (i + j) / 10.0 for j, signal in enumerate(signals)]
+        [_of(family, name, signal) - _BESIDE * (i + j) / 10.0 for j, signal in enumerate(signals)]
         for i, name in enumerate(names)
     ]).reshape(len(names), len(signals))  # fmt: skip
     rows, columns = linear_sum_assignment(np.maximum(scores, 0.0), maximize=True)
     taken = {names[i]: int(j) for i, j in zip(rows, columns, strict=True) if scores[i, j] > 0.0}
     total = float(sum(scores[i, j] for i, j in zip(rows, columns, strict=True) if scores[i, j] > 0.0))
     missing = tuple(group for group in family.least if not set(group) & set(taken))
-    words = {word for signal in signals for word in signal.words}
-    spoken = any(word in OF_SYSTEM.get(family.name, "").split() for word in words)
-    return Match(family.name, taken, missing, total + (_SPOKEN if spoken else 0.0))
+    said = spoken | speaks_for(word for signal in signals for word in signal.words)
+    return Match(family.name, taken, missing, total + (_SPOKEN if family.name in said else 0.0))
+
+
+def _of(family: Family, name: str, signal: Signal) -> float:
+    """As `_score`, of a channel that may be seen through a radius."""
+    turned = THROUGH_RADIUS.get((family.name, name))
+    return max(
+        _score(name, family.channels[name], signal), _TURNED * _score(name, turned, signal) if turned else -1.0
+    )
 
 
 def _score(name: str, si: str, signal: Signal) -> float:

@@ -11,9 +11,10 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.readers.base import files_at
 from cable_envs.diagnosis.readers.formats import table
-from cable_envs.diagnosis.readers.guess.assign import Match, Signal, matches
+from cable_envs.diagnosis.readers.guess.assign import THROUGH_RADIUS, Match, Signal, matches
 from cable_envs.diagnosis.readers.guess.columns import OPEN, Meant, meant
 from cable_envs.diagnosis.readers.guess.raw import Raw, columns_in
+from cable_envs.diagnosis.readers.guess.words import speaks_for, words_of
 from cable_envs.diagnosis.readers.mapping import SCHEMA
 
 FORMS = {"table": table.tables_at, "mat": lambda path: files_at(path, ".mat")}
@@ -23,6 +24,8 @@ RATE = 100.0
 STILL = 0.02
 """Share of the largest travel below which a file is one in which nothing moves."""
 _PLACES = ("m", "rad")
+_ALONG = 0.98
+"""Correlation from which on a position and a motor's angle are one motion."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +79,8 @@ def propose(path: Path, form: str) -> Proposal:
     raw = columns_in(files[0], form)
     found = meant(raw.columns)
     signals = [_signal(m) for m in found]
-    ranked = matches(signals)
+    names = [word for file in files for word in words_of(file.stem)] + words_of(path.stem)
+    ranked = matches(signals, speaks_for(names))
     best = ranked[0]
     if not best.channels:
         listed = "; ".join(f"{_called(m)}: {_what(m)}" for m in found)
@@ -124,7 +128,7 @@ def _text(raw: Raw, found: Sequence[Meant], ranked: Sequence[Match], files: Sequ
     for channel in (c for c in channels_of(best.system) if c in best.channels):
         m = found[best.channels[channel]]
         lines.append(_channel_line(channel, m, found, best))
-        open_ += [channel] if m.sure == OPEN else []
+        open_ += [channel] if m.sure == OPEN or _turned(channel, m, best) else []
     used = {id(found[k]) for k in best.channels.values()} | {id(clock)}
     rest = [m for m in found if id(m) not in used]
     lines += ["# not used:", *(f"#   {_called(m)}: {_what(m)}" for m in rest)] if rest else []
@@ -157,6 +161,8 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
 
 def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
     assert m.unit is not None, "only columns with a unit are taken"
+    if _turned(channel, m, best):
+        return _turned_line(channel, m, found, best)
     parts = [f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {m.unit.name}"]
     if m.clock is not None:
         parts.insert(1, f"clock: {json.dumps(m.clock.place, ensure_ascii=False)}")
@@ -167,6 +173,39 @@ def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -
     why = f"{m.sure}: {_what(m)}"
     against = _against(channel, m, found, best)
     return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{why}; {against}" if against else why)
+
+
+def _turned(channel: str, m: Meant, best: Match) -> bool:
+    """Whether a column is a motor's torque or angle that is a channel through the radius of its pulley."""
+    return m.unit is not None and THROUGH_RADIUS.get((best.system, channel)) == m.unit.si
+
+
+def _turned_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
+    """A motor's torque or angle as a force or place: its radius is what the position goes for a turn of the motor."""
+    assert m.unit is not None, "only columns with a unit are taken"
+    radius, why = _radius(found, best)
+    si = channels_of(best.system)[channel]
+    scale = m.factor * (radius if m.unit.si == "rad" else 1.0 / radius)
+    parts = [
+        f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {si}", f"scale: {scale:.6g}",
+        *(["sign: -1"] if m.sign < 0 else []),
+    ]  # fmt: skip
+    what = "a motor's torque over" if m.unit.si == "N m" else "a motor's angle times"
+    return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{OPEN}: {what} the radius of its pulley, {why}; {_what(m)}")
+
+
+def _radius(found: Sequence[Meant], best: Match) -> tuple[float, str]:
+    """(radius of a motor's pulley, m; how it is known), by the slope of the position over the motor's angle."""
+    place = next((found[best.channels[c]] for c in ("position",) if c in best.channels), None)
+    motor = next((m for m in found if m.unit is not None and m.unit.si == "rad" and not m.told), None)
+    if place is None or motor is None:
+        return 1.0, "which nothing tells: 1 m stands for it"
+    x, y = motor.column.values * motor.factor, place.column.values * place.factor
+    good = np.isfinite(x) & np.isfinite(y)
+    if good.sum() < 3 or np.ptp(x[good]) == 0.0 or abs(np.corrcoef(x[good], y[good])[0, 1]) < _ALONG:
+        return 1.0, "which nothing tells: 1 m stands for it"
+    radius = abs(float(np.polyfit(x[good], y[good], 1)[0]))
+    return radius, f"{1e3 * radius:.4g} mm by the slope of {_called(place)} over {_called(motor)}"
 
 
 def _against(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:

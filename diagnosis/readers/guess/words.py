@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -100,6 +101,7 @@ OF_SYSTEM = {
     "cable_hole": "cable seil tendon sehne rope winch winde hoist hub kabel wrap umschlingung",
     "pulley_circuit": "pulley rolle jaw greifer gripper idler wrist",
     "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch",
+    "rotary_joint": "joint gelenk arm servo pendulum pendel hinge pivot elbow ellbogen knee knie",
 }
 """System -> words that speak for it."""
 _BARE = ("N", "V", "A", "s", "m")
@@ -124,6 +126,21 @@ def unit_of(text: str) -> Unit | None:
     return _UNITS.get(key)
 
 
+def speaks_for(words: Iterable[str]) -> frozenset[str]:
+    """Systems for which words speak: "seilkraft" speaks as "seil" does, and "armature" not as "arm".
+
+    Examples
+    --------
+    >>> sorted(speaks_for(["seilkraft", "mm"])), sorted(speaks_for(["armature"]))
+    (['cable_hole'], [])
+    """
+    said = set(words)
+    return frozenset(
+        system for system, own in OF_SYSTEM.items()
+        if any(word in said or (len(word) > 3 and any(one.startswith(word) for one in said)) for word in own.split())
+    )  # fmt: skip
+
+
 def words_of(name: str) -> list[str]:
     """Words of a header, in small letters, without umlauts; the unit in brackets is none of them.
 
@@ -141,8 +158,8 @@ def unit_in(name: str) -> Unit | None:
 
     Examples
     --------
-    >>> unit_in("Weg in mm").name, unit_in("force (kN)").name, unit_in("pos_mm").name, unit_in("q")
-    ('mm', 'kN', 'mm', None)
+    >>> unit_in("Weg in mm").name, unit_in("force (kN)").name, unit_in("speed_deg_s").name, unit_in("q")
+    ('mm', 'kN', 'deg/s', None)
     """
     for text in _BRACKETS.findall(name):
         if (found := unit_of(text)) is not None:
@@ -150,6 +167,9 @@ def unit_in(name: str) -> Unit | None:
     behind = re.search(r"\s(?:in|/)\s+(\S+)$", name) or re.search(r"\w\s*/\s*([A-Za-z°µ]+)$", name)
     if behind and (found := unit_of(behind.group(1))) is not None:
         return found
+    rate = re.search(r"[_\s.](deg|rad|mm|cm|m)[_\s.]?(?:_s|ps)$", name.strip())
+    if rate:
+        return unit_of(f"{rate.group(1)}/s")
     last = re.search(r"[_\s.]([A-Za-z°µ]+(?:/[a-z]+)?)$", name.strip())
     if last and (last.group(1) in _BARE or last.group(1).lower() not in KIND):
         return unit_of(last.group(1))

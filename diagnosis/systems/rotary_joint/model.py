@@ -74,7 +74,8 @@ def instead(recording: Recording) -> ModuleType | None:
 
 def _states_gain(recording: Recording) -> bool:
     said = {*recording.known, *recording.nominal, *(recording.rig.values if recording.rig else ())}
-    return "position_gain" in said or all("position_gain" in record.conditions for record in recording.records)
+    stated = ["position_gain" in record.conditions for record in recording.records]
+    return "position_gain" in said or (bool(stated) and all(stated))
 
 
 def _run(recording: Recording, record: Record, plant: Plant) -> Run:
