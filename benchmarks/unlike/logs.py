@@ -13,7 +13,7 @@ CONTROL = 1e-3
 
 @dataclass(frozen=True)
 class Sensor:
-    """A column of a log: ``scale`` per SI unit, noise (RMS) and counts in the unit of the column, a filter's time, s."""
+    """A column of a log: ``scale`` per SI unit, noise (RMS) and count in its unit, time constant of a filter in s."""
 
     header: str
     scale: float = 1.0

@@ -46,7 +46,8 @@ def rotary(seed: int) -> Log:
         "run3.csv": sines(rng, -0.2, ((0.6, 0.15, 0.35), (0.15, 0.7, 1.2))),
     }
     sensors = (
-        Sensor("angle_deg", DEG, 0.01, 360.0 / 8192, digits=4), Sensor("speed_deg_s", DEG, 0.3, filtered=0.01, digits=2),
+        Sensor("angle_deg", DEG, 0.01, 360.0 / 8192, digits=4),
+        Sensor("speed_deg_s", DEG, 0.3, filtered=0.01, digits=2),
         Sensor("current_A", 1.0, 0.02, 0.005, digits=3), Sensor("voltage_V", 1.0, 0.0, 24.0 / 1000, digits=3),
         Sensor("target_deg", DEG, digits=3),
     )  # fmt: skip
@@ -74,8 +75,10 @@ def pulleys(seed: int) -> Log:
     mass, stiffness, friction = rng.uniform(2.0, 6.0), rng.uniform(4e3, 1.5e4), rng.uniform(1.0, 4.0)
     viscous = rng.uniform(2.0, 6.0)
     body = (
-        '<geom name="p1" type="cylinder" size="0.03 0.01" zaxis="0 1 0" pos="0.2 0 1"/><site name="s1" pos="0.2 0 1.1"/>'
-        '<geom name="p2" type="cylinder" size="0.03 0.01" zaxis="0 1 0" pos="0.6 0 1"/><site name="s2" pos="0.6 0 1.1"/>'
+        '<geom name="p1" type="cylinder" size="0.03 0.01" zaxis="0 1 0" pos="0.2 0 1"/>'
+        '<site name="s1" pos="0.2 0 1.1"/>'
+        '<geom name="p2" type="cylinder" size="0.03 0.01" zaxis="0 1 0" pos="0.6 0 1"/>'
+        '<site name="s2" pos="0.6 0 1.1"/>'
         '<site name="between" pos="0.4 0 1.03"/>'
         '<body pos="0 0 1.03"><joint name="winch" type="slide" axis="-1 0 0" damping="50"/><site name="a"/>'
         '<geom type="sphere" size="0.01" mass="2"/></body>'
@@ -135,17 +138,17 @@ def continuum(seed: int) -> Log:
     close = ""
     for k in range(count):
         body += (
-            f'<body pos="0 0 {0.0 if k == 0 else link}"><joint name="j{k}" type="hinge" axis="0 1 0" stiffness="{hinge}" '
-            f'damping="{hinge * 0.01}" frictionloss="{rub}"/><geom type="capsule" size="0.002" fromto="0 0 0 0 0 {link}" '
-            f'mass="{0.004}"/><site name="d{k}" pos="{side} 0 {0.5 * link}"/>'
+            f'<body pos="0 0 {0.0 if k == 0 else link}"><joint name="j{k}" type="hinge" axis="0 1 0" '
+            f'stiffness="{hinge}" damping="{hinge * 0.01}" frictionloss="{rub}"/>'
+            f'<geom type="capsule" size="0.002" fromto="0 0 0 0 0 {link}" mass="0.004"/><site name="d{k}" pos="{side} 0 {0.5 * link}"/>'
         )
         close += "</body>"
     route = "".join(f'<site site="d{k}"/>' for k in range(count))
     model = _model(
         body + close + '<body pos="0.006 0 -0.1"><joint name="winch" type="slide" axis="0 0 -1" damping="20"/>'
         '<geom type="sphere" size="0.005" mass="0.3"/><site name="a"/></body>',
-        f'<tendon><spatial name="t" stiffness="2e4" damping="10" springlength="0 {0.1 + length - 0.5 * link}"><site site="a"/>'
-        f'<site site="base"/>{route}</spatial></tendon><actuator><motor joint="winch"/></actuator>',
+        f'<tendon><spatial name="t" stiffness="2e4" damping="10" springlength="0 {0.1 + length - 0.5 * link}">'
+        f'<site site="a"/><site site="base"/>{route}</spatial></tendon><actuator><motor joint="winch"/></actuator>',
         2.5e-4,
     )  # fmt: skip
     place = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, "winch")
@@ -189,8 +192,8 @@ def belt(seed: int) -> Log:
         f'<body><joint name="motor" type="hinge" axis="0 1 0" armature="{rotor}"/><geom type="sphere" size="0.001" '
         f'mass="1e-6"/></body><body pos="0 0.1 0"><joint name="x" type="slide" axis="1 0 0" damping="{viscous}" '
         f'frictionloss="{friction}"/><geom type="box" size="0.05 0.05 0.02" mass="{mass}"/></body>',
-        f'<tendon><fixed name="belt" stiffness="{stiffness}" damping="{damping}"><joint joint="motor" coef="{-radius}"/>'
-        '<joint joint="x" coef="1"/></fixed></tendon><actuator><motor joint="motor"/></actuator>',
+        f'<tendon><fixed name="belt" stiffness="{stiffness}" damping="{damping}">'
+        f'<joint joint="motor" coef="{-radius}"/><joint joint="x" coef="1"/></fixed></tendon><actuator><motor joint="motor"/></actuator>',
     )
     total = rotor + mass * radius**2
     w, state, files = rng.uniform(25.0, 40.0), {"r": 0.0}, {}

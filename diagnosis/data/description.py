@@ -43,6 +43,17 @@ def require_channels(kind: str, names: Iterable[str], system: str) -> None:
         require_known(kind, names, channels_of(system))
 
 
+def si_unit(system: str, channel: str, unit: str) -> str:
+    """SI unit of a channel of a system; of a simulator of one's own the one to which its ``unit`` converts.
+
+    Examples
+    --------
+    >>> si_unit("own", "tip", "deg"), si_unit("linear_drive", "position", "deg")
+    ('rad', 'm')
+    """
+    return si_of(unit) if system == OWN and channel != "time" else channels_of(system)[channel]
+
+
 class _AnyChannel(dict[str, str]):
     """Channels of a user's own simulator, of which nothing is known here but the time."""
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.params import to_si
-from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.description import si_unit
 
 CHUNK_ROWS = 65_536
 """Rows that are held at once: some 10 MB of text."""
@@ -53,7 +53,7 @@ class ChannelSpec:
 
     def factor(self, system: str) -> float:
         """SI for one raw unit."""
-        return self.scale * to_si(1.0, self.unit, channels_of(system)[self.name], self.name)
+        return self.scale * to_si(1.0, self.unit, si_unit(system, self.name, self.unit), self.name)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from typing import Any
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.params import is_number, to_si
-from cable_envs.diagnosis.data.description import channels_of, every, hold, offset_free
+from cable_envs.diagnosis.data.description import channels_of, every, hold, offset_free, require_channels, si_unit
 from cable_envs.diagnosis.data.entries import read_conditions
 from cable_envs.diagnosis.data.record import USES
 from cable_envs.diagnosis.readers.base import ChannelSpec
@@ -112,7 +112,7 @@ def _channels(
 ) -> tuple[dict[str, Any], tuple[ChannelSpec, ...], float | None]:
     if not isinstance(entries, Mapping) or "time" not in entries or len(entries) < 2:
         raise ConfigurationError(f"{origin}: 'channels' must map channels to columns and hold 'time'")
-    require_known(f"channel in {origin}", entries, channels_of(system))
+    require_channels(f"channel in {origin}", entries, system)
     columns, specs, rate = {}, [], None
     for name, entry in entries.items():
         where = f"{origin}: channel {name}"
@@ -158,7 +158,7 @@ def _spec(name: str, entry: Mapping[str, Any], system: str, where: str) -> Chann
     if "unit" not in entry:
         raise ConfigurationError(f"{where}: 'unit' is missing, {channels_of(system)[name]} or one that converts to it")
     unit = str(entry["unit"])
-    to_si(1.0, unit, channels_of(system)[name], where)
+    to_si(1.0, unit, si_unit(system, name, unit), where)
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
         raise ConfigurationError(f"{where}: sign must be 1 or -1, got {sign!r}")

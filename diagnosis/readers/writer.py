@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.description import channels_of
+from cable_envs.diagnosis.data.description import require_channels
 from cable_envs.diagnosis.data.record import behind
 from cable_envs.diagnosis.data.tables import MOST_ROWS
 from cable_envs.diagnosis.data.writing import FILE, SCHEMA, TABLES, Table, move, staging, undo, yaml_text
@@ -52,7 +52,7 @@ def write_data_set(
     Raises ConfigurationError for input that cannot be used; then nothing is left in ``out``.
     """
     require_known("table format", [table], TABLES)
-    require_known(f"channel of {data.system}", [c.name for c in data.channels], channels_of(data.system))
+    require_channels(f"channel of {data.system}", [c.name for c in data.channels], data.system)
     records = select(data.records, chosen, "--select") if chosen else list(data.records)
     after = data.after if after is None and heldout is None else after
     held = _heldout(data, records, heldout)

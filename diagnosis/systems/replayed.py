@@ -20,6 +20,9 @@ from cable_envs.sim.replay import distort, replay
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
 
+NEAR = 0.01
+"""Share of the travel within which a record begins where its first samples say."""
+
 
 @dataclass(frozen=True)
 class Run:
@@ -93,7 +96,7 @@ class ReplayModel:
         for k, run in enumerate(self.runs):
             out = self._seen(run, columns, late)
             if self._shifts[k].size:
-                _settle(run, self._shifts[k], out)
+                _settle(run, self._shifts[k], out, self._shifted > 0.0)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
@@ -202,9 +205,16 @@ def delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
     return left - (part + 1.0) * part * (part - 2.0) / 2.0 * c + (part + 1.0) * part * (part - 1.0) / 6.0 * d
 
 
-def _settle(run: Run, responses: np.ndarray, out: np.ndarray) -> None:
-    """Shift predictions [T, blocks, n] in place by the constants that fit the record best, by the channels' noise."""
-    matrix, right = 0.0, 0.0
+def _settle(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> None:
+    """Shift predictions [T, blocks, n] in place by the constants that fit the record best, by the channels' noise.
+
+    begins: whether the first constant is where the output begins. It is then near where it was measured: what a record
+    that rests at first tells of it is next to nothing, and a model that is far off would shift it by metres.
+    """
+    matrix, right = np.zeros((responses.shape[2],) * 2), 0.0
+    travels = [np.ptp(b.measured[b.good]) for b in run.blocks if b.unit in ("m", "rad") and b.good.any()]
+    if begins and travels and max(travels) > 0.0:
+        matrix[0, 0] = (NEAR * max(travels)) ** -2
     for j, block in enumerate(run.blocks):
         weighed = responses[:, j] * (block.good / jitter(block.measured[block.good]) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]

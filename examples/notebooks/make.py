@@ -14,8 +14,10 @@ HERE = Path(__file__).parent
 SETUP = """# Needed in a hosted notebook only, where the package is not installed yet.
 import importlib.util
 if importlib.util.find_spec("cable_envs") is None:
-    %pip install --quiet "cable-envs[agents,offline]"
+    %pip install --quiet "cable-envs[EXTRAS]"
 """
+EXTRAS = {"closed_circle": "mujoco"}
+"""What a notebook needs, where that is not what the others do."""
 NOTEBOOKS = {
     "gym_loop": """for policy in (random_action, held_weight, proportional):
     print(policy.__name__, run(policy, seconds=10.0))""",
@@ -31,8 +33,13 @@ logs(folder)
 found = ask(folder)
 draw(found)
 again(folder, found)""",
+    "closed_circle": """corrected, errors = circle(rig=0)
+print(corrected)
+told([errors])""",
 }
 """Example -> its last cell."""
+PARTS = {"closed_circle": ("circle", "pendulum", "reality", "controller")}
+"""Of an example that is a folder: its files, the one with its docstring first, whose code comes last."""
 
 
 def cells_of(source: str) -> list[dict[str, Any]]:
@@ -56,10 +63,26 @@ def _cell(kind: str, text: str) -> dict[str, Any]:
     return cell if kind == "markdown" else cell | {"execution_count": None, "outputs": []}
 
 
+def _alone(path: Path, parts: list[Path]) -> str:
+    """The source of a file without what it imports from other parts, which are cells above."""
+    names = {part.stem for part in parts}
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return "\n".join(line for line in lines if not (line.startswith("from ") and line.split()[1] in names))
+
+
 def notebook(name: str) -> str:
     """The content of examples/notebooks/``name``.ipynb."""
-    text, *code = cells_of((HERE.parent / f"{name}.py").read_text(encoding="utf-8"))
-    cells = [text, _cell("code", SETUP), *code, _cell("code", NOTEBOOKS[name])]
+    parts = (
+        [HERE.parent / name / f"{part}.py" for part in PARTS[name]] if name in PARTS else [HERE.parent / f"{name}.py"]
+    )
+    (text, *code), *others = (cells_of(_alone(path, parts)) for path in parts)
+    code = [cell for other in others for cell in other] + code
+    cells = [
+        text,
+        _cell("code", SETUP.replace("EXTRAS", EXTRAS.get(name, "agents,offline"))),
+        *code,
+        _cell("code", NOTEBOOKS[name]),
+    ]
     cells = [{**cell, "id": f"cell-{k}"} for k, cell in enumerate(cells)]
     kernel = {"display_name": "Python 3", "language": "python", "name": "python3"}
     content = {"cells": cells, "metadata": {"kernelspec": kernel}, "nbformat": 4, "nbformat_minor": 5}

@@ -95,9 +95,7 @@ def match(family: Family, signals: Sequence[Signal], spoken: frozenset[str] = fr
 def _of(family: Family, name: str, signal: Signal) -> float:
     """As `_score`, of a channel that may be seen through a radius."""
     turned = THROUGH_RADIUS.get((family.name, name))
-    return max(
-        _score(name, family.channels[name], signal), _TURNED * _score(name, turned, signal) if turned else -1.0
-    )
+    return max(_score(name, family.channels[name], signal), _TURNED * _score(name, turned, signal) if turned else -1.0)
 
 
 def _score(name: str, si: str, signal: Signal) -> float:

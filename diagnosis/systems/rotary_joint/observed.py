@@ -1,11 +1,12 @@
-"""Recordings of a rotary joint whose motor's torque, current or voltage was recorded, and whose controller is not known.
+"""Recordings of a rotary joint whose motor's torque, current or voltage was recorded, its controller unknown.
 
 The joint is given the recorded effort and is held to the recorded angle by a soft servo of our own, as a linear drive
 is (`cable_envs.diagnosis.systems.drive.model`): a spring and a damper to the recorded motion, which the model of the
 joint has to move little where it is right. A torque acts as it is; a current through ``torque_constant``; a voltage
 through the winding's resistance, against the back-EMF. Angle and speed are predicted.
 
-Friction that nobody states is absent, and is found. Gravity is not: what a pendulum of unknown weight pulls is refitted.
+Friction that nobody states is absent, and is found. Gravity is not: what a pendulum of unknown weight pulls is
+refitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -99,7 +100,10 @@ def prepare(recording: Recording, request: Request) -> Question:
         "rotary_joint", made["fit"], made["heldout"], tuple(f.name for f in nominals), (), candidates.asked,
         {name: plant.table[name].unit for name in free},
         lambda found, accepted: augmented_rig(plant, {**values, **found}, accepted),
-        (f"no controller is replayed: the recorded {effort} drives the joint, which is held softly to its recorded angle",),
+        (
+            f"no controller is replayed: the recorded {effort} drives the joint, which is held softly to its recorded "
+            "angle",
+        ),
         not_asked=candidates.not_asked,
     )  # fmt: skip
 
