@@ -140,7 +140,8 @@ def continuum(seed: int) -> Log:
         body += (
             f'<body pos="0 0 {0.0 if k == 0 else link}"><joint name="j{k}" type="hinge" axis="0 1 0" '
             f'stiffness="{hinge}" damping="{hinge * 0.01}" frictionloss="{rub}"/>'
-            f'<geom type="capsule" size="0.002" fromto="0 0 0 0 0 {link}" mass="0.004"/><site name="d{k}" pos="{side} 0 {0.5 * link}"/>'
+            f'<geom type="capsule" size="0.002" fromto="0 0 0 0 0 {link}" mass="0.004"/>'
+            f'<site name="d{k}" pos="{side} 0 {0.5 * link}"/>'
         )
         close += "</body>"
     route = "".join(f'<site site="d{k}"/>' for k in range(count))
@@ -193,7 +194,8 @@ def belt(seed: int) -> Log:
         f'mass="1e-6"/></body><body pos="0 0.1 0"><joint name="x" type="slide" axis="1 0 0" damping="{viscous}" '
         f'frictionloss="{friction}"/><geom type="box" size="0.05 0.05 0.02" mass="{mass}"/></body>',
         f'<tendon><fixed name="belt" stiffness="{stiffness}" damping="{damping}">'
-        f'<joint joint="motor" coef="{-radius}"/><joint joint="x" coef="1"/></fixed></tendon><actuator><motor joint="motor"/></actuator>',
+        f'<joint joint="motor" coef="{-radius}"/><joint joint="x" coef="1"/></fixed></tendon>'
+        '<actuator><motor joint="motor"/></actuator>',
     )
     total = rotor + mass * radius**2
     w, state, files = rng.uniform(25.0, 40.0), {"r": 0.0}, {}

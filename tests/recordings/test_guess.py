@@ -80,6 +80,14 @@ LOGS = {
          "velocity": ("speed [in/s]", "m/s", {"scale": 0.0254}),
          "force": ("load cell [lbf]", "N", {"scale": 4.448221615})},
     ),
+    "a joint with its current, a speed in deg_s": (
+        "arm.csv",
+        text("t_ms,angle_deg,speed_deg_s,current_A,target_deg\n",
+             (1e3 * T, np.degrees(Q), np.degrees(W), 10.0 * M, np.degrees(Q) + RNG.normal(0.0, 0.01, ROWS))),
+        "rotary_joint",
+        {"time": ("t_ms", "ms"), "position": ("angle_deg", "deg"), "velocity": ("speed_deg_s", "deg/s"),
+         "current": ("current_A", "A"), "position_reference": ("target_deg", "deg")},
+    ),
     "times of day as text, a reference": (
         "run.log",
         text("stamp | Soll-Weg mm | Ist-Weg mm | Spannung V\n",
@@ -148,7 +156,9 @@ def test_the_mapping_of_a_foreign_log_is_proposed_and_imports(log, tmp_path):
     assert set(recording.channels) == set(expected)
     record = recording.records[0].data
     place = next(c for c in ("drive_position", "position", "drive_angle") if c in record)
-    truth = np.interp(record["time"] - record["time"][0], T, Q if place == "drive_angle" else X)
+    truth = np.interp(
+        record["time"] - record["time"][0], T, Q if place == "drive_angle" or system == "rotary_joint" else X
+    )
     np.testing.assert_allclose(record[place], truth, atol=2e-3 * np.ptp(truth))
 
 
@@ -270,6 +280,34 @@ def test_a_unit_of_time_that_no_logger_has_is_to_be_confirmed(tmp_path):
     path.write_text(text("time [ms],x [mm],F [N]\n", (T, 1e3 * X, F)))
     found = propose(path, "table")
     assert "time" in found.open and "its step of 0.004 would be a rate of 2.5e+05 Hz" in found.text
+
+
+def test_a_motor_shows_force_and_place_of_a_carriage_through_its_pulley(tmp_path):
+    radius = 0.02
+    path = tmp_path / "axis.csv"
+    columns = (T, 1e3 * X + RNG.normal(0.0, 1e-3, ROWS), np.degrees(X / radius), F * radius)
+    path.write_text(text("t_s,x_mm,motor_deg,torque_Nm\n", columns), encoding="utf-8")
+    found = propose(path, "table")
+    assert found.system == "linear_drive" and {"force", "motor_position"} <= set(found.open)
+    channels = yaml.safe_load(found.text)["channels"]
+    # noise of 1 um over a way of some cm
+    assert channels["force"]["unit"] == "N" and channels["force"]["scale"] == pytest.approx(1.0 / radius, rel=1e-3)
+    assert channels["motor_position"]["scale"] == pytest.approx(np.radians(radius), rel=1e-3)
+
+
+def test_a_log_for_a_simulator_of_ones_own_is_imported_by_a_mapping(tmp_path):
+    path = tmp_path / "bend.csv"
+    path.write_text(text("t,tip,pull\n", (T, np.degrees(Q), F)), encoding="utf-8")
+    mapping = tmp_path / "bend.yaml"
+    mapping.write_text(
+        "schema: cable-mapping/1\nsystem: own\nchannels: {time: {column: t, unit: s}, "
+        "angle: {column: tip, unit: deg}, tension: {column: pull, unit: N}}\n",
+        encoding="utf-8",
+    )
+    data = reader("table").open_dataset(path, Request(mapping=mapping))
+    made = load_recording(write_data_set(data, tmp_path / "out", heldout=[]).path)
+    assert made.system == "own" and made.channels["angle"].si_unit == "rad"
+    assert np.allclose(made.records[0].data["angle"], Q, atol=1e-8)
 
 
 def test_a_folder_says_which_file_is_at_rest(tmp_path):
