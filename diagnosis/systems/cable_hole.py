@@ -52,6 +52,7 @@ DRIVEN_BY = ("drive_velocity_command", "drive_position")
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
+EXTRUSION = ("extrusion_gain", "extrusion_delta", "extrusion_exponent")
 REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
 
@@ -85,8 +86,15 @@ def prepare(recording: Recording, request: Request) -> Question:
 
 
 def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
-    """Start of all numbers of the plant; the hole's radius, where measured, makes the radius ratio."""
+    """Start of all numbers of the plant; the hole's radius, where measured, makes the radius ratio.
+
+    Extrusion is absent where neither a rig nor any of its numbers is stated: a pulley or an edge has none, and what a
+    braided cable in a hole has would be 20 times the friction at 6 cm/s.
+    """
     values = plant_values(recording, plant, request.rig)
+    named = {plant.effects.aliases.get(name, name) for name in {**recording.known, **recording.nominal}}
+    if recording.rig is None and not request.rig and not named & set(EXTRUSION):
+        values["extrusion_gain"] = 0.0
     radius = recording.value("hole_radius")
     if radius is not None and "radius_ratio" not in {**recording.known, **recording.nominal}:
         values["radius_ratio"] = radius / values["cable_radius"]

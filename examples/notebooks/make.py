@@ -55,6 +55,8 @@ def cells_of(source: str) -> list[dict[str, Any]]:
             begin = before.end_lineno or 0
         if main:
             break
+    else:
+        parts.append("\n".join(lines[begin:]).strip("\n"))
     return [_cell("markdown", ast.get_docstring(tree) or "")] + [_cell("code", part) for part in parts if part]
 
 
