@@ -164,3 +164,28 @@ def test_a_simulator_of_ones_own_is_given_the_friction_that_it_lacks(capsys, mon
     level = re.search(r"coulomb_friction, pivot.level: ([\d.]+) N m \(([\d.]+) to ([\d.]+)\); 0.02 was put in", said)
     assert level and abs(float(level[1]) - 0.02) < 2e-4
     assert "the corrected pendulum comes to rest at" in said
+
+
+@pytest.mark.parametrize(
+    ("book", "reference", "task", "most"),
+    [
+        ("textbook_hole", "adaptive-inverse", "CableHole-Position-Sine", 4e-5),
+        ("textbook_circuit", "virtual-jaw", "PulleyCircuit-Position-Sine", 6e-3),
+    ],
+)
+def test_references_are_ahead_of_the_textbook(book, reference, task, most):
+    """Median RMSE of three randomised rigs of the tuning seeds, 10 s of the sinusoid each."""
+    import gymnasium as gym
+
+    from cablebench.entrants.named import named_entrant
+    from cablebench.run.evaluation import core_of, run_episode
+
+    def median(name):
+        entrant = named_entrant(name, sandbox="none")
+        env_id = f"cable_envs/{task}-v0"
+        options = entrant.enters(env_id, {"sensor_noise": True, "randomize": True})
+        env = gym.make(env_id, disable_env_checker=True, duration=10.0, **options)
+        actor = entrant.make(core_of(env).setup)
+        return np.median([np.sqrt(np.mean(run_episode(env, actor, 1000000 + k).error ** 2)) for k in range(3)])
+
+    assert median(reference) < median(str(ROOT / "examples" / f"{book}.py")) < most
