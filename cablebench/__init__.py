@@ -9,7 +9,7 @@ How a command line calls it (nothing here imports torch; rich, jinja2 and matplo
 
     protocol = load_protocol("quick")
     store = ResultStore("results/quick.jsonl")
-    entrants = reference_entrants()                                          # all, or (names)
+    entrants = reference_entrants(protocol=protocol)                         # all that enter it, or (names)
     entrants += (controller_entrant("pid", gains={"kp": 900.0}),             # other gains
                  agent_entrant("ppo", policy, env_id, training_seed=0, environment_steps=200_000, path="runs/ppo.zip"))
     evaluate(protocol, entrants, store=store, progress=lambda p: print(p.done, p.total, p.text))

@@ -7,13 +7,21 @@ from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.entrants.apart import submission_entrant
 from cablebench.entrants.controller_files import FOLDER, controller_file_entrant, shipped_files
 from cablebench.entrants.entrant import Entrant, controller_entrant
+from cablebench.protocol.protocol import Protocol
 
 
-def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
-    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``."""
+def reference_entrants(names: Sequence[str] = (), protocol: Protocol | None = None) -> tuple[Entrant, ...]:
+    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``.
+
+    With a protocol, and without names, only those that enter one of its tasks: some are made for the sensors of a few.
+    """
     from cable_envs.baselines import CONTROLLERS
 
-    return tuple(map(named_entrant, names or CONTROLLERS))
+    found = tuple(map(named_entrant, names or CONTROLLERS))
+    if names or protocol is None:
+        return found
+    cells = protocol.cells((), ())
+    return tuple(e for e in found if any(e.enters(c.task.env, c.environment_options()) is not None for c in cells))
 
 
 def named_entrant(name: str, gains: Mapping[str, float] | None = None, sandbox: str = "auto") -> Entrant:

@@ -193,7 +193,9 @@ def test_the_same_evaluation_gives_the_same_numbers():
 def test_every_reference_enters_where_it_applies_and_the_board_scores_it(tmp_path):
     store, reports = ResultStore(tmp_path / "r.jsonl"), []
     plan = protocol()
-    records = evaluate(plan, reference_entrants(), tracks=["nominal"], store=store, progress=reports.append)
+    records = evaluate(
+        plan, reference_entrants(protocol=plan), tracks=["nominal"], store=store, progress=reports.append
+    )
     assert store.records() and len(store.records()) == len(records)
     assert [p.done for p in reports] == [*range(len(records)), len(records)]
     entered = {r["entrant"] for r in records if r["env_id"] == HOLE}
