@@ -6,7 +6,9 @@ from typing import Any
 
 from cable_envs.core.config import configuration_hash
 from cable_envs.core.errors import ConfigurationError, nearest
+from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
+from cable_envs.sim.stepsize import substeps_for
 from cablebench.protocol.seal import drawn_seeds
 
 PUSH: Mapping[str, Any] = {"kind": "random_steps", "hold": 1.0}
@@ -115,10 +117,20 @@ class Cell:
         return f"{self.task.short} {self.track.name}{at}"
 
     def environment_options(self) -> dict[str, Any]:
-        """The environment's options: the task's, the track's, and the swept one."""
+        """The environment's options: the task's, the track's, the swept one, and substeps if its rig needs more."""
         options = {**self.task.options, **self.track.options}
-        if self.sweep is not None and self.sweep.option:
+        if self.sweep is None:
+            return options
+        if self.sweep.option:
             options[self.sweep.option] = int(self.level) if self.sweep.integer else self.level
+            return options
+        setup = setup_of(self.task.env, options)
+        changed = (self.reset_options(setup) or {}).get("rig")
+        if changed:
+            column = setup.rig.replace(changed).column(setup.plant)
+            needed = substeps_for(setup.plant, column, setup.randomize, setup.control_period, None, setup.task.substeps)
+            if needed > setup.substeps:
+                options["substeps"] = needed
         return options
 
     def reset_options(self, setup: Setup) -> dict[str, Any] | None:

@@ -240,3 +240,15 @@ def test_the_search_beats_the_oracle_by_commands_that_the_environment_confirms()
                 priced.append(info["priced_error"])
     # actions of an environment are float32: 100 N have steps of 6e-6 N
     assert math.sqrt(np.mean(np.square(priced))) == pytest.approx(bound.rmse, rel=0.02)
+
+
+def test_a_swept_rig_gets_the_substeps_that_it_needs():
+    """Friction in a sheath makes it quicker: with 1.4 times its own a reset was refused for 20 substeps."""
+    protocol = load_protocol("suite-v1")
+    cells = [
+        c for c in protocol.cells(("cable_envs/TendonSheath-Track-Hard-v1",), ("robust",)) if c.sweep.name == "friction"
+    ]
+    assert ["substeps" in c.environment_options() for c in cells] == [c.level > 1.2 for c in cells]
+    last = cells[-1]
+    with gym.make(last.task.env, **last.environment_options()) as env:
+        env.reset(seed=protocol.test.seed(0), options=last.reset_options(env.unwrapped.setup))
