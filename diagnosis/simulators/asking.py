@@ -14,14 +14,14 @@ from cable_envs.core.params import ParameterTable
 from cable_envs.diagnosis.intake.logged import FILTER, SPEEDS
 from cable_envs.diagnosis.model.hypotheses import Candidates, hypotheses_for
 from cable_envs.diagnosis.simulators.declaration import Command, Declaration, ForcePort
-from cable_envs.diagnosis.simulators.effects import FORMS, OF_COMMANDS, OF_SENSORS, SAG, SENSOR_LAG
+from cable_envs.diagnosis.simulators.effects import DROOP, FORMS, OF_COMMANDS, OF_SENSORS, SENSOR_LAG
 from cable_envs.diagnosis.simulators.ports import ACTING, OF_PLACE, layout
 from cable_envs.diagnosis.systems.question import Request
 from cable_envs.effects import EFFECTS, Effect, EffectParameter
 
 SHARE = 0.3
 """Typical size of a force, over the RMS of what moves the port."""
-_OF_LIBRARY = ("actuator_lag", "backlash")
+_OF_LIBRARY = ("actuator_lag", "backlash", "command_delay")
 _SENSED = ("sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification")
 _LIMITS = (0.5, 0.7, 0.85, 0.97)
 """Probed limits of a command over its largest size."""
@@ -153,11 +153,12 @@ def _of_command(command: Command, most: float) -> list[Effect]:
         "command_saturation.limit": (most, 0.0, most),
         "backlash.gap": (0.02 * most, 0.0, 2.0 * most),
     }
-    effects = [EFFECTS["actuator_lag"], *OF_COMMANDS]
+    # the library asks for a delay where it is named only; a command of somebody else's program is often late
+    effects = [EFFECTS["actuator_lag"], replace(EFFECTS["command_delay"], hypothesis=True), *OF_COMMANDS]
     if command.unit in ("m", "rad"):
         effects.append(EFFECTS["backlash"])
     if command.full is None:
-        effects.remove(SAG)
+        effects.remove(DROOP)
     units = {"command_dead_band": command.unit, "command_step": command.unit, "command_saturation": command.unit,
              "backlash": command.unit}  # fmt: skip
     found = []
@@ -213,7 +214,7 @@ def _not_asked(declaration: Declaration, sizes: Sizes) -> dict[str, str]:
             found |= {f"{name}.{port.name}": NO_PLACE for name in OF_PLACE}
     for command in declaration.commands:
         if command.full is None:
-            found[f"{SAG.name}.{command.name}"] = NO_SUPPLY
+            found[f"{DROOP.name}.{command.name}"] = NO_SUPPLY
         if command.unit not in ("m", "rad"):
             found[f"backlash.{command.name}"] = "the command is no position, and a gap needs the motion on both sides"
     for output in declaration.outputs:

@@ -53,24 +53,15 @@ COMMAND_GAIN = Effect(
     parameters=(EffectParameter("gain", "1", 1.0, 0.01, 100.0, "factor on the command", 1.1, signed=True),),
     validity="linear amplifiers",
     experiment="Measure what two known commands give",
-    confusable=("sensor_scale", "command_saturation", "supply_sag"),
+    confusable=("sensor_scale", "command_saturation", "supply_droop"),
     over_time=CONSTANT,
-)
-COMMAND_DELAY = Effect(
-    name="command_delay",
-    seam="actuate",
-    equation="u(t) = command(t - time)",
-    source="Smith, Chem. Eng. Prog. 53 (1957) 217: dead time",
-    parameters=(EffectParameter("time", "s", 0.0, 0.0, 1.0, "dead time", 0.02),),
-    validity="until the delay has passed, the first command acts",
-    experiment="Command a step, and a chirp. A delay shifts the step, and a lag smears it",
-    confusable=("actuator_lag", "sensor_delay", "sensor_lag"),
 )
 DEAD_BAND = Effect(
     name="command_dead_band",
     seam="actuate",
     equation="u = command beyond +-width / 2, less that; 0 within",
-    source="Nordin and Gutman, Automatica 38 (2002) 1633: dead zone",
+    source="Nordin and Gutman, Automatica 38 (2002) 1633: dead zone; the law is "
+    "`cable_envs.effects.backlash.dead_zone`, and the width is no share of a largest command, which may be unknown",
     parameters=(EffectParameter("width", "1", 0.0, 0.0, 1e6, "whole width of the dead band", 0.1),),
     validity="amplifiers and valves without memory",
     experiment="Command slow ramps of small size through zero",
@@ -80,7 +71,7 @@ COMMAND_STEP = Effect(
     name="command_step",
     seam="actuate",
     equation="u = step round(command / step)",
-    source="Widrow and Kollar, Quantization Noise, Cambridge 2008",
+    source="Widrow and Kollar, Quantization Noise, Cambridge 2008; the law is `cable_envs.physics.motor.shown`",
     parameters=(EffectParameter("step", "1", 0.0, 0.0, 1e6, "least step of the command", 0.1),),
     validity="converters with even steps",
     experiment="Command a slow ramp. What it does comes in steps",
@@ -94,10 +85,10 @@ SATURATION = Effect(
     parameters=(EffectParameter("limit", "1", 0.0, 0.0, 1e9, "largest size; 0 is no limit", 1.0, inverse=True),),
     validity="limits that are the same in both directions",
     experiment="Command the largest size in both directions",
-    confusable=("command_gain", "supply_sag"),
+    confusable=("command_gain", "supply_droop"),
 )
-SAG = Effect(
-    name="supply_sag",
+DROOP = Effect(
+    name="supply_droop",
     seam="actuate",
     equation="u = command (1 - droop |command| / full)",
     source="Thevenin's theorem: the voltage of a supply with a resistance falls with what is drawn",
@@ -106,7 +97,7 @@ SAG = Effect(
     experiment="Command small and large steps. The large ones give less than in proportion",
     confusable=("command_saturation", "command_gain"),
 )
-OF_COMMANDS = (COMMAND_GAIN, COMMAND_DELAY, DEAD_BAND, COMMAND_STEP, SATURATION, SAG)
+OF_COMMANDS = (COMMAND_GAIN, DEAD_BAND, COMMAND_STEP, SATURATION, DROOP)
 """In which order they act, is said in `cable_envs.diagnosis.simulators.signals.sent`."""
 
 SENSOR_LAG = Effect(
@@ -146,24 +137,12 @@ SENSOR_STEP = Effect(
 OF_SENSORS = (SENSOR_LAG, SENSOR_DRIFT, SENSOR_STEP)
 
 
-def dead_band(values: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """`DEAD_BAND` of commands [n, T], widths [n, 1]."""
-    half = 0.5 * width
-    return np.maximum(values - half, 0.0) + np.minimum(values + half, 0.0)
-
-
-def stepped(values: np.ndarray, step: np.ndarray) -> np.ndarray:
-    """Values in whole steps; as they are where there are none (0)."""
-    some = np.where(step > 0.0, step, 1.0)
-    return np.where(step > 0.0, some * np.round(values / some), values)
-
-
 def limited(values: np.ndarray, limit: np.ndarray) -> np.ndarray:
     """`SATURATION`; as they are without a limit (0)."""
     most = np.where(limit > 0.0, limit, np.inf)
     return np.clip(values, -most, most)
 
 
-def sagging(values: np.ndarray, droop: np.ndarray, full: float) -> np.ndarray:
-    """`SAG`."""
+def drooping(values: np.ndarray, droop: np.ndarray, full: float) -> np.ndarray:
+    """`DROOP`."""
     return values * (1.0 - droop * np.abs(values) / full)

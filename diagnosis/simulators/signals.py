@@ -7,12 +7,13 @@ import numpy as np
 from cable_envs.core.kernels import jit
 from cable_envs.diagnosis.intake.logged import filtered
 from cable_envs.diagnosis.simulators.declaration import Command
-from cable_envs.diagnosis.simulators.effects import dead_band, limited, sagging, stepped
+from cable_envs.diagnosis.simulators.effects import drooping, limited
 from cable_envs.diagnosis.systems.replayed import delayed as smoothly_delayed
 from cable_envs.effects.actuator_lag import keep, lagged
-from cable_envs.effects.backlash import play
+from cable_envs.effects.backlash import dead_zone, play
 from cable_envs.effects.lanes import SENSE
 from cable_envs.effects.sensor_delay import delayed
+from cable_envs.physics.motor import shown as in_steps
 from cable_envs.sim.replay import distort
 
 Values = Mapping[str, np.ndarray]
@@ -42,6 +43,23 @@ def _play(commands, gap, out):
             out[i, k] = nut
 
 
+@jit
+def _dead(commands, width, out):
+    """Commands [n, T] less dead bands [n] (`backlash.dead_zone`)."""
+    for i in range(commands.shape[0]):
+        for k in range(commands.shape[1]):
+            out[i, k] = dead_zone(commands[i, k], width[i])
+
+
+@jit
+def _steps(values, step, out):
+    """Values [n, T] in whole steps [n] (`motor.shown`); as they are where there are none (0)."""
+    for i in range(values.shape[0]):
+        steps = 1.0 / step[i] if step[i] > 0.0 else 0.0
+        for k in range(values.shape[1]):
+            out[i, k] = in_steps(values[i, k], steps)
+
+
 def sent(command: Command, series: np.ndarray, values: Values, period: float) -> np.ndarray:
     """What acts of a command [n, T] over each step of ``period`` s.
 
@@ -57,15 +75,15 @@ def sent(command: Command, series: np.ndarray, values: Values, period: float) ->
     if (late := of("command_delay", "time")) is not None and np.any(late > 0.0):
         series = delayed(series.T, late / period).T
     if (step := of("command_step", "step")) is not None:
-        series = stepped(series, step[:, None])
+        series = _through(_steps, series, step)
     if (width := of("command_dead_band", "width")) is not None:
-        series = dead_band(series, width[:, None])
+        series = _through(_dead, series, width)
     if (gap := of("backlash", "gap")) is not None and np.any(gap > 0.0):
         series = _through(_play, series, gap)
     if (limit := of("command_saturation", "limit")) is not None:
         series = limited(series, limit[:, None])
-    if (droop := of("supply_sag", "droop")) is not None and command.full is not None:
-        series = sagging(series, droop[:, None], command.full)
+    if (droop := of("supply_droop", "droop")) is not None and command.full is not None:
+        series = drooping(series, droop[:, None], command.full)
     if (time := of("actuator_lag", "time")) is not None and np.any(time > 0.0):
         series = _through(_lag, series, time, period)
     return series
@@ -118,5 +136,5 @@ def shown(signals: Sequence[str], series: np.ndarray, values: Values, period: fl
         if rate is not None:
             found[:, j] = found[:, j] + time[:, None] * rate
         if step is not None:
-            found[:, j] = stepped(found[:, j], step)
+            found[:, j] = _through(_steps, found[:, j].T, step).T
     return found

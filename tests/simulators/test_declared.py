@@ -152,7 +152,7 @@ def test_laws_of_commands_and_sensors_are_their_equations():
     seen = cart().corrected(_rig(both)).simulate({"force": force})
     plain = cart().corrected(_rig({})).simulate({"force": acts})
     assert np.allclose(seen["position"], plain["position"], rtol=0.0, atol=1e-12)
-    sagging = cart().corrected(_rig({"supply_sag": {"force.droop": 0.2}})).simulate({"force": force})
+    sagging = cart().corrected(_rig({"supply_droop": {"force.droop": 0.2}})).simulate({"force": force})
     less = cart().corrected(_rig({})).simulate({"force": force * (1.0 - 0.2 * np.abs(force) / 20.0)})
     assert np.allclose(sagging["position"], less["position"], rtol=0.0, atol=1e-12)
     shown = cart().corrected(_rig({"sensor_scale": {"position": 1.1}, "sensor_bias": {"position": 0.3},
@@ -255,4 +255,4 @@ def test_a_command_without_a_port_still_has_its_effects():
     asked, _ = candidates(alone, Sizes({}, {"force": 10.0}, {"position": 1.0}, 5.0), {}, Request())
     names = {h.name for h in asked.asked}
     assert {"actuator_lag.force", "command_saturation.force", "sensor_delay.position"} <= names
-    assert asked.not_asked["coulomb_friction"] == NO_PORT and asked.not_asked["supply_sag.force"] == NO_SUPPLY
+    assert asked.not_asked["coulomb_friction"] == NO_PORT and asked.not_asked["supply_droop.force"] == NO_SUPPLY
