@@ -3,13 +3,13 @@
 How a command line calls it (nothing here imports torch; rich, jinja2 and matplotlib are imported where they are used)::
 
     from cablebench.board import build_board, print_board, render_json, write_board
-    from cablebench.entrants import agent_entrant, controller_entrant, reference_entrants
+    from cablebench.entrants import agent_entrant, controller_entrant, entering, reference_entrants
     from cablebench.protocol import load_protocol, measure
     from cablebench.run import ResultStore, evaluate, run_episode
 
     protocol = load_protocol("quick")
     store = ResultStore("results/quick.jsonl")
-    entrants = reference_entrants(protocol=protocol)                         # all that enter it, or (names)
+    entrants = entering(reference_entrants(), protocol)                      # all, or (names); those that apply
     entrants += (controller_entrant("pid", gains={"kp": 900.0}),             # other gains
                  agent_entrant("ppo", policy, env_id, training_seed=0, environment_steps=200_000, path="runs/ppo.zip"))
     evaluate(protocol, entrants, store=store, progress=lambda p: print(p.done, p.total, p.text))

@@ -1,6 +1,6 @@
 """Entrants by the names that people give them: reference controllers, controller files, .py files."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, nearest
@@ -9,19 +9,33 @@ from cablebench.entrants.controller_files import FOLDER, controller_file_entrant
 from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.protocol.protocol import Protocol
 
+SUITE = "-suite"
+"""How the files of gains for suite v1 end (configs/controllers)."""
 
-def reference_entrants(names: Sequence[str] = (), protocol: Protocol | None = None) -> tuple[Entrant, ...]:
-    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``.
 
-    With a protocol, and without names, only those that enter one of its tasks: some are made for the sensors of a few.
-    """
+def reference_entrants(names: Sequence[str] = ()) -> tuple[Entrant, ...]:
+    """The reference controllers with their default gains, or those that `named_entrant` finds for ``names``."""
     from cable_envs.baselines import CONTROLLERS
 
-    found = tuple(map(named_entrant, names or CONTROLLERS))
-    if names or protocol is None:
-        return found
-    cells = protocol.cells((), ())
-    return tuple(e for e in found if any(e.enters(c.task.env, c.environment_options()) is not None for c in cells))
+    return tuple(map(named_entrant, names or CONTROLLERS))
+
+
+def prepared_entrants(protocol: Protocol) -> tuple[Entrant, ...]:
+    """The reference controllers that enter a protocol, with the gains found for suite v1 where its tasks have some."""
+    from cable_envs.baselines import CONTROLLERS
+
+    files = [name for name in shipped_files() if name.endswith(SUITE)]
+    found = entering(reference_entrants([*CONTROLLERS, *files]), protocol)
+    better = {e.name for e in found}
+    return tuple(e for e in found if e.name + SUITE not in better)
+
+
+def entering(
+    entrants: Iterable[Entrant], protocol: Protocol, tasks: tuple[str, ...] = (), tracks: tuple[str, ...] = ()
+) -> tuple[Entrant, ...]:
+    """Those of the entrants that enter at least one of a protocol's tasks."""
+    options = {(c.task.env, c.track.name): c.environment_options() for c in protocol.cells(tasks, tracks)}
+    return tuple(e for e in entrants if any(e.enters(env, o) is not None for (env, _), o in options.items()))
 
 
 def named_entrant(name: str, gains: Mapping[str, float] | None = None, sandbox: str = "auto") -> Entrant:

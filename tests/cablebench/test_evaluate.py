@@ -12,7 +12,7 @@ from cable_envs.sim.registered import setup_of
 from cablebench.board.board import build_board
 from cablebench.board.scoring import latest
 from cablebench.entrants.entrant import Entrant, agent_entrant, controller_entrant
-from cablebench.entrants.named import reference_entrants
+from cablebench.entrants.named import entering, reference_entrants
 from cablebench.jobs.work import Context, Done, perform
 from cablebench.protocol.actors import ControllerActor, PolicyActor
 from cablebench.protocol.protocol import Protocol, SeedRange, Sweep, Task, Track
@@ -194,7 +194,7 @@ def test_every_reference_enters_where_it_applies_and_the_board_scores_it(tmp_pat
     store, reports = ResultStore(tmp_path / "r.jsonl"), []
     plan = protocol()
     records = evaluate(
-        plan, reference_entrants(protocol=plan), tracks=["nominal"], store=store, progress=reports.append
+        plan, entering(reference_entrants(), plan), tracks=["nominal"], store=store, progress=reports.append
     )
     assert store.records() and len(store.records()) == len(records)
     assert [p.done for p in reports] == [*range(len(records)), len(records)]

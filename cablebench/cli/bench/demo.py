@@ -37,9 +37,8 @@ def demo(
     """Rank every reference controller and a freshly trained PPO agent on a few tasks (within ten minutes)."""
     started = time.monotonic()
     from cable_envs.agents.settings import load_settings
-    from cablebench.cli.shared.arguments import entering
     from cablebench.cli.shared.policies import policy_entrant
-    from cablebench.entrants.named import reference_entrants
+    from cablebench.entrants.named import prepared_entrants
     from cablebench.protocol.files import load_protocol
     from cablebench.run.evaluation import evaluate
     from cablebench.run.folders import open_store
@@ -63,7 +62,7 @@ def demo(
             update(names, p.done, p.total, p.text)
             training.listen()
 
-        evaluate(chosen, entering(reference_entrants(), chosen), store=store, progress=report)
+        evaluate(chosen, prepared_entrants(chosen), store=store, progress=report)
         training.finish()
         names = "agents"
         agents = [policy_entrant(str(folder)) for _, folder in jobs.values()]

@@ -67,7 +67,7 @@ def _entering(
     recipes: Iterable[Any], protocol: Any, tasks: tuple[str, ...], tracks: tuple[str, ...]
 ) -> tuple[Any, ...]:
     """The recipes whose entrants apply to at least one of the tasks."""
-    from cablebench.cli.shared.arguments import entering
+    from cablebench.entrants.named import entering
 
     made = {recipe: recipe() for recipe in recipes}
     kept = entering(made.values(), protocol, tasks, tracks)

@@ -1,6 +1,6 @@
 """Names and options as they stand on the command line."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -117,11 +117,3 @@ def options_for(entrant: Any, env_id: str, options: Mapping[str, Any]) -> dict[s
         if options.get(key, value) != value:
             raise ConfigurationError(f"'{entrant.title}' needs {key}={value}, not {options[key]}")
     return {**options, **needs}
-
-
-def entering(
-    entrants: Iterable[Any], protocol: Any, tasks: tuple[str, ...] = (), tracks: tuple[str, ...] = ()
-) -> tuple[Any, ...]:
-    """Those of the entrants that enter at least one of a protocol's tasks."""
-    options = {(c.task.env, c.track.name): c.environment_options() for c in protocol.cells(tasks, tracks)}
-    return tuple(e for e in entrants if any(e.enters(env, o) is not None for (env, _), o in options.items()))
