@@ -34,6 +34,7 @@ INSIDE = {
     "cablebench": (
         "cli",
         "pays",
+        "concealed",
         "export",
         "pages",
         "tune",

@@ -18,7 +18,7 @@ from cablebench.cli.physics import (
     reproduce,
     retrain_study,
 )
-from cablebench.cli.suite import anchors, try_
+from cablebench.cli.suite import anchors, concealed, try_
 
 SIMULATE, LEARN, BENCHMARK, DIAGNOSE, REPRODUCE = "Simulate", "Learn", "Benchmark", "Diagnose", "Reproduce"
 
@@ -66,6 +66,10 @@ COMMANDS = (
         "cablebench replay --board quick --entrant mrac-g22 --env CableHole-Position-Sine",
     ),
     Command(BENCHMARK, "anchors", anchors.anchors, "cablebench anchors --protocol suite-v1"),
+    Command(
+        BENCHMARK, "concealed", concealed.concealed,
+        "cablebench concealed --mechanism hole --rigs 3 --row nominal-controller --out hidden",
+    ),
     Command(BENCHMARK, "seal", seal.seal, "cablebench seal --protocol quick --out exam"),
     Command(BENCHMARK, "demo", demo.demo, "cablebench demo --out results/demo"),
     Command(DIAGNOSE, "import", import_.import_, "cablebench import table logs --mapping jaw.yaml --out jaw"),

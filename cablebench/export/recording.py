@@ -28,6 +28,9 @@ from cablebench.entrants.entrant import Entrant
 from cablebench.export.trace import Trace, measured
 from cablebench.run.evaluation import core_of, env_id_of
 
+UNTOLD = "Simulated rig; what it has beyond the rig that is stated is not told."
+"""Description of a recording of a concealed rig."""
+
 
 def check_environment(setup: Setup) -> None:
     """ConfigurationError where episodes of ``setup`` do not fit the format: other rigs each time, or no such system."""
@@ -54,12 +57,14 @@ def check_split(episodes: int, heldout: int | None) -> int:
 
 
 def write_recording(
-    traces: Sequence[Trace], full: gym.Env, entrant: Entrant, folder: Path, *, table: str = "csv", heldout: int = 0
-) -> Path:
+    traces: Sequence[Trace], full: gym.Env, entrant: Entrant, folder: Path, *, table: str = "csv", heldout: int = 0,
+    believed: Rig | None = None,
+) -> Path:  # fmt: skip
     """Write ``traces`` to ``folder``; the last ``heldout`` are marked so. Returns the YAML file, which is written last.
 
-    ``full``: the traces' environment made anew with ``observe="full"``. Raises ConfigurationError where the folder
-    holds a recording, and for what `check_environment` names.
+    ``full``: the traces' environment made anew with ``observe="full"``; ``believed``: the rig that the recording states
+    in the place of the true one, of which it then tells nothing. Raises ConfigurationError where the folder holds a
+    recording, and for what `check_environment` names.
     """
     setup = core_of(full).setup
     check_environment(setup)
@@ -73,7 +78,8 @@ def write_recording(
         columns = channel_columns(setup, trace, measured(full, trace))
         files[name] = _csv(columns).encode() if table == "csv" else _parquet(columns)
         records.append({"data": name, "use": "heldout" if k >= len(traces) - heldout else "fit"})
-    rig, rig_file = rig_entry(replace(setup.rig, effects={}, own=()))  # what it has more is not told
+    stated = setup.rig if believed is None else believed
+    rig, rig_file = rig_entry(replace(stated, effects={}, own=()))  # what it has more is not told
     if rig_file is not None:
         files[rig] = rig_file.encode()
     system = setup.rig.plant
@@ -81,11 +87,11 @@ def write_recording(
     channels[family(system).commands[setup.action_mode.name]]["hold"] = "step"
     content = {
         "schema": SCHEMA,
-        "description": _description(full, entrant, traces),
+        "description": _description(full, entrant, traces) if believed is None else UNTOLD,
         "system": system,
         "rig": rig,
-        "known": _parameters(setup.rig, family(system).known),
-        "nominal": _parameters(setup.rig, family(system).nominal),
+        "known": _parameters(stated, family(system).known),
+        "nominal": _parameters(stated, family(system).nominal),
         "records": records,
         "channels": channels,
     }

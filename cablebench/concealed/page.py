@@ -1,0 +1,118 @@
+"""Tables of the concealed track in Markdown, between two marks of a page that people have written."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import write_atomic
+from cable_envs.core.intervals import Interval
+from cable_envs.core.text import markdown_text
+from cablebench.concealed import worth
+from cablebench.concealed.entrants import ROWS
+from cablebench.concealed.hidden import KINDS
+from cablebench.concealed.mechanism import load_mechanism
+from cablebench.protocol.units import shown, unit_of
+
+BEGIN, END = "<!-- begin: cablebench concealed -->", "<!-- end: cablebench concealed -->"
+
+
+def tables(result: Mapping[str, Any]) -> str:
+    """The tables of a result: for each mechanism the rows, what a diagnosis is worth, and the rigs.
+
+    Parameters
+    ----------
+    result : mapping
+        Mechanism -> its rigs, as `cablebench.concealed.track.run` gives them.
+
+    Returns
+    -------
+    str
+        Markdown.
+    """
+    return "\n".join(line for name, rigs in result.items() for line in _of_mechanism(name, rigs))
+
+
+def write_tables(page: Path, text: str) -> None:
+    """Put the tables between the marks of a page; ConfigurationError where it has none."""
+    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
+    _, end, after = rest.partition(END)
+    if not begin or not end:
+        raise ConfigurationError(f"{page}: there is no '{BEGIN}' with '{END}' after it")
+    write_atomic(page, f"{before}{BEGIN}\n\n{text}\n{END}{after}")
+
+
+def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:
+    mechanism = load_mechanism(name)
+    episodes = len(next(iter(rigs[0]["rows"].values()))["scores"])
+    lines = [
+        f"## {mechanism.title}", "",
+        f"{len(rigs)} hidden rigs, {episodes} episodes of `{mechanism.env}` on each.", "",
+        "| row | uses | score | ahead of the nominal controller | " + " | ".join(KINDS) + " | median error | failed |",
+        "|---|---|---|---|" + "--:|" * (len(KINDS) + 2),
+    ]  # fmt: skip
+    unit = _unit(mechanism.env)
+    for entry in worth.standing(rigs):
+        told = ROWS[entry["row"]].told if entry["row"] in ROWS else "as its file says"
+        cells = [
+            f"`{markdown_text(entry['row'])}`", told, _interval(entry["score"]),
+            _interval(entry["ahead"], "+") if "ahead" in entry else "–",
+            *("–" if value is None else f"{value:.2f}" for value in entry["kinds"].values()),
+            f"{shown(entry['error'], 'rmse', unit)} {unit_of('rmse', unit)}",
+            f"{entry['failed']} of {entry['episodes']}",
+        ]  # fmt: skip
+        lines.append(f"| {' | '.join(cells)} |")
+    rows = worth.rows_of(rigs)
+    for who in ("controller", "agent"):
+        with_it, without, oracle = f"diagnosed-{who}", f"nominal-{who}", f"oracle-{who}"
+        if {with_it, without, oracle} <= set(rows):
+            lines += _worth(rigs, who, with_it, without, oracle)
+    if "diagnosed-controller" in rows and (saved := worth.episodes_saved(rigs, "diagnosed-controller")):
+        lines += [
+            "", "Gains chosen by episodes on the hidden rig itself, against the controller with the diagnosis:", "",
+            "| episodes on the rig | score | the diagnosed controller is ahead by |", "|--:|---|---|",
+        ]  # fmt: skip
+        for one in saved:
+            lines.append(f"| {one['episodes']} | {_interval(one['score'])} | {_interval(one['ahead'], '+')} |")
+    return [*lines, "", *_rigs(rigs), ""]
+
+
+def _worth(rigs: Sequence[worth.Rig], who: str, with_it: str, without: str, oracle: str) -> list[str]:
+    lines = [
+        "", f"What the diagnosis is worth to the {who}: error without it over error with it, geometric mean.", "",
+        "| the diagnosis answered | rigs | `" + without + "` / `" + with_it + "` | `" + without + "` / `" + oracle
+        + "` | smaller error with it |", "|---|--:|---|---|--:|",
+    ]  # fmt: skip
+    for one in worth.diagnosis(rigs, with_it, without, oracle):
+        cells = [one["answer"], str(one["rigs"]), _interval(one["times"]), _interval(one["oracle"])]
+        lines.append(f"| {' | '.join(cells)} | {one['better']} of {one['rigs']} |")
+    return lines
+
+
+def _rigs(rigs: Sequence[worth.Rig]) -> list[str]:
+    rows = [r for r in ("nominal-controller", "diagnosed-controller", "oracle-controller") if r in worth.rows_of(rigs)]
+    lines = ["| rig | concealed | answered | named | " + " | ".join(f"`{row}`" for row in rows) + " |",
+             "|--:|---|---|---|" + "--:|" * len(rows)]  # fmt: skip
+    for rig in rigs:
+        hidden = rig["hidden"]
+        concealed = ", ".join(
+            markdown_text(f"{effect}.{name} = {value:.3g}")
+            for effect, numbers in hidden["effects"].items() for name, value in numbers.items()
+        )  # fmt: skip
+        named = next((row["named"] for row in rig["rows"].values() if "verdict" in row), ())
+        cells = [str(hidden["number"]), concealed, worth.answered(rig) or "–", markdown_text(", ".join(named))]
+        lines.append(f"| {' | '.join([*cells, *(f'{worth.score(rig, row):.2f}' for row in rows)])} |")
+    return lines
+
+
+def _interval(found: Interval, sign: str = "") -> str:
+    return f"{found.value:{sign}.2f} [{found.low:{sign}.2f}, {found.high:{sign}.2f}]"
+
+
+def _unit(env_id: str) -> Any:
+    from types import SimpleNamespace
+
+    from cable_envs.sim.registered import setup_of
+
+    setup = setup_of(env_id, {})
+    return SimpleNamespace(output_unit=setup.output_unit, command_unit=setup.action_mode.unit)
