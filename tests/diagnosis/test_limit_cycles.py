@@ -157,7 +157,9 @@ def test_a_limit_cycle_is_named_and_a_rig_that_has_it_is_left_alone():
 def oscillating(tmp_path_factory):
     """A drive under control whose belt has a gap of 35 um: a limit cycle at 38 Hz."""
     folder = tmp_path_factory.mktemp("oscillating")
-    return folder, make(Case("case-1", SEED, "linear_drive", "single", ("backlash",), ">10", "white"), folder / "recording")
+    return folder, make(
+        Case("case-1", SEED, "linear_drive", "single", ("backlash",), ">10", "white"), folder / "recording"
+    )
 
 
 @pytest.fixture(scope="module")
