@@ -27,6 +27,7 @@ import numpy as np
 from numba import njit
 
 from cable_envs.core.compiling.cache import kept
+from cable_envs.core.compiling.pieces import piece
 
 JIT_DISABLED = bool(getattr(numba.config, "DISABLE_JIT"))  # noqa: B009 - set when numba is imported
 
@@ -43,7 +44,7 @@ def jit(function):
     return made if JIT_DISABLED else kept(made)
 
 
-inline = njit(forceinline=True, error_model="numpy")
+inline = (lambda function: function) if JIT_DISABLED else piece
 """Decorator of scalar pieces: merged into their caller, so that loops over columns vectorise."""
 
 
@@ -134,15 +135,15 @@ else:
 
         return base(base, types.intp), codegen
 
-    @njit(forceinline=True, error_model="numpy")
+    @inline
     def row_at(base, first):
         return _offset(base, first)  # type: ignore[call-arg]  # numba gives the context
 
-    @njit(forceinline=True, error_model="numpy")
+    @inline
     def rows_at(base, first, shape):
         return numba.carray(_offset(base, first), shape)  # type: ignore[call-arg]  # numba gives the context
 
-    @njit(forceinline=True, error_model="numpy")
+    @inline
     def tile(rows):
         return numba.carray(stack(rows), (rows, LANES))
 
@@ -160,7 +161,7 @@ else:
 
         return types.CPointer(kind.dtype)(address, kind), codegen
 
-    @njit(forceinline=True, error_model="numpy")
+    @inline
     def received(given, kind, shape):
         """In a kernel: the array that was `handed`, of a kind and shape that the kernel knows."""
         return numba.carray(_entries(given, kind), shape)  # type: ignore[call-arg]  # numba gives the context

@@ -60,7 +60,11 @@ def written(folder, act="pass", reset="pass"):
     return path
 
 
-@pytest.mark.parametrize("act", HOSTILE)
+FEW = ("os._exit(3)", "sys.exit(0)", "ctypes.string_at(0)", "time.sleep(60)", "return None")
+"""One of each kind in `make test`: each case starts two processes, and `test_cheats` has the same with one."""
+
+
+@pytest.mark.parametrize("act", [pytest.param(a, marks=[] if a in FEW else pytest.mark.slow) for a in HOSTILE])
 def test_no_answer_is_a_named_refusal_and_no_run(tmp_path, monkeypatch, act):
     monkeypatch.setattr(apart, "ANSWER", 1.0)
     store, path = ResultStore(tmp_path / "records.jsonl"), written(tmp_path, act)
@@ -71,7 +75,12 @@ def test_no_answer_is_a_named_refusal_and_no_run(tmp_path, monkeypatch, act):
 
 
 @pytest.mark.parametrize(
-    "line", ["import os; os._exit(0)", "import os; os.kill(os.getpid(), 9)", "raise GeneratorExit"]
+    "line",
+    [
+        "import os; os._exit(0)",
+        pytest.param("import os; os.kill(os.getpid(), 9)", marks=pytest.mark.slow),
+        "raise GeneratorExit",
+    ],
 )
 def test_a_file_that_ends_while_it_is_loaded_is_named(tmp_path, line):
     path = written(tmp_path)
@@ -96,6 +105,7 @@ PATCH = """
 """
 
 
+@pytest.mark.slow  # as test_patching_modules_changes_nothing in test_cheats, from reset() and with a look at the frames
 def test_the_scorer_is_out_of_reach(tmp_path):
     honest = evaluate(PROTOCOL, [submission_entrant(written(tmp_path))])
     cheat = evaluate(PROTOCOL, [submission_entrant(written(tmp_path, reset=PATCH.strip()))])

@@ -82,6 +82,13 @@ def test_declarations_become_the_entrant(written):
 def test_what_is_wrong_is_said_with_the_file(written, change, expected):
     path = written(GOOD.replace(*change))
     with pytest.raises(ConfigurationError, match=expected) as caught:
+        kind_of(path, path.read_bytes())  # what the other process runs
+    assert str(path) in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_what_the_other_process_finds_wrong_is_said_here(written):
+    path = written(GOOD.replace("def act(t, y, ref)", "def akt(t, y, ref)"))
+    with pytest.raises(ConfigurationError, match=r"mine\.py has no act\(t, y, ref\)") as caught:
         submission_entrant(path)
     assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 

@@ -119,6 +119,7 @@ def test_of_the_published_board_only_the_tables_with_ones_row_are_printed(place,
     assert "CableHole-Position-Step" in (tmp_path / "r" / "board.md").read_text()
 
 
+@pytest.mark.slow  # test_jobs evaluates in jobs in `make test`
 def test_submitting_in_jobs_gives_the_serial_numbers(place, submitted, cli, tmp_path):
     arguments = ("submit", place / "mine.py", "--protocol", place / "tiny.yaml", "--results", tmp_path, "--trust")
     code, _, err = cli(*arguments, "--jobs", "2")
@@ -131,7 +132,11 @@ def test_submitting_in_jobs_gives_the_serial_numbers(place, submitted, cli, tmp_
         }
 
     assert len(numbers(tmp_path)) == 8 and numbers(tmp_path) == numbers(submitted)
-    code, _, err = cli(*arguments, "--backend", "rey")
+
+
+def test_an_unknown_backend_is_refused(place, cli, tmp_path):
+    flags = ("--protocol", place / "tiny.yaml", "--results", tmp_path, "--trust")
+    code, _, err = cli("submit", place / "mine.py", *flags, "--backend", "rey")
     assert code == 2 and "did you mean 'ray'" in err
 
 

@@ -77,7 +77,10 @@ LOADERS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("loader", [k for k in LOADERS if k != "effect of train"])
+ASKING = [k for k in LOADERS if k not in ("effect of train", "submit")]
+
+
+@pytest.mark.parametrize("loader", [*ASKING, pytest.param("submit", marks=pytest.mark.slow)])  # as "submit renamed"
 def test_every_loader_refuses_unasked_and_remembers_what_was_agreed_to(place, capfd, loader):
     file, *command = LOADERS[loader]
     digest = hashlib.sha256((place / file).read_bytes()).hexdigest()

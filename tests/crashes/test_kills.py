@@ -31,9 +31,9 @@ def whole(tmp_path_factory):
 @pytest.mark.parametrize("name", SAMPLE)
 def test_nothing_is_lost_where_a_command_is_killed_as_it_writes(whole, name):
     case, rng = next(c for c in CASES if c.name == name), random.Random(name)
-    chains = [chain(case, whole, rng, f"chain-{k}", first="change") for k in range(3)]
-    assert sum(len(c["kills"]) for c in chains) >= 3
-    assert [c["wrong"] for c in chains] == [[], [], []]
+    chains = [chain(case, whole, rng, f"chain-{k}", first="change") for k in range(2)]
+    assert sum(len(c["kills"]) for c in chains) >= 2
+    assert [c["wrong"] for c in chains] == [[], []]
 
 
 @pytest.mark.slow

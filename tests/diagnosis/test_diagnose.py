@@ -352,6 +352,7 @@ def test_a_simulators_own_episodes_are_replayed_as_they_were_held(tmp_path):
     assert found.verdict == "no_detectable_mismatch"
 
 
+@pytest.mark.slow
 def test_an_effect_of_the_environment_is_found_in_its_episodes(tmp_path):
     options = ["effects={actuator_lag: {time: 0.01}}"]
     folder = _played(tmp_path / "circuit", "PulleyCircuit-Position-Sine", options, "feedforward-pid-tuned")

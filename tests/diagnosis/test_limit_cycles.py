@@ -157,12 +157,19 @@ def test_a_limit_cycle_is_named_and_a_rig_that_has_it_is_left_alone():
 def oscillating(tmp_path_factory):
     """A drive under control whose belt has a gap of 35 um: a limit cycle at 38 Hz."""
     folder = tmp_path_factory.mktemp("oscillating")
-    key = make(Case("case-1", SEED, "linear_drive", "single", ("backlash",), ">10", "white"), folder / "recording")
-    return folder, key, examine(folder / "recording", effects=["backlash", "actuator_lag", "stribeck_friction"])
+    return folder, make(
+        Case("case-1", SEED, "linear_drive", "single", ("backlash",), ">10", "white"), folder / "recording"
+    )
 
 
-def test_a_gap_with_a_limit_cycle_is_named(oscillating):
-    _, key, examined = oscillating
+@pytest.fixture(scope="module")
+def examined(oscillating):
+    return examine(oscillating[0] / "recording", effects=["backlash", "actuator_lag", "stribeck_friction"])
+
+
+@pytest.mark.slow
+def test_a_gap_with_a_limit_cycle_is_named(oscillating, examined):
+    key = oscillating[1]
     (effect,) = examined.diagnosis.effects
     true = key["effects"][0]["changes"]["backlash.gap"]
     assert effect.name == "backlash" and effect.gain > 1000.0 and effect.heldout_gain > 0.0
@@ -177,8 +184,8 @@ def test_a_gap_with_a_limit_cycle_is_named(oscillating):
 
 
 @pytest.mark.slow
-def test_the_rig_with_the_gap_leaves_nothing_to_find(oscillating):
-    folder, _, examined = oscillating
+def test_the_rig_with_the_gap_leaves_nothing_to_find(oscillating, examined):
+    folder = oscillating[0]
     examined.diagnosis.write(folder / "out")
     again = examine(
         folder / "recording", rig=folder / "out" / "augmented.yaml", effects=["actuator_lag", "stribeck_friction"]

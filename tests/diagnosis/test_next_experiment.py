@@ -121,6 +121,7 @@ def test_the_interval_narrows_as_was_expected(bench):
     assert after.parameters["time"].low < 0.015 < after.parameters["time"].high
 
 
+@pytest.mark.slow
 def test_odds_of_rivals_come_out_as_was_expected(bench):
     """A delay of the angle's sensor is all but the lag of the drive in slow motion, and no more in the next record."""
     first, recorded = bench

@@ -16,6 +16,17 @@ PLANNER = Path(__file__).parents[2] / "examples" / "mppi_on_measurements.py"
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    """The kernels of the planner, kept before it runs: its own process may write nothing, and each would compile."""
+    env = gym.make(HOLE)
+    env.reset(seed=0)
+    env.step(env.action_space.sample())
+    batch = gym.make_vec(HOLE, num_envs=2, vectorization_mode="vector_entry_point", step_infos=False)
+    batch.reset(seed=0)
+    batch.step(batch.action_space.sample())
+
+
 def test_it_is_told_the_nominal_rig_and_what_is_measured():
     entrant = submission_entrant(PLANNER)
     env = gym.make(HOLE, randomize=True, **entrant.needs(HOLE, gym.make(HOLE).unwrapped.setup))

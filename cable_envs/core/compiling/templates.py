@@ -7,6 +7,7 @@ from numba.core.dispatcher import Dispatcher
 
 from cable_envs.core.compiling.cache import KernelCache, kept
 from cable_envs.core.compiling.digests import is_ours, names_read
+from cable_envs.core.compiling.pieces import Piece
 from cable_envs.core.kernels import JIT_DISABLED, inline, jit
 
 
@@ -143,7 +144,7 @@ def is_piece(value):
 
 def _like(piece, function):
     """``function``, compiled as ``piece`` is."""
-    if JIT_DISABLED:
-        return function
+    if JIT_DISABLED or isinstance(piece, Piece):
+        return inline(function)
     made = numba.jit(**piece.targetoptions)(function)
     return kept(made) if isinstance(piece._cache, KernelCache) else made
