@@ -197,8 +197,8 @@ class Simulation:
         self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
         s.followed[:, lanes], s.push[:, lanes], s.bending[:, lanes] = reference, disturbance, posture
         s.key[lanes], s.zero[lanes] = keys, zero
-        s.tension_limit[lanes] = values[parameters.index("tension_limit")]
-        s.breaking_tension[lanes] = values[parameters.index("breaking_tension")]
+        for name in ("tension_limit", "breaking_tension"):
+            getattr(s, name)[lanes] = values[parameters.index(name)] if self.setup.plant.tears else np.inf
         s.proxy_gain[lanes] = self._gain
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
