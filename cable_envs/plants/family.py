@@ -139,8 +139,8 @@ class Family:
     commands : mapping of str to str
         Action mode -> channel of the command.
     limits : mapping of str to str
-        Channel -> parameter that bounds a command of that kind: of a corrected rig the largest that was recorded, where
-        nobody states it.
+        Channel -> parameter that bounds a command of that kind, and says nothing else of the rig: a corrected rig has
+        the largest that was recorded, where nobody states it.
     known, nominal : tuple of str
         Parameters that one measures on a rig before it runs; that a simulator believes and a recording may correct.
     beside : tuple of Parameter

@@ -26,6 +26,7 @@ from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.systems.question import Question
+from cable_envs.diagnosis.systems.stated.limits import untorn
 
 _STANDS_OUT = 3.6
 """Standard deviations that `cable_envs.diagnosis.fit.score_tests.Score.visible` speaks of."""
@@ -60,6 +61,7 @@ def answer(
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
     rig = question.rig(final.fit.values, accepted)
+    rig = untorn(recording, rig) if "plant" in rig else rig
     valid = fitted_range(recording, rig["plant"]) if "plant" in rig else {}
     return Diagnosis(
         verdict,

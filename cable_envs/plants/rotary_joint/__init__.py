@@ -31,12 +31,7 @@ FAMILY = Family(
         "release_reference": "1",
     },
     commands={"position": "position_reference", "duty": "duty"},
-    limits={
-        "torque": "torque_limit",
-        "current": "current_limit",
-        "voltage": "supply_voltage",
-        "position": "position_limit",
-    },
+    limits={"torque": "torque_limit", "current": "current_limit", "position": "position_limit"},
     known=("load_mass", "arm_length", "position_gain", "rate_gain", "duty_limit"),
     nominal=("inertia", "coulomb", "viscous", "torque_constant", "resistance", "supply_voltage", "hanging_angle"),
     needs=(("position",), ("torque", "current", "voltage", "position_reference")),
