@@ -53,8 +53,9 @@ PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
 EXTRUSION = ("extrusion_gain", "extrusion_delta", "extrusion_exponent")
-REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
-"""Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
+REFITTED = ("friction_coefficient", "cable_stiffness", "cable_damping", "load_mass")
+"""Refitted unless known, also where the recording does not name them: no two rigs have them alike. A damping c that is
+too large by 100 N s/m would else make a tension late by 100 N s/m over the stiffness, and a sensor's delay be named."""
 
 
 def prepare(recording: Recording, request: Request) -> Question:
