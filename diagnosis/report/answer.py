@@ -27,6 +27,7 @@ from cable_envs.diagnosis.search.places import located, permuted
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.systems.question import Question
 from cable_envs.diagnosis.systems.stated.limits import untorn
+from cable_envs.plants import family
 
 _STANDS_OUT = 3.6
 """Standard deviations that `cable_envs.diagnosis.fit.score_tests.Score.visible` speaks of."""
@@ -84,7 +85,11 @@ def answer(
             *_unpredicted(selection),
             *_unseen(selection),
         ),
-        {**about, "version": cable_envs.__version__},
+        {
+            **about,
+            "version": cable_envs.__version__,
+            "environment": bool("plant" in rig and family(rig["plant"]).tasks),
+        },
         steps=tuple(_with_units(step, question) for step in selection.steps),
         spectra=() if selection.bands is None else tuple(selection.bands.rows()),
         products=tuple(_products(question, selection)),

@@ -58,7 +58,7 @@ _DAMPED = 0.2
 """Damping ratio at which a belt is looked for."""
 _NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position")
 """A position's zero says nothing."""
-_OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep")
+_OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep", "slow_creep")
 """What only a drive with a belt can have."""
 _OF_LOOP = ("sensor_delay.force", "sensor_rectification.force", "sensor_scale.position")
 """What is asked only where the control loop is replayed."""

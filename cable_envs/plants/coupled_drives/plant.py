@@ -26,7 +26,7 @@ from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, end, slide, sprung
-from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 from cable_envs.plants.coupled_drives.effects import ACTING
 
@@ -104,7 +104,7 @@ def _step(x, p, u, e, s, g, i, dt):
     x.motor_position[i] = select(follows, g.target[i], y + half * (v + v_new))
     x.pulley_position[i] = yp + half * (vp + vp_new)
     x.motor_velocity[i], x.pulley_velocity[i] = v_new, vp_new
-    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], g.elastic[i], g.creep_left[i])
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, g.elastic[i], g.creep_left[i], g.slow_left[i])
     y, v = x.motor_position[i], x.motor_velocity[i]
     advance_memory(u.command[i], y, v, y, v, abs(pull), 0.0, e, s, i)
 

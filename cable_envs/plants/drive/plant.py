@@ -31,7 +31,7 @@ from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
-from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.effects.slow_creep import creeps_on, lasting
 from cable_envs.physics.motor import shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 
@@ -77,6 +77,7 @@ ACTING = Acting(
         "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
         "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("belt_stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
         "actuator_lag": ("time",), "dead_band": ("width",), "quantised_command": ("steps",),
@@ -188,7 +189,7 @@ def _step(x, p, u, e, s, g, i, dt):
     vm_new = vm + alone + along * (v_new - v)
     xm_new = select(follows, g.target[i], xm + half * (vm + vm_new))
     y_new = select(rigid & follows, g.target[i], y + half * (v + v_new))
-    s.creep_top[i] = select(rigid, 0.0, crept(s.creep_top[i], e.viscoelastic_creep_share[i], elastic, g.creep_left[i]))
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, elastic, g.creep_left[i], g.slow_left[i])
     x.position[i], x.velocity[i], x.sliding[i] = y_new, v_new, sign(v_new)
     x.motor_position[i], x.motor_velocity[i] = select(rigid, y_new, xm_new), select(rigid, v_new, vm_new)
     _report(x, p, u, e, s, g, i, v, v_new, dt)
@@ -261,6 +262,7 @@ def _derive(value, e) -> dict[str, np.ndarray]:
         raise ConfigurationError("a belt (belt_stiffness above 0) needs a motor with inertia: motor_mass above 0")
     for name, size in (
         ("backlash.gap", e.backlash_gap), ("viscoelastic_creep.share", e.viscoelastic_creep_share),
+        ("slow_creep.share", e.slow_creep_share),
         ("stiffness_hardening.coefficient", e.stiffness_hardening_coefficient),
     ):  # fmt: skip
         if np.any((size > 0.0) & (value["belt_stiffness"] <= 0.0)):
@@ -296,9 +298,9 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     stretch = np.where(belt, np.sign(force) * size / np.where(belt, p.belt_stiffness, 1.0), 0.0)
     x.position[:], x.force[:], x.voltage[:] = position, force, force / p.force_per_volt
     x.belt_force[:], x.peak_tension[:] = force, np.abs(force)
-    s.creep_top[:] = e.viscoelastic_creep_share * stretch
+    s.creep_top[:], s.slow_creep_top[:] = lasting(e) * stretch, e.slow_creep_share * stretch
     lost = np.where(belt, 0.5 * e.backlash_gap * np.sign(force), 0.0)
-    x.motor_position[:] = position + stretch * (1.0 + e.viscoelastic_creep_share) + lost
+    x.motor_position[:] = position + stretch * (1.0 + lasting(e)) + lost
 
 
 PLANT = Plant(
