@@ -67,5 +67,6 @@ class SteadyPid:
         wanted = self._smooth.update(ref[0], ref[1])
         held = self._view.steady((wanted, ref[1], ref[2]), way)
         measured = y[self._view.signal]
-        share = self._gains.get("feedforward", 1.0)
-        return self._pid.update(wanted - measured, measured, ref[1], share * held, low, high)
+        share, one = self._gains.get("feedforward", 1.0), self._view.unit_command
+        asked = self._pid.update(wanted - measured, measured, ref[1], share * held / one, low / one, high / one)
+        return min(max(asked * one, low), high)

@@ -2,9 +2,10 @@
 
 Importing this package registers ``cable_envs/{CableHole-Position, CableHole-Tension, PulleyCircuit-Position,
 PulleyCircuit-Torque, TendonSheath-Position, TendonSheath-Tension}-{Step, Sine}-{v0, v1}`` and
-``cable_envs/{AntagonistJoint-Position, AntagonistJoint-Torque, Wrist-Position}-{Step, Sine}-v1`` for ``gymnasium.make``
-and ``gymnasium.make_vec``, and the tasks of suite v1 at their levels, as ``cable_envs/CableHole-Track-Hard-v1``
-(`SUITE_IDS`). Nothing is compiled before the first environment is made.
+``cable_envs/{AntagonistJoint-Position, AntagonistJoint-Torque, Wrist-Position, LinearDrive-Position,
+RotaryJoint-Position}-{Step, Sine}-v1`` for ``gymnasium.make`` and ``gymnasium.make_vec``, and the tasks of suite v1 at
+their levels, as ``cable_envs/CableHole-Track-Hard-v1`` (`SUITE_IDS`). Nothing is
+compiled before the first environment is made.
 
 What the package offers beside the ids is imported when it is first asked for:
 

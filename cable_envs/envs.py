@@ -137,6 +137,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | AntagonistJoint-Position-{..}-v1  | joint angle [rad]                | finger-joint| position    | 0.02 rad    |
     | AntagonistJoint-Torque-{..}-v1    | torque of the tendons [N m]      | finger-grasp| torque      | 0.005 N m   |
     | Wrist-Position-{..}-v1            | angle of the yaw joint [rad]     | wrist-8mm   | position    | 0.02 rad    |
+    | LinearDrive-Position-{..}-v1      | position of the carriage [m]     | belt-axis   | force       | 0.001 m     |
+    | RotaryJoint-Position-{..}-v1      | angle of the joint [rad]         | geared-arm  | torque      | 0.01 rad    |
 
     Rig and action mode are the defaults of the task. The tasks of suite v1 (`cable_envs/CableHole-Track-Hard-v1` and
     others, configs/suite) have levels, which say what is drawn for an episode, what sensors show and what ends it.
@@ -160,6 +162,14 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | .._and_co_contraction | second | mean tension | 0 to 40 N         |
     | Wrist         | position    | drive angle     | -2.54 to 2.54 rad |
     | position_and_pitch | second | pitch           | -1.4 to 1.4 rad   |
+    | LinearDrive   | force       | motor force     | -150 to 150 N     |
+    | LinearDrive   | voltage     | motor voltage   | -10 to 10 V       |
+    | LinearDrive   | position    | motor position  | -0.3 to 0.3 m     |
+    | RotaryJoint   | torque      | motor torque    | -6 to 6 N m       |
+    | RotaryJoint   | current     | motor current   | -4 to 4 A         |
+    | RotaryJoint   | voltage     | motor voltage   | -24 to 24 V       |
+    | RotaryJoint   | duty        | bridge's duty   | -1 to 1           |
+    | RotaryJoint   | position    | angle           | -2 to 2 rad       |
 
     ## Observation Space
 
@@ -190,6 +200,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
     | AntagonistJoint-Position | drive_angle, drive_torque, co_contraction   | joint_angle, joint_velocity   |
     | AntagonistJoint-Torque | drive_angle, drive_torque, co_contraction     | joint_torque                  |
     | Wrist-Position         | drive_angle, drive_velocity, pitch_drive_angle | yaw_angle, yaw_velocity      |
+    | LinearDrive-Position   | motor_position, motor_velocity, force         | position, velocity            |
+    | RotaryJoint-Position   | torque, current                               | position, velocity            |
 
     The level "full" adds the state of the load that "output" leaves out. For the hole it also adds `sliding`, for the
     sheath `mobilised` and `sliding`, for the circuit `phase` and the four tensions of the cable.
@@ -213,7 +225,8 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
 
     ## Episode End
 
-    1. Termination: the cable tears, which is when its peak tension in a control step exceeds `breaking_tension`.
+    1. Termination: the cable tears, which is when its peak tension in a control step exceeds `breaking_tension`. Of a
+       rotary joint nothing tears.
     2. Termination: the state is no longer finite, or the error has reached 1e12.
     3. Termination, in suite v1: a rule of the task was broken for longer than it allows (overload, slack, a dropped
        load, a runaway, the grasp force). `failure` in the info is its number.

@@ -19,7 +19,7 @@ from cable_envs.physics.hole_ratio import EXACT, hole_ratio
 from cable_envs.plants import families, variants
 from cable_envs.sim.replay import replay
 
-EFFECT = {"effects": {"backlash": {"gap": 1e-6}}}
+EFFECT = {"effects": {"actuator_lag": {"time": 1e-6}}}
 """One that acts on every plant of the tasks; the kernel with effects has them all."""
 
 

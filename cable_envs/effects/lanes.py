@@ -12,17 +12,19 @@ ELEMENTS = 4
 
 STATE_FIELDS: tuple[Field, ...] = (
     "started", "command", "command_rate", "gap_position", "pulley_angle", "creep_top", "creep_bottom", "drift",
+    "slow_creep_top", "slow_creep_bottom",
     ("presliding", ELEMENTS), ("partial", ELEMENTS), "raised", "second", "second_rate", "gap_opposed",
 )  # fmt: skip
 STATES = Lanes("States", STATE_FIELDS)
 """States of the effects of the library; those of effects with hooks come behind them (`cable_envs.effects.Layout`).
 
-started: 0 until the first control step has given the states that depend on it their values. raised: dry friction over
-what it were without Stribeck's part, in the step before."""
+started: 0 until the first control step has given the states that depend on it their values. creep_top, creep_bottom:
+all creep of a cable; slow_creep_top, slow_creep_bottom: the slow part of it. raised: dry friction over what it were
+without Stribeck's part, in the step before."""
 
 STEP = (
     "asked", "asked_rate", "ramped",  # the command asked for, its rate, and 1 where it goes there in a straight line
-    "lag_left", "lag_late", "creep_left",  # what lag and creep keep over a step; the lag's mean share over a step
+    "lag_left", "lag_late", "creep_left", "slow_left",  # what lag and creep keep over a step; the lag's mean share
     "factor",  # on dry friction, by drift
     "follows", "imposes",  # 1 where the drive follows a path, or its tension is imposed
     "start", "start_rate", "target", "target_rate",  # the drive at the start of the control step, at the step's end

@@ -14,7 +14,7 @@ SHOWN = (
     "coulomb_friction", "viscous_friction", "stribeck_friction", "asymmetric_friction", "presliding_hysteresis",
     "lugre_friction", "elastoplastic_friction", "load_dependent_friction", "gear_friction", "lateral_extrusion",
     "bending_stiffness", "cable_elongation", "stiffness_hardening",
-    "viscoelastic_creep", "friction_drift", "backlash", "slack", "partial_slip", "position_ripple",
+    "viscoelastic_creep", "slow_creep", "friction_drift", "backlash", "slack", "partial_slip", "position_ripple",
     "position_dependent_load", "actuator_lag", "command_delay", "dead_band", "quantised_command", "supply_sag",
     "winding_heating", "sensor_delay", "sensor_bias", "sensor_scale", "sensor_rectification",
 )  # fmt: skip

@@ -12,7 +12,7 @@ from typing import Any
 
 from cable_envs.core.compiling.digests import names_read
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.core.kernels import inline
+from cable_envs.core.kernels import inline, maximum
 from cable_envs.effects.base import Effect, lane_of
 
 ARGUMENTS = {
@@ -64,6 +64,19 @@ def own_contact(position, velocity, tension, tension_behind, e, s, i):
 def own_load(position, velocity, tension, e, s, i):
     """Force (N, N m) that resists the load or output, opposite to positive motion."""
     return 0.0
+
+
+STEP_Y, STEP_V = 1e-7, 1e-6
+"""Steps of the differences that give the slopes of an own load: m and m/s, or rad and rad/s."""
+
+
+@inline
+def own_load_slopes(position, velocity, e, s, i):
+    """(own load, its stiffness, its damping) at a position and speed; the latter two are never negative."""
+    at = own_load(position, velocity, 0.0, e, s, i)
+    stiffness = (own_load(position + STEP_Y, velocity, 0.0, e, s, i) - at) / STEP_Y
+    damping = (own_load(position, velocity + STEP_V, 0.0, e, s, i) - at) / STEP_V
+    return at, maximum(stiffness, 0.0), maximum(damping, 0.0)
 
 
 @inline

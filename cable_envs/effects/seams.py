@@ -33,6 +33,7 @@ def begin(e, s, g, u, i, position, velocity, load, speed, period, dt):
     s.command[i] = select(fresh, u.command[i] - u.command_rate[i] * period, s.command[i])
     s.command_rate[i] = select(fresh, 0.0, s.command_rate[i])
     g.lag_left[i], g.creep_left[i] = keep(e.actuator_lag_time[i], dt), kept(e.viscoelastic_creep_time[i], dt)
+    g.slow_left[i] = kept(e.slow_creep_time[i], dt)
     g.lag_late[i] = (1.0 - g.lag_left[i]) * e.actuator_lag_time[i] / dt
     half = 0.5 * period  # what drifts slowly is taken in the middle of the control step
     worn = drifted(

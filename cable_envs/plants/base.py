@@ -248,6 +248,14 @@ class Plant:
         return hash((self.name, self.version, self.drive, len(self.signals), self.own))
 
     @property
+    def tears(self) -> bool:
+        """Whether something of it can tear: it then has the signal peak_tension, and the limits of that are parameters.
+
+        Where nothing can, no tension ends an episode.
+        """
+        return "breaking_tension" in self.parameters.names
+
+    @property
     def coefficients(self) -> tuple[str, ...]:
         """A name for every coefficient row of the plant's own."""
         return self.coefficient_rows.labels

@@ -138,6 +138,9 @@ class Family:
         Channel -> signal of the plant, where their names differ.
     commands : mapping of str to str
         Action mode -> channel of the command.
+    limits : mapping of str to str
+        Channel -> parameter that bounds a command of that kind, and says nothing else of the rig: a corrected rig has
+        the largest that was recorded, where nobody states it.
     known, nominal : tuple of str
         Parameters that one measures on a rig before it runs; that a simulator believes and a recording may correct.
     beside : tuple of Parameter
@@ -170,6 +173,7 @@ class Family:
     channels: Mapping[str, str] = field(default_factory=dict)
     signals: Mapping[str, str] = field(default_factory=dict)
     commands: Mapping[str, str] = field(default_factory=dict)
+    limits: Mapping[str, str] = field(default_factory=dict)
     known: tuple[str, ...] = ()
     nominal: tuple[str, ...] = ()
     beside: tuple[Parameter, ...] = ()

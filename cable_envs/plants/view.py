@@ -5,6 +5,11 @@ from typing import ClassVar, Protocol
 
 Gains = Mapping[str, tuple[str, float, float]]
 """Name of a gain -> (unit, default, largest)."""
+ACCELERATION: Gains = {
+    "kp": ("1/s^2", 560.0, 1e4), "ki": ("1/s^3", 2000.0, 1e5), "kd": ("1/s", 37.0, 500.0),
+    "filter_time": ("s", 0.005, 0.5),
+}  # fmt: skip
+"""A PID that asks for an acceleration: of a free mass its poles are those of (s^2 + 2 0.8 20 s + 20^2) (s + 5), 1/s."""
 Reference = tuple[float, float, float]
 """r, r_dot, r_ddot in SI."""
 
@@ -91,6 +96,9 @@ class View:
     ----------
     signal : str
         Measured signal that should follow the reference.
+    unit_command : float
+        Command for one unit of what the PID asks for; 1 where that is a command. Of a drive that is told its force or
+        torque the PID asks for an acceleration, and the gains fit any inertia.
     pid : mapping of (str, str) to Gains
         (action mode, task) -> gains "kp", "ki", "kd" and "filter_time" of a PID on that signal.
     hauls : tuple of str
@@ -100,6 +108,7 @@ class View:
     pid: ClassVar[Mapping[tuple[str, str], Gains]]
     hauls: ClassVar[tuple[str, ...]] = ()
     signal: str
+    unit_command: float = 1.0
 
     def __init__(self, rig: Mapping[str, float], action_mode: str, task: str):
         raise NotImplementedError

@@ -166,7 +166,8 @@ def _common(setup: Setup) -> np.recarray:
     c.waiting = c.ring + (c.slots * c.sensors if c.slots > 1 else 0)
     c.actions = len(setup.ranges)
     c.rows = c.waiting + c.action_delay * c.actions
-    c.output, c.peak = plant.row(task.output), plant.row("peak_tension")
+    c.output = plant.row(task.output)
+    c.peak = plant.row("peak_tension") if plant.tears else c.output  # without a limit
     c.substeps, c.last_step, c.mode = setup.substeps, setup.steps, plant.number_of(setup.action_mode)
     c.dt, c.period = setup.control_period / setup.substeps, setup.control_period
     c.low, c.high, c.error_scale, c.effort_weight = setup.low, setup.high, task.error_scale, task.effort_weight

@@ -197,13 +197,18 @@ class Simulation:
         self.values[:, lanes], b.p[:, lanes], b.x[:, lanes] = values, p, x
         s.followed[:, lanes], s.push[:, lanes], s.bending[:, lanes] = reference, disturbance, posture
         s.key[lanes], s.zero[lanes] = keys, zero
-        s.tension_limit[lanes] = values[parameters.index("tension_limit")]
-        s.breaking_tension[lanes] = values[parameters.index("breaking_tension")]
+        self._tearing(lanes, values)
         s.proxy_gain[lanes] = self._gain
         s.step[lanes] = s.reward[lanes] = s.terminated[lanes] = s.truncated[lanes] = 0.0
         self._hold_still(lanes, x)
         begin = steppers.begin_of(1 if self.with_effects else None, conditions is not None)
         begin(b.block, b.obs, b.common, lanes)
+
+    def _tearing(self, lanes: np.ndarray, values: np.ndarray) -> None:
+        """The tensions beyond which mechanisms are overloaded and tear; none of a plant that cannot."""
+        parameters, s = self.setup.plant.table, self._named
+        for name in ("tension_limit", "breaking_tension"):
+            getattr(s, name)[lanes] = values[parameters.index(name)] if self.setup.plant.tears else np.inf
 
     def _prepared(self, values: np.ndarray) -> np.ndarray:
         """Coefficients; where the step need not fit the rig, the rig is made to fit the step."""

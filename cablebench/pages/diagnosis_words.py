@@ -230,7 +230,7 @@ def advice(record: Mapping[str, Any]) -> str:
     verdict = record["verdict"]
     if verdict in ("named", "partly_named"):
         rig = record["augmented_rig"]
-        if record["about"]["system"] == "linear_drive":  # no environment has it
+        if not record["about"].get("environment", True):
             return f"Use the corrected rig, {rig}, which has the effect and the refitted parameters."
         return f"Simulate with the corrected rig, which has the effect and the refit: gymnasium.make(..., rig='{rig}')."
     if verdict == "equivalence_class":

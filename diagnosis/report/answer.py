@@ -26,6 +26,8 @@ from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.systems.question import Question
+from cable_envs.diagnosis.systems.stated.limits import untorn
+from cable_envs.plants import family
 
 _STANDS_OUT = 3.6
 """Standard deviations that `cable_envs.diagnosis.fit.score_tests.Score.visible` speaks of."""
@@ -60,6 +62,7 @@ def answer(
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
     accepted = [a.hypothesis.name for a in selection.accepted] if named else []
     rig = question.rig(final.fit.values, accepted)
+    rig = untorn(recording, rig) if "plant" in rig else rig
     valid = fitted_range(recording, rig["plant"]) if "plant" in rig else {}
     return Diagnosis(
         verdict,
@@ -82,7 +85,11 @@ def answer(
             *_unpredicted(selection),
             *_unseen(selection),
         ),
-        {**about, "version": cable_envs.__version__},
+        {
+            **about,
+            "version": cable_envs.__version__,
+            "environment": bool("plant" in rig and family(rig["plant"]).tasks),
+        },
         steps=tuple(_with_units(step, question) for step in selection.steps),
         spectra=() if selection.bands is None else tuple(selection.bands.rows()),
         products=tuple(_products(question, selection)),

@@ -53,8 +53,9 @@ PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
 EXTRUSION = ("extrusion_gain", "extrusion_delta", "extrusion_exponent")
-REFITTED = ("friction_coefficient", "cable_stiffness", "load_mass")
-"""Refitted unless known, also where the recording does not name them: no two rigs have them alike."""
+REFITTED = ("friction_coefficient", "cable_stiffness", "cable_damping", "load_mass")
+"""Refitted unless known, also where the recording does not name them: no two rigs have them alike. A damping c that is
+too large by 100 N s/m would else make a tension late by 100 N s/m over the stiffness, and a sensor's delay be named."""
 
 
 def prepare(recording: Recording, request: Request) -> Question:
@@ -104,6 +105,10 @@ def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str,
 def _candidates(recording, plant, values, nominals, signals, request: Request) -> Candidates:
     soft = {"cable_stiffness": values["cable_stiffness"] >= STIFF}
     found = missing(recording, plant, values, nominals, signals, request, soft, ("drive_position", "load_position"))
+    free = [name for name in signals if recording.channels[name].offset_free]
+    found = found.less(
+        {f"sensor_bias.{name}": "its zero is said to be free, and is that of each record" for name in free}
+    )
     if "friction_coefficient" in {p.name for p in nominals}:
         found = leave_out(found, AS_FRICTION, "it looks the same as the refitted friction_coefficient")
     return claimed(found, values)
@@ -147,7 +152,11 @@ def _run(
     values = {**values, **own}
     weight = values["load_mass"] * values["gravity"] * values["load_gravity"]
     settling = time - time[0] <= SETTLING
-    if "load_position" in seen:
+    free = tuple(name for name in signals if recording.channels[name].offset_free)
+    held_at = "drive_position" if rate is not None and "load_position" in free else ""
+    if held_at:
+        start = float(command[0]) - weight / values["cable_stiffness"]
+    elif "load_position" in seen:
         start = float(np.mean(seen["load_position"].values[settling]))
     elif "drive_position" in seen:
         start = float(np.mean(seen["drive_position"].values[settling])) - weight / values["cable_stiffness"]
@@ -156,7 +165,10 @@ def _run(
     along = _coordinates(time, seen, period)
     sensors = SENSORS if rate is None else dict.fromkeys(signals, "")  # a followed drive's noise is in all of them
     blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
-    return Run(command, rate, start, tuple(signals), blocks, own, hold=hold, mean=record.over > 0.0)
+    return Run(
+        command, rate, start, tuple(signals), blocks, own, offset=free, hold=hold, mean=record.over > 0.0,
+        held_at=held_at,
+    )  # fmt: skip
 
 
 def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...]:

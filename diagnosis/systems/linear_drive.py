@@ -40,6 +40,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     effort_of,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.stated.limits import limits_of
 from cable_envs.diagnosis.systems.units import Suspect, hint, series_of, speed_of, value_of
 from cable_envs.effects import EFFECTS
 from cable_envs.plants import plant_for
@@ -57,7 +58,7 @@ _DAMPED = 0.2
 """Damping ratio at which a belt is looked for."""
 _NO_HYPOTHESIS = ("sensor_bias.position", "sensor_bias.motor_position")
 """A position's zero says nothing."""
-_OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep")
+_OF_BELT = ("backlash", "stiffness_hardening", "viscoelastic_creep", "slow_creep")
 """What only a drive with a belt can have."""
 _OF_LOOP = ("sensor_delay.force", "sensor_rectification.force", "sensor_scale.position")
 """What is asked only where the control loop is replayed."""
@@ -103,6 +104,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         use: DriveModel(plant, recording, use, values, tuple(free.values()), period, closed, steps)
         for use in ("fit", "heldout")
     }
+    limits = limits_of(recording, request)
     how = "no controller was found to replay, so the carriage is held to its recorded position by a soft servo"
     if closed:
         how = f"the control loop is replayed; its effort differs by {explained:.2f} times what noise alone would make"
@@ -116,7 +118,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
         (*GAINS, HOLD, OFFSET), candidates.asked, {f.name: _unit(plant, f.name) for f in free.values()},
-        lambda found, accepted: _rig(plant, {**values, **found}, accepted), tuple(notes), at_rest=closed,
+        lambda found, accepted: _rig(plant, {**values, **found, **limits}, accepted), tuple(notes), at_rest=closed,
         not_asked=candidates.not_asked,
     )  # fmt: skip
 

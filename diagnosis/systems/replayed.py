@@ -20,6 +20,8 @@ from cable_envs.sim.replay import distort, replay
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
 
+SECANTS, SHIFT = 3, 1e-5
+"""Steps, and their length in m or rad, in which the rest of an output is found from that of its drive."""
 NEAR = 0.01
 """Share of the travel within which a record begins where its first samples say."""
 
@@ -37,6 +39,8 @@ class Run:
     hold          | "ramp": the command goes from sample to sample; "step": each is held over the step that ends there
     mean          | whether samples are means over the control step around them
     second        | of a drive with a second command: at every sample [T]; None: as at rest
+    held_at       | signal of the drive that is at ``command[0]`` when the record begins, at rest: the output is where
+                  | each set of parameters has it then; "": it is at ``start``
     """
 
     command: np.ndarray
@@ -49,6 +53,7 @@ class Run:
     hold: str = "ramp"
     mean: bool = False
     second: np.ndarray | None = None
+    held_at: str = ""
 
 
 class ReplayModel:
@@ -111,24 +116,24 @@ class ReplayModel:
         """
         waits = np.any(late > 0.0, axis=0)
         if not waits.any():
-            return self._prompt(run, columns, run.start)
+            return self._prompt(run, columns)
         out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
         if not waits.all():
-            out[:, :, ~waits] = self._prompt(run, columns[:, ~waits], run.start)
+            out[:, :, ~waits] = self._prompt(run, columns[:, ~waits])
         fine = self._fine()
-        series = self._replay(run, columns[:, waits], run.start, fine)
+        series = self._replay(run, columns[:, waits], 0.0, fine)
         for j in range(len(run.blocks)):
             steps = late[j, waits] * fine / self.period
             seen = delayed(series[:, j], steps)
             out[:, j, waits] = mean_over_samples(seen, fine) if run.mean else seen[fine - 1 :: fine]
         return out
 
-    def _prompt(self, run: Run, columns: np.ndarray, start: float) -> np.ndarray:
-        """Signals [T, blocks, n] as sensors that are not late show them."""
+    def _prompt(self, run: Run, columns: np.ndarray, shift: float = 0.0) -> np.ndarray:
+        """Signals [T, blocks, n] as sensors that are not late show them; ``shift`` of the output's start."""
         if not run.mean:
-            return self._replay(run, columns, start)
+            return self._replay(run, columns, shift)
         fine = self._fine()
-        return mean_over_samples(self._replay(run, columns, start, fine), fine)
+        return mean_over_samples(self._replay(run, columns, shift, fine), fine)
 
     def _fine(self) -> int:
         """Parts of a control step in which signals are computed where the step's end alone does not do."""
@@ -138,7 +143,18 @@ class ReplayModel:
         """Whether a control step may be cut into so many: at least `FINE` if it has as many steps of integration."""
         return self.substeps % parts == 0 and parts >= min(FINE, self.substeps)
 
-    def _replay(self, run: Run, columns: np.ndarray, start: float, fine: int = 1) -> np.ndarray:
+    def _begins(self, run: Run, columns: np.ndarray) -> np.ndarray:
+        """Position of the output when the record begins, for columns [len(table), n]."""
+        at = np.full(columns.shape[1], run.start)
+        if not run.held_at:
+            return at
+        p, row = self.plant.prepare(columns), self.plant.row(run.held_at)
+        for _ in range(SECANTS):
+            here, beside = (self.plant.rest(p, at + more)[row] for more in (0.0, SHIFT))
+            at = at + SHIFT * (run.command[0] - here) / np.maximum(beside - here, 1e-3 * SHIFT)
+        return at
+
+    def _replay(self, run: Run, columns: np.ndarray, shift: float, fine: int = 1) -> np.ndarray:
         """Signals [T fine, blocks, n] of a run, ``fine`` times in every control step."""
         columns = with_given(self.plant, columns, run.given)
         command, rate = run.command, run.rate
@@ -154,12 +170,13 @@ class ReplayModel:
         if second is not None and self.lead:
             second = np.concatenate([np.full(self.lead * fine, second[0]), second])
         alone, place = self._without_sensors(columns)
+        start = self._begins(run, alone) + shift
         out = replay(
             self.plant, alone, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
             start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False, second=second,
         )  # fmt: skip
         rows = [self.plant.row(name) for name in run.signals]
-        first = self.plant.rest(self.plant.prepare(alone), np.full(alone.shape[1], start))[rows]
+        first = self.plant.rest(self.plant.prepare(alone), start)[rows]
         p = self.plant.prepare(columns)
         out = np.take(out, place, axis=2)
         out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
@@ -180,7 +197,7 @@ class ReplayModel:
         found = []
         if step > 0.0:
             base = self._base[:, None]
-            change = self._prompt(run, base, run.start + step) - self._prompt(run, base, run.start)
+            change = self._prompt(run, base, step) - self._prompt(run, base)
             found.append(change[:, :, 0] / step)
         for j, signal in enumerate(run.signals):
             if signal in run.offset:

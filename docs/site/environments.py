@@ -204,7 +204,10 @@ def _limits(setup: Setup) -> str:
     rows = [
         (f"`{name}`", f"{setup.rig.values[name]:g}", setup.plant.parameters[name].unit)
         for name in ("breaking_tension", "tension_limit")
+        if setup.plant.tears
     ]
+    if not rows:
+        return "Nothing of this mechanism tears."
     return table(("of this rig", "value", "unit"), rows, numbers=(1,))
 
 

@@ -28,6 +28,10 @@ CASES = {
     "cable_elongation": BELT,
     "stiffness_hardening": {**BELT, "stiffness_hardening.coefficient": 0.1},
     "viscoelastic_creep": {**BELT, "viscoelastic_creep.share": 3.0, "viscoelastic_creep.time": 0.2},
+    "slow_creep": {
+        **BELT, "viscoelastic_creep.share": 1.5, "viscoelastic_creep.time": 0.05, "slow_creep.share": 2.0,
+        "slow_creep.time": 0.4,
+    },
     "backlash": {**BELT, "backlash.gap": 0.004},
 }  # fmt: skip
 
@@ -91,7 +95,9 @@ def test_a_servo_reaches_its_command():
     assert out[-1, :, 0] == pytest.approx([0.1, 0.0], abs=1e-6)  # 3 s are 96 time constants of the servo
 
 
-@pytest.mark.parametrize("name", ["backlash.gap", "viscoelastic_creep.share", "stiffness_hardening.coefficient"])
+@pytest.mark.parametrize(
+    "name", ["backlash.gap", "viscoelastic_creep.share", "slow_creep.share", "stiffness_hardening.coefficient"]
+)
 def test_what_needs_a_belt_says_so(name):
     with pytest.raises(ConfigurationError, match="needs a belt"):
         PLANT.prepare(PLANT.table.pack({name: 0.01})[:, None])

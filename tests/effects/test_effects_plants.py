@@ -97,6 +97,7 @@ def test_hole_cable_law_of_hardening_slack_and_creep():
         ({"stiffness_hardening.coefficient": 0.02}, plain),
         ({"slack.length": 2e-3}, WEIGHT / 60e3 + 2e-3),
         ({"viscoelastic_creep.share": 0.5}, 1.5 * WEIGHT / 60e3),
+        ({"viscoelastic_creep.share": 0.5, "slow_creep.share": 0.25}, 1.75 * WEIGHT / 60e3),
     ):
         out = _hole(0.0, 0.1, ["drive_position", "load_position", "drive_tension"], **changes)
         assert out[:, 0] - out[:, 1] == pytest.approx(stretch, rel=1e-9)
@@ -115,6 +116,29 @@ def test_hole_creep_is_a_standard_linear_solid():
     relaxing = out[12:40, 0] - out[-1, 0]
     rate = -np.polyfit(np.arange(28) * 0.01, np.log(relaxing), 1)[0]
     assert rate == pytest.approx((1 + share) / time, rel=0.05)  # at a fixed stretch it is faster by 1 + share
+
+
+def test_two_elements_creep_by_two_exponentials_under_a_constant_tension():
+    """The head of `effects.slow_creep`: T / k (1 + sum of share (1 - e^(-t / time))), the load held by friction.
+
+    The cable's tension at the drive jumps from the weight to 1.2 times that, and the drive tells the stretch.
+    """
+    shares, times = (0.6, 0.4), (0.3, 4.0)
+    changes = {
+        "viscoelastic_creep.share": shares[0], "viscoelastic_creep.time": times[0], "slow_creep.share": shares[1],
+        "slow_creep.time": times[1], "friction_coefficient": 2.0,
+    }  # fmt: skip
+    values = HOLE.table.pack({**STATIC, **changes})[:, None]
+    names = ["drive_position", "load_position", "drive_tension"]
+    told = np.full(1000, 1.2 * WEIGHT)
+    out = replay(HOLE, values, told, 0.01, drive="imposed", hold="step", signals=names, substeps=10)[:, :, 0]
+    assert np.all(out[:, 1] == 0.0) and out[:, 2] == pytest.approx(1.2 * WEIGHT, rel=1e-12)
+    time = np.arange(1, 1001) * 0.01
+    grown = sum(s * (1.0 - np.exp(-time / t)) for s, t in zip(shares, times, strict=True))
+    before = (1.0 + sum(shares)) * WEIGHT / 60e3  # it was settled under the weight
+    elastic = 0.2 * WEIGHT / 60e3
+    # the creep of a step of 1 ms is that of the stretch before it, which matters where the tension jumps
+    assert out[:, 0] == pytest.approx(before + elastic * (1.0 + grown), abs=2e-3 * elastic)
 
 
 def test_hole_ripple_of_an_eccentric_spool():
@@ -179,15 +203,18 @@ def test_circuit_creep_and_hardening_against_a_grasped_object(plant):
     held = {"contact_angle": -0.1, "contact_stiffness": 50.0, "contact_damping": 0.1}
     held |= {"cable_friction": 1e-4, "shaft_friction": 1e-4}
     effects = [held, {**held, "viscoelastic_creep.share": 0.5, "viscoelastic_creep.time": 0.1},
-               {**held, "stiffness_hardening.coefficient": 0.02}]  # fmt: skip
+               {**held, "stiffness_hardening.coefficient": 0.02},
+               {**held, "viscoelastic_creep.share": 0.2, "viscoelastic_creep.time": 0.02, "slow_creep.share": 0.3,
+                "slow_creep.time": 0.1}]  # fmt: skip
     out = _turn(plant, path, ["drive_torque", "output_angle"], effects, start=-0.1)
-    plain, crept, hard = out[-1, 0]
+    plain, crept, hard, both = out[-1, 0]
     cables, rise = 2 * 1.684e4 * 5e-3**2 / 0.4351, math.sqrt(1 + 2 * 0.02 * 50.0)  # N m/rad at the output; k(T) / k(0)
 
     def together(stiffness):
         return 1.0 / (1.0 / stiffness + 1.0 / 50.0)
 
     assert crept / plain == pytest.approx(together(cables / 1.5) / together(cables), rel=0.02)
+    assert both / plain == pytest.approx(together(cables / 1.5) / together(cables), rel=0.02)
     assert hard / plain == pytest.approx(together(cables * rise) / together(cables), rel=0.02)
 
 

@@ -247,7 +247,9 @@ EFFECTS = {
     "none": {}, "dry": {"coulomb_friction.level": 3.0}, "stribeck": {"stribeck_friction.excess": 2.0},
     "asymmetric": {"asymmetric_friction.contact": 0.2, "asymmetric_friction.difference": 2.0},
     "elastic": {"presliding_hysteresis.displacement": 5e-4}, "hardening": {"stiffness_hardening.coefficient": 0.01},
-    "creep": {"viscoelastic_creep.share": 0.5, "viscoelastic_creep.time": 1.0}, "slack": {"slack.length": 1e-3},
+    "creep": {"viscoelastic_creep.share": 0.5, "viscoelastic_creep.time": 1.0},
+    "slow creep": {"viscoelastic_creep.share": 0.5, "slow_creep.share": 0.5, "slow_creep.time": 2.0},
+    "slack": {"slack.length": 1e-3},
     "drift": {"friction_drift.change": 0.2, "friction_drift.time": 2.0}, "backlash": {"backlash.gap": 5e-4},
     "ripple": {"position_ripple.amplitude": 2e-4}, "lag": {"actuator_lag.time": 0.02},
 }  # fmt: skip

@@ -9,7 +9,7 @@ class Drive:
     def __init__(self, rig, step=1e-5):
         self.rig, self.h = rig, step
         self.y = self.v = self.xm = self.vm = 0.0
-        self.creep = self.worn = self.command = 0.0
+        self.creep = self.slow = self.worn = self.command = 0.0
         width = rig["presliding_hysteresis.displacement"]
         self.springs = [[0.0, (k + 1) * width / 8] for k in range(4)]  # deflection, deflection at which it slips
         self.time = 0.0
@@ -35,7 +35,7 @@ class Drive:
         r = self.rig
         stretch, half = self.xm - self.y, r["backlash.gap"] / 2
         beyond = stretch - math.copysign(half, stretch) if abs(stretch) > half else 0.0
-        elastic = beyond - self.creep
+        elastic = beyond - self.creep - self.slow
         linear = r["belt_stiffness"] * elastic
         force = linear * (1 + 0.5 * r["stiffness_hardening.coefficient"] * abs(linear))
         touching = half == 0 or abs(stretch) > half
@@ -86,6 +86,7 @@ class Drive:
                 self.vm += h / r["motor_mass"] * (self.command - pull)
                 self.xm += h * self.vm
                 self.creep += h / r["viscoelastic_creep.time"] * (r["viscoelastic_creep.share"] * elastic - self.creep)
+                self.slow += h / r["slow_creep.time"] * (r["slow_creep.share"] * elastic - self.slow)
             rate = 1 / r["friction_drift.time"] + abs(self.v) / r["friction_drift.travel"]
             self.worn += h * (1 - self.worn) * rate
             self.time += h

@@ -6,6 +6,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
+from cable_envs.effects.slow_creep import lasting
 from cable_envs.physics.modes import COUPLED, longest_step
 from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
@@ -73,6 +74,7 @@ ACTING = Acting(
         "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
         "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",), "slack": ("length",),
         "position_dependent_load": ("stiffness",), "actuator_lag": ("time",),
     },
@@ -164,7 +166,7 @@ def settle(x, s, p, e, position: np.ndarray) -> None:
     take up: one unknown, found by halving an interval.
     """
     hard, k = p.tendon_hardening, p.tendon_stiffness
-    creep, slack = 1.0 + e.viscoelastic_creep_share, p.moment_arm * e.slack_length
+    creep, slack = 1.0 + lasting(e), p.moment_arm * e.slack_length
     arm_a, arm_b = (p.moment_arm + way * p.moment_arm_growth * position for way in (1.0, -1.0))
     torque = needed_torque(p, position)
     take_up = _stretch(p.co_contraction, k, hard)
@@ -207,4 +209,5 @@ def settle(x, s, p, e, position: np.ndarray) -> None:
         + p.spring_stiffness + p.weight_torque * np.cos(position)
     )  # fmt: skip
     s.creep_top[:], s.creep_bottom[:] = (creep - 1.0) * own_a, (creep - 1.0) * own_b
+    s.slow_creep_top[:], s.slow_creep_bottom[:] = e.slow_creep_share * own_a, e.slow_creep_share * own_b
     s.gap_position[:], s.gap_opposed[:] = x.drive_a_position, x.drive_b_position

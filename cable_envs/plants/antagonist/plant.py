@@ -42,8 +42,8 @@ from cable_envs.effects import Layout
 from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, actuate_second, begin, begin_friction, end, slide
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.effects.stiffness_hardening import hardened, linear
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio
 from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
@@ -184,13 +184,13 @@ def _step(x, p, u, w, e, s, g, i, dt):
     x.joint_angle[i], x.joint_velocity[i] = q_half + half * new, new
     end_a, end_b = _ends(p, u, e, s, g, i, x.drive_a_position[i], x.drive_b_position[i])
     _balance(x, p, w, e, s, i, x.joint_angle[i], end_a, end_b)
-    long, left = e.viscoelastic_creep_share[i], g.creep_left[i]
+    left, slow = g.creep_left[i], g.slow_left[i]
     all_of = (p.drive_stiffness[i] + p.end_stiffness[i]) / (p.drive_stiffness[i] * p.end_stiffness[i])
     hard = p.tendon_hardening[i]
     mean_a = 0.5 * (x.tension_drive_a[i] + x.tension_joint_a[i])
     mean_b = 0.5 * (x.tension_drive_b[i] + x.tension_joint_b[i])
-    s.creep_top[i] = crept(s.creep_top[i], long, all_of * linear(mean_a, hard), left)
-    s.creep_bottom[i] = crept(s.creep_bottom[i], long, all_of * linear(mean_b, hard), left)
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, all_of * linear(mean_a, hard), left, slow)
+    creeps_on(s.creep_bottom, s.slow_creep_bottom, e, i, all_of * linear(mean_b, hard), left, slow)
 
 
 @inline

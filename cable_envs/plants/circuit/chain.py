@@ -28,7 +28,8 @@ from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
-from cable_envs.effects.viscoelastic_creep import crept, kept
+from cable_envs.effects.slow_creep import creeps_on
+from cable_envs.effects.viscoelastic_creep import kept
 from cable_envs.physics.chain import (
     CONTACTS,
     PASSES,
@@ -143,16 +144,16 @@ def _soften(side, plain_length, hard, i):
 
 
 @inline
-def _creep(side, plain_length, creep, preload, e, i, step):
+def _creep(side, plain_length, creep, slow, preload, e, i, step):
     """Creep of a side over a step, from its mean elongation; each span loses stretch by its share of the length."""
     total, length = 0.0, 0.0
     for j in range(SPANS):
         total += side.stretch[j, i]
         length += plain_length[j, i]
     old = creep[i]
-    keep = kept(e.viscoelastic_creep_time[i], step)
-    new = crept(old, e.viscoelastic_creep_share[i], maximum(total, 0.0) - preload, keep)
-    creep[i] = new
+    left, slow_left = kept(e.viscoelastic_creep_time[i], step), kept(e.slow_creep_time[i], step)
+    creeps_on(creep, slow, e, i, maximum(total, 0.0) - preload, left, slow_left)
+    new = creep[i]
     for j in range(SPANS):
         side.stretch[j, i] -= (new - old) * plain_length[j, i] / length
 
@@ -216,7 +217,7 @@ def _equilibrium(x, p, w, e, s, g, lanes, step, more):
     for i in range(lanes):
         _take_over(p, top, w.arrived_top, i, step)
         if e is not None:
-            _creep(top, e.plain_length_top, s.creep_top, p.preload_top[i], e, i, step)
+            _creep(top, e.plain_length_top, s.creep_top, s.slow_creep_top, p.preload_top[i], e, i, step)
     for i in range(lanes):
         if e is not None:
             _soften(bottom, e.plain_length_bottom, e.stiffness_hardening_coefficient[i], i)
@@ -225,7 +226,7 @@ def _equilibrium(x, p, w, e, s, g, lanes, step, more):
     for i in range(lanes):
         _take_over(p, bottom, w.arrived_bottom, i, step)
         if e is not None:
-            _creep(bottom, e.plain_length_bottom, s.creep_bottom, p.preload_bottom[i], e, i, step)
+            _creep(bottom, e.plain_length_bottom, s.creep_bottom, s.slow_creep_bottom, p.preload_bottom[i], e, i, step)
 
 
 @inline

@@ -29,8 +29,8 @@ from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_load
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
+from cable_envs.effects.slow_creep import creeps_on, lasting
 from cable_envs.effects.stiffness_hardening import hardened
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.friction import ringing_lag, ringing_way
 from cable_envs.plants.base import Plant, rows_of
 from cable_envs.plants.circuit.effects import ACTING, pulley, resolve_idlers, rise, spring
@@ -152,11 +152,11 @@ def _output_part(x, p, w, e, s, g, i, dt):
     new = select(held_by_flag(p, i, x.drive_velocity[i], top, bottom), 0.0, new)
     x.output_angle[i], x.output_velocity[i] = x.output_angle[i] + 0.5 * dt * (v + new) - short, new
     if e is not None:
-        stretch, keep = p.stretch_stiffness[i] * w.elongation_angle[i], g.creep_left[i]
+        stretch, keep, slow = p.stretch_stiffness[i] * w.elongation_angle[i], g.creep_left[i], g.slow_left[i]
         elongation_t = maximum(stretch - s.creep_top[i], -p.preload_top[i])
         elongation_b = maximum(-stretch - s.creep_bottom[i], -p.preload_bottom[i])
-        s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation_t, keep)
-        s.creep_bottom[i] = crept(s.creep_bottom[i], e.viscoelastic_creep_share[i], elongation_b, keep)
+        creeps_on(s.creep_top, s.slow_creep_top, e, i, elongation_t, keep, slow)
+        creeps_on(s.creep_bottom, s.slow_creep_bottom, e, i, elongation_b, keep, slow)
 
 
 @inline
@@ -264,7 +264,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     elongation, top, bottom = rest_elongation(p, p.length_top, p.length_bottom, position, e)
     settle_ends(x, s, p, e, position, elongation, top, bottom)
     plain = (
-        (e.viscoelastic_creep_share == 0.0)
+        (lasting(e) == 0.0)
         & (e.stiffness_hardening_coefficient == 0.0)
         & (e.position_dependent_load_stiffness == 0.0)
         & (x.drive_angle == (position + elongation) / p.gear)

@@ -17,6 +17,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.kernels import clip, inline, maximum, minimum, select, sine_cosine
+from cable_envs.effects.slow_creep import lasting
 from cable_envs.physics.friction import ringing_inertia
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import ActionMode, Signal
@@ -128,9 +129,10 @@ def settle_ends(x, s, p, e, position: np.ndarray, elongation, top, bottom) -> No
     ``elongation`` is the D of the elastic cable.
     """
     x.output_angle[:] = position
-    pulley = (position + elongation * (1.0 + e.viscoelastic_creep_share)) / p.gear
-    s.creep_top[:] = e.viscoelastic_creep_share * p.stretch_stiffness * elongation
-    s.creep_bottom[:] = -s.creep_top
+    pulley = (position + elongation * (1.0 + lasting(e))) / p.gear
+    s.creep_top[:] = lasting(e) * p.stretch_stiffness * elongation
+    s.slow_creep_top[:] = e.slow_creep_share * p.stretch_stiffness * elongation
+    s.creep_bottom[:], s.slow_creep_bottom[:] = -s.creep_top, -s.slow_creep_top
     s.pulley_angle[:] = pulley
     x.drive_angle[:], s.gap_position[:] = drive_at(pulley, p.drive_radius * (top - bottom), e)
     x.tension_drive_top[:], x.tension_output_top[:] = top, top

@@ -32,6 +32,7 @@ ACTING = Acting(
         "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
         "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("belt_stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
         "actuator_lag": ("time",),

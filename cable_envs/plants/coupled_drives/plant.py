@@ -23,10 +23,10 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import advance_memory, own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, end, slide, sprung
-from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 from cable_envs.plants.coupled_drives.effects import ACTING
 
@@ -59,8 +59,6 @@ SIGNALS = (
 COEFFICIENTS = Lanes("Coefficients", PARAMETERS.names)
 STEP_ROWS = Lanes("Step", [*STEP, "elastic"])
 """Besides what all plants have: what the belt is stretched by."""
-STEP_Y, STEP_V = 1e-7, 1e-6
-"""Steps of the differences that give the slopes of a user's own load, m and m/s."""
 LEAST_READING = 1e-12
 """V that are added to the size of a reading before it is raised to a power, which has no slope at zero else."""
 
@@ -69,12 +67,10 @@ LEAST_READING = 1e-12
 def _resist(e, s, i, y, v, viscous):
     """(force that resists the motors besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at = own_load(y, v, 0.0, e, s, i)
-    k = (own_load(y + STEP_Y, v, 0.0, e, s, i) - at) / STEP_Y
-    c = (own_load(y, v + STEP_V, 0.0, e, s, i) - at) / STEP_V
+    at, k, c = own_load_slopes(y, v, e, s, i)
     spring = e.position_dependent_load_stiffness[i]
     resist = viscous * v + spring * (y - e.position_dependent_load_neutral[i]) - ripple + at
-    return resist, spring + maximum(-steep, 0.0) + maximum(k, 0.0), viscous + maximum(c, 0.0)
+    return resist, spring + maximum(-steep, 0.0) + k, viscous + c
 
 
 @inline
@@ -108,7 +104,7 @@ def _step(x, p, u, e, s, g, i, dt):
     x.motor_position[i] = select(follows, g.target[i], y + half * (v + v_new))
     x.pulley_position[i] = yp + half * (vp + vp_new)
     x.motor_velocity[i], x.pulley_velocity[i] = v_new, vp_new
-    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], g.elastic[i], g.creep_left[i])
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, g.elastic[i], g.creep_left[i], g.slow_left[i])
     y, v = x.motor_position[i], x.motor_velocity[i]
     advance_memory(u.command[i], y, v, y, v, abs(pull), 0.0, e, s, i)
 

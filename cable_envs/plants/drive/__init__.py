@@ -1,7 +1,7 @@
 """A one-axis drive with friction, rigid or behind a belt."""
 
 from cable_envs.core.params import Parameter
-from cable_envs.plants.family import Family
+from cable_envs.plants.family import Family, Output
 
 
 def _build(variant: str, holes: int):
@@ -14,6 +14,9 @@ FAMILY = Family(
     name="linear_drive",
     title="Linear drive",
     build=_build,
+    tasks="LinearDrive",
+    outputs={"position": Output("position_reference")},
+    view="cable_envs.plants.drive.view:DriveView",
     continuous="cable_envs.plants.drive.continuous:equations",
     scene="cable_envs.plants.drive.scene:DriveScene",
     shown=("position", "motor_position", "belt_force", "force", "sliding"),
@@ -23,6 +26,7 @@ FAMILY = Family(
         "time": "s", "position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "position_reference": "m",
         "motor_position": "m", "speed_reading": "V", "band_tension_1": "N", "band_tension_2": "N",
     },
+    limits={"force": "force_limit", "voltage": "voltage_limit", "position": "position_limit"},
     needs=(("position",), ("force", "voltage")),
     beside=(
         Parameter("force_offset", "N", 0.0, -1e4, 1e4, "constant force: amplifier's offset, a tilted axis"),

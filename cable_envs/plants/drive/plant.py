@@ -3,7 +3,7 @@
     rigid    (m + m_m) x'' = F - viscous x' - F_c sign(x') - m g share + disturbance
     belt     m_m x_m'' = F - b,  m x'' = b - viscous x' - F_c sign(x') - m g share + disturbance,
              b = k (x_m - x) + c (x_m' - x'),  a push as well as a pull; with a gap only what is left beyond it
-    force    F = command, within force_limit; as voltage: F / force_per_volt
+    force    F = command, or force_per_volt times a voltage; within force_limit
     servo    F = (m + m_m) (w^2 (command - x_m) + 2 z w (command_rate - x_m')), within force_limit
 
 symbol | meaning | unit
@@ -19,7 +19,7 @@ order 2. Where the belt is rigid the motor is the carriage. One kernel: it has t
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.inputs import OBSERVED
+from cable_envs.core.inputs import FOLLOW, OBSERVED
 from cable_envs.core.kernels import clip, inline, maximum, select, sign
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
@@ -27,11 +27,11 @@ from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import advance_memory, own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
-from cable_envs.effects.viscoelastic_creep import crept
+from cable_envs.effects.slow_creep import creeps_on, lasting
 from cable_envs.physics.motor import shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, Signal, rows_of
 
@@ -48,6 +48,7 @@ PARAMETERS = ParameterTable(
     Parameter("gravity_share", "1", 0.0, -1.0, 1.0, "share of gravity along the axis: 1 upright, 0 level", "null"),
     Parameter("force_limit", "N", 200.0, 1e-6, 1e6, "largest force of the motor", _TYPICAL),
     Parameter("force_per_volt", "N", 20.0, 1e-9, 1e6, "force of the motor for one volt", _TYPICAL),
+    Parameter("voltage_limit", "V", 10.0, 1e-6, 1e6, "range of voltages that a command may ask for", _TYPICAL),
     Parameter("position_limit", "m", 1.0, 1e-6, 1e3, "range of positions that a command may ask for", _TYPICAL),
     Parameter("servo_frequency", "rad/s", 40.0, 0.1, 1e3, "natural frequency of the position servo", _TYPICAL),
     Parameter("servo_damping_ratio", "1", 0.8, 0.0, 5.0, "damping ratio of the position servo", _TYPICAL),
@@ -76,6 +77,7 @@ ACTING = Acting(
         "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
         "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("belt_stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
         "actuator_lag": ("time",), "dead_band": ("width",), "quantised_command": ("steps",),
@@ -95,17 +97,19 @@ STEP_ROWS = Lanes("Step", [*STEP, "motor_speed_before", "elastic", "force_left",
 """Besides what all plants have: the motor's speed before a step, what the belt is stretched by, and for an observed
 drive what its amplifier's lag keeps over a step and the mean share of the old force."""
 # An observed drive keeps the force behind its lag and the speed of a step before in rows that a drive does not use.
-STEP_Y, STEP_V = 1e-7, 1e-6
-"""Steps of the differences that give the slopes of a user's own load, m and m/s."""
+FORCE, POSITION, VOLTAGE = 0, 1, 2
+"""Numbers of the action modes: their places in `PLANT`."""
 
 
 @inline
 def _motor_force(p, u, e, i, x, v):
     """(force, stiffness, damping) of the motor at a position and speed; none of the latter two at its limit."""
-    servo, observed = u.mode[i] > 0.5, u.mode[i] > OBSERVED - 0.5
-    wanted = p.servo_stiffness[i] * (u.command[i] - x) + p.servo_damping[i] * (u.command_rate[i] - v)
+    mode, command = u.mode[i], u.command[i]
+    servo, observed = (abs(mode - POSITION) < 0.5) | (mode > FOLLOW - 0.5), mode > OBSERVED - 0.5
+    told = select(abs(mode - VOLTAGE) < 0.5, p.force_per_volt[i] * command, command)
+    wanted = p.servo_stiffness[i] * (command - x) + p.servo_damping[i] * (u.command_rate[i] - v)
     wanted = select(observed, wanted + u.disturbance[i], wanted)
-    force, limit = clip(select(servo, wanted, u.command[i]), -p.force_limit[i], p.force_limit[i]), p.force_limit[i]
+    force, limit = clip(select(servo, wanted, told), -p.force_limit[i], p.force_limit[i]), p.force_limit[i]
     asked = dead_zone(force, 2.0 * limit * e.dead_band_width[i])
     made = shown(asked, e.quantised_command_steps[i] / limit)
     free = servo & (abs(wanted) < limit) & ((e.dead_band_width[i] <= 0.0) | (asked != 0.0))
@@ -138,9 +142,7 @@ def _belt(p, e, s, g, i, stretch, rate):
 def _load(p, u, e, s, i, y, v):
     """(force that resists besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at = own_load(y, v, 0.0, e, s, i)
-    k = (own_load(y + STEP_Y, v, 0.0, e, s, i) - at) / STEP_Y
-    c = (own_load(y, v + STEP_V, 0.0, e, s, i) - at) / STEP_V
+    at, k, c = own_load_slopes(y, v, e, s, i)
     push = select(u.mode[i] > OBSERVED - 0.5, 0.0, u.disturbance[i])
     resist = (
         p.weight[i]
@@ -152,8 +154,8 @@ def _load(p, u, e, s, i, y, v):
     )
     return (
         resist,
-        e.position_dependent_load_stiffness[i] + maximum(-steep, 0.0) + maximum(k, 0.0),
-        p.viscous[i] + maximum(c, 0.0),
+        e.position_dependent_load_stiffness[i] + maximum(-steep, 0.0) + k,
+        p.viscous[i] + c,
     )
 
 
@@ -187,7 +189,7 @@ def _step(x, p, u, e, s, g, i, dt):
     vm_new = vm + alone + along * (v_new - v)
     xm_new = select(follows, g.target[i], xm + half * (vm + vm_new))
     y_new = select(rigid & follows, g.target[i], y + half * (v + v_new))
-    s.creep_top[i] = select(rigid, 0.0, crept(s.creep_top[i], e.viscoelastic_creep_share[i], elastic, g.creep_left[i]))
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, elastic, g.creep_left[i], g.slow_left[i])
     x.position[i], x.velocity[i], x.sliding[i] = y_new, v_new, sign(v_new)
     x.motor_position[i], x.motor_velocity[i] = select(rigid, y_new, xm_new), select(rigid, v_new, vm_new)
     _report(x, p, u, e, s, g, i, v, v_new, dt)
@@ -260,6 +262,7 @@ def _derive(value, e) -> dict[str, np.ndarray]:
         raise ConfigurationError("a belt (belt_stiffness above 0) needs a motor with inertia: motor_mass above 0")
     for name, size in (
         ("backlash.gap", e.backlash_gap), ("viscoelastic_creep.share", e.viscoelastic_creep_share),
+        ("slow_creep.share", e.slow_creep_share),
         ("stiffness_hardening.coefficient", e.stiffness_hardening_coefficient),
     ):  # fmt: skip
         if np.any((size > 0.0) & (value["belt_stiffness"] <= 0.0)):
@@ -295,9 +298,9 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     stretch = np.where(belt, np.sign(force) * size / np.where(belt, p.belt_stiffness, 1.0), 0.0)
     x.position[:], x.force[:], x.voltage[:] = position, force, force / p.force_per_volt
     x.belt_force[:], x.peak_tension[:] = force, np.abs(force)
-    s.creep_top[:] = e.viscoelastic_creep_share * stretch
+    s.creep_top[:], s.slow_creep_top[:] = lasting(e) * stretch, e.slow_creep_share * stretch
     lost = np.where(belt, 0.5 * e.backlash_gap * np.sign(force), 0.0)
-    x.motor_position[:] = position + stretch * (1.0 + e.viscoelastic_creep_share) + lost
+    x.motor_position[:] = position + stretch * (1.0 + lasting(e)) + lost
 
 
 PLANT = Plant(
@@ -310,6 +313,7 @@ PLANT = Plant(
     action_modes=(
         ActionMode("force", "N", "force_limit", rest_signal="force"),
         ActionMode("position", "m", "position_limit", rest_signal="motor_position"),
+        ActionMode("voltage", "V", "voltage_limit", rest_signal="voltage"),
     ),
     derive=_derive,
     settle=_settle,

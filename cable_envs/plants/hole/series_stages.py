@@ -13,11 +13,11 @@ from cable_envs.effects.presliding_hysteresis import follow, share, slope
 from cable_envs.effects.seams import dry_friction
 from cable_envs.effects.stiffness_hardening import hardened, linear
 from cable_envs.effects.stribeck_friction import excess_at
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.series import series_fields
 from cable_envs.plants.hole.drive import told_step
 from cable_envs.plants.hole.spool import moves_otherwise, nut_after, nut_before, wound
+from cable_envs.plants.hole.stages import creeping
 
 STEP_Y, STEP_V = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, m and m/s."""
@@ -346,7 +346,7 @@ def _stretched(x, p, e, s, g, i, stretch, dt):
     imposed, hard = g.imposes[i] > 0.5, e.stiffness_hardening_coefficient[i]
     whole = linear(x.drive_tension[i], hard) / p.cable_stiffness[i]
     elongation = select(imposed, whole, maximum(stretch, 0.0))
-    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])
+    creeping(e, s, g, i, elongation)
     position = x.slip_position[0, i] + whole + e.slack_length[i] + s.creep_top[i]
     x.drive_velocity[i] = select(imposed, (position - x.drive_position[i]) / dt, x.drive_velocity[i])
     x.drive_position[i] = select(imposed, position, x.drive_position[i])

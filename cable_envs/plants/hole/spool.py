@@ -7,6 +7,7 @@ import numpy as np
 from cable_envs.core.kernels import inline, maximum, minimum, select
 from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.position_ripple import wave
+from cable_envs.effects.slow_creep import lasting
 
 _TAU = 2.0 * np.pi
 
@@ -82,5 +83,6 @@ def settle_drive(x, s, p, e, slip: np.ndarray, tension: np.ndarray) -> None:
     """The drive at rest above a hole through which ``slip`` of the cable has gone (m, [n]), at a tension (N, [n])."""
     hard = e.stiffness_hardening_coefficient
     stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.cable_stiffness
-    x.drive_position[:] = spool_at(slip + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length, e)
-    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
+    x.drive_position[:] = spool_at(slip + stretch * (1.0 + lasting(e)) + e.slack_length, e)
+    s.creep_top[:], s.slow_creep_top[:] = lasting(e) * stretch, e.slow_creep_share * stretch
+    s.gap_position[:] = x.drive_position

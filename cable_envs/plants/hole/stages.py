@@ -8,8 +8,8 @@ from cable_envs.core.kernels import clip, exp, inline, log, maximum, minimum, po
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import dry_friction, presliding_step
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.effects.stiffness_hardening import linear
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.contact import tension_ratio_and_slope, wrap_in_contact
 from cable_envs.physics.friction import beyond_middle, ringing_step
 
@@ -324,4 +324,4 @@ def tangent_there(x, p, w, e, s, g, i, ahead, dt):
 @inline
 def creeping(e, s, g, i, elongation):
     """The cable's lasting elongation after a step in which it was stretched by ``elongation``."""
-    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, elongation, g.creep_left[i], g.slow_left[i])

@@ -2,7 +2,9 @@
 
     (J + m l^2 + J_l) v' = k_t i - viscous v - F_c sign(v) - m g l sin(q - q_0) - spring + disturbance
     current  i (R (1 + h) + R_s |u|) = u U - k_t v, within current_limit; 0 where the bridge is open (release above 1/2)
-    duty     u = command, or position_gain (command - q) + rate_gain (command' - v), within duty_limit
+    duty     u = command, or position_gain (command - q) + rate_gain (command' - v), within duty_limit; or command / U
+    else     i = command, within current_limit; k_t i = command, within torque_limit: an amplifier with a current loop,
+             whose supply is never short
 
 symbol | meaning | unit
 ------ | ------- | ----
@@ -21,13 +23,14 @@ step: order 2. One kernel: it has the effects always. `replay` with drive "follo
 
 import numpy as np
 
+from cable_envs.core.inputs import FOLLOW
 from cable_envs.core.kernels import clip, inline, maximum, select, sign, sine_cosine
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting, Layout
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.gear_friction import geared, shares
-from cable_envs.effects.own import advance_memory, own_actuate, own_load
+from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, slid
 from cable_envs.effects.winding_heating import warmed
@@ -49,6 +52,7 @@ PARAMETERS = ParameterTable(
     Parameter("resistance", "ohm", 3.0, 1e-6, 1e4, "resistance of the cold winding", _TYPICAL),
     Parameter("supply_voltage", "V", 7.4, 1e-6, 1e5, "voltage of the supply without load", _TYPICAL),
     Parameter("current_limit", "A", 1e3, 1e-6, 1e5, "largest current that the amplifier lets through", "null"),
+    Parameter("torque_limit", "N m", 1.0, 1e-9, 1e6, "largest torque that a command may ask for", _TYPICAL),
     Parameter("duty_limit", "1", 1.0, 1e-6, 1.0, "largest duty", "null"),
     Parameter("position_gain", "1/rad", 1.0, 0.0, 1e5, "duty for a radian of position error", _TYPICAL),
     Parameter("rate_gain", "s/rad", 0.0, 0.0, 1e4, "duty for a radian per second of speed error", "null"),
@@ -60,11 +64,13 @@ SIGNALS = (
     Signal("position", "rad", "angle of the joint"),
     Signal("velocity", "rad/s", "speed of the joint"),
     Signal("duty", "1", "duty of the bridge"),
+    Signal("voltage", "V", "voltage that the bridge asks for: duty times supply_voltage"),
     Signal("current", "A", "current of the motor"),
     Signal("torque", "N m", "torque of the motor, at the joint"),
     Signal("load_torque", "N m", "what gravity, spring and disturbance ask of the motor at rest"),
     Signal("warming", "1", "share by which heat has raised the winding's resistance"),
     Signal("held_reference", "rad", "reference at which the controller would give this duty at rest"),
+    Signal("release_command", "1", "above 1/2 the bridge is open"),
     Signal("sliding", "1", "direction in which the joint turns: -1, 0 (stuck), 1"),
     OUT_OF_RANGE,
 )
@@ -88,20 +94,34 @@ ACTING = Acting(
 
 COEFFICIENTS = Lanes("Coefficients", [
     "inertia", "load_inertia", "weight", "hanging_angle", "viscous", "coulomb", "torque_constant", "resistance",
-    "supply_voltage", "current_limit", "duty_limit", "position_gain", "rate_gain",
+    "supply_voltage", "current_limit", "torque_limit", "duty_limit", "position_gain", "rate_gain",
 ])  # fmt: skip
-STEP_Y, STEP_V = 1e-7, 1e-6
-"""Steps of the differences that give the slopes of a user's own load, rad and rad/s."""
+DUTY, POSITION, VOLTAGE, CURRENT, TORQUE = 0, 1, 2, 3, 4
+"""Numbers of the action modes: their places in `PLANT`."""
+
+
+@inline
+def _of_current(u, i):
+    """Whether the command is a current or a torque, which the amplifier has the motor make."""
+    return (u.mode[i] > CURRENT - 0.5) & (u.mode[i] < TORQUE + 0.5)
+
+
+@inline
+def _heard(e, i, wanted, limit):
+    """(what the amplifier takes from a command within its limit, that before its steps)."""
+    asked = dead_zone(clip(wanted, -limit, limit), 2.0 * limit * e.dead_band_width[i])
+    return shown(asked, e.quantised_command_steps[i] / limit), asked
 
 
 @inline
 def _duty(p, u, e, i, y, v):
     """(duty, 1 where it follows the controller's error and 0 elsewhere)."""
-    servo, limit = u.mode[i] > 0.5, p.duty_limit[i]
-    error, rate = u.command[i] - y, u.command_rate[i] - v
-    wanted = select(servo, p.position_gain[i] * error + p.rate_gain[i] * rate, u.command[i])
-    asked = dead_zone(clip(wanted, -limit, limit), 2.0 * limit * e.dead_band_width[i])
-    duty = shown(asked, e.quantised_command_steps[i] / limit)
+    mode, limit, command = u.mode[i], p.duty_limit[i], u.command[i]
+    servo = (abs(mode - POSITION) < 0.5) | (mode > FOLLOW - 0.5)
+    error, rate = command - y, u.command_rate[i] - v
+    told = select(abs(mode - VOLTAGE) < 0.5, command / p.supply_voltage[i], command)
+    wanted = select(servo, p.position_gain[i] * error + p.rate_gain[i] * rate, told)
+    duty, asked = _heard(e, i, wanted, limit)
     free = servo & (abs(wanted) < limit) & (asked != 0.0)
     released = u.second[i] > 0.5
     return select(released, 0.0, duty), select(free & (not released), 1.0, 0.0)
@@ -109,14 +129,23 @@ def _duty(p, u, e, i, y, v):
 
 @inline
 def _motor(p, u, e, i, y, v, warming):
-    """(torque, its stiffness, its damping, current, duty) of the motor at a position and speed."""
+    """(torque, its stiffness, its damping, current, duty) of the motor at a position and speed.
+
+    Where the command is a current or a torque, the duty is the share of the supply's voltage that it takes.
+    """
     duty, free = _duty(p, u, e, i, y, v)
     winding, sag, k = p.resistance[i] * (1.0 + warming), e.supply_sag_resistance[i], p.torque_constant[i]
     current = driven_current(duty, k * v, winding, sag, p.supply_voltage[i], p.current_limit[i])
+    told, limit = u.command[i], select(u.mode[i] > CURRENT + 0.5, p.torque_limit[i], p.current_limit[i])
+    made, _ = _heard(e, i, told, limit)
+    made = select(u.mode[i] > CURRENT + 0.5, made / k, made)
+    looped = _of_current(u, i)
+    current = select(looped, made, current)
+    duty = select(looped, (winding * made + k * v) / p.supply_voltage[i], duty)
     released = u.second[i] > 0.5
-    current = select(released, 0.0, current)
+    current, duty = select(released, 0.0, current), select(released, 0.0, duty)
     whole = winding + sag * abs(duty)
-    gives = select(released | (abs(current) >= p.current_limit[i]), 0.0, k / whole)
+    gives = select(released | looped | (abs(current) >= p.current_limit[i]), 0.0, k / whole)
     push = free * gives * (p.supply_voltage[i] - sag * sign(duty) * current)
     return k * current, push * p.position_gain[i], push * p.rate_gain[i] + gives * k, current, duty
 
@@ -124,13 +153,11 @@ def _motor(p, u, e, i, y, v, warming):
 @inline
 def _load(p, u, e, s, i, y, v):
     """(torque that the load takes at rest, its stiffness, its damping)."""
-    at = own_load(y, v, 0.0, e, s, i)
-    k = (own_load(y + STEP_Y, v, 0.0, e, s, i) - at) / STEP_Y
-    c = (own_load(y, v + STEP_V, 0.0, e, s, i) - at) / STEP_V
+    at, k, c = own_load_slopes(y, v, e, s, i)
     sine, cosine = sine_cosine(y - p.hanging_angle[i])
     spring = e.position_dependent_load_stiffness[i]
     torque = p.weight[i] * sine + spring * (y - e.position_dependent_load_neutral[i]) + at - u.disturbance[i]
-    return torque, maximum(p.weight[i] * cosine, 0.0) + spring + maximum(k, 0.0), maximum(c, 0.0)
+    return torque, maximum(p.weight[i] * cosine, 0.0) + spring + k, c
 
 
 @inline
@@ -179,10 +206,11 @@ def _report(x, p, u, e, s, i):
     """What is seen of the state at the end of a control step."""
     y, v = x.position[i], x.velocity[i]
     x.torque[i], _, _, x.current[i], x.duty[i] = _motor(p, u, e, i, y, v, x.warming[i])
+    x.voltage[i] = x.duty[i] * p.supply_voltage[i]
     x.load_torque[i], _, _ = _load(p, u, e, s, i, y, v)
     gain = p.position_gain[i]
     x.held_reference[i] = y + select(gain > 0.0, x.duty[i] / select(gain > 0.0, gain, 1.0), 0.0)
-    x.sliding[i], x.out_of_range[i] = sign(v), 0.0
+    x.sliding[i], x.release_command[i], x.out_of_range[i] = sign(v), u.second[i], 0.0
 
 
 @inline
@@ -222,7 +250,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     held = load - e.position_ripple_amplitude * np.sin(angle)
     most = np.maximum(p.torque_constant * p.supply_voltage - e.supply_sag_resistance * np.abs(held), 1e-300)
     duty = np.clip(held * p.resistance / most, -p.duty_limit, p.duty_limit)
-    x.position[:], x.load_torque[:], x.duty[:] = position, load, duty
+    x.position[:], x.load_torque[:], x.duty[:], x.voltage[:] = position, load, duty, duty * p.supply_voltage
     x.current[:], x.torque[:] = held / p.torque_constant, held
     x.held_reference[:] = position + np.where(p.position_gain > 0.0, duty / np.maximum(p.position_gain, 1e-300), 0.0)
 
@@ -240,6 +268,9 @@ PLANT = Plant(
     action_modes=(
         ActionMode("duty", "1", "duty_limit", rest_signal="duty", second=RELEASE),
         ActionMode("position", "rad", "position_limit", rest_signal="held_reference", second=RELEASE),
+        ActionMode("voltage", "V", "supply_voltage", rest_signal="voltage", second=RELEASE),
+        ActionMode("current", "A", "current_limit", rest_signal="current", second=RELEASE),
+        ActionMode("torque", "N m", "torque_limit", rest_signal="torque", second=RELEASE),
     ),
     derive=_derive,
     settle=_settle,

@@ -9,9 +9,9 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.effects.backlash import pulled_end
 from cable_envs.effects.own import own_cable, own_contact, own_load
 from cable_envs.effects.seams import dry_friction
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.friction import in_time
 from cable_envs.physics.servo import placed
 from cable_envs.physics.sweeps import sweep_fields
@@ -264,7 +264,7 @@ def moved(x, p, u, w, e, s, g, i, dt):
     if e is not None:
         whole = select(e.backlash_gap[i] > 0.0, s.gap_position[i], x.drive_position[i])
         elongation = maximum(whole - x.load_position[i] - w.lost[i], 0.0)
-        s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elongation, g.creep_left[i])
+        creeps_on(s.creep_top, s.slow_creep_top, e, i, elongation, g.creep_left[i], g.slow_left[i])
     x.drive_velocity[i] = speed
     x.drive_position[i] += d
     if e is not None:

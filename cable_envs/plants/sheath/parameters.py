@@ -8,6 +8,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting
+from cable_envs.effects.slow_creep import lasting
 from cable_envs.physics.modes import longest_step
 from cable_envs.plants.base import OUT_OF_RANGE, Signal
 
@@ -57,6 +58,7 @@ ACTING = Acting(
         "presliding_hysteresis": ("displacement",), "lugre_friction": ("displacement", "damping"),
         "elastoplastic_friction": ("displacement", "damping", "breakaway"), "cable_elongation": ("stiffness",),
         "stiffness_hardening": ("coefficient",), "viscoelastic_creep": ("share", "time"),
+        "slow_creep": ("share", "time"),
         "friction_drift": ("change", "time", "travel"), "backlash": ("gap",), "slack": ("length",),
         "position_dependent_load": ("stiffness",), "actuator_lag": ("time",),
     },
@@ -119,5 +121,6 @@ def settle(x, s, p, e, position: np.ndarray) -> None:
     stretch = 2.0 * tension / (1.0 + np.sqrt(1.0 + 2.0 * hard * tension)) / p.stiffness
     x.load_position[:] = position
     x.drive_tension[:] = x.load_tension[:] = x.peak_tension[:] = tension
-    x.drive_position[:] = position + stretch * (1.0 + e.viscoelastic_creep_share) + e.slack_length
-    s.creep_top[:], s.gap_position[:] = e.viscoelastic_creep_share * stretch, x.drive_position
+    x.drive_position[:] = position + stretch * (1.0 + lasting(e)) + e.slack_length
+    s.creep_top[:], s.slow_creep_top[:] = lasting(e) * stretch, e.slow_creep_share * stretch
+    s.gap_position[:] = x.drive_position

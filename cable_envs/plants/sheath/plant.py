@@ -59,9 +59,9 @@ from cable_envs.effects.seams import (
     presliding_step,
     reported,
 )
+from cable_envs.effects.slow_creep import creeps_on
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
-from cable_envs.effects.viscoelastic_creep import crept
 from cable_envs.physics.friction import ringing_inertia, ringing_lag, ringing_step
 from cable_envs.physics.servo import placed
 from cable_envs.plants.base import ActionMode, Plant, rows_of
@@ -263,7 +263,7 @@ def _step(x, p, u, w, e, s, g, i, dt):
     short = select(new == 0.0, w.short[i], 0.0)
     x.load_position[i], x.load_velocity[i] = x.load_position[i] + 0.5 * dt * (v + new) - short, new
     w.friction[i] = maximum(w.friction[i] + w.friction_growth[i] * (abs(new) - abs(v)), 0.0)
-    s.creep_top[i] = crept(s.creep_top[i], e.viscoelastic_creep_share[i], elastic, g.creep_left[i])
+    creeps_on(s.creep_top, s.slow_creep_top, e, i, elastic, g.creep_left[i], g.slow_left[i])
     _report(x, p, u, w, e, s, g, i)
 
 

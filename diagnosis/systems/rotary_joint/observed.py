@@ -29,6 +29,7 @@ from cable_envs.diagnosis.systems.common import (
 from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.drive.model import DAMPING_RATIO, FINE, SOFT, DriveModel, Driven, driven, recorded
 from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.stated.limits import limits_of, stated_in
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
@@ -99,13 +100,24 @@ def prepare(recording: Recording, request: Request) -> Question:
     return Question(
         "rotary_joint", made["fit"], made["heldout"], tuple(f.name for f in nominals), (), candidates.asked,
         {name: plant.table[name].unit for name in free},
-        lambda found, accepted: augmented_rig(plant, {**values, **found}, accepted),
+        lambda found, accepted: augmented_rig(plant, _limited(recording, request, {**values, **found}), accepted),
         (
             f"no controller is replayed: the recorded {effort} drives the joint, which is held softly to its recorded "
             "angle",
         ),
         not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def _limited(recording: Recording, request: Request, values: dict[str, float]) -> dict[str, float]:
+    """The rig with the limits that its records show; of a current or voltage the torque that goes with it, too."""
+    found, k = limits_of(recording, request), values["torque_constant"]
+    if "current_limit" in found:
+        found.setdefault("torque_limit", k * found["current_limit"])
+    elif "torque_limit" not in found and effort_of(recording) == "voltage":
+        found["torque_limit"] = k * values["supply_voltage"] / values["resistance"]
+    stated = stated_in(recording, request)
+    return {**values, **{name: value for name, value in found.items() if name not in stated}}
 
 
 def _candidates(
