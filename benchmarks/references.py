@@ -43,7 +43,17 @@ REVIEWED = {
 review wrote and tuned in an hour."""
 TRACKS = ("nominal", "randomised")
 FAMILIES = {
-    "CableHole": ("scheduled-pid", "adaptive-inverse", "lqg", "lqg-tuned", "ilc", "mrac", "mrac-tuned", "mpc"),
+    "CableHole": (
+        "scheduled-pid",
+        "adaptive-inverse",
+        "adaptive-inverse-tuned",
+        "lqg",
+        "lqg-tuned",
+        "ilc",
+        "mrac",
+        "mrac-tuned",
+        "mpc",
+    ),
     "PulleyCircuit": ("virtual-jaw", "virtual-jaw-tuned"),
 }
 AGENTS = ("ppo", "residual-ppo", "sac")

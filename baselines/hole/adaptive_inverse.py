@@ -7,7 +7,10 @@ Tension:   F = (r(t + lead) + kp e + ki int e) n^s
 the hole (tension task: the measured one, without p0). This is linear in p0 (the weight), p1 (Coulomb friction) and p2
 (extrusion), so recursive least squares finds them (a Kalman filter of parameters that walk slowly; Ljung, System
 Identification, 1999, ch. 11). It begins at the nominal values with their uncertainty as covariance. Both ways of
-sliding tell the weight and the friction apart; in one way only what that way needs is found.
+sliding tell the weight and the friction apart; in one way only what that way needs is found. In a tension task speed
+and ln T1 / T2 are smoothed alike before: the drive's speed trembles by more than the cable slides.
+
+**The way of sliding** in a tension task follows r' + approach e with e smoothed (`AdaptiveInverse.wanted_speed`).
 
 **Disturbance observer.** d = L / (s + L) (a - v'), the part of the wanted acceleration that does not arrive (Ohnishi
 1987). Solved for d this is d = L (int (a - d) - v): no speed is differentiated. It stands still at a limit of the
@@ -28,6 +31,12 @@ REFERENCE_SPEED = 0.01
 UNCERTAIN = (0.15, 0.2, 0.2)
 """Standard deviations of p before anything was measured: 15 % of the weight, 20 % of a tension by friction."""
 
+JUMP = 0.5
+"""N, change of the reference in a step, beside what its rate explains, that counts as a jump"""
+
+HEARD = 0.05
+"""s, time constant of what the adaptation of a tension task hears"""
+
 MOST = 1.4
 """Largest ln n: T1 / T2 = 4"""
 
@@ -36,7 +45,7 @@ def _adaptation(slides: float, misfit: float, walk: float) -> tuple[Parameter, .
     return (
         Parameter("slides", "m/s", slides, 1e-5, 0.05, "measured speed above which the cable counts as sliding"),
         Parameter("misfit", "1", misfit, 1e-5, 100.0, "standard deviation of ln T1 about the model"),
-        Parameter("walk", "1/sqrt(s)", walk, 1e-8, 100.0, "how far a parameter walks in a second"),
+        Parameter("walk", "1/sqrt(s)", walk, 1e-10, 100.0, "how far a parameter walks in a second"),
     )
 
 
@@ -58,8 +67,9 @@ class AdaptiveInverse(InverseHole):
             Parameter("kp", "1", 0.3, 1e-4, 20.0, "gain of the error"),
             Parameter("ki", "1/s", 42.0, 1e-3, 1e3, "gain of its integral"),
             LEAD,
-            *direction_gains(9.6, 1e-3),
-            *_adaptation(1e-3, 0.02, 3.7e-4),
+            Parameter("calm", "s", 0.05, 0.0, 10.0, "time constant of the error that decides the way of sliding"),
+            *direction_gains(14.0, 1e-4),
+            *_adaptation(1e-3, 0.1, 1e-5),
         ),
     }
 
@@ -77,11 +87,29 @@ class AdaptiveInverse(InverseHole):
         self._spread = [[s * s if i == j else 0.0 for j in range(3)] for i, s in enumerate(UNCERTAIN)]
         self._nominal_speed: float | None = None
         self._integral = 0.0
-        self._acceleration = 0.0
+        self._last: float | None = None
+        self._calm_error, self._jumped = 0.0, 0.0
+        self._speed, self._logarithm, self._heard = 0.0, 0.0, 0.0
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
         self._adapt(y, ref)
         return super().act(t, y, ref)
+
+    def wanted_speed(self, error: float, ref: Reference) -> float:
+        """In a tension task the error is smoothed, but for that of a jump of the reference until it is made up for.
+
+        A change of the way jumps the reading by what the cable stretches, which would change the way back at once.
+        """
+        if self.task != "tension":
+            return super().wanted_speed(error, ref)
+        if self._last is not None and abs(ref[0] - self._last - ref[1] * self.dt) > JUMP:
+            self._jumped = 1.0 if error > 0.0 else -1.0
+        self._last = ref[0]
+        if self._jumped * error <= 0.0:
+            self._jumped = 0.0
+        share = 1.0 if self._jumped else self.dt / (self.dt + self.gains["calm"])
+        self._calm_error += share * (error - self._calm_error)
+        return super().wanted_speed(self._calm_error, ref)
 
     def pull(self, y: Mapping[str, float], ref: Reference, error: float, wanted: float) -> float:
         g = self.gains
@@ -111,8 +139,16 @@ class AdaptiveInverse(InverseHole):
             velocity, weight = y["load_velocity"], 1.0
             behind = hole.resistance(y["load_position"], velocity) + hole.mass * ref[2]
         above = y["drive_tension"]
-        if abs(velocity) < self.gains["slides"] or behind <= 1.0 or above <= 1.0:
+        if abs(velocity) < self.gains["slides"]:
+            self._speed = 0.0
             return
+        if behind <= 1.0 or above <= 1.0:
+            return
+        told = math.log(above / behind)
+        if self.task == "tension":
+            velocity, told = self._smoothed(velocity, told)
+            if self._heard < HEARD:
+                return
         side = 1.0 if velocity > 0.0 else -1.0
         row = (weight, side, side * (abs(velocity) / REFERENCE_SPEED) ** self._exponent)
         spread, walked = self._spread, self.gains["walk"] ** 2 * self.dt
@@ -120,8 +156,22 @@ class AdaptiveInverse(InverseHole):
             spread[k][k] += walked
         along = [sum(spread[i][j] * row[j] for j in range(3)) for i in range(3)]
         total = sum(row[i] * along[i] for i in range(3)) + self.gains["misfit"] ** 2
-        missed = math.log(above / behind) - sum(p * x for p, x in zip(self.fitted, row, strict=True))
+        missed = told - sum(p * x for p, x in zip(self.fitted, row, strict=True))
         for i in range(3):
             self.fitted[i] += along[i] * missed / total
             for j in range(3):
                 spread[i][j] -= along[i] * along[j] / total
+
+    def _smoothed(self, velocity: float, told: float) -> tuple[float, float]:
+        """Speed and ln T1 / T2 through the same low pass, which begins anew at each change of the way.
+
+        The drive's speed trembles with the command by more than the cable slides; squared, that would look like
+        friction without extrusion.
+        """
+        if velocity * self._speed <= 0.0:
+            self._speed, self._logarithm, self._heard = velocity, told, 0.0
+        self._heard += self.dt
+        share = self.dt / (self.dt + HEARD)
+        self._speed += share * (velocity - self._speed)
+        self._logarithm += share * (told - self._logarithm)
+        return self._speed, self._logarithm

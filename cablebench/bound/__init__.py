@@ -17,17 +17,17 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
-from cablebench.bound.candidates import oracles, staying
+from cablebench.bound.candidates import laws, oracles, staying
 from cablebench.bound.motion import Plants
 from cablebench.bound.search import Found, improve
-from cablebench.entrants.entrant import IDEAL, controller_entrant
+from cablebench.entrants.entrant import IDEAL, Entrant, controller_entrant
 from cablebench.protocol.episode import Episode
 from cablebench.protocol.metrics import priced_rmse, rmse
 from cablebench.run.evaluation import core_of, run_episode
 
 STARTS = ("oracle", "adaptive-inverse", "lqg", "virtual-jaw")
 """Controllers from whose commands a search may begin, the oracle first. On tasks of suite v1: oracles of three sizes of
-their gains, with ideal sensors."""
+their gains, with ideal sensors, a drive that stays, and `cablebench.bound.candidates.LAWS` with the level's sensors."""
 
 ROOM = 2.5e8
 """Bytes that the slopes of all steps may take: episodes are searched in groups."""
@@ -163,20 +163,29 @@ def _beginnings(env_id: str, seeds: Sequence[int], options: dict[str, Any], rese
     setup_of(env_id, quiet)  # refuses what does not fit
     if of_suite:
         entrants = [*oracles(env_id, quiet), staying()]
+        own = laws(env_id, options)
     else:
         entrants = [e for e in map(controller_entrant, STARTS) if e.enters(env_id, {**options, "sensor_noise": False})]
-    began: dict[str, tuple[list[float], list[np.ndarray]]] = {}
+        own = ()
     with gym.make(env_id, disable_env_checker=True, **quiet) as env:
         setup, states = core_of(env).setup, []
         for seed in seeds:
             env.reset(seed=int(seed), options=reset or None)
             states.append(core_of(env).simulation.state())
-        for entrant in entrants:
-            actor = entrant.make(setup)
-            episodes = [run_episode(env, actor, int(seed), reset or None) for seed in seeds]
-            errors = [_error(e) if e.complete else math.inf for e in episodes]
-            began[entrant.name] = errors, [e.command for e in episodes]
+        began = {entrant.name: _played(env, entrant, seeds, reset) for entrant in entrants}
+    for entrant, seen in own:  # sensors do not change what is drawn, nor what commands do
+        with gym.make(env_id, disable_env_checker=True, **seen) as env:
+            began[entrant.name] = _played(env, entrant, seeds, reset)
     return setup, states, began
+
+
+def _played(
+    env: gym.Env, entrant: Entrant, seeds: Sequence[int], reset: Mapping[str, Any]
+) -> tuple[list[float], list[np.ndarray]]:
+    """Error and commands of an entrant in each episode; the error is infinite where the episode ended early."""
+    actor = entrant.make(core_of(env).setup)
+    episodes = [run_episode(env, actor, int(seed), reset or None) for seed in seeds]
+    return [_error(e) if e.complete else math.inf for e in episodes], [e.command for e in episodes]
 
 
 def _error(episode: Episode) -> float:

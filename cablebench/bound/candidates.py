@@ -1,4 +1,4 @@
-"""Who makes the anchors beside the open loop: a drive that stays where it began, and oracles of several sizes."""
+"""Who makes the anchors beside the open loop: a drive that stays, oracles of several sizes, and laws to begin from."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,10 +8,18 @@ import numpy as np
 
 from cable_envs.baselines import controller_class
 from cable_envs.sim.registered import setup_of
+from cablebench.entrants.controller_files import controller_file_entrant
 from cablebench.entrants.entrant import Entrant, controller_entrant
 
 SIZES = (1.0, 0.5, 0.25)
 """Of the oracle's gains per second: the full ones shake the drive of some tasks, and that has its price."""
+
+
+LAWS = (
+    "pid-suite", "scheduled-pid-suite", "adaptive-inverse-suite", "lqg-suite", "camera-jaw-suite", "grasp-jaw-suite",
+    "drive-side-suite", "sheath-drive-side-suite",
+)  # fmt: skip
+"""Files of gains (configs/controllers) that belong to the anchors: whoever else is shipped or enters moves none."""
 
 
 class Stay:
@@ -60,6 +68,25 @@ def oracles(env_id: str, options: Mapping[str, Any], name: str = "oracle") -> tu
         gains = {gain: max(one.default * size, one.low) for gain, one in rates.items()}
         found.append(replace(controller_entrant(name, gains), name=f"{name} x {size:g}"))
     return tuple(found)
+
+
+def laws(env_id: str, options: Mapping[str, Any]) -> tuple[tuple[Entrant, dict[str, Any]], ...]:
+    """Those of the `LAWS` that enter a task of suite v1, with the sensors of its level.
+
+    Parameters
+    ----------
+    env_id : str
+        Registered id.
+    options : mapping
+        Of the environment.
+
+    Returns
+    -------
+    tuple of (Entrant, dict)
+        Each with the options of the environment that it enters.
+    """
+    found = [(entrant, entrant.enters(env_id, options)) for entrant in map(controller_file_entrant, LAWS)]
+    return tuple((entrant, own) for entrant, own in found if own is not None)
 
 
 def without_effects(env_id: str, options: Mapping[str, Any]) -> dict[str, Any]:

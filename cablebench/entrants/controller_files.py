@@ -184,13 +184,13 @@ def _check(path: Path, kind: Any, env: str, gains: Mapping[tuple[str, str], Mapp
 
 
 def _case_of(env: str) -> tuple[str, str]:
-    """`_case` of an environment id."""
+    """`case_of` an environment id."""
     from cable_envs.sim.registered import setup_of
 
-    return _case(setup_of(env, {}))
+    return case_of(setup_of(env, {}))
 
 
-def _case(setup: Setup) -> tuple[str, str]:
+def case_of(setup: Setup) -> tuple[str, str]:
     """What a setup shows of its environment id: the task, and its level or whether the reference is a step."""
     if setup.conditions is not None:
         return setup.task.name, setup.conditions.level
@@ -201,7 +201,7 @@ def _chosen(gains: Mapping[tuple[str, str], Mapping[str, float]], setup: Setup) 
     """The gains for a setup; under another kind of reference than tuned for, those of the same task."""
     if not gains:
         return {}
-    case = _case(setup)
+    case = case_of(setup)
     same_task = [values for (task, _), values in gains.items() if task == setup.task.name]
     if case not in gains and not same_task:
         raise ConfigurationError(f"no gains for {setup.task.name}; there are gains for {sorted({t for t, _ in gains})}")

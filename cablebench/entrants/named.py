@@ -5,6 +5,7 @@ from pathlib import Path
 
 from cable_envs.core.errors import ConfigurationError, nearest
 from cablebench.entrants.apart import submission_entrant
+from cablebench.entrants.compositions import composition_entrant, is_composition, shipped_compositions
 from cablebench.entrants.controller_files import FOLDER, controller_file_entrant, shipped_files
 from cablebench.entrants.entrant import Entrant, controller_entrant
 from cablebench.protocol.protocol import Protocol
@@ -39,22 +40,24 @@ def entering(
 
 
 def named_entrant(name: str, gains: Mapping[str, float] | None = None, sandbox: str = "auto") -> Entrant:
-    """What ``--controller NAME`` means: a reference controller, a controller file, or a .py file.
+    """What ``--controller NAME`` means: a reference controller, a controller file, a composition, or a .py file.
 
-    A controller file is named by its path or, in configs/controllers/, without folder and suffix; naming a .py file
-    executes it, within ``sandbox``. ``gains`` are for reference controllers only. Raises ConfigurationError with the
-    nearest name.
+    A YAML file is named by its path or, in configs/controllers and configs/compositions, by its name; naming a .py
+    file executes it, within ``sandbox``. ``gains`` are for reference controllers only. Raises ConfigurationError with
+    the nearest name.
     """
     from cable_envs.baselines import CONTROLLERS
 
     if name in CONTROLLERS:
         return controller_entrant(name, gains)
     suffix = Path(name).suffix
-    if suffix not in (".py", ".yaml", ".yml") and name not in shipped_files():
-        known = [*CONTROLLERS, *shipped_files()]
+    if suffix not in (".py", ".yaml", ".yml") and name not in (*shipped_files(), *shipped_compositions()):
+        known = [*CONTROLLERS, *shipped_files(), *shipped_compositions()]
         raise ConfigurationError(f"unknown controller '{name}'; {nearest(name, known)}; or a file (.yaml, .py)")
     if gains:
         raise ConfigurationError(f"gains of '{name}' belong into its file (configs/{FOLDER} has examples)")
     if suffix == ".py":
         return submission_entrant(name, sandbox)
+    if name in shipped_compositions() or is_composition(name):
+        return composition_entrant(name)
     return controller_file_entrant(name, sandbox)

@@ -23,6 +23,7 @@ _KEYS = (
     "schema",
     "name",
     "version",
+    "episodes_since",
     "title",
     "note",
     "tasks",
@@ -106,6 +107,7 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
         name=str(data["name"]),
         title=str(data.get("title", data["name"])),
         version=_count(data.get("version", 1), "version", source),
+        episodes_since=_count(data.get("episodes_since", 0), "episodes_since", source, 0),
         note=" ".join(str(data.get("note", "")).split()),
         tasks=tuple(_task(t, source) for t in data["tasks"]),
         tracks=tuple(_track(n, t or {}, source) for n, t in data["tracks"].items()),
@@ -134,6 +136,10 @@ def parse_protocol(data: Mapping[str, Any], source: str = "protocol") -> Protoco
 def _check(protocol: Protocol, source: str) -> Protocol:
     if protocol.worst_score >= 0:
         raise ConfigurationError(f"{source}: score.worst = {protocol.worst_score:g} must be below 0 (the open loop)")
+    if protocol.episodes_since > protocol.version:
+        raise ConfigurationError(
+            f"{source}: episodes_since = {protocol.episodes_since} is later than version {protocol.version}"
+        )
     if not 0 < protocol.level < 1:
         raise ConfigurationError(f"{source}: bootstrap.level = {protocol.level:g} must lie between 0 and 1")
     if protocol.score_version not in SCORE_VERSIONS:

@@ -165,7 +165,10 @@ class Protocol:
     tune: SeedRange
     test: SeedRange
     version: int = 1
-    """raised when the same name comes to mean other episodes or scores; boards rank one version only"""
+    """raised when the same name comes to mean other episodes or scores"""
+    episodes_since: int = 0
+    """the version from which on the episodes are the same, so that records since then are ranked; 0: this one. Later
+    versions differ in what is made of records, as their anchors"""
     note: str = ""
     run: tuple[str, ...] = ()
     """tracks that a board runs unless asked otherwise; empty: all"""
@@ -196,12 +199,13 @@ class Protocol:
         """Twelve hex digits of the SHA-256 over everything above that changes a number.
 
         Title, note and a sealed exam's secret are left out, and where the score is of version 0 what only later
-        versions have.
+        versions have. Of versions with the same episodes the first counts.
         """
         out = ("title", "note", "secret", *(() if self.seal else ("seal",)))
         if self.score_version == 0:
             out += ("score_version", "anchors", "survival")
         decides = {k: v for k, v in asdict(self).items() if k not in out}
+        decides["version"] = decides.pop("episodes_since") or self.version
         for task in decides["tasks"]:
             del task["ranked"]  # no episode and no score depends on it
         for sweep in (sweep for track in decides["tracks"] for sweep in track["sweeps"]):

@@ -69,6 +69,18 @@ def test_adaptive_inverse_pays_on_another_rig():
     assert ours * 3 < rmse(simulate(law("mrac-g22"), SINE, 8.0, rig=OTHER))
 
 
+def test_in_a_tension_task_a_change_of_the_way_does_not_change_it_back():
+    """The reading jumps with the drive. Judged by what it reads at once, the way alternates and the error doubles."""
+    reference = REFERENCES["cable_hole", "tension", "sine"]
+    smoothed, at_once = (law("adaptive-inverse", "tension", ANCHORED, calm=calm) for calm in (0.05, 0.0))
+    errors = [rmse(simulate(c, reference, 12.0, rig=ANCHORED)) for c in (smoothed, at_once)]
+    assert errors[0] * 2 < errors[1]
+    true = HoleModel(ANCHORED)
+    for speed in (1e-4, 0.01):  # what it fits is the rig's friction, standing and at the fastest
+        fitted = math.exp(smoothed.log_ratio(speed, {}))
+        assert fitted == pytest.approx(true.ratio(speed, 30.0, 30.0), rel=0.04)
+
+
 def test_regulator_and_filter_solve_their_riccati_equations():
     """Against their own iterations, which is how they are defined."""
     a, b = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([[0.005], [0.1]])

@@ -110,6 +110,14 @@ def test_the_hash_follows_what_changes_numbers_and_nothing_else(data):
         assert parse_protocol(_broken(data, *change)).hash() != original, change
 
 
+def test_a_version_with_the_episodes_of_an_earlier_one_keeps_its_records(data):
+    later = parse_protocol({**data, "version": 4})
+    same = parse_protocol({**data, "version": 4, "episodes_since": data["version"]})
+    assert same.version == 4 and same.hash() == parse_protocol(data).hash() != later.hash()
+    with pytest.raises(ConfigurationError, match="episodes_since = 5 is later than version 4"):
+        parse_protocol({**data, "version": 4, "episodes_since": 5})
+
+
 def test_unknown_protocols_tracks_and_tasks_name_the_nearest():
     with pytest.raises(ConfigurationError, match=r"did you mean 'quick'"):
         load_protocol("quik")

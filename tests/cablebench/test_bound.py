@@ -8,6 +8,9 @@ import cable_envs  # noqa: F401 - registers the environments
 from cable_envs.core.errors import ConfigurationError
 from cablebench.bound import upper_bound
 from cablebench.bound.motion import Plants
+from cablebench.entrants.controller_files import controller_file_entrant
+from cablebench.protocol.metrics import priced_rmse
+from cablebench.run.evaluation import run_episode
 
 SINE = "cable_envs/CableHole-Position-Sine-v0"
 OPTIONS = {"duration": 1.5, "randomize": True}
@@ -42,6 +45,19 @@ def test_rigs_differ_and_the_safety_limit_is_kept(found):
     for bound in found:
         assert bound.command.max() <= 100.0 + 1e-9
         assert 0.0 <= bound.off <= 1.0 and bound.spread >= 0.0
+
+
+def test_on_a_task_of_the_suite_no_law_that_it_began_from_is_ahead():
+    """With the sensors of the level a law sends the commands that it sends on the board."""
+    env_id, options = "cable_envs/CableHole-Hold-Hard-v1", {"split": "test", "duration": 5.0}
+    (bound,) = upper_bound(env_id, [2000017], options, rounds=1)
+    assert {"oracle", "oracle x 0.25", "stay", "lqg-suite", "pid-suite"} <= set(bound.starts)
+    assert not {"camera-jaw-suite", "drive-side-suite"} & set(bound.starts)
+    assert bound.rmse <= min(bound.starts.values()) * (1.0 + 1e-9)
+    entrant = controller_file_entrant("lqg-suite")
+    with gym.make(env_id, **entrant.enters(env_id, options)) as env:
+        episode = run_episode(env, entrant.make(env.unwrapped.setup), 2000017)
+    assert bound.starts["lqg-suite"] == pytest.approx(priced_rmse(episode), rel=1e-12)
 
 
 def test_a_single_step_is_not_known_before_it_comes():
