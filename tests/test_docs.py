@@ -131,7 +131,7 @@ def test_the_first_example_of_the_readme_runs(capsys):
 @pytest.fixture
 def example(tmp_path):
     """A folder with the two files of "Add your controller"."""
-    (source,), (file,) = blocks("add-your-controller.md", "python"), blocks("add-your-controller.md", "yaml")
+    (source,), (file, *_) = blocks("add-your-controller.md", "python"), blocks("add-your-controller.md", "yaml")
     (tmp_path / "weight_pid.py").write_text(source)
     (tmp_path / "weight_pid.yaml").write_text(file)
     return tmp_path

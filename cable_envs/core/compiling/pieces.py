@@ -28,10 +28,12 @@ class Piece(CPUDispatcher):
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """What a call from Python runs, asked for once for each signature."""
-        entry = self._for_python._compile_for_args(*args, **kws)
-        for found in self._for_python.overloads.values():
+        callable_: Any = self._for_python
+        own: Any = self
+        entry = callable_._compile_for_args(*args, **kws)
+        for found in callable_.overloads.values():
             if found.entry_point is entry:
-                self._insert([kind._code for kind in found.signature.args], entry, found.objectmode)
+                own._insert([kind._code for kind in found.signature.args], entry, found.objectmode)
         return entry
 
 
