@@ -76,7 +76,7 @@ def _board_page(name: str) -> bytes:
 
     board, store, reading = _board(name)
     own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
-    return render_html(board, store.trajectories, learning_curves(store.places, own)).encode()
+    return render_html(board, store.trajectories.of, learning_curves(store.places, own)).encode()
 
 
 def _boards() -> str:
