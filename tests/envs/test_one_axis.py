@@ -131,9 +131,12 @@ def recorded(system, seconds=6.0):
     inertia, viscous, spring, size = (0.03, 0.4, 4.0, 1.7) if joint else (3.0, 30.0, 400.0, 21.0)
     effort = size * (np.sin(2.1 * time) + 0.5 * np.sin(7.3 * time))
     state, path = np.zeros(2), [np.zeros(2)]
+
+    def law(t, s, push):
+        return s[1], (push - viscous * s[1] - spring * s[0]) / inertia
+
     for push in effort[:-1]:
-        law = lambda t, s, push=push: (s[1], (push - viscous * s[1] - spring * s[0]) / inertia)  # noqa: E731
-        state = solve_ivp(law, (0.0, PERIOD), state, rtol=1e-9, atol=1e-12).y[:, -1]
+        state = solve_ivp(law, (0.0, PERIOD), state, args=(push,), rtol=1e-9, atol=1e-12).y[:, -1]
         path.append(state)
     table = {"time": time, "position": np.array(path)[:, 0], "torque" if joint else "force": effort}
     stated = {"inertia": inertia, "load_mass": 0.0} if joint else {"mass": inertia}

@@ -42,6 +42,7 @@ def concealed(
     What is finished is kept in --out, and the same command goes on from there.
     """
     from cablebench.concealed.entrants import ROWS, row_from_file
+    from cablebench.concealed.given import folder_of
     from cablebench.concealed.mechanism import load_mechanism, mechanisms
     from cablebench.concealed.page import tables, write_tables
     from cablebench.concealed.records import record_hidden
@@ -63,7 +64,7 @@ def concealed(
                 if recordings_only:
                     for hidden in sealed(plan, root, rigs, draw):
                         tell(f"{name}, rig {hidden.number}: recording")
-                        record_hidden(hidden, plan, root / f"rig-{hidden.number:02d}" / "recording")
+                        record_hidden(hidden, plan, folder_of(hidden, root) / "recording")
                     continue
                 result[name] = run(plan, chosen, root, rigs, episodes, seed, draw, tell)
         except KeyboardInterrupt as stop:
