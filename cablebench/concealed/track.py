@@ -40,7 +40,7 @@ def sealed(mechanism: Mechanism, root: Path, rigs: int, seed: int | None) -> lis
     rigs : int
         How many are wanted.
     seed : int, optional
-        Of the draw; None draws one that nobody knows.
+        Of the draw; None draws one and does not keep it.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def run(
     seed : int
         Of what the rows draw.
     draw : int, optional
-        Seed of the hidden rigs; None: nobody knows it.
+        Seed of the hidden rigs; None: one is drawn and not kept.
     tell : callable
         Hears what is going on.
 

@@ -28,7 +28,7 @@ def concealed(
     episodes: Annotated[int, typer.Option(min=1, help="Test episodes on each hidden rig.")] = 6,
     seed: Annotated[int, typer.Option(min=0, help="Of tuning, training and diagnosis.")] = 0,
     draw: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the hidden rigs; without it nobody knows them before the end.")
+        int | None, typer.Option(min=0, help="Seed of the hidden rigs; without it one is drawn and not kept.")
     ] = None,
     recordings_only: Annotated[
         bool, typer.Option("--recordings-only", help="Seal and record the hidden rigs, and end.")
