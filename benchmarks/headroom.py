@@ -21,6 +21,7 @@ import gymnasium as gym
 import cable_envs
 from benchmarks.verdicts import AGENT, CLASSICAL, NOTHING, OPEN, ORACLE, Row, rows_of, table
 from cable_envs.core.files import write_atomic
+from cable_envs.core.text import between_marks
 from cable_envs.sim.registered import setup_of
 from cablebench.bound.candidates import oracles, staying, without_effects
 from cablebench.entrants.controller_files import shipped_files
@@ -146,8 +147,7 @@ def main() -> None:
     print(text)
     if arguments.page:
         page = arguments.page.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        write_atomic(arguments.page, f"{before}{BEGIN}\n\n{text}\n\n{END}{rest.split(END)[1]}")
+        write_atomic(arguments.page, between_marks(page, BEGIN, END, text))
 
 
 def as_lines(results: Mapping[str, Mapping[str, Any]]) -> str:

@@ -18,6 +18,7 @@ import numpy as np
 
 from cable_envs.baselines import controller_class
 from cable_envs.core.files import write_atomic
+from cable_envs.core.text import between_marks
 from cablebench.bound import upper_bound
 from cablebench.entrants.controller_files import load_controller_file, shipped_files
 from cablebench.entrants.entrant import Entrant
@@ -216,8 +217,7 @@ def main() -> None:
     print(said)
     if arguments.page:
         page = arguments.page.read_text(encoding="utf-8")
-        before, rest = page.split(BEGIN)
-        write_atomic(arguments.page, f"{before}{BEGIN}\n\n{said}\n\n{END}{rest.split(END)[1]}")
+        write_atomic(arguments.page, between_marks(page, BEGIN, END, said))
 
 
 if __name__ == "__main__":

@@ -121,6 +121,31 @@ def test_links_lead_somewhere(page):
     assert [t for t, place in places.items() if not place.exists() and place.resolve() not in made] == []
 
 
+def test_the_menu_has_pages_that_are_there_or_that_the_site_makes():
+    menu = re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"))
+    makers = "".join(file.read_text(encoding="utf-8") for file in (ROOT / "docs" / "site").glob("*.py"))
+    folders = ("environments/", "plants/", "api/")  # one page for each environment, plant and module
+    absent = [name for name in menu if not (ROOT / "docs" / name).exists() and not name.startswith(folders)]
+    assert [name for name in absent if f'"{name}"' not in makers] == []
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_links_into_a_page_lead_to_one_of_its_headings(page):
+    toc = pytest.importorskip("markdown.extensions.toc")  # as the site makes addresses of headings
+    wrong = []
+    for target in re.findall(r"(?<!!)\[[^\]]+\]\(([^)\s]*#[^)\s]+)\)", FENCE.sub("", page.read_text(encoding="utf-8"))):
+        name, heading = target.split("#", 1)
+        place = page.parent / name if name else page
+        if "://" in target or place.suffix != ".md" or not place.is_file():
+            continue
+        text = place.read_text(encoding="utf-8")
+        shown = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", line) for line in re.findall(r"^#+ (.*)$", text, re.MULTILINE)]
+        known = {toc.slugify(re.sub("[`*]", "", line), "-") for line in shown}
+        if heading not in known | set(re.findall(r'(?:id="|\{#)([\w-]+)', text)):
+            wrong.append(target)
+    assert wrong == []
+
+
 def test_the_first_example_of_the_readme_runs(capsys):
     (source,) = [text for kind, text in FENCE.findall((ROOT / "README.md").read_text()) if kind == "python"]
     exec(compile(source, "README.md", "exec"), {})

@@ -74,19 +74,29 @@ def test_torch_only_in_agents():
     assert _offences(files, "torch", "stable_baselines3") == []
 
 
+JOINS = ("cablebench.concealed",)
+"""What ties both halves of the project together: it diagnoses, trains and ranks. Only the command line knows it."""
+
+
+def test_only_the_command_line_knows_what_joins_both_halves():
+    others = [f for f in sources("cablebench") if not _inside(module(f), "cablebench.cli", *JOINS)]
+    assert _offences([*others, *(f for p in FOLDERS if p != "cablebench" for f in sources(p))], *JOINS) == []
+
+
 def test_benchmark_does_not_know_agents_or_its_command_line():
     command_line = ("cablebench.cli",)
     files = [f for f in sources("cablebench") if not _inside(module(f), *command_line)]
-    assert _offences(files, "agents", "typer", *command_line) == []
+    assert _offences(files, "typer", *command_line) == []
+    assert _offences([f for f in files if not _inside(module(f), *JOINS)], "agents") == []
     assert _offences(sources("agents"), *command_line) == []
 
 
 def test_only_export_and_its_command_know_recordings_and_minari():
     # the benchmark knows no diagnosis; the pages about it and the experiment on it do
     about_it = ("cablebench.pages",)
-    above = ("cablebench.export", "cablebench.cli", *about_it)
+    above = ("cablebench.export", "cablebench.cli", *about_it, *JOINS)
     files = [f for f in sources("cablebench") if not _inside(module(f), *above)]
-    assert _offences(files, "diagnosis", "minari", "cablebench.export") == []
+    assert _offences(files, "diagnosis", "minari", "cablebench.export", *JOINS) == []
     pages = [f for f in sources("cablebench") if _inside(module(f), *about_it)]
     assert _offences(pages, "minari", "cablebench.export", "agents", "baselines") == []
     others = [f for package in FOLDERS for f in sources(package) if module(f) != "cablebench.export.minari"]

@@ -2,6 +2,7 @@
 
 from benchmarks.gpu.measure import CASES, CPU_SIZES, SIZES
 from cable_envs.core.files import write_atomic
+from cable_envs.core.text import between_marks
 
 NOT_MEASURED = "not measured"
 PRECISIONS = ("float64", "float32")
@@ -18,8 +19,7 @@ _KNOWN_BY = {"H200": "H200", "H100": "H100 SXM", "A100": "A100 SXM 80 GB", "L40S
 
 def put(page, begin, end, text):
     """Replace what is between two marks of a page."""
-    before, rest = page.read_text(encoding="utf-8").split(begin)
-    write_atomic(page, f"{before}{begin}\n\n{text}\n\n{end}{rest.split(end)[1]}")
+    write_atomic(page, between_marks(page.read_text(encoding="utf-8"), begin, end, text))
 
 
 def markdown(head, rows):

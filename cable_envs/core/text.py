@@ -3,6 +3,8 @@
 import math
 import re
 
+from cable_envs.core.errors import ConfigurationError
+
 
 def number(value: float | None, digits: int = 3) -> str:
     r"""A number to some significant digits, without needless exponents.
@@ -97,3 +99,37 @@ def markdown_code(text: str) -> str:
 
 def _one_line(text: str) -> str:
     return "".join(c for c in " ".join(text.split()) if c.isprintable())
+
+
+def between_marks(page: str, begin: str, end: str, text: str) -> str:
+    r"""A page with other text between two marks: what people wrote around it stays.
+
+    Parameters
+    ----------
+    page : str
+        The page as it is.
+    begin, end : str
+        The marks, each once, in this order.
+    text : str
+        What goes between them.
+
+    Returns
+    -------
+    str
+        The page anew.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the page lacks a mark.
+
+    Examples
+    --------
+    >>> between_marks("a <b> old <e> z", "<b>", "<e>", "new")
+    'a <b>\n\nnew\n\n<e> z'
+    """
+    before, first, rest = page.partition(begin)
+    _, second, after = rest.partition(end)
+    if not first or not second:
+        raise ConfigurationError(f"the page lacks '{begin}' with '{end}' after it")
+    return f"{before}{begin}\n\n{text}\n\n{end}{after}"

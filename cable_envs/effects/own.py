@@ -71,7 +71,7 @@ STEP_Y, STEP_V = 1e-7, 1e-6
 
 
 @inline
-def own_load_slopes(position, velocity, e, s, i):
+def slopes_of_own_load(position, velocity, e, s, i):
     """(own load, its stiffness, its damping) at a position and speed; the latter two are never negative."""
     at = own_load(position, velocity, 0.0, e, s, i)
     stiffness = (own_load(position + STEP_Y, velocity, 0.0, e, s, i) - at) / STEP_Y

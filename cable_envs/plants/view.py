@@ -10,6 +10,10 @@ ACCELERATION: Gains = {
     "filter_time": ("s", 0.005, 0.5),
 }  # fmt: skip
 """A PID that asks for an acceleration: of a free mass its poles are those of (s^2 + 2 0.8 20 s + 20^2) (s + 5), 1/s."""
+POSITION: Gains = {
+    "kp": ("1", 0.0, 3.0), "ki": ("1/s", 2.0, 60.0), "kd": ("s", 0.0, 0.1), "filter_time": ("s", 0.02, 0.5),
+}  # fmt: skip
+"""A PID that asks for a position, beside the servo that goes there."""
 Reference = tuple[float, float, float]
 """r, r_dot, r_ddot in SI."""
 

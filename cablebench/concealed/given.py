@@ -109,10 +109,15 @@ class Given:
         return setup_of(self.mechanism.env, {**self.believed, **(options or {})})
 
 
+def folder_of(hidden: HiddenRig, root: Path) -> Path:
+    """Where the recording of a hidden rig is, and what is made for it; ``root``: the mechanism's folder."""
+    return root / f"rig-{hidden.number:02d}"
+
+
 def given(
     hidden: HiddenRig, mechanism: Mechanism, root: Path, episodes: int, seed: int, tell: Callable[[str], None]
 ) -> Given:
-    """What an entrant is given of a rig whose recording lies in ``root``/rig-NN/recording."""
-    folder = root / f"rig-{hidden.number:02d}"
+    """What an entrant is given of a hidden rig of the mechanism's folder ``root``."""
+    folder = folder_of(hidden, root)
     allowed = Episodes(mechanism.env, hidden.options(mechanism), episodes)
     return Given(mechanism, folder / "recording", folder, root / "shared", allowed, seed, tell)

@@ -47,10 +47,7 @@ class HiddenRig:
 
     def options(self, mechanism: Mechanism) -> dict[str, Any]:
         """Environment options of the hidden rig, for the task and for the bench alike."""
-        parameters = {name: float(value) for name, value in self.parameters.items()}
-        rig = {**load_rig(mechanism.preset).content(), "name": "hidden"}
-        for name, value in parameters.items():
-            rig["parameters"] = {**rig["parameters"], name: {**rig["parameters"][name], "value": value}}
+        rig = {**load_rig(mechanism.preset).replace(self.parameters).content(), "name": "hidden"}
         own = {"effect_file": str(LAWS / f"{self.law}.py")} if self.law else {}
         return {"rig": rig, **own, "effects": {name: dict(numbers) for name, numbers in self.effects.items()}}
 

@@ -4,21 +4,18 @@ A controller is told a rig, and its gains are tuned on a simulator; an agent is 
 believed one, the one that a diagnosis of the recordings corrected, and the true one.
 """
 
-import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from cable_envs.core.config import read_yaml
-from cable_envs.core.files import json_text, write_atomic
-from cable_envs.sim.setup import Setup
 from cablebench.concealed.given import Given, MakeActor, episode_metrics
 from cablebench.concealed.mechanism import PROTOCOL
 from cablebench.concealed.scores import score_of
 from cablebench.entrants.controller_files import find_controller_file, load_controller_file
 from cablebench.jobs import Job, open_backend
-from cablebench.protocol.actors import Actor, ControllerActor, PolicyActor
+from cablebench.protocol.actors import PolicyActor, controller_actor
 from cablebench.protocol.files import load_protocol
 from cablebench.tune.space import gain_space
 from cablebench.tune.study import Search, best, tune
@@ -51,16 +48,8 @@ def controller(given: Given, name: str, gains: Mapping[str, float], told: Mappin
     callable
         Its actor for a setup.
     """
-    from cable_envs.baselines import controller_class
-
-    kind: Any = controller_class(name)
     believed = given.setup(told)
-    case = (believed.plant.name, believed.action_mode.name, believed.task.kind)
-
-    def make(acting: Setup) -> Actor:
-        return ControllerActor(kind(*case, believed.rig.values, believed.control_period, **gains), acting)
-
-    return make
+    return lambda acting: controller_actor(name, gains, believed, acting)
 
 
 def tuned(given: Given, name: str, simulator: Mapping[str, Any], label: str) -> MakeActor:
@@ -106,7 +95,7 @@ def _searched(
     file = given.folder / "trials" / f"{label}.sqlite"
     with open_backend("local", 1) as backend:
         found = tune(file, search, trials, backend, lambda done, total, text: given.tell(f"{label}: {done}/{total}"))
-    return dict(best(found).values)
+    return dict(best(found[:trials]).values)
 
 
 def trained(
@@ -190,19 +179,17 @@ def oracle_controller(given: Given) -> MakeActor:
 
 
 def tuned_on_the_rig(given: Given, count: int) -> MakeActor:
-    """The mechanism's controller with the best of ``count`` sets of gains, each tried in one episode on the rig."""
+    """The mechanism's controller with the best of ``count`` sets of gains, each tried in one episode on the rig.
+
+    More episodes go on with the sets that fewer have tried: all numbers of episodes are one study.
+    """
     name = given.mechanism.controller["name"]
     start = shipped_gains(given.mechanism.controller["gains"], given.mechanism.env)
-    file = given.folder / "trials" / f"on-the-rig-{count}.json"
-    if file.is_file():
-        return controller(given, name, json.loads(file.read_text(encoding="utf-8")), given.believed)
 
     def loss(gains: Mapping[str, float]) -> float:
         return -score_of(given.mechanism.env, given.episodes.run(controller(given, name, gains, given.believed)))
 
-    gains = _searched(given, name, start, loss, count, f"on-the-rig-{count}", batch=1)
-    write_atomic(file, json_text(gains))
-    return controller(given, name, gains, given.believed)
+    return controller(given, name, _searched(given, name, start, loss, count, "on-the-rig", batch=1), given.believed)
 
 
 def nominal_agent(given: Given) -> MakeActor:

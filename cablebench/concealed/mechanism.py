@@ -30,8 +30,10 @@ class Mechanism:
         The rig that everybody believes in.
     bench : mapping
         ``env``, ``controller``, ``options`` and number of ``records`` with which the hidden rig is recorded.
-    controller, adaptive : mapping
+    controller : mapping
         ``name`` of a controller and ``gains``: a file of configs/controllers.
+    adaptive : mapping
+        The same of one that learns more of the rig while it runs; empty where there is none.
     agent, memory : mapping
         ``settings``: a file of configs/agents, and ``steps`` of the training.
     believed_off : float

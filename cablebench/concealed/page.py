@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.core.intervals import Interval
-from cable_envs.core.text import markdown_text
+from cable_envs.core.text import between_marks, markdown_text
 from cablebench.concealed import worth
 from cablebench.concealed.entrants import ROWS
 from cablebench.concealed.hidden import KINDS
@@ -35,11 +34,7 @@ def tables(result: Mapping[str, Any]) -> str:
 
 def write_tables(page: Path, text: str) -> None:
     """Put the tables between the marks of a page; ConfigurationError where it has none."""
-    before, begin, rest = page.read_text(encoding="utf-8").partition(BEGIN)
-    _, end, after = rest.partition(END)
-    if not begin or not end:
-        raise ConfigurationError(f"{page}: there is no '{BEGIN}' with '{END}' after it")
-    write_atomic(page, f"{before}{BEGIN}\n\n{text}\n{END}{after}")
+    write_atomic(page, between_marks(page.read_text(encoding="utf-8"), BEGIN, END, text))
 
 
 def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:
@@ -99,7 +94,7 @@ def _rigs(rigs: Sequence[worth.Rig]) -> list[str]:
             markdown_text(f"{effect}.{name} = {value:.3g}")
             for effect, numbers in hidden["effects"].items() for name, value in numbers.items()
         )  # fmt: skip
-        named = next((row["named"] for row in rig["rows"].values() if "verdict" in row), ())
+        named = rig["answer"]["named"] if rig["answer"] else ()
         cells = [str(hidden["number"]), concealed, worth.answered(rig) or "–", markdown_text(", ".join(named))]
         lines.append(f"| {' | '.join([*cells, *(f'{worth.score(rig, row):.2f}' for row in rows)])} |")
     return lines

@@ -20,6 +20,11 @@ def anchor(env_id: str) -> Anchor:
     return anchors_of(protocol, (protocol.task(env_id),))[env_id, TRACK]
 
 
+@cache
+def _worst() -> float:
+    return load_protocol(PROTOCOL).worst_score
+
+
 def failed(env_id: str, metrics: Mapping[str, Any]) -> bool:
     """Whether an episode breaks a rule: overload, a dropped load, a runaway, a torn cable."""
     return bool(broken(metrics, anchor(env_id).open_loop))
@@ -27,7 +32,7 @@ def failed(env_id: str, metrics: Mapping[str, Any]) -> bool:
 
 def score_of(env_id: str, metrics: Mapping[str, Any]) -> float:
     """0 for the error of doing nothing on the believed rig, 1 for the bound there, -1 for a broken rule."""
-    worst = load_protocol(PROTOCOL).worst_score
+    worst = _worst()
     if failed(env_id, metrics):
         return worst
     between = anchor(env_id)

@@ -16,7 +16,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import json_text, jsonable, write_atomic
 from cable_envs.proof.sealing import opened, seal
 from cablebench.concealed.entrants import Row
-from cablebench.concealed.given import Given, episode_metrics, given
+from cablebench.concealed.given import episode_metrics, folder_of, given
 from cablebench.concealed.hidden import HiddenRig, drawn, from_key
 from cablebench.concealed.mechanism import PROTOCOL, Mechanism
 from cablebench.concealed.records import record_hidden
@@ -40,7 +40,7 @@ def sealed(mechanism: Mechanism, root: Path, rigs: int, seed: int | None) -> lis
     rigs : int
         How many are wanted.
     seed : int, optional
-        Of the draw; None draws one that nobody knows.
+        Of the draw; None draws one and does not keep it.
 
     Returns
     -------
@@ -88,14 +88,14 @@ def scored(hidden: HiddenRig, mechanism: Mechanism, row: Row, root: Path, episod
     Returns
     -------
     dict
-        ``scores``, ``errors`` (SI), ``failed`` [episodes], ``seconds`` of preparing and ``used`` episodes.
+        ``scores``, ``errors`` (SI), ``failed`` [episodes], and ``seconds`` of preparing.
     """
     about = given(hidden, mechanism, root, row.episodes, seed, tell)
     file = about.folder / "scores" / f"{row.name}.json"
     if file.is_file():
         kept = json.loads(file.read_text(encoding="utf-8"))
-        if len(kept["scores"]) >= episodes:
-            return kept
+        if len(kept["scores"]) >= episodes:  # all rows are compared on the same ones
+            return {**kept, **{name: kept[name][:episodes] for name in ("scores", "errors", "failed")}}
     record_hidden(hidden, mechanism, about.recording)
     begun = time.monotonic()
     actor = row.prepare(about)
@@ -105,17 +105,17 @@ def scored(hidden: HiddenRig, mechanism: Mechanism, row: Row, root: Path, episod
     result = {
         "row": row.name, "scores": [score_of(mechanism.env, m) for m in found],
         "errors": [scored_error(m) for m in found], "failed": [failed(mechanism.env, m) for m in found],
-        "seconds": round(seconds, 1), "used": about.episodes.used, **answer(about),
+        "seconds": round(seconds, 1),
     }  # fmt: skip
     write_atomic(file, json_text(jsonable(result)))
     return result
 
 
-def answer(about: Given) -> dict[str, Any]:
-    """What the diagnosis of a rig said, where there is one: ``verdict`` and ``named`` effects."""
-    file = about.folder / "diagnosis" / "diagnosis.json"
+def answer(folder: Path) -> dict[str, Any] | None:
+    """What the diagnosis of a rig said, ``verdict`` and ``named`` effects; None where no row has asked for one."""
+    file = folder / "diagnosis" / "diagnosis.json"
     if not file.is_file():
-        return {}
+        return None
     found = json.loads(file.read_text(encoding="utf-8"))
     return {"verdict": found["verdict"], "named": [effect["name"] for effect in found["effects"]]}
 
@@ -137,20 +137,23 @@ def run(
     seed : int
         Of what the rows draw.
     draw : int, optional
-        Seed of the hidden rigs; None: nobody knows it.
+        Seed of the hidden rigs; None: one is drawn and not kept.
     tell : callable
         Hears what is going on.
 
     Returns
     -------
     list of mapping
-        For each rig ``hidden``, its opened key, and ``rows``: what `scored` gives by name.
+        For each rig ``hidden``, its opened key; ``rows``: what `scored` gives by name; ``answer``: of `answer`.
     """
     found: list[Mapping[str, Any]] = []
     for hidden in sealed(mechanism, root, rigs, draw):
         of_rig = {}
         for row in rows:
+            if not row.enters(mechanism):
+                continue
             tell(f"{mechanism.name}, rig {hidden.number}: {row.name}")
             of_rig[row.name] = scored(hidden, mechanism, row, root, episodes, seed, tell)
-        found.append({"hidden": hidden.key(), "rows": of_rig})
+        said = answer(folder_of(hidden, root))
+        found.append({"hidden": hidden.key(), "rows": of_rig, "answer": said})
     return found

@@ -3,13 +3,13 @@
 A rig's score is the mean over its episodes; rows are compared on the same rigs, and rigs are what is resampled.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from cable_envs.core.intervals import Interval
-from cablebench.concealed.entrants import ON_THE_RIG
+from cablebench.concealed.entrants import ON_THE_RIG, tuned_row
 from cablebench.concealed.hidden import KINDS
 from cablebench.score.statistics import bootstrap
 
@@ -17,7 +17,7 @@ RESAMPLES = 4000
 SEED = 20261126
 BASE = "nominal-controller"
 Rig = Mapping[str, Any]
-"""``hidden``: the key of a rig; ``rows``: scores by row, of `cablebench.concealed.track.run`."""
+"""``hidden``: the key of a rig; ``rows``: scores by row; ``answer``: of its diagnosis. `track.run` makes them."""
 
 ANSWERS = ("right", "in part, or another", "unknown", "nothing missing")
 """What a diagnosis said of a rig: all that is concealed and nothing else; effects, and not just these; that something
@@ -57,7 +57,7 @@ def rows_of(rigs: Sequence[Rig]) -> list[str]:
 
 def answered(rig: Rig) -> str | None:
     """One of `ANSWERS`; None where no row has diagnosed the rig."""
-    told = next((row for row in rig["rows"].values() if "verdict" in row), None)
+    told = rig["answer"]
     if told is None:
         return None
     if told["verdict"] == "no_detectable_mismatch":
@@ -105,10 +105,8 @@ def diagnosis(rigs: Sequence[Rig], with_it: str, without: str, oracle: str) -> l
         ``oracle``: the same of the truth; ``better``: on how many rigs it has the smaller error.
     """
     found = []
-    wanted: list[tuple[str, Callable[[Rig], bool]]] = [("all", lambda rig: True)]
-    wanted += [(name, lambda rig, name=name: answered(rig) == name) for name in ANSWERS]  # type: ignore[misc]
-    for name, belongs in wanted:
-        own = [rig for rig in rigs if belongs(rig)]
+    parts = {"all": list(rigs), **{name: [rig for rig in rigs if answered(rig) == name] for name in ANSWERS}}
+    for name, own in parts.items():
         if not own:
             continue
         gained = [log_error(rig, without) - log_error(rig, with_it) for rig in own]
@@ -135,7 +133,7 @@ def episodes_saved(rigs: Sequence[Rig], with_it: str) -> list[dict[str, Any]]:
     """
     found = []
     for count in ON_THE_RIG:
-        row = f"tuned-on-the-rig-{count}"
+        row = tuned_row(count)
         if row in rows_of(rigs):
             found.append({
                 "episodes": count, "score": mean_over_rigs([score(rig, row) for rig in rigs]),

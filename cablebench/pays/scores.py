@@ -20,7 +20,7 @@ from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
 from cablebench.jobs import Context
 from cablebench.pays.rigs import RIGS, HiddenRig
-from cablebench.protocol.actors import Actor, ControllerActor
+from cablebench.protocol.actors import Actor, controller_actor
 from cablebench.protocol.metrics import measure
 from cablebench.run.evaluation import core_of, run_episode
 from cablebench.run.records import badness
@@ -100,15 +100,6 @@ class Study:
     def _common(self) -> dict[str, Any]:
         length = self.duration or self.bench.duration
         return {"sensor_noise": True, "observe": self.bench.observe, "duration": length}
-
-
-def controller_actor(name: str, gains: Mapping[str, Any], believed: Setup, acting: Setup) -> Actor:
-    """The controller with ``gains`` that believes the rig of one setup and acts in another."""
-    from cable_envs.baselines import make_controller
-
-    case = (believed.plant.name, believed.action_mode.name, believed.task.kind)
-    made = make_controller(name, *case, believed.rig.values, believed.control_period, **gains)
-    return ControllerActor(made, acting)
 
 
 def errors(

@@ -1,5 +1,6 @@
 """What decides in an episode: a reference controller in SI, or a trained policy on observations."""
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
 import numpy as np
@@ -51,6 +52,28 @@ class ControllerActor:
         r, rate, acceleration = (values[k] for k in self._reference)
         u = self.controller.act(t, dict(zip(self._names, values, strict=True)), (r, rate, acceleration))
         return np.array([2.0 * (u - self._low) / self._span - 1.0], dtype=np.float32)
+
+
+def controller_actor(name: str, gains: Mapping[str, Any], believed: Setup, acting: Setup) -> ControllerActor:
+    """A reference controller that takes the rig of one setup for the true one and acts in another.
+
+    Parameters
+    ----------
+    name : str
+        Of the controller (`cable_envs.baselines`).
+    gains : mapping
+        By name; its defaults for what is missing.
+    believed, acting : Setup
+        The setup whose rig it is told, and that of the environment.
+
+    Returns
+    -------
+    ControllerActor
+    """
+    from cable_envs.baselines import make_controller
+
+    case = (believed.plant.name, believed.action_mode.name, believed.task.kind)
+    return ControllerActor(make_controller(name, *case, believed.rig.values, believed.control_period, **gains), acting)
 
 
 class ObservationActor:

@@ -2,7 +2,9 @@
 
 import inspect
 import re
+from functools import partial
 from itertools import groupby
+from typing import Any
 
 import gymnasium as gym
 
@@ -26,14 +28,14 @@ def pages() -> dict[str, str | bytes]:
         made[f"{FOLDER}/{slug(task)}.md"] = _page(task, ids)
         sine = next(env_id for env_id in ids if "-Sine-" in env_id)
         controller = best_controller(task, "sine")
-        whole = made[f"{FOLDER}/{slug(task)}.webp"] = kept(
-            f"{slug(task)}.webp", lambda s=sine, c=controller: film(s, c)
-        )
+        whole = made[f"{FOLDER}/{slug(task)}.webp"] = kept(f"{slug(task)}.webp", partial(film, sine, controller))
         plant = _setup(sine).rig.plant
-        made[f"{FOLDER}/small-{slug(task)}.webp"] = kept(
-            f"small-{slug(task)}.webp", lambda of=whole, p=plant: small(last(of), p)
-        )
+        made[f"{FOLDER}/small-{slug(task)}.webp"] = kept(f"small-{slug(task)}.webp", partial(_small, whole, plant))
     return made
+
+
+def _small(whole: bytes, plant: str) -> bytes:
+    return small(last(whole), plant)
 
 
 def tasks() -> dict[str, list[str]]:
@@ -88,7 +90,7 @@ def _list() -> str:
     )
 
 
-def _setup(env_id: str, **options: str) -> Setup:
+def _setup(env_id: str, **options: Any) -> Setup:
     return make_setup(**gym.spec(env_id).kwargs, **options)
 
 

@@ -4,7 +4,7 @@ import io
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -15,7 +15,7 @@ from cable_envs.plants import family_of, plant_for
 from cable_envs.render import Renderer
 from cable_envs.sim.replay import replay
 from cablebench.entrants.named import named_entrant
-from cablebench.run.evaluation import run_episode
+from cablebench.run.evaluation import core_of, run_episode
 
 FRAMES, FRAME_SECONDS, QUALITY = 48, 0.11, 32
 SMALL = 620
@@ -100,7 +100,7 @@ def small(frame: Image.Image, plant: str) -> bytes:
 def last(film: bytes) -> Image.Image:
     """The last frame of an animated WebP."""
     opened = Image.open(io.BytesIO(film))
-    opened.seek(opened.n_frames - 1)
+    opened.seek(getattr(opened, "n_frames", 1) - 1)
     return opened.convert("RGB")
 
 
@@ -138,11 +138,12 @@ def _setup(env_id: str) -> Any:
 def _frames(env_id: str, controller: str, times: np.ndarray) -> list[Image.Image]:
     """Frames of one episode at the given times, s."""
     entrant = named_entrant(controller)
-    needs = entrant.needs(env_id, _setup(env_id))
+    needs = entrant.needs(env_id, _setup(env_id)) or {}
     env = gym.make(env_id, render_mode="rgb_array", sensor_noise=False, disable_env_checker=True, **needs)
-    wanted = set((times / env.unwrapped.setup.control_period).round().astype(int))
+    setup = core_of(env).setup
+    wanted = set((times / setup.control_period).round().astype(int))
     frames: list[Image.Image] = []
-    run_episode(_Filmed(env, wanted, frames.append), entrant.make(env.unwrapped.setup), seed=0)
+    run_episode(_Filmed(env, wanted, frames.append), entrant.make(setup), seed=0)
     env.close()
     return frames
 
@@ -158,5 +159,5 @@ class _Filmed(gym.Wrapper):
         observation, reward, terminated, truncated, info = super().step(action)
         self.done += 1
         if self.done in self.wanted:
-            self.keep(Image.fromarray(self.env.render()))
+            self.keep(Image.fromarray(cast(np.ndarray, self.env.render())))
         return observation, reward, terminated, truncated or self.done >= max(self.wanted), info

@@ -5,6 +5,7 @@ import io
 import re
 import sys
 from collections.abc import Iterable
+from functools import partial
 
 from PIL import Image
 
@@ -30,9 +31,13 @@ def pages() -> dict[str, str | bytes]:
     for family in families().values():
         made[f"{FOLDER}/{address(family)}.md"] = _page(family)
         name = f"{address(family)}.webp"
-        whole = made[f"{FOLDER}/{name}"] = kept(name, lambda one=family: webp(_drawing(one)))
-        made[f"{FOLDER}/small-{name}"] = kept(f"small-{name}", lambda one=family, of=whole: _small(one, of))
+        whole = made[f"{FOLDER}/{name}"] = kept(name, partial(_picture_of, family))
+        made[f"{FOLDER}/small-{name}"] = kept(f"small-{name}", partial(_small, family, whole))
     return made
+
+
+def _picture_of(family: Family) -> bytes:
+    return webp(_drawing(family))
 
 
 def address(family: Family) -> str:

@@ -5,13 +5,17 @@ They are made from the committed records. That of the reproduction takes minutes
 """
 
 import re
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from cable_envs.core.files import read_json
 from docs.site.cache import ROOT, kept
 from docs.site.markdown import page, table
+
+if TYPE_CHECKING:
+    from cablebench.board.tables import Board
+    from cablebench.run.store import Reading, ResultStore
 
 FOLDER = "reports"
 BOARDS = ("suite-v1", "quick", "full")
@@ -27,7 +31,7 @@ def pages() -> dict[str, str | bytes]:
     made: dict[str, str | bytes] = {"boards.md": _boards()}
     for name in BOARDS:
         folder = ROOT / "boards" / name
-        whole = kept(f"board-{name}.html", lambda n=name: _board_page(n), sorted(p for p in folder.glob("*.*")))
+        whole = kept(f"board-{name}.html", partial(board_page, name), sorted(p for p in folder.glob("*.*")))
         made[f"{FOLDER}/board-{name}.html"] = _with_way_back(whole, "boards.html", "Boards")
     proof = kept("proof.html", _proof_page, [PROOF / "proof.json.xz"])
     made[f"{FOLDER}/proof.html"] = _with_way_back(proof, "proof/proof.html", "Proof")
@@ -54,7 +58,7 @@ def _with_way_back(whole: bytes, address: str, title: str) -> bytes:
 
 
 @cache
-def _board(name: str) -> tuple[Any, Any, Any]:
+def _board(name: str) -> "tuple[Board, ResultStore, Reading]":
     """A published board, its store, and its records."""
     from cablebench.board.board import build_board
     from cablebench.board.notes import REMARKS
@@ -69,14 +73,15 @@ def _board(name: str) -> tuple[Any, Any, Any]:
     return board, store, reading
 
 
-def _board_page(name: str) -> bytes:
+def board_page(name: str) -> bytes:
+    """A published board as a page of its own."""
     from cablebench.board.learning import learning_curves
     from cablebench.board.page import render_html
     from cablebench.run.makers import told_apart
 
     board, store, reading = _board(name)
     own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
-    return render_html(board, store.trajectories, learning_curves(store.places, own)).encode()
+    return render_html(board, store.trajectories.of, learning_curves(store.places, own)).encode()
 
 
 def _boards() -> str:
@@ -88,7 +93,7 @@ def _boards() -> str:
         "and full are of [suite v0](archive-v0.md), an archive.",
     ]
     for name in BOARDS:
-        summary = kept(f"board-{name}-summary.md", lambda n=name: _summary(n).encode(), _records(name))
+        summary = kept(f"board-{name}-summary.md", partial(_summary, name), _records(name))
         parts += [summary.decode(), link_to(f"board-{name}", f"The {name} board with figures")]
     return page(*parts)
 
@@ -97,7 +102,7 @@ def _records(name: str) -> list[Path]:
     return [ROOT / "boards" / name / "records.jsonl.xz", ROOT / "boards" / name / "NOTES.md"]
 
 
-def _summary(name: str) -> str:
+def _summary(name: str) -> bytes:
     """The board's tables over all tasks of a mechanism, or its single tasks where it has no such table."""
     from cablebench.board.cells import cells, heading
 
@@ -108,7 +113,7 @@ def _summary(name: str) -> str:
         columns = [k for k, word in enumerate(head) if word in ("#", "controller", "class") or k <= 4]
         rows = [[line[k] for k in columns] for line in body[: 2 * SHOWN]]
         parts += [f"### {heading(shown)}", table([head[k] for k in columns], rows)]
-    return page(*parts)
+    return page(*parts).encode()
 
 
 def _proof_page() -> bytes:

@@ -70,7 +70,7 @@ follow a motion instead of making one."""
 def drawn() -> dict[tuple[str, str], bytes]:
     """The picture of each effect on each plant that has it: (effect, plant) -> SVG."""
     packed = kept("signatures.json", lambda: json.dumps(_drawn()).encode())
-    return {tuple(key.split("/")): text.encode() for key, text in json.loads(packed).items()}  # type: ignore[misc]
+    return {tuple(key.split("/")): text.encode() for key, text in json.loads(packed).items()}
 
 
 def _drawn() -> dict[str, str]:

@@ -56,6 +56,12 @@ def test_envs_lists_everything_with_units(cli):
     assert "drive_torque" in out and "gu-inferred" not in out
 
 
+def test_ids_are_whole_on_a_narrow_terminal(cli, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    _, out, _ = cli("envs")
+    assert all(env_id.split("/")[1].rpartition("-")[0] in out for env_id in cable_envs.FIRST_IDS)
+
+
 def test_envs_json_agrees_with_the_environment(cli):
     import gymnasium as gym
 

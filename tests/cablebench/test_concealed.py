@@ -11,9 +11,9 @@ from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import load_rig
 from cablebench.concealed import page, worth
 from cablebench.concealed.entrants import ROWS, Row, row_from_file
-from cablebench.concealed.given import Episodes
+from cablebench.concealed.given import Episodes, Given
 from cablebench.concealed.hidden import KINDS, drawn, from_key
-from cablebench.concealed.learners import controller, shipped_gains
+from cablebench.concealed.learners import controller, shipped_gains, tuned_on_the_rig
 from cablebench.concealed.mechanism import load_mechanism, mechanisms
 from cablebench.concealed.records import record_hidden
 from cablebench.concealed.track import run, sealed
@@ -114,13 +114,35 @@ def test_rows_are_scored_once_and_an_entrant_of_ones_own_among_them(tmp_path, ho
     assert len(found) == 1 and set(found[0]["rows"]) == {"nominal-controller", "mine"}
     for row in found[0]["rows"].values():
         assert len(row["scores"]) == len(row["errors"]) == len(row["failed"]) == 2
-        assert row["used"] == 0 and all(-1.0 <= s <= 1.2 for s in row["scores"])
+        assert all(-1.0 <= s <= 1.2 for s in row["scores"])
+    assert found[0]["answer"] is None  # neither asks for a diagnosis
 
     def never(given):
         raise AssertionError("it was there")
 
-    again = run(hole, [Row("mine", "", never)], tmp_path / HOLE, 1, 2, 0, 5, heard.append)
+    again = run(hole, [Row("mine", never)], tmp_path / HOLE, 1, 2, 0, 5, heard.append)
     assert again[0]["rows"]["mine"] == found[0]["rows"]["mine"]
+
+
+def test_more_episodes_on_the_rig_go_on_with_fewer(hole, tmp_path):
+    hidden = drawn(hole, 5, LIBRARY)
+    allowed = Episodes(hole.env, {**hidden.options(hole), "duration": 4.0}, 6)
+    about = Given(hole, tmp_path / "recording", tmp_path, tmp_path / "shared", allowed)
+    acting = setup_of(hole.env, hidden.options(hole))
+
+    def gains(count):
+        return dict(tuned_on_the_rig(about, count)(acting).controller.gains)
+
+    few = gains(2)
+    assert allowed.used == 2
+    gains(4)
+    assert allowed.used == 4
+    assert gains(2) == few and allowed.used == 4  # later trials are none of theirs
+
+
+def test_a_row_plays_the_mechanisms_that_it_enters():
+    circuit = load_mechanism("circuit")
+    assert not ROWS["adaptive-controller"].enters(circuit) and ROWS["adaptive-controller"].enters(load_mechanism(HOLE))
 
 
 def test_a_file_that_is_no_entrant_is_refused(tmp_path):
@@ -158,13 +180,12 @@ def made_up(answers):
             "nominal-controller": {"scores": [0.4, 0.6], "errors": [1e-3, 1e-3], "failed": [False, False]},
             "diagnosed-controller": {
                 "scores": [0.4 + gain, 0.6 + gain], "errors": [1e-3 * np.exp(-gain)] * 2, "failed": [False, True],
-                "verdict": verdict, "named": named,
             },
             "oracle-controller": {"scores": [1.4, 1.6], "errors": [1e-3 * np.exp(-1.0)] * 2, "failed": [False, False]},
             "tuned-on-the-rig-4": {"scores": [0.5, 0.7], "errors": [9e-4] * 2, "failed": [False, False]},
         }  # fmt: skip
         hidden = {"number": number, "kind": KINDS[number % 3], "effects": {"backlash": {"gap": 1e-3}}}
-        rigs.append({"hidden": hidden, "rows": rows})
+        rigs.append({"hidden": hidden, "rows": rows, "answer": {"verdict": verdict, "named": named}})
     return rigs
 
 
@@ -199,7 +220,7 @@ def test_the_page_has_every_rig_and_keeps_what_people_wrote(tmp_path):
     assert file.read_text().startswith("# Mine\n") and file.read_text().endswith(f"{page.END}\nafter\n")
     assert "old" not in file.read_text() and text in file.read_text()
     file.write_text("# Mine\n")
-    with pytest.raises(ConfigurationError, match="there is no"):
+    with pytest.raises(ConfigurationError, match="the page lacks"):
         page.write_tables(file, text)
 
 

@@ -13,9 +13,9 @@ from cable_envs.core.files import read_json
 from cable_envs.sim.registered import setup_of
 from cablebench.cli import main
 from cablebench.pays import page as pays_page
-from cablebench.pays import scores as pays
 from cablebench.pays.rigs import RIGS
 from cablebench.pays.scores import SIMULATORS, Study, summary
+from cablebench.protocol.actors import controller_actor
 
 CONTROLLER, AGENT, ENV = "feedforward-pid", "residual-ppo", RIGS["circuit"].env
 GAINS = {"kp": 0.0, "ki": 0.0, "kd": 0.0}
@@ -93,7 +93,7 @@ def test_a_model_based_controller_believes_the_rig_of_its_simulator():
     acting = setup_of(ENV, study.hidden_options())
     commands = []
     for options in (study.simulator_options("nominal", {}), soft):
-        actor = pays.controller_actor(CONTROLLER, GAINS, setup_of(ENV, options), acting)
+        actor = controller_actor(CONTROLLER, GAINS, setup_of(ENV, options), acting)
         y = dict.fromkeys(("drive_angle", "drive_velocity", "drive_torque"), 0.1)
         actor.controller.reset()
         commands.append([actor.controller.act(0.01 * k, y, (0.01 * k, 1.0, 0.0)) for k in range(50)][-1])

@@ -7,6 +7,10 @@ from gymnasium.utils.env_checker import check_env
 from scipy.integrate import solve_ivp
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis import Recording
+from cable_envs.diagnosis.systems import prepare
+from cable_envs.diagnosis.systems.question import Request
+from cable_envs.diagnosis.systems.stated.limits import untorn
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.rigs import load_rig
 from cablebench.entrants.named import reference_entrants
@@ -115,3 +119,56 @@ def test_reference_controllers_follow_with_any_inertia(env_id, heavier):
 def test_a_corrected_rig_of_another_plant_is_refused_by_name():
     with pytest.raises(ConfigurationError, match="needs a rig of plant linear_drive; geared-arm is of rotary_joint"):
         gym.make(IDS[0], rig="geared-arm")
+
+
+def recorded(system, seconds=6.0):
+    """A log of a drive or joint that SciPy integrates against a spring that the rig's numbers lack, and its rig.
+
+    The effort is held over each sample, as an action is; what is returned can be asked, and made a corrected rig.
+    """
+    time = np.arange(0.0, seconds, PERIOD)
+    joint = system == "rotary_joint"
+    inertia, viscous, spring, size = (0.03, 0.4, 4.0, 1.7) if joint else (3.0, 30.0, 400.0, 21.0)
+    effort = size * (np.sin(2.1 * time) + 0.5 * np.sin(7.3 * time))
+    state, path = np.zeros(2), [np.zeros(2)]
+
+    def law(t, s, push):
+        return s[1], (push - viscous * s[1] - spring * s[0]) / inertia
+
+    for push in effort[:-1]:
+        state = solve_ivp(law, (0.0, PERIOD), state, args=(push,), rtol=1e-9, atol=1e-12).y[:, -1]
+        path.append(state)
+    table = {"time": time, "position": np.array(path)[:, 0], "torque" if joint else "force": effort}
+    stated = {"inertia": inertia, "load_mass": 0.0} if joint else {"mass": inertia}
+    recording = Recording.from_arrays(system, {"run": table}, known=stated)
+    found = {"viscous_friction.coefficient": viscous, "position_dependent_load.stiffness": spring}
+    question = prepare(recording, Request(only=("viscous_friction", "position_dependent_load")))
+    return table, question.rig(found, ("viscous_friction", "position_dependent_load"))
+
+
+@pytest.mark.parametrize(("system", "effort", "most"), [
+    ("linear_drive", "force", "force_limit"), ("rotary_joint", "torque", "torque_limit"),
+])  # fmt: skip
+def test_a_corrected_rig_predicts_the_record_that_it_came_from(system, effort, most):
+    table, rig = recorded(system)
+    env = gym.make(IDS[1] if system == "linear_drive" else IDS[3], rig=rig, duration=6.0).unwrapped
+    limit = 1.05 * np.abs(table[effort]).max()
+    assert env.setup.high == pytest.approx(limit, rel=1e-12) and env.true_rig[most] == env.setup.high
+    env.reset(seed=0, options={"initial_position": 0.0})
+    infos = [env.step(np.array([push / limit]))[4] for push in table[effort][:-1]]
+    seen, true = np.array([info["position"] for info in infos]), table["position"][1:]
+    assert np.abs(seen - true).max() < 1e-3 * np.ptp(true)
+    assert not any(info["overload"] for info in infos)
+
+
+def test_nothing_tears_at_a_force_that_was_recorded():
+    time = np.arange(0.0, 2.0, PERIOD)
+    table = {"time": time, "position": 0.01 * np.sin(3 * time), "force": 900.0 * np.sin(3 * time)}
+    recording = Recording.from_arrays("linear_drive", {"run": table}, known={"mass": 3.0})
+    parameters = load_rig("belt-axis").content()["parameters"]
+    raised = untorn(recording, {"plant": "linear_drive", "parameters": parameters})["parameters"]
+    peak = 1.05 * np.abs(table["force"]).max()
+    assert raised["tension_limit"]["value"] == pytest.approx(peak)
+    assert raised["breaking_tension"]["value"] == pytest.approx(5.0 * peak)  # as they were to each other
+    stated = Recording.from_arrays("linear_drive", {"run": table}, known={"mass": 3.0, "breaking_tension": 1e4})
+    assert untorn(stated, {"plant": "linear_drive", "parameters": parameters})["parameters"] == parameters

@@ -23,7 +23,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
+from cable_envs.effects.own import advance_memory, own_actuate, slopes_of_own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, end, slide, sprung
 from cable_envs.effects.slow_creep import creeps_on
@@ -67,7 +67,7 @@ LEAST_READING = 1e-12
 def _resist(e, s, i, y, v, viscous):
     """(force that resists the motors besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at, k, c = own_load_slopes(y, v, e, s, i)
+    at, k, c = slopes_of_own_load(y, v, e, s, i)
     spring = e.position_dependent_load_stiffness[i]
     resist = viscous * v + spring * (y - e.position_dependent_load_neutral[i]) - ripple + at
     return resist, spring + maximum(-steep, 0.0) + k, viscous + c

@@ -27,7 +27,7 @@ from cable_envs.effects import Acting, Layout
 from cable_envs.effects.actuator_lag import lagged
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.lanes import STEP
-from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
+from cable_envs.effects.own import advance_memory, own_actuate, slopes_of_own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.presliding_hysteresis import share
 from cable_envs.effects.seams import actuate, begin, begin_friction, end, reported, slide, sprung
@@ -142,7 +142,7 @@ def _belt(p, e, s, g, i, stretch, rate):
 def _load(p, u, e, s, i, y, v):
     """(force that resists besides dry friction, its stiffness, its damping)."""
     ripple, steep = wave(y, e.position_ripple_amplitude[i], e.position_ripple_period[i], e.position_ripple_phase[i])
-    at, k, c = own_load_slopes(y, v, e, s, i)
+    at, k, c = slopes_of_own_load(y, v, e, s, i)
     push = select(u.mode[i] > OBSERVED - 0.5, 0.0, u.disturbance[i])
     resist = (
         p.weight[i]

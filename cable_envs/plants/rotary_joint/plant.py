@@ -30,7 +30,7 @@ from cable_envs.core.params import Parameter, ParameterTable
 from cable_envs.effects import Acting, Layout
 from cable_envs.effects.backlash import dead_zone
 from cable_envs.effects.gear_friction import geared, shares
-from cable_envs.effects.own import advance_memory, own_actuate, own_load_slopes
+from cable_envs.effects.own import advance_memory, own_actuate, slopes_of_own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, slid
 from cable_envs.effects.winding_heating import warmed
@@ -153,7 +153,7 @@ def _motor(p, u, e, i, y, v, warming):
 @inline
 def _load(p, u, e, s, i, y, v):
     """(torque that the load takes at rest, its stiffness, its damping)."""
-    at, k, c = own_load_slopes(y, v, e, s, i)
+    at, k, c = slopes_of_own_load(y, v, e, s, i)
     sine, cosine = sine_cosine(y - p.hanging_angle[i])
     spring = e.position_dependent_load_stiffness[i]
     torque = p.weight[i] * sine + spring * (y - e.position_dependent_load_neutral[i]) + at - u.disturbance[i]

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import ClassVar
 
-from cable_envs.plants.view import ACCELERATION, Gains, Reference, View
+from cable_envs.plants.view import ACCELERATION, POSITION, Gains, Reference, View
 
 
 class RotaryJointView(View):
@@ -12,9 +12,7 @@ class RotaryJointView(View):
 
     pid: ClassVar[Mapping[tuple[str, str], Gains]] = {
         **dict.fromkeys(((mode, "position") for mode in ("torque", "current", "voltage", "duty")), ACCELERATION),
-        ("position", "position"): {
-            "kp": ("1", 0.0, 3.0), "ki": ("1/s", 2.0, 60.0), "kd": ("s", 0.0, 0.1), "filter_time": ("s", 0.02, 0.5),
-        },
+        ("position", "position"): POSITION,
     }  # fmt: skip
     signal = "position"
 

@@ -113,8 +113,10 @@ def _print_all(listing: list[dict[str, Any]], out: Any) -> None:
     from rich.table import Table
 
     table = Table(title="Environments (cable_envs/...)", title_justify="left", box=None, pad_edge=False)
-    for name in ("id", "output", "unit", "action modes", "observes"):
-        table.add_column(name, no_wrap=True)
+    longest = max(len(short_name(e["id"])) for e in listing)
+    table.add_column("id", no_wrap=True, min_width=longest)  # it is typed: on a narrow terminal the others are folded
+    for name in ("output", "unit", "action modes", "observes"):
+        table.add_column(name, overflow="fold")
     for e in listing:
         modes = sorted(e["action_modes"], key=lambda m: m["name"] != e["action_mode"])
         action = ", ".join(m["name"] for m in modes if "second" not in m)

@@ -108,7 +108,7 @@ def scored(
     study: Study, out: Path, learner: str, simulator: str, rig: Any, seed: int, progress: Progress
 ) -> list[float]:
     """Errors on the hidden rig of a learner from a simulator, SI; makes what is missing first."""
-    from cablebench.protocol.actors import PolicyActor
+    from cablebench.protocol.actors import PolicyActor, controller_actor
 
     file = out / "scores" / f"{learner}-{simulator}-{seed}.json"
     if file.exists():
@@ -120,7 +120,7 @@ def scored(
         believed = setup_of(bench.env, study.simulator_options(simulator, rig))
 
         def actor(setup: Any) -> Any:
-            return pays.controller_actor(learner, made, believed, setup)
+            return controller_actor(learner, made, believed, setup)
     else:
 
         def actor(setup: Any) -> Any:

@@ -97,11 +97,12 @@ def _missing(protocol: Any, known: Any, envs: Sequence[str], tracks: Sequence[st
 
 def _check(protocol: Any, folder: Path) -> None:
     """Print how many of the recorded episodes are below the bound of the same episode."""
+    from cablebench.board.scoring import latest
     from cablebench.run.folders import open_store
     from cablebench.score.anchors import anchors_of
     from cablebench.score.held import held
 
-    records = [r for r in open_store(folder).read().records if r["protocol_hash"] == protocol.hash()]
+    records = latest(r for r in open_store(folder).read().records if r["protocol_hash"] == protocol.hash())
     found = held(records, anchors_of(protocol))
     if not found:
         raise ConfigurationError(f"{folder} has no records of '{protocol.name}' that a bound of an episode belongs to")

@@ -28,7 +28,7 @@ def concealed(
     episodes: Annotated[int, typer.Option(min=1, help="Test episodes on each hidden rig.")] = 6,
     seed: Annotated[int, typer.Option(min=0, help="Of tuning, training and diagnosis.")] = 0,
     draw: Annotated[
-        int | None, typer.Option(min=0, help="Seed of the hidden rigs; without it nobody knows them before the end.")
+        int | None, typer.Option(min=0, help="Seed of the hidden rigs; without it one is drawn and not kept.")
     ] = None,
     recordings_only: Annotated[
         bool, typer.Option("--recordings-only", help="Seal and record the hidden rigs, and end.")
@@ -42,6 +42,7 @@ def concealed(
     What is finished is kept in --out, and the same command goes on from there.
     """
     from cablebench.concealed.entrants import ROWS, row_from_file
+    from cablebench.concealed.given import folder_of
     from cablebench.concealed.mechanism import load_mechanism, mechanisms
     from cablebench.concealed.page import tables, write_tables
     from cablebench.concealed.records import record_hidden
@@ -63,7 +64,7 @@ def concealed(
                 if recordings_only:
                     for hidden in sealed(plan, root, rigs, draw):
                         tell(f"{name}, rig {hidden.number}: recording")
-                        record_hidden(hidden, plan, root / f"rig-{hidden.number:02d}" / "recording")
+                        record_hidden(hidden, plan, folder_of(hidden, root) / "recording")
                     continue
                 result[name] = run(plan, chosen, root, rigs, episodes, seed, draw, tell)
         except KeyboardInterrupt as stop:
