@@ -1,7 +1,6 @@
-"""Times of samples by what these say themselves: stamps that scatter, rows that are read twice, written twice, lost."""
+"""Times of samples by what these say themselves."""
 
 import numpy as np
-import pytest
 
 from cable_envs.diagnosis import Recording
 from cable_envs.diagnosis.data.clock import with_sure_times
@@ -47,38 +46,3 @@ def test_stamps_of_samples_that_do_scatter_are_believed_and_so_are_even_ones():
         given = recording(table(1, **more), table(2, **more))
         found, said = with_sure_times(given)
         assert found is given and said == ()
-
-
-def with_rows(rows):
-    """A table whose channels are those of ``rows`` of another one, under a clock that goes on."""
-    whole = table(3)
-    return {"time": whole["time"][: len(rows)], **{n: v[rows] for n, v in whole.items() if n != "time"}}
-
-
-ODD = (330, 611, 970)
-HELD = np.arange(ROWS)
-HELD[list(ODD)] -= 1
-
-
-@pytest.mark.parametrize(
-    ("rows", "said"),
-    [
-        (HELD, "r0: 3 rows were read twice"),
-        (np.insert(np.arange(ROWS), ODD, np.array(ODD) - 1)[:ROWS], "r0: 3 rows were written twice"),
-        (np.delete(np.arange(ROWS), ODD), "r0: 3 rows were lost under a clock that went on"),
-    ],
-)
-def test_rows_that_are_doubled_or_lost_are_found_and_all_others_are_at_their_times(rows, said):
-    found, notes = with_sure_times(recording(with_rows(rows), table(4)))
-    assert notes == (said,)
-    one, whole = found.records[0], table(3)
-    at = np.round(one.time / PERIOD).astype(int)
-    np.testing.assert_array_equal(one.data["position"], whole["position"][at])
-    assert len(np.unique(at)) == len(at) >= ROWS - 6
-
-
-def test_a_rig_that_stands_and_starts_again_has_no_doubled_rows():
-    still = table(5)
-    stand = np.minimum(np.arange(ROWS), 400) + np.maximum(np.arange(ROWS) - 700, 0) * (np.arange(ROWS) > 700)
-    still |= {n: still[n][np.minimum(stand, ROWS - 1)] for n in ("position", "velocity", "force")}
-    assert with_sure_times(recording(still, table(4)))[1] == ()
