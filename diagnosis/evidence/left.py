@@ -110,7 +110,7 @@ def _share_of_sizes(
     """
     raw = joint.raw(candidate.peak)
     off = candidate.frame.raw(candidate.best.weights)
-    noise = sizes_of(joint.blocks, [r - o for r, o in zip(raw, off, strict=True)]) | stated
+    noise = {**sizes_of(joint.blocks, [r - o for r, o in zip(raw, off, strict=True)]), **stated}
     left, was = (sizes_of(joint.blocks, joint.raw(one.peak)) for one in (compared, bare))
     found = [0.0]
     for channel, size in left.items():
