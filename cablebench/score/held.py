@@ -7,6 +7,9 @@ from typing import Any
 from cablebench.protocol.failures import broken, scored_error
 from cablebench.score.anchors import Anchors
 
+ROUNDED = 5e-6
+"""Largest share by which the rounding of a frozen bound moves it: who made the bound is not below it."""
+
 
 @dataclass(frozen=True)
 class Held:
@@ -18,7 +21,7 @@ class Held:
     episodes: int
     """records of episodes that have a bound of their own and broke no rule"""
     below: int
-    """of these with an error below it"""
+    """of these with an error below it, by more than it was rounded"""
     nearest: str
     """the entrant with the smallest share of error over bound"""
     share: float
@@ -49,7 +52,7 @@ def held(records: Iterable[Mapping[str, Any]], anchors: Anchors) -> list[Held]:
             share = scored_error(r["metrics"]) / anchor.bounds[r["seed"] - anchor.first_seed]
             shares.setdefault((anchor.task, anchor.track), []).append((share, r["entrant"]))
     return [
-        Held(*key, len(found), sum(share < 1.0 for share, _ in found), min(found)[1], min(found)[0])
+        Held(*key, len(found), sum(share < 1.0 - ROUNDED for share, _ in found), min(found)[1], min(found)[0])
         for key in anchors
         if (found := shares.get(key))
     ]

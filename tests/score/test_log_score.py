@@ -14,6 +14,7 @@ from cablebench.protocol.failures import RULES, broken
 from cablebench.protocol.files import load_protocol, parse_protocol
 from cablebench.protocol.protocol import Task, Track
 from cablebench.score.anchors import Anchor, anchors_of, load_anchors, task_hash, write_anchors
+from cablebench.score.held import held
 from cablebench.score.log_score import LEAST_SHARE, log_score, score_records, survived, violations
 
 SUITE = load_protocol("suite-v1")
@@ -44,6 +45,19 @@ def test_a_factor_in_the_error_counts_alike_everywhere():
 def test_the_score_is_clipped_below_and_finite_above():
     assert log_score(1e9, 1.0, 0.01) == -1.0 and log_score(150.0, 1.0, 0.01, worst=-0.25) == -0.25
     assert log_score(0.0, 1.0, 0.01) == pytest.approx(math.log(1.0 / (LEAST_SHARE * 0.01), 100))
+
+
+def test_the_bound_of_the_same_episode_is_compared_and_who_made_it_is_not_below_it():
+    bounds = (1e-4, 2e-4, 5e-5)
+    anchors = {(SINE, "nominal"): anchor(bounds=bounds, episodes=3)}
+    errors = (1e-4 * (1.0 - 4e-6), 1.5e-4, 1e-4)  # made it, below its own, above its own
+    records = [{**record(error), "seed": seed, "sweep": ""} for seed, error in enumerate(errors)]
+    failed = {**record(1e-6, failed=1.0), "seed": 0, "sweep": ""}
+    swept = {**record(1e-6), "seed": 0, "sweep": "delay"}
+    beyond = {**record(1e-6), "seed": 3, "sweep": ""}
+    (one,) = held([*records, failed, swept, beyond], anchors)
+    assert (one.task, one.episodes, one.below, one.nearest) == (SINE, 3, 1, "x")
+    assert one.share == pytest.approx(0.75)
 
 
 @pytest.mark.parametrize(
