@@ -18,7 +18,7 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clock import sample_period, with_sure_times
 from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
@@ -156,6 +156,7 @@ def examine(
     look = looked_at(recording) if simulator is None else look_of(simulator)
     quality = gate(recording, look)
     quality.require_usable()
+    recording, timed = with_sure_times(recording)
     recording, brought = on_one_clock(recording)
     recording, averaged = averaged_if_long(recording)
     if averaged:
@@ -191,7 +192,7 @@ def examine(
     }  # fmt: skip
     found = answer(recording, question, selection, quality, rng, about)
     steps.forget()
-    notes = (*filter(None, (averaged and averaged["why"], brought)), *found.notes)
+    notes = (*filter(None, (averaged and averaged["why"], brought)), *timed, *found.notes)
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
 

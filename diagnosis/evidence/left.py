@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import SCALES, Candidate, Joint, under_its_noise
+from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
@@ -76,7 +76,10 @@ def _left(
     spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white))
     seen = [*spectra, *known]
     of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
-    share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
+    if compared.by_size:
+        share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)
+    else:
+        share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
     cause = _of_sensors(candidate, smooth)
     physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
     kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
@@ -91,12 +94,30 @@ def _said(line: Leftover) -> str:
 
 
 def _share(compared: Candidate, bare: Candidate, before: float, size: float) -> float:
-    """What is left over what was to be explained; of a model that no noise limits, in the channel where most is."""
-    if compared.by_size:
-        return np.inf if compared is bare else float(np.max(compared.squares / bare.squares))
+    """What is left over what was to be explained."""
     explained = compared.plain.fit - bare.plain.fit + before
     left = max(compared.best.fit - compared.plain.fit, size)
     return left / explained if explained > 0.0 else np.inf
+
+
+def _share_of_sizes(
+    joint: Joint, candidate: Candidate, compared: Candidate, bare: Candidate, stated: Mapping[str, float]
+) -> float:
+    """The same of a model that no noise limits: in the channel where most is left, as a share of the squares.
+
+    Of the channels in which the model, or the one without effects, leaves more than the noise: where nothing was to be
+    explained, both leave the noise, and its quotient says nothing. A noise that is stated is taken off both.
+    """
+    raw = joint.raw(candidate.peak)
+    off = candidate.frame.raw(candidate.best.weights)
+    noise = {**sizes_of(joint.blocks, [r - o for r, o in zip(raw, off, strict=True)]), **stated}
+    left, was = (sizes_of(joint.blocks, joint.raw(one.peak)) for one in (compared, bare))
+    found = [0.0]
+    for channel, size in left.items():
+        if max(size, was[channel]) > noise[channel] * np.hypot(1.0, DOMINANT):
+            known = stated.get(channel, 0.0) ** 2
+            found.append(max(size**2 - known, 0.0) / max(was[channel] ** 2 - known, 1e-300))
+    return max(found)
 
 
 def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:

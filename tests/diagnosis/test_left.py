@@ -16,7 +16,7 @@ from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
-from tests.support.diagnosis_toy import NOMINALS, Moving, Toy, along
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Moving, Toy, along
 
 SURE = float(np.log(20.0))
 
@@ -256,3 +256,40 @@ def test_more_than_the_stated_noise_is_left():
     assert _left(Moving({}, 1), Moving({}, 301, 1), white).log_odds < SURE
     rough = _left(Moving({}, 1, std=0.36), Moving({}, 301, 1, std=0.36), white)
     assert rough.log_odds > SURE and rough.kinds[0].coordinate == "size of the noise"
+
+
+class WithSpeed(Moving):
+    """The toy whose speed is measured, too; it follows from the motion, whatever acts."""
+
+    def __init__(self, seed, records=2, **options):
+        super().__init__({"stiffness": 60.0}, seed, records, std=0.05, **options)
+        rng, speeds = np.random.default_rng([seed, 7]), []
+        for block, (_, _, v, _) in zip(self.blocks, self._motion, strict=True):
+            speeds.append(replace(block, channel="velocity", measured=v + rng.normal(0.0, 1e-3, len(v))))
+        self.blocks = [*self.blocks, *speeds]
+
+    def predict(self, values):
+        """As the protocol says."""
+        of_speed = [np.repeat(v[:, None], len(values[0]), axis=1) for _, _, v, _ in self._motion]
+        return [*super().predict(values), *of_speed]
+
+
+@pytest.mark.parametrize("stated", [{}, {"velocity": 1e-3}])
+@pytest.mark.parametrize(("off", "low", "high"), [(0.25, 0.001, 0.05), (3.0, 0.25, 1.5)])
+def test_a_channel_in_which_nothing_was_to_be_explained_has_no_share_in_what_is_left(stated, off, low, high):
+    def extra(t, y, v):
+        return off * np.sin(40.0 * y)  # of a spring that no simulator has, more than the noise
+
+    model, heldout = WithSpeed(3, extra=extra), WithSpeed(4, records=1, extra=extra)
+    joint, spring = Joint(model, heldout), HYPOTHESES[0]
+    starts = [(spring,), ()]
+    fits = [
+        (e, refit_and_learn(model, [Start("", (*NOMINALS, *(n for h in e for n in h.names)), {})]).fit) for e in starts
+    ]
+    best, bare = under_one_noise(model, joint, fits, 0, stated, joint.left_by(fits[1][1]))
+    assert best.by_size
+    found = left_by(joint, best, bare, 0.0, stated)
+    force = best.squares / bare.squares
+    assert force[best.frame.channels.index("velocity")] == pytest.approx(1.0)
+    assert found.share == pytest.approx(force[best.frame.channels.index("force")], rel=0.01)
+    assert low < found.share < high
