@@ -44,10 +44,7 @@ EVERYTHING = {
 # ---- what lies between environment and network
 
 
-@pytest.mark.parametrize(
-    ("env_id", "controller"),
-    [pytest.param(HOLE, "mrac-g22", marks=pytest.mark.slow), (CIRCUIT, "feedforward-pid")],
-)
+@pytest.mark.parametrize(("env_id", "controller"), [(HOLE, "mrac-g22"), (CIRCUIT, "feedforward-pid")])
 def test_a_residual_of_zero_is_the_controller(env_id, controller):
     """Through episode ends and cut first episodes, each environment's controller acts as a single one would."""
     n, options = 3, {"duration": 0.3, "sensor_noise": True}

@@ -41,7 +41,6 @@ def test_a_picture_moves_jaw_and_zero_together():
     assert jaw.held_at(0.4, 1.0) == pytest.approx(before, rel=1e-12)
 
 
-@pytest.mark.slow
 def test_camera_gives_the_zero_that_the_drive_lacks():
     """The drive's encoder is up to 0.25 rad off: without pictures the jaw is, too."""
     seen, _, _ = priced("camera-jaw", "PulleyCircuit-Track-Medium")
@@ -86,7 +85,6 @@ def test_sheath_is_followed_from_the_drive():
     assert controller.compliance == pytest.approx(compliance, rel=0.1)
 
 
-@pytest.mark.slow
 def test_load_behind_three_holes_is_followed_from_the_drive():
     """0.4 mm of 4 mm that doing nothing leaves."""
     found, controller, true = priced("drive-side", "CableHole-Series-Hard")

@@ -47,7 +47,6 @@ def test_rigs_differ_and_the_safety_limit_is_kept(found):
         assert 0.0 <= bound.off <= 1.0 and bound.spread >= 0.0
 
 
-@pytest.mark.slow
 def test_on_a_task_of_the_suite_no_law_that_it_began_from_is_ahead():
     """With the sensors of the level a law sends the commands that it sends on the board."""
     env_id, options = "cable_envs/CableHole-Hold-Hard-v1", {"split": "test", "duration": 5.0}

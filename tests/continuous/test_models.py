@@ -25,8 +25,7 @@ COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
 LONG = {
     "series-tension", "series-stiff-cable", "series-motor-force", "series-motor-speed", "series-motor-no-extrusion",
     "hole-motor-force", "contacts-position", "contacts-tension", "contacts-motor-force", "contacts-motor-position",
-    "chain-motor-position", "sheath-motor-force", "series-speed", "hole-motor-speed", "wrist-motor", "chain-position",
-    "joint-motor-torque", "circuit-motor-torque", "circuit-position", "sheath-motor-position", "wrist",
+    "chain-motor-position", "sheath-motor-force",
 }  # fmt: skip
 """Of those commanded, whose motion in fine steps takes up to minutes to integrate or to compile."""
 FINELY = pytest.mark.parametrize(
@@ -353,8 +352,8 @@ def test_the_range_of_the_command_is_that_of_the_action_mode():
 
 @pytest.mark.parametrize(("name", "speed", "ahead"), [
     ("joint-position", 1.0, 0.0), ("joint-motor-torque", 0.0, 0.1), ("wrist", 2.0, 0.0), ("chain-position", 2.0, 0.0),
-    ("circuit-motor-position", 1.0, 0.0), ("sheath-motor-force", 100.0, 5.0),
-    pytest.param("contacts-position", 0.03, 0.0, marks=pytest.mark.slow), ("hole-motor-force", 0.0, 5.0),
+    ("circuit-motor-position", 1.0, 0.0), ("contacts-position", 0.03, 0.0), ("sheath-motor-force", 100.0, 5.0),
+    ("hole-motor-force", 0.0, 5.0),
 ])  # fmt: skip
 def test_a_small_change_of_the_command_grows_in_the_kernel_as_in_the_linear_system(name, speed, ahead):
     """On a motion that goes on one way for 150 ms, for 10 ms from there: what a change of the command adds."""

@@ -73,7 +73,7 @@ RUNS = {
 SHORT = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
 
 
-@pytest.mark.parametrize("run", [pytest.param(r, marks=pytest.mark.slow) if r == "hole, speed" else r for r in RUNS])
+@pytest.mark.parametrize("run", RUNS)
 def test_a_short_distance_is_nearly_none(run):
     """The change of every signal falls in proportion to the distance, on a grid of steps that resolves none of it."""
     name, variant, drive, amplitude, offset, common, scale = RUNS[run]

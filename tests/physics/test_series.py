@@ -97,7 +97,7 @@ def _by_trying(q, i, n):
     return found
 
 
-@pytest.mark.parametrize("contacts", [pytest.param(2, marks=pytest.mark.slow), 3])
+@pytest.mark.parametrize("contacts", [2, 3])
 def test_the_step_is_the_one_that_trying_every_set_finds(contacts):
     compared, columns = 0, LANES if contacts == 2 else 8
     for seed in range(2):

@@ -80,7 +80,7 @@ def apart(seen, path):
 # -- against explicit steps -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mode", [pytest.param("position", marks=pytest.mark.slow), "tension"])
+@pytest.mark.parametrize("mode", ["position", "tension"])
 def test_the_sheath_with_contacts_moves_as_its_equations_in_short_explicit_steps(mode):
     changes = {"cogging_torque": 1e-3, "tendon_damping": 0.0} | SMOOTH
     run = Run(SHEATH, changes, mode, waves(SHEATH, mode)[0])
@@ -367,7 +367,7 @@ def test_lanes_are_single_environments_to_the_bit_and_a_replay_is_the_episode(ri
     assert seen == pytest.approx(infos[-1][shown], rel=1e-5, abs=1e-6)
 
 
-@pytest.mark.parametrize("rig", [pytest.param(SHEATH, marks=pytest.mark.slow), JOINT, WRIST])
+@pytest.mark.parametrize("rig", RIGS)
 def test_within_its_gap_a_drive_moves_the_same_whatever_the_tendons_pull(rig):
     """The nut is held by its friction, and with it the tendons: none moves, and none is felt."""
     pulls = {

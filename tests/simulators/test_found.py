@@ -54,7 +54,6 @@ def test_physics_of_a_cart_is_named_with_its_size(concealed, name, parameter, tr
     assert effect.hypothesis.name == name
 
 
-@pytest.mark.slow
 def test_dry_friction_of_a_cart_is_named_also_by_workers():
     records = cart_records(seed=1, seconds=2.5, noise=5e-4, coulomb=1.5)
     asked = ["coulomb_friction"]

@@ -33,12 +33,7 @@ def run(law, inputs):
 
 @needs_gcc
 @pytest.mark.parametrize(
-    ("name", "effects"),
-    [
-        *(pytest.param(n, True, marks=[pytest.mark.slow] if n == "holes in series" else []) for n in RIGS),
-        ("hole", False),
-        ("sheath with contacts", False),
-    ],
+    ("name", "effects"), [*((name, True) for name in RIGS), ("hole", False), ("sheath with contacts", False)]
 )
 def test_it_gives_the_numbers_of_the_rig_in_c(name, effects, tmp_path):
     law = with_effects(RIGS[name]) if effects else plain(RIGS[name])
