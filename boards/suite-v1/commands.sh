@@ -1,5 +1,5 @@
 #!/bin/sh
-# Everything on the board of suite v1, from nothing: about four hours on two cores. Its steps were run one by one, not as this script.
+# Everything on the board of suite v1, from nothing: by estimate four hours on two cores. Its steps were run one by one, not as this script.
 set -e
 board=boards/suite-v1
 

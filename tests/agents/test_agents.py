@@ -9,6 +9,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import torch
+import yaml
 from stable_baselines3 import PPO
 from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
@@ -22,6 +23,7 @@ from cable_envs.agents.settings import Linear, load_settings, make_settings
 from cable_envs.agents.train import Interrupted, train
 from cable_envs.agents.vec_env import CableVecEnv
 from cable_envs.core.errors import ConfigurationError
+from tests.support.tree import ROOT
 
 HOLE = "cable_envs/CableHole-Position-Sine-v0"
 CIRCUIT = "cable_envs/PulleyCircuit-Torque-Step-v0"
@@ -238,6 +240,17 @@ def test_every_algorithm_has_settings_for_every_environment():
     for algo in agent_names():
         hashes = {load_settings(algo, env_id).hash() for env_id in ENV_IDS}
         assert len(hashes) == len(ENV_IDS)
+
+
+@pytest.mark.parametrize(
+    "task", ["CableHole-Track-Hard", "CableHole-Sine-Hard", "PulleyCircuit-Track-Hard", "TendonSheath-Track-Hard"]
+)
+def test_the_reference_that_a_shipped_agent_corrects_has_its_shipped_gains_and_trials(task):
+    env_id = f"cable_envs/{task}-v1"
+    settings, alone = load_settings("suite-residual-ppo", env_id), load_settings("suite-ppo", env_id)
+    shipped = yaml.safe_load((ROOT / f"configs/controllers/{settings.residual['controller']}-suite.yaml").read_text())
+    assert settings.residual["gains"] == shipped["gains"][env_id]
+    assert settings.tuning_trials == alone.tuning_trials + shipped["charged"]["tuning_trials"]
 
 
 def test_settings_merge_and_schedules(tmp_path, monkeypatch):
