@@ -20,7 +20,8 @@ def leaderboard(
     results: Annotated[Path | None, typer.Option(help="Results folder, as of `cablebench evaluate --results`.")] = None,
     protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: the results folder.")
+        Path | None,
+        typer.Option(help="Folder for board.json, board.md, board.html, tasks/; default: the results folder."),
     ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
@@ -31,9 +32,9 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses records and board.json (to records.jsonl.xz, board.json.xz), drops what the page does not draw of
-    the trajectories, and thins what it draws. board.html is no part of a packed folder: this command makes it again
-    from what is there.
+    --pack compresses records and board.json (to records.jsonl.xz, board.json.xz), drops what the pages do not
+    show of the trajectories, and thins what they show. board.html and the tasks' pages are no part of a packed folder:
+    this command makes them again from what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -54,8 +55,7 @@ def leaderboard(
 
 def _pack(store: Any, board: Any, count: int, out: Path) -> None:
     """Make the results folder small: records and board compressed, of the trajectories only what the page draws."""
-    from cablebench.board.figures import DRAWN_POINTS, is_drawn
-    from cablebench.board.page import shown_runs
+    from cablebench.board.pages.traces import DRAWN_POINTS, is_drawn, shown_runs
 
     path, shown = store.pack(), shown_runs(board)
     store.trajectories.forget(shown)
@@ -112,7 +112,7 @@ def make_board(
     show: bool = True,
     of: str = "",
 ) -> Any:
-    """Build the board, write its three files, and show it: as JSON on standard output, or as a table.
+    """Build the board, write its files and pages, and show it: as JSON on standard output, or as a table.
 
     ``reading``: the store's `Reading`; what it left out is said on standard error and on the board.
 
