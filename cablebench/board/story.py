@@ -131,7 +131,7 @@ def _ties(board: Board) -> str:
 
 
 def _all(count: int) -> str:
-    return "the only task" if count == 1 else f"all {count} tasks"
+    return {1: "the only task", 2: "both tasks"}.get(count, f"all {count} tasks")
 
 
 def _is_agent(row: Row) -> bool:

@@ -1,4 +1,4 @@
-"""The page of one task of a board: its rankings, the traces of its episodes, figures, and commands that replay a row."""
+"""The page of one task of a board: rankings, traces of episodes, figures, and commands that replay a row."""
 
 import json
 import math

@@ -21,7 +21,7 @@ def leaderboard(
     protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="Folder for board.json, board.md, board.html, tasks/; default: the results folder."),
+        typer.Option(help="Folder for board.json, board.md, board.html and tasks/; default: the results."),
     ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,

@@ -98,7 +98,7 @@ const Traces = (() => {
     const marks = `<rect data-part="chosen" y="20" height="${end - 20}" width="0" fill="#1b6ca8" opacity="0.18"/><path data-part="cursor" d="M0 20V${end}" stroke="${SOFT}"/>`;
     return {
       svg: `<svg viewBox="0 0 ${width} ${end + foot}" width="${width}" height="${end + foot}" font-size="12">${parts.join("")}${marks}</svg>`,
-      x, time: pixel => from + (pixel - left) / (width - left - right) * (to - from),
+      left, right: width - right, x, time: pixel => from + (pixel - left) / (width - left - right) * (to - from),
     };
   }
 

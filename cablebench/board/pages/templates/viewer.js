@@ -105,8 +105,8 @@
   function pinched() {
     const edge = frame.getBoundingClientRect(), [p, q] = pinch.map(([id]) => down.get(id) - edge.left), [s, t] = pinch.map(([, at]) => at);
     if (Math.abs(p - q) < 10) return;
-    const scale = (t - s) / (q - p), left = view.x(from), right = view.x(to);
-    if (scale > 0) zoom(s + (left - p) * scale, s + (right - p) * scale);
+    const scale = (t - s) / (q - p);
+    if (scale > 0) zoom(s + (view.left - p) * scale, s + (view.right - p) * scale);
   }
   function up(event) {
     const end = time(event);
