@@ -195,6 +195,14 @@ def test_a_packed_store_keeps_what_the_viewer_shows_of_the_entrants_that_are_tic
             assert all(len(data["series"][episode[key]]) == 1 + 300 for key in ("time", "output", "command"))
 
 
+def test_what_is_ticked_has_traces(made):
+    board, store = made
+    other = next(r for r in board.tables[0].rows if r.trajectory not in shown_runs(board))
+    text = render_task(board, TASKS[0], lambda run: store.trajectories.of(run) if run == other.trajectory else {})
+    (entrant,) = episodes_of(text)["tracks"][0]["entrants"]
+    assert entrant["name"] == other.entrant and entrant["ticked"]
+
+
 def test_tensions_within_a_sheath_are_left_out():
     known = (
         "time",

@@ -87,17 +87,18 @@ def viewer(
     pool = _Pool()
     tracks = []
     for table in tables:
-        ticked = {row.entrant for row in chosen(table, board)}
+        kept = {row.entrant: found for row in table.rows if (found := _whole(trajectories(row.trajectory)))}
+        first = [row.entrant for row in (*chosen(table, board), *table.rows) if row.entrant in kept]
+        ticked = list(dict.fromkeys(first))[:TICKED]
         entrants = [
             {
-                "name": row.entrant,
-                "colour": style[row.entrant]["color"],
-                "width": _width(row.entrant, style),
-                "ticked": row.entrant in ticked,
+                "name": name,
+                "colour": style[name]["color"],
+                "width": _width(name, style),
+                "ticked": name in ticked,
                 "episodes": {kind: _episode(found[kind], table, pool) for kind in KINDS if kind in found},
             }
-            for row in table.rows
-            if (found := _whole(trajectories(row.trajectory)))
+            for name, found in kept.items()
         ]
         if entrants:
             tracks.append({"name": table.track, "entrants": entrants})

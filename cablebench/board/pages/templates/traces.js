@@ -92,7 +92,7 @@ const Traces = (() => {
       parts.push("</g>");
       top += height + gap;
     });
-    const end = top - gap;
+    const end = Math.max(top - gap, 20);
     for (const [t, text] of ticks(from, to, width / 90)) parts.push(`<text x="${x(t).toFixed(1)}" y="${end + 16}" text-anchor="middle" fill="${SOFT}">${text}</text>`);
     parts.push(`<text x="${(left + width - right) / 2}" y="${end + 31}" text-anchor="middle" fill="${INK}">time [s]</text>`);
     const marks = `<rect data-part="chosen" y="20" height="${end - 20}" width="0" fill="#1b6ca8" opacity="0.18"/><path data-part="cursor" d="M0 20V${end}" stroke="${SOFT}"/>`;
