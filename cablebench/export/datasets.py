@@ -265,11 +265,13 @@ def card(name: str, behaviour: str, env: gym.Env, traces: Sequence[Trace], told:
     channels = "\n".join(f"| {k} | `{c.name}` | {c.unit} | {c.scale:g} |" for k, c in enumerate(setup.channels))
     facts = "\n".join(f"- {key}: {value}" for key, value in {**told, **versions()}.items())
     what = (BEHAVIOURS[behaviour].__doc__ or "").rstrip(".").lower()
+    steps = sum(len(t.actions) for t in traces)
     assert env.spec is not None
     return f"""# {name}
 
-{len(traces)} episodes of `{env.spec.id}` ({sum(len(t.actions) for t in traces)} steps of {setup.control_period:g} s), made by {what}.
-The rigs are drawn from the ranges for training, and the seeds are {traces[0].seed} to {traces[-1].seed}: no rig and no seed of the test is among them.
+{len(traces)} episodes of `{env.spec.id}` ({steps} steps of {setup.control_period:g} s),
+made by {what}. The rigs are drawn from the ranges for training,
+and the seeds are {traces[0].seed} to {traces[-1].seed}: no rig and no seed of the test is among them.
 
 | | least | median | most |
 |---|--:|--:|--:|
@@ -284,9 +286,11 @@ An observation is a vector of SI values over the scale of their channel:
 |--:|---|---|--:|
 {channels}
 
-An action is a number from -1 to 1, linear over the range of the command: {setup.low:g} to {setup.high:g} {setup.action_mode.unit}.
-The infos hold the true {", ".join(INFOS)} in SI units, without noise. Each episode's metadata hold its seed and the true parameters of its rig;
-reset with the seed and given the actions, `recover_environment()` repeats the episode to the bit.
+An action is a number from -1 to 1, linear over the range of the command:
+{setup.low:g} to {setup.high:g} {setup.action_mode.unit}.
+The infos hold the true {", ".join(INFOS)} in SI units, without noise.
+Each episode's metadata hold its seed and the true parameters of its rig; reset with the seed and given the actions,
+`recover_environment()` repeats the episode to the bit.
 
     MINARI_DATASETS_PATH=. python -c "import minari; print(minari.load_dataset('{name}').total_steps)"
     sha256sum --check {SUMS}

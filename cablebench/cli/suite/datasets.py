@@ -1,5 +1,6 @@
 """``cablebench datasets``: Minari data sets of every task of a protocol, with cards and checksums."""
 
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -46,15 +47,19 @@ def datasets(
         say.print(f"{len(plan) - len(missing)} of {len(plan)} data sets are in {out} already", markup=False)
     for task, name in missing:
         with progress_bar() as update:
-            told = dataset_id(task, name)
-            update(told, 0, episodes)
-            made.append(make_dataset(chosen, task, name, out, episodes, rounds, lambda k, t=told: update(t, k, episodes)))
+            done = partial(_tell, update, dataset_id(task, name), episodes)
+            done(0)
+            made.append(make_dataset(chosen, task, name, out, episodes, rounds, done))
         if not as_json:
             _say(made[-1])
     if as_json:
         print_json({"datasets": [{**vars(one), "folder": str(one.folder)} for one in made]})
     else:
         say.print(f"read them with MINARI_DATASETS_PATH={out}; each has a README.md and SHA256SUMS", markup=False)
+
+
+def _tell(update: Any, name: str, episodes: int, done: int) -> None:
+    update(name, done, episodes)
 
 
 def _say(one: Any) -> None:
