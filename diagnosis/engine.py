@@ -29,6 +29,7 @@ from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
 from cable_envs.diagnosis.model.noise import resolution
+from cable_envs.diagnosis.model.remembered import Remembered
 from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
 from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.model.verdict import Diagnosis
@@ -210,8 +211,9 @@ def _with_logger(recording: Recording, request: Request) -> Question:
 
 
 def _tried(question: Question) -> Question:
-    """The question with models for which what their plant refuses is a bad trial, and no error."""
-    return replace(question, fit=Trials(question.fit), heldout=Trials(question.heldout))
+    """The question with models that predict nothing twice, and for which what their plant refuses is a bad trial."""
+    fit, heldout = (Trials(Remembered(model)) for model in (question.fit, question.heldout))
+    return replace(question, fit=fit, heldout=heldout)
 
 
 def averaged_if_long(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:

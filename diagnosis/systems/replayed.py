@@ -178,7 +178,8 @@ class ReplayModel:
         rows = [self.plant.row(name) for name in run.signals]
         first = self.plant.rest(self.plant.prepare(alone), start)[rows]
         p = self.plant.prepare(columns)
-        out = np.take(out, place, axis=2)
+        if not np.array_equal(place, np.arange(columns.shape[1])):
+            out = np.take(out, place, axis=2)
         out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
         return out[self.lead * fine :]
 
@@ -213,13 +214,35 @@ def delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
     would be found 5 % too short. No sample looks ahead: what comes next may answer to the noise that is in it, and a
     delay of 0.3 ms gained 54 by that where a controller felt its sensor's noise.
     """
-    count, now = len(series), np.arange(len(series))[:, None]
-    at = np.clip(now - steps, 0.0, count - 1.0)
+    found = np.empty(series.shape)
+    late = np.maximum(np.ceil(steps).astype(int), 2)  # of the second of the four samples
+    for by in np.unique(late):
+        own = late == by
+        some, own = (series, slice(None)) if own.all() else (series[:, own], own)
+        first = min(by + 1, len(series))  # before, samples of the start are missing
+        found[:first, own] = _late_at_first(some[: first + 1], steps[own], first)
+        a, b, c, d = (some[first - by - 1 + k : len(some) - by - 1 + k] for k in range(4))
+        before, at, after, last = _cubic(by - steps[own])
+        found[first:, own] = before * a + at * b + after * c + last * d
+    return found
+
+
+def _cubic(part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of four samples in a row for a value that is by ``part`` of their distance behind the second."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0, (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0, (part + 1.0) * part * (part - 1.0) / 6.0,
+    )  # fmt: skip
+
+
+def _late_at_first(series: np.ndarray, steps: np.ndarray, first: int) -> np.ndarray:
+    """The ``first`` samples of a series that is late, before which it stood still."""
+    now = np.arange(first)[:, None]
+    at = np.maximum(now - steps, 0.0)
     whole = np.minimum(at.astype(int), np.maximum(now - 2, 0))
-    part, columns = at - whole, np.arange(series.shape[1])
-    a, b, c, d = (series[np.clip(whole + k, 0, count - 1), columns] for k in (-1, 0, 1, 2))
-    left = -part * (part - 1.0) * (part - 2.0) / 6.0 * a + (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0 * b
-    return left - (part + 1.0) * part * (part - 2.0) / 2.0 * c + (part + 1.0) * part * (part - 1.0) / 6.0 * d
+    columns = np.arange(series.shape[1])
+    four = (series[np.clip(whole + k, 0, len(series) - 1), columns] for k in (-1, 0, 1, 2))
+    return sum((weight * value for weight, value in zip(_cubic(at - whole), four, strict=True)), np.zeros(at.shape))
 
 
 def _settle(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> None:
