@@ -11,7 +11,8 @@ import yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.joined import joined
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, diagnose, request_of, told_at_rest
+from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.fit.known_noise import told_at_rest
 from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
