@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.signal.windows import parzen
 
@@ -41,11 +42,13 @@ class Recorded:
 
     channel | of the drive
     values  | as recorded [T], on an even clock
-    width   | samples over which it was smoothed
+    noise   | standard deviation of the noise of its samples
+    width   | samples over which it is smoothed
     """
 
     channel: str
     values: np.ndarray
+    noise: float
     width: int
 
     def smoothed(self, period: float) -> tuple[np.ndarray, np.ndarray]:
@@ -54,6 +57,23 @@ class Recorded:
             return self.values.copy(), np.gradient(self.values, period)
         speed = savgol_filter(self.values, self.width, 3, deriv=1, delta=period)
         return savgol_filter(self.values, self.width, 3), speed
+
+    def taken(self) -> np.ndarray:
+        """What smoothing takes away [T]."""
+        return self.values - self.smoothed(1.0)[0]
+
+    def sudden(self) -> np.ndarray:
+        """Where [T] the drive starts or stops within samples, so that between them nobody knows where it is.
+
+        There smoothing takes more away than the largest of T samples of noise, sqrt(2 ln T) standard deviations. So
+        does every sample as near as it smooths over.
+        """
+        if len(self.values) < self.width:
+            return np.zeros(len(self.values), dtype=bool)
+        kernel = -savgol_coeffs(self.width, 3)
+        kernel[self.width // 2] += 1.0
+        most = self.noise * float(np.linalg.norm(kernel)) * np.sqrt(2.0 * np.log(len(self.values)))
+        return maximum_filter1d(np.abs(self.taken()), 2 * self.width + 1) > most
 
 
 class Driven(Protocol):
@@ -110,13 +130,13 @@ def error_density(drives: Sequence[Recorded], noise: float | np.ndarray) -> np.n
     kernel[:width] = savgol_coeffs(width, 3)
     passed = np.fft.rfft(np.roll(kernel, -(width // 2))).real
     own = np.broadcast_to(np.square(noise) if np.isscalar(noise) else noise, passed.shape)
-    taken = [d.values - savgol_filter(d.values, width, 3) for d in drives if len(d.values) > 4 * BANDS]
+    taken = [np.where(d.sudden(), 0.0, d.taken()) for d in drives if len(d.values) > 4 * BANDS]
     if not taken:
         return passed**2 * own
     band = np.minimum(np.arange(len(passed)) * BANDS // len(passed), BANDS - 1)
     power, count = np.zeros(BANDS), np.zeros(BANDS)
     for series in taken:
-        periodogram = np.abs(np.fft.rfft(series)) ** 2 / len(series)
+        periodogram = np.abs(np.fft.rfft(series)) ** 2 / max(np.count_nonzero(series), 1)
         at = np.minimum(np.arange(len(periodogram)) * BANDS // len(periodogram), BANDS - 1)
         power += np.bincount(at, periodogram, BANDS)
         count += np.bincount(at, minlength=BANDS)

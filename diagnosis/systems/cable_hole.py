@@ -148,6 +148,7 @@ def _run(
     else:
         drive = recorded_drive(recording, "drive_position", seen["drive_position"].values)
         command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
     own = {}
     if "wrap_angle" in seen:
         own["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))

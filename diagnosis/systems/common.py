@@ -153,7 +153,7 @@ def recorded_drive(recording: Recording, channel: str, values: np.ndarray) -> Re
     """The recorded positions [T] of a drive, on an even clock, that a simulator is to follow."""
     parts = [r.data[channel][r.usable(channel)] for r in recording.records if r.use != "rest"]
     noise = noise_of_samples(parts, recording.noise.get(channel))
-    return Recorded(channel, values, best_width(parts, noise))
+    return Recorded(channel, values, noise, best_width(parts, noise))
 
 
 def motion_coordinates(

@@ -107,6 +107,7 @@ def _run(
     if not mode:
         drive = recorded_drive(recording, how.drive, seen[how.drive].values)
         command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
         kept = told.signals.get(how.drive, how.drive)
     else:
         kept = next(m for m in plant.action_modes if m.name == mode).rest_signal

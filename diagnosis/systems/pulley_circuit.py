@@ -153,6 +153,7 @@ def _run(recording: Recording, record: Record, plant: Plant, values, period: flo
     else:
         drive = recorded_drive(recording, "drive_angle", seen["drive_angle"].values)
         command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
     own = given(record, plant)
     values = {**values, **own}
     start = float(command[0]) * values["drive_radius"] / values["output_radius"]
