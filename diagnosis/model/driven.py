@@ -124,6 +124,11 @@ def error_density(drives: Sequence[Recorded], noise: float | np.ndarray) -> np.n
         Of all records.
     noise : float or ndarray
         Standard deviation of the recorded position's noise, which is white; or its density at these frequencies.
+
+    Returns
+    -------
+    ndarray
+        Motion is lost in the bands where more is taken away than of noise alone in the largest of `BANDS`.
     """
     width = drives[0].width
     kernel = np.zeros(2 * DENSITIES - 2)
@@ -141,7 +146,8 @@ def error_density(drives: Sequence[Recorded], noise: float | np.ndarray) -> np.n
         power += np.bincount(at, periodogram, BANDS)
         count += np.bincount(at, minlength=BANDS)
     of_noise = np.bincount(band, (1.0 - passed) ** 2 * own, BANDS) / np.bincount(band, minlength=BANDS)
-    lost = np.maximum(power / count - of_noise, 0.0)
+    more, chance = power / count - of_noise, of_noise * np.sqrt(2.0 * np.log(BANDS) / count)
+    lost = np.where(more > chance, more, 0.0)
     return passed**2 * own + lost[band]
 
 
