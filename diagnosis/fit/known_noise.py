@@ -16,7 +16,7 @@ from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.driven import (
     DENSITIES,
     Driven,
-    Recorded,
+    drives_of,
     error_density,
     noise_of_samples,
     passed_on,
@@ -39,7 +39,7 @@ def told_at_rest(recording: Recording, question: Question) -> Question:
     if record is None:
         learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)
         return replace(question, notes=(*question.notes, NOISE_IS_LEARNT)) if learnt else question
-    if not question.at_rest and not drives_of(question):
+    if not question.at_rest and not drives_of(question.fit):
         why = "a recorded signal drives the simulator, so that its noise is in all predictions"
         return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
     longest = max(len(b.time) for b in question.fit.blocks)
@@ -60,18 +60,13 @@ def of_record(record: Record, period: float, channels: Iterable[str], longest: i
     return {name: noise_at_rest(bridged(s.values, s.good), steps[name], longest) for name, s in seen.items()}
 
 
-def drives_of(question: Question) -> list[Recorded]:
-    """The recorded positions that drive the simulator, of every record to fit; none where it is told a command."""
-    return list(question.fit.driven_by()) if hasattr(question.fit, "driven_by") else []
-
-
 def with_noise_of_drive(recording: Recording, question: Question) -> Question:
     """The question with the noise that a recorded drive's position makes of every channel (`model.driven`), and a note.
 
     Of the channels whose own noise is stated or known from rest; what is learnt from what a model leaves has it anyway.
     The response is that of the refitted nominals.
     """
-    drives = drives_of(question)
+    drives = drives_of(question.fit)
     own = {b.channel: recording.noise.get(b.channel, b.noise) for b in question.fit.blocks}
     if not drives or all(noise is None for noise in own.values()):
         return question

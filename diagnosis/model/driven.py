@@ -22,7 +22,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.signal.windows import parzen
 
-from cable_envs.diagnosis.model.model import Block
+from cable_envs.diagnosis.model.model import Block, Model
 from cable_envs.diagnosis.model.noise import jitter, resolution
 from cable_envs.diagnosis.model.rest import LONGEST, RestNoise, known_by
 
@@ -91,6 +91,11 @@ class Driven(Protocol):
     ) -> list[np.ndarray]:
         """Changes [T, n] of every block's prediction with errors of the drive's position and speed, each [T, n]."""
         ...
+
+
+def drives_of(model: Model) -> list[Recorded]:
+    """The recorded positions that drive a simulator, of every record; none where it is told a command."""
+    return list(model.driven_by()) if hasattr(model, "driven_by") else []
 
 
 def noise_of_samples(parts: Sequence[np.ndarray], stated: float | None) -> float:
