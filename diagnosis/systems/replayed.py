@@ -6,10 +6,11 @@ predicted, held out or not: it is that record's initial condition.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cable_envs.diagnosis.model.driven import Recorded
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import mean_over_samples
@@ -41,6 +42,7 @@ class Run:
     second        | of a drive with a second command: at every sample [T]; None: as at rest
     held_at       | signal of the drive that is at ``command[0]`` when the record begins, at rest: the output is where
                   | each set of parameters has it then; "": it is at ``start``
+    recorded      | of a drive that follows its recorded position: what ``command`` and ``rate`` are of
     """
 
     command: np.ndarray
@@ -54,6 +56,7 @@ class Run:
     mean: bool = False
     second: np.ndarray | None = None
     held_at: str = ""
+    recorded: Recorded | None = None
 
 
 class ReplayModel:
@@ -103,6 +106,29 @@ class ReplayModel:
             if self._shifts[k].size:
                 _settle(run, self._shifts[k], out, self._shifted > 0.0)
             found += [out[:, j] for j in range(len(run.blocks))]
+        return found
+
+    def driven_by(self) -> list[Recorded]:
+        """As `cable_envs.diagnosis.model.driven.Driven`."""
+        return [run.recorded for run in self.runs if run.recorded is not None]
+
+    def answers(
+        self, values: Mapping[str, float], errors: Sequence[np.ndarray], rates: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.driven.Driven`; sensors are as late as if they were not."""
+        columns = self._base[:, None].copy()
+        columns[self._rows, 0] = [values.get(p.name, p.start) for p in self.parameters]
+        columns = self.as_plant(columns)
+        columns[self._late] = 0.0
+        found: list[np.ndarray] = []
+        for run, error, rate in zip(self.runs, errors, rates, strict=True):
+            assert run.rate is not None, "a recorded drive has a speed"
+            moved = [
+                self._prompt(replace(run, command=run.command + e, rate=run.rate + r), columns)
+                for e, r in zip(error.T, rate.T, strict=True)
+            ]
+            change = np.concatenate(moved, axis=2) - self._prompt(run, columns)
+            found += [change[:, j] for j in range(len(run.blocks))]
         return found
 
     def as_plant(self, columns: np.ndarray) -> np.ndarray:

@@ -10,7 +10,8 @@ from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import NOISE_IS_LEARNT, ask, request_of, told_at_rest
+from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.fit.known_noise import NOISE_IS_LEARNT, told_at_rest
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate
