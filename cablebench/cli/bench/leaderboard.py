@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import packed_json, read_json, require_writable, write_atomic
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.seals import Seal, unsealed
 
@@ -31,9 +31,9 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses records and board.json (to records.jsonl.xz, board.json.xz), drops what the page does not draw of
-    the trajectories, and thins what it draws. board.html is no part of a packed folder: this command makes it again
-    from what is there.
+    --pack compresses the records (to records.jsonl.xz), drops what the page does not draw of the trajectories, and
+    thins what it draws. board.json and board.html are no part of a packed folder: this command makes them again from
+    what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -49,11 +49,11 @@ def leaderboard(
     require_writable(out or folder)
     made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
     if pack:
-        _pack(store, made, len(records), out or folder)
+        _pack(store, made, len(records))
 
 
-def _pack(store: Any, board: Any, count: int, out: Path) -> None:
-    """Make the results folder small: records and board compressed, of the trajectories only what the page draws."""
+def _pack(store: Any, board: Any, count: int) -> None:
+    """Make the results folder small: records compressed, of the trajectories only what the page draws."""
     from cablebench.board.figures import DRAWN_POINTS, is_drawn
     from cablebench.board.page import shown_runs
 
@@ -61,9 +61,6 @@ def _pack(store: Any, board: Any, count: int, out: Path) -> None:
     store.trajectories.forget(shown)
     store.trajectories.thin(shown, is_drawn, DRAWN_POINTS)
     store.trajectories.pack()
-    written = out / "board.json"
-    write_atomic(out / "board.json.xz", packed_json(read_json(written)))
-    written.unlink()
     console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
 
 
