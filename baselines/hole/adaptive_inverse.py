@@ -24,7 +24,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from cable_envs.baselines.base import Reference
-from cable_envs.baselines.hole.inverse import LEAD, InverseHole, direction_gains
+from cable_envs.baselines.hole.inverse import LEAD, SLEW, InverseHole, direction_gains
 from cable_envs.baselines.hole.jumps import Crossing, Search
 from cable_envs.core.params import Parameter, ParameterTable
 
@@ -73,6 +73,7 @@ class AdaptiveInverse(InverseHole):
             Parameter("kp", "1", 0.3, 1e-4, 20.0, "gain of the error"),
             Parameter("ki", "1/s", 42.0, 1e-3, 1e3, "gain of its integral"),
             LEAD,
+            SLEW,
             Parameter("calm", "s", 0.05, 0.0, 10.0, "time constant of the error that decides the way of sliding"),
             *direction_gains(14.0, 1e-4),
             *_adaptation(1e-3, 0.1, 1e-5),

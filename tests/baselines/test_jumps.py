@@ -8,8 +8,9 @@ import pytest
 from cable_envs.baselines import make_controller
 from cable_envs.baselines.circuit.crossing import Crossing
 from cable_envs.baselines.hole_model import HoleModel
-from tests.support.baselines_support import ANCHORED, DT, FREE, rmse, simulate, step
+from tests.support.baselines_support import ANCHORED, DT, FREE, REFERENCES, rmse, simulate, step
 
+SINE = REFERENCES["cable_hole", "tension", "sine"]
 OTHER = {**ANCHORED, "friction_coefficient": 0.35, "load_stiffness": 3200.0, "cable_stiffness": 4e4}
 """A rig that the laws are not told."""
 
@@ -57,6 +58,23 @@ def test_search_and_crossing_pay():
     plain, both = tension(), tension(search=4.0, brake=2.0)
     errors = [rmse(simulate(c, step(20.0, 6.0, 20.0), 12.0, rig=OTHER)) for c in (plain, both)]
     assert errors[1] < 0.95 * errors[0]
+
+
+@pytest.mark.parametrize("name", ["scheduled-pid", "lqg"])
+def test_slew_follows_where_a_jump_is_cut(name):
+    """A drive that gains a dt of speed in a period changes T1 by k a dt^2 in the next, 12.6 N. A load that turns has the drive cross 27 N."""
+    slew = ANCHORED["cable_stiffness"] * ANCHORED["drive_acceleration_limit"] * DT
+    plain, slow = (
+        simulate(make_controller(name, "cable_hole", "tension", "tension", ANCHORED, DT, slew=value), SINE, 12.0)
+        for value in (0.0, slew)
+    )
+    assert np.abs(np.diff(slow["u"])).max() <= slew * DT * (1.0 + 1e-9)
+    turned = int(1.25 / 0.17189 / DT) + 10  # what a first-order lag of 50 ms leaves of 27 N after 0.1 s: over 3 N
+    behind = [
+        np.abs(s["drive_tension"][turned : turned + 10] - s["u"][turned : turned + 10]).mean() for s in (plain, slow)
+    ]
+    assert behind[1] < 0.5 * behind[0]
+    assert rmse(slow) < 0.75 * rmse(plain)
 
 
 def test_crossing_of_an_angle_is_as_fast_as_a_drive_without_a_loop():
