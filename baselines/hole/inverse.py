@@ -9,8 +9,8 @@ that the inner loop of G35 lacks while the drive moves at w.
 
 **Slew.** With a cable of stiffness k, that loop is  T1' = k (kp (F - T1) + kd (F' - T1')),  and k kd is far above 1: T1
 follows F' at once, but what the drive's limit of acceleration a has cut of a jump follows with kd / kp, 50 ms at the
-nominal rig. Where the load turns, F jumps by the whole width of the hold. A command that changes by no more than k a dt^2
-in a control period dt is hardly cut, and crosses the hold in two or three periods. ``slew`` is its limit, N/s.
+nominal rig. Where the load turns, F jumps by the whole width of the hold. A command that changes by no more than
+k a dt^2 in a control period dt is hardly cut, and crosses the hold in two or three periods. ``slew`` is its limit, N/s.
 """
 
 import math

@@ -7,8 +7,9 @@ import pytest
 
 from cable_envs.baselines import make_controller
 from cable_envs.baselines.circuit.crossing import Crossing
+from cable_envs.baselines.circuit_model import CircuitModel
 from cable_envs.baselines.hole_model import HoleModel
-from tests.support.baselines_support import ANCHORED, DT, FREE, REFERENCES, rmse, simulate, step
+from tests.support.baselines_support import ANCHORED, DT, FREE, GRASP, REFERENCES, rmse, simulate, step
 
 SINE = REFERENCES["cable_hole", "tension", "sine"]
 OTHER = {**ANCHORED, "friction_coefficient": 0.35, "load_stiffness": 3200.0, "cable_stiffness": 4e4}
@@ -62,7 +63,7 @@ def test_search_and_crossing_pay():
 
 @pytest.mark.parametrize("name", ["scheduled-pid", "lqg"])
 def test_slew_follows_where_a_jump_is_cut(name):
-    """A drive that gains a dt of speed in a period changes T1 by k a dt^2 in the next, 12.6 N. A load that turns has the drive cross 27 N."""
+    """A drive that gains a dt of speed in a period changes T1 by k a dt^2 in the next, 12.6 N. The hold is 27 N."""
     slew = ANCHORED["cable_stiffness"] * ANCHORED["drive_acceleration_limit"] * DT
     plain, slow = (
         simulate(make_controller(name, "cable_hole", "tension", "tension", ANCHORED, DT, slew=value), SINE, 12.0)
@@ -103,6 +104,24 @@ def test_crossing_of_an_angle_is_as_fast_as_a_drive_without_a_loop():
     assert near[0] * DT <= 15.0 / 1e3 + 0.357 / 15.0 + 2 * DT and near[1] > near[0]
     assert np.abs(seen[near[0] :] - 0.357).max() < 0.02  # and it stays there
     assert not crossing.on
+
+
+def test_edge_brings_the_drive_back_to_where_the_next_step_begins():
+    """A search goes too far, and the drive gives back. Without ``edge`` it then waits on the far side of the hold."""
+    found = {"misfit": 0.02, "beyond": 1.1e-3, "walk": 1.3e-5, "turn_time": 0.0227, "kp": 2.5e-3, "kd": 0.01, "ki": 0.3}
+    gains = {**found, "search": 3.0, "tolerance": 1e-3}
+    far, near = (
+        simulate(
+            make_controller("virtual-jaw", "pulley_circuit", "torque", "torque", GRASP, DT, **gains, edge=edge),
+            step(0.1, 9.0, 0.05),
+            9.5,
+        )
+        for edge in (0.0, 0.8)
+    )
+    plateau = CircuitModel(GRASP).ccw.drive_torque(0.05)
+    assert far["drive_torque"][890] < 0.0 < 0.7 * plateau < near["drive_torque"][890] < plateau
+    assert np.ptp(near["output_torque"][600:900]) < 1e-12  # what it holds does not move
+    assert np.abs(near["error"][899:904]).sum() < 0.9 * np.abs(far["error"][899:904]).sum()
 
 
 def test_hurry_pays_on_another_circuit():
