@@ -25,9 +25,12 @@ for one in $tasks; do for seed in 0 1 2; do train suite-ppo "$one" "$seed"; done
 for one in CableHole-Track-Hard CableHole-Sine-Hard PulleyCircuit-Track-Hard TendonSheath-Track-Hard; do train suite-residual-ppo "$one" 0; done
 
 # the robust track: one quantity at a time away from the task's own rig; kept are the rows of the ranked tasks
-ranked=$(sed -n 's/^  - cable_envs\/\([A-Za-z-]*\)-v1.*/--env \1/p' configs/protocols/suite-v1.yaml)
-cablebench evaluate --protocol suite-v1 --track robust --results "$board" --jobs 2 --resume $ranked \
-  --controller suite-references --controller pid-suite --controller lqg-suite
+robust="cablebench evaluate --protocol suite-v1 --track robust --results $board --jobs 2 --resume"
+ranked=$(sed -n 's/^  - cable_envs\/\([A-Za-z-]*\)-v1.*/\1/p' configs/protocols/suite-v1.yaml)
+$robust $(printf ' --env %s' $ranked) --controller suite-references --controller pid-suite --controller lqg-suite
+for one in $ranked; do
+  $robust --env "$one" $(printf " --policy runs/suite/suite-ppo-$one-%s" 0 1 2)
+done
 
 cablebench anchors --protocol suite-v1 --check "$board"
 cablebench leaderboard --board suite-v1 --pack
