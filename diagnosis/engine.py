@@ -23,7 +23,6 @@ from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.evidence.candidates import Joint
-from cable_envs.diagnosis.fit.known_noise import told_at_rest, with_noise_of_drive
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged
@@ -35,6 +34,7 @@ from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.elsewhere import groups_of
+from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_drive
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest

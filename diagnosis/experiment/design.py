@@ -14,9 +14,9 @@ from cable_envs.diagnosis.experiment.motions import Limits, Motion, draw
 from cable_envs.diagnosis.experiment.plan import Plan, least
 from cable_envs.diagnosis.experiment.rivals import Rival, compared, names_of, rivals
 from cable_envs.diagnosis.experiment.worth import Told, divergences, narrowing
-from cable_envs.diagnosis.fit.known_noise import told_at_rest
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.verdict import Diagnosis
+from cable_envs.diagnosis.search.known_noise import told_at_rest
 
 DRAWN = 48
 """Motions that are drawn, all families in turn."""

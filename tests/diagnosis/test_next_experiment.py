@@ -16,7 +16,7 @@ from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
 from cable_envs.diagnosis.experiment.worth import Told, divergence, narrowing
-from cable_envs.diagnosis.fit.known_noise import told_at_rest
+from cable_envs.diagnosis.search.known_noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
 
 ROOT = Path(__file__).parents[2]
