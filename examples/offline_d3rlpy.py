@@ -6,8 +6,8 @@
     cablebench try learnt/bc-reference-CableHole-Track-Medium.onnx --task CableHole-Track-Medium
 
 Behaviour cloning (BC) copies the commands of the reference, and then those of the expert. TD3+BC (Fujimoto and Gu
-2021), an offline algorithm, learns from random, reference and expert behaviour with the rewards. One observation does
-not tell which way the friction acts, so that each policy sees the last 16, side by side. It is written as an ONNX file
+2021) and implicit Q-learning (IQL, Kostrikov et al. 2021) are offline algorithms: they learn from random, reference and
+expert behaviour with the rewards. One observation does not tell which way the friction acts, so that each policy sees the last 16, side by side. It is written as an ONNX file
 with a YAML file that says so, which `cablebench try`, `evaluate` and `submit` take.
 """
 
@@ -28,6 +28,7 @@ LEARNERS = {
     "bc-reference": (("reference",), "bc"),
     "bc-expert": (("expert",), "bc"),
     "td3bc": (("random", "reference", "expert"), "td3bc"),
+    "iql": (("random", "reference", "expert"), "iql"),
 }
 """The data sets that each learner reads, and its algorithm."""
 
@@ -65,6 +66,8 @@ def learner(kind, actions):
     }
     if kind == "bc":
         return d3rlpy.algos.BCConfig(learning_rate=1e-3, **common).create()
+    if kind == "iql":
+        return d3rlpy.algos.IQLConfig(gamma=0.98, expectile=0.7, weight_temp=3.0, **common).create()
     return d3rlpy.algos.TD3PlusBCConfig(
         actor_learning_rate=3e-4, critic_learning_rate=3e-4, gamma=0.98, alpha=2.5, **common
     ).create()
@@ -114,7 +117,7 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--task", default="CableHole-Track-Medium", help="task, by its short id")
     parser.add_argument("--datasets", type=Path, default=Path("datasets"), help="folder of Minari's data sets")
-    parser.add_argument("--learner", choices=LEARNERS, action="append", help="default: all three")
+    parser.add_argument("--learner", choices=LEARNERS, action="append", help="default: all of them")
     parser.add_argument("--steps", type=int, default=50_000, help="gradient steps")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--out", type=Path, default=Path("learnt"))
