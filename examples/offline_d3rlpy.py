@@ -3,12 +3,13 @@
     cablebench datasets --env CableHole-Track-Medium --episodes 20 --out datasets
     pip install d3rlpy                                    # wants Gymnasium 1.0.0, and runs with 1.4 (--no-deps)
     python examples/offline_d3rlpy.py --task CableHole-Track-Medium --datasets datasets --out learnt
-    cablebench try learnt/bc-reference-CableHole-Track-Medium.onnx --task CableHole-Track-Medium
+    cablebench try learnt/bc-reference-CableHole-Track-Medium.yaml --task CableHole-Track-Medium
 
 Behaviour cloning (BC) copies the commands of the reference, and then those of the expert. TD3+BC (Fujimoto and Gu
 2021) and implicit Q-learning (IQL, Kostrikov et al. 2021) are offline algorithms: they learn from random, reference and
-expert behaviour with the rewards. One observation does not tell which way the friction acts, so that each policy sees the last 16, side by side. It is written as an ONNX file
-with a YAML file that says so, which `cablebench try`, `evaluate` and `submit` take.
+expert behaviour with the rewards. One observation does not tell which way the friction acts, so that each policy sees
+the last 16, side by side. It is written as an ONNX file with a YAML file that says so, which `cablebench try`,
+`evaluate` and `submit` take.
 """
 
 import argparse
