@@ -1,6 +1,9 @@
-"""Building blocks shared by the controllers: PID with anti-windup, a filtered derivative, a speed profile."""
+"""Building blocks shared by the controllers: PID with anti-windup, a filtered derivative, a speed profile, a hold."""
 
 import math
+
+HOLD = 0.3
+"""Standard deviation of the compliance in a hold before anything was measured, as a share of the nominal one."""
 
 
 class FilteredRate:
@@ -92,3 +95,33 @@ class Smoother:
         else:
             self.value = sample + (self.value + rate * self._dt - sample) * self._keep
         return self.value
+
+
+class Hold:
+    """The output at rest behind an elastic cable: position = b + c load, fitted; what goes beyond is its motion.
+
+    Position and load are those of the drive: rad and N m, or m and N. ``misfit`` is the standard deviation of the load
+    about the line, ``beyond`` the distance from it at which the output counts as moving.
+    """
+
+    def __init__(self, compliance: float, misfit: float, beyond: float):
+        self.compliance = compliance
+        """c, rad/(N m) or m/N"""
+        self.gone = 0.0
+        """position beyond the line, rad or m, smoothed"""
+        self._b, self._bb, self._bc, self._cc = 0.0, misfit**2 * compliance**2, 0.0, (HOLD * compliance) ** 2
+        self._noise, self._beyond = (misfit * compliance) ** 2, beyond
+
+    def leaves(self, position: float, load: float) -> bool:
+        """Whether the output has broken away, after one more change of position and load since the start."""
+        missed = position - self._b - self.compliance * load
+        along_b, along_c = self._bb + self._bc * load, self._bc + self._cc * load
+        total = along_b + along_c * load + self._noise
+        self.gone += 0.3 * (missed - self.gone)
+        if missed * missed < 9.0 * total:
+            self._b += along_b / total * missed
+            self.compliance += along_c / total * missed
+            self._bb -= along_b * along_b / total
+            self._bc -= along_b * along_c / total
+            self._cc -= along_c * along_c / total
+        return (self.gone if load > 0.0 else -self.gone) > self._beyond

@@ -8,7 +8,7 @@ last third of each record.
 """
 
 import time as clock
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clock import sample_period, with_sure_times
+from cable_envs.diagnosis.data.clock import with_sure_times
 from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
@@ -28,13 +28,13 @@ from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
-from cable_envs.diagnosis.model.noise import resolution
-from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
+from cable_envs.diagnosis.model.remembered import Remembered
 from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.elsewhere import groups_of
+from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_drive
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
@@ -42,7 +42,6 @@ from cable_envs.diagnosis.simulators.base import Simulator
 from cable_envs.diagnosis.simulators.question import about_simulator, look_of, request_at_ports, require_fits
 from cable_envs.diagnosis.simulators.question import prepare as prepare_at_ports
 from cable_envs.diagnosis.systems import looked_at, plant_of, prepare, require_model
-from cable_envs.diagnosis.systems.common import resample
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.effects import Effect
 from cable_envs.plants import plant_for, variants
@@ -51,10 +50,6 @@ from cable_envs.sim.rigs import Rig, load_rig
 
 KEPT_BACK = 1.0 / 3.0
 """Share of each record that is held out where the recording has no record for it."""
-NOISE_IS_LEARNT = (
-    "the noise is estimated from the residual, so that a slow or small mismatch may be taken for noise; two minutes in "
-    "which nothing moves, as a record with 'use: rest', or a stated noise_std show more"
-)
 
 
 @dataclass(frozen=True)
@@ -169,6 +164,7 @@ def examine(
         )
     question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
+    question = with_noise_of_drive(recording, question)
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
     own = None if simulator is None else simulator.digest()
@@ -176,11 +172,11 @@ def examine(
     steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
     added = simulator is not None and bool(simulator.terms)
     bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
-    predicted = {b.channel for b in question.fit.blocks}
+    white = {b.channel for b in question.fit.blocks if b.noise is None or question.at_rest}
     selection = select(
         question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
         groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
-        stated={n: std for n, std in recording.noise.items() if n in predicted}, tell=tell, keep=steps,
+        stated={n: std for n, std in recording.noise.items() if n in white}, tell=tell, keep=steps,
     )  # fmt: skip
     tell(stages.LOCATING)
     about = {
@@ -210,8 +206,9 @@ def _with_logger(recording: Recording, request: Request) -> Question:
 
 
 def _tried(question: Question) -> Question:
-    """The question with models for which what their plant refuses is a bad trial, and no error."""
-    return replace(question, fit=Trials(question.fit), heldout=Trials(question.heldout))
+    """The question with models that predict nothing twice, and for which what their plant refuses is a bad trial."""
+    fit, heldout = (Trials(Remembered(model)) for model in (question.fit, question.heldout))
+    return replace(question, fit=fit, heldout=heldout)
 
 
 def averaged_if_long(recording: Recording) -> tuple[Recording, dict[str, Any] | None]:
@@ -341,33 +338,6 @@ def without_its_effects(recording: Recording, request: Request) -> dict[str, flo
         return None
     question = _tried(told_at_rest(recording, ask(recording, replace(request, rig=rest))))
     return Joint(question.fit, question.heldout).left_by(refit_nominals(question.fit, question.nominals).fit)
-
-
-def told_at_rest(recording: Recording, question: Question) -> Question:
-    """The question with the noise of its channels that a record at rest tells (`model.rest`), and a note of it."""
-    record = next(iter(recording.used_for("rest")), None)
-    if record is None:
-        learnt = question.at_rest and not any(b.channel in recording.noise for b in question.fit.blocks)
-        return replace(question, notes=(*question.notes, NOISE_IS_LEARNT)) if learnt else question
-    if not question.at_rest:
-        why = "a recorded signal drives the simulator, so that its noise is in all predictions"
-        return replace(question, notes=(*question.notes, f"{record.name}, at rest, is not used: {why}"))
-    longest = max(len(b.time) for b in question.fit.blocks)
-    found = of_record(record, sample_period(recording.records), {b.channel for b in question.fit.blocks}, longest)
-    for model in (question.fit, question.heldout):
-        model.blocks[:] = [replace(b, noise=found.get(b.channel)) for b in model.blocks]
-    known, still = ([c for c, n in found.items() if (n is None) is none] for none in (False, True))
-    said = f"the noise of {', '.join(known)} is known from {record.name}" if known else f"{record.name} shows no noise"
-    if still:
-        said += f"; {', '.join(still)} shows no noise above its resolution, and there it is estimated from the residual"
-    return replace(question, notes=(*question.notes, said))
-
-
-def of_record(record: Record, period: float, channels: Iterable[str], longest: int) -> dict[str, RestNoise | None]:
-    """The noise of every channel of a record at rest, for records of ``longest`` samples; None where it shows none."""
-    _, seen = resample(record, period, sorted(channels))
-    steps = {name: resolution(record.data[name][record.usable(name)]) for name in seen}
-    return {name: noise_at_rest(bridged(s.values, s.good), steps[name], longest) for name, s in seen.items()}
 
 
 def kept_back(recording: Recording) -> tuple[Recording, dict[str, float]]:

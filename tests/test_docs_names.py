@@ -127,7 +127,7 @@ def _known_dotted(word: str, page: Path) -> bool:
 
 
 def _suffix(rest: str) -> bool:
-    """A file of data, as ``rig.yaml`` or ``board.json.xz``, not a name."""
+    """A file of data, as ``rig.yaml`` or ``proof.json.xz``, not a name."""
     return re.fullmatch(r"(?:yaml|json|jsonl|md|html|csv|npz|svg|zip|pt|webp|xz|\.)+", rest) is not None
 
 

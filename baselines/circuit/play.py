@@ -9,21 +9,20 @@ and the drive torque M lie between the clockwise and the counter-clockwise line;
     M = M_m + M_h (D - eps D_m) / (eps D_h)
 
 phi, eps and kappa scale the nominal friction (shafts and pretension), the compliance of the cables and the stiffness of
-the object. Before the output moves, `Hold` fits the line of the hold, angle over torque: its slope tells eps, and where
-the drive goes beyond it, the output has broken away, at a torque that tells phi. From then on an extended Kalman filter
-follows (z, ln phi, ln eps, ln kappa) by the measured drive angle and torque, with slopes by differences. No absolute
-angle is needed: z_0 is what the output is where the filter begins.
+the object. Before the output moves, `parts.Hold` fits
+the line of the hold, angle over torque: its slope tells eps, and where the drive goes beyond it, the output has broken
+away, at a torque that tells phi. From then on an extended Kalman filter follows (z, ln phi, ln eps, ln kappa) by the
+measured drive angle and torque, with slopes by differences. No absolute angle is needed: z_0 is what the output is
+where the filter begins.
 """
 
 import math
 
 from cable_envs.baselines.circuit_model import CircuitModel
+from cable_envs.baselines.parts import Hold
 
 UNCERTAIN = (0.05, 0.05, 0.5)
 """Standard deviations of ln phi, ln eps and ln kappa at breakaway."""
-
-HOLD = 0.3
-"""Standard deviation of the compliance in the hold before anything was measured, as a share of the nominal one."""
 
 SLOWER = 0.01
 """Variance by which ln eps and ln kappa walk, over that of ln phi: friction drifts, cable and object hardly do."""
@@ -52,32 +51,6 @@ class Lines:
 def _lines(ccw: tuple[float, float], cw: tuple[float, float], span: float) -> tuple:
     up, down = (ccw[1] - ccw[0]) / span, (cw[1] - cw[0]) / span
     return (0.5 * (ccw[0] + cw[0]), 0.5 * (up + down)), (0.5 * (ccw[0] - cw[0]), 0.5 * (up - down))
-
-
-class Hold:
-    """The output at rest: angle = b + c torque, fitted; how far the drive has gone beyond is the output's motion."""
-
-    def __init__(self, compliance: float, misfit: float, beyond: float):
-        self.compliance = compliance
-        """c, rad/(N m)"""
-        self.gone = 0.0
-        """drive angle beyond the line, rad, smoothed"""
-        self._b, self._bb, self._bc, self._cc = 0.0, misfit**2 * compliance**2, 0.0, (HOLD * compliance) ** 2
-        self._noise, self._beyond = (misfit * compliance) ** 2, beyond
-
-    def leaves(self, angle: float, torque: float) -> bool:
-        """Whether the output has broken away, after one more change of angle (rad) and torque (N m) since the start."""
-        missed = angle - self._b - self.compliance * torque
-        along_b, along_c = self._bb + self._bc * torque, self._bc + self._cc * torque
-        total = along_b + along_c * torque + self._noise
-        self.gone += 0.3 * (missed - self.gone)
-        if missed * missed < 9.0 * total:
-            self._b += along_b / total * missed
-            self.compliance += along_c / total * missed
-            self._bb -= along_b * along_b / total
-            self._bc -= along_b * along_c / total
-            self._cc -= along_c * along_c / total
-        return (self.gone if torque > 0.0 else -self.gone) > self._beyond
 
 
 class PlayFilter:

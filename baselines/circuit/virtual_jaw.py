@@ -6,7 +6,11 @@ at the reference on the working line of the way that it moves. An integral of th
 
 **Search for breakaway.** While the reference stands still, the drive goes slowly to the end of the dead zone. The
 torque climbs until the output moves: this plateau is the friction, and the climb the compliance, so that both are known
-before the reference moves. The drive then waits at the end of the dead zone.
+before the reference moves. The drive then waits at the end of the dead zone: where an error was brought back from the
+other side, with the gain ``edge`` at that share of it on the side to which the reference went last, or else upwards.
+
+**Jumps** of an angle are crossed by `crossing.Crossing` where the gain ``hurry`` is above zero; the integral rests
+meanwhile, as that error is no fault of the estimate.
 
 An episode is taken to begin with the output on its reference: of the drive's sensors none tells another beginning.
 """
@@ -15,6 +19,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from cable_envs.baselines.base import CIRCUITS, Controller, Reference
+from cable_envs.baselines.circuit.crossing import JUMP, Crossing
 from cable_envs.baselines.circuit.play import PlayFilter
 from cable_envs.baselines.circuit_model import CircuitModel
 from cable_envs.baselines.parts import FilteredRate, Smoother, follow_direction
@@ -30,6 +35,8 @@ LARGEST = 0.3
 def _gains(mode: str, task: str) -> ParameterTable:
     held = task == "position"
     unit, tolerance, ki, misfit, walk = ("rad", 2e-3, 11.0, 3e-3, 3e-4) if held else ("N m", 2e-3, 0.5, 5e-3, 3e-3)
+    hurry = Parameter("hurry", "1", 0.0, 0.0, 10.0, "share of the drive's acceleration that crosses a jump; 0: none")
+    edge = Parameter("edge", "1", 0.0, 0.0, 10.0, "half widths of the dead zone at which the drive waits; 0: no place")
     return ParameterTable(
         Parameter("ki", "1/s", ki, 1e-4, 1e4, "integral gain of the estimated error"),
         Parameter("kp", "N m/rad", 5.0 if held else 0.0, 0.0, 1e3, "torque per angle of the drive (torque commands)"),
@@ -42,6 +49,8 @@ def _gains(mode: str, task: str) -> ParameterTable:
         Parameter("beyond", "rad", 1e-3 if held else 1.5e-3, 1e-6, 1.0, "drive angle beyond the hold at breakaway"),
         Parameter("misfit", "N m", misfit, 1e-6, 10.0, "standard deviation of the drive torque about the model"),
         Parameter("walk", "1/sqrt(s)", walk, 1e-9, 100.0, "how far ln phi walks in a second"),
+        edge,
+        *((hurry,) if held and mode == "position" else ()),
     )  # fmt: skip
 
 
@@ -79,13 +88,16 @@ class VirtualJaw(Controller):
         self._side = Smoother(self.dt, g["turn_time"])
         self._jumps = Smoother(self.dt, g["turn_time"] if self.action_mode == "torque" else 0.0)
         self._speed = FilteredRate(self.dt, 0.0)
+        self._crossing = Crossing(self.rig, g.get("hurry", 0.0), self.dt)
         self._largest = LARGEST * (1.0 if self.task == "position" else self.rig["contact_stiffness"])
 
     def reset(self) -> None:
         self._begun = False
         self._direction, self._place, self._still = 0.0, 0.0, 0.0
+        self._onward = 1.0
         self._last: float | None = None
         self._correction, self._beyond = 0.0, 0.0
+        self._crossing.on, self._told = False, 0.0
         self._side.reset()
         self._jumps.reset()
         self._speed.reset()
@@ -97,14 +109,19 @@ class VirtualJaw(Controller):
             self.jaw.begin(ref[0], angle, torque)
         self.jaw.update(angle, y["drive_velocity"], torque)
         error = ref[0] - self.jaw.output
+        if self._last is not None and abs(ref[0] - self._last - ref[1] * self.dt) > JUMP:
+            self._crossing.begin()
         self._turn(ref, error)
-        if self._still < STANDS or abs(error) > g["tolerance"]:
+        if not self._crossing.on and (self._still < STANDS or abs(error) > g["tolerance"]):
             self._correction += g["ki"] * error * self.dt
             self._correction = min(max(self._correction, -self._largest), self._largest)
         target = self._jumps.update(ref[0] + g["lead"] * ref[1], ref[1]) + self._correction
         held, needs = self.jaw.held_at(target, self._place)
         if self.action_mode == "position":
-            return self.limit(held)
+            if self._crossing.on:
+                held = self._crossing.command(held, angle, y["drive_velocity"], self._told)
+            self._told = self.limit(held)
+            return self._told
         rate = self._speed.update(held)
         return self.limit(self.driven(held - angle, rate, needs, y))
 
@@ -120,6 +137,8 @@ class VirtualJaw(Controller):
         self._still = 0.0 if moved else self._still + self.dt
         self._direction = follow_direction(self._direction, self._last, ref)
         self._last = ref[0]
+        if moved:
+            self._onward = self._direction
         if self._still < STANDS:
             self._go()
             return
@@ -130,6 +149,9 @@ class VirtualJaw(Controller):
         if abs(error) > BACK * g["tolerance"]:
             self._direction = 1.0 if error > 0.0 else -1.0
             way = self._direction
+        elif g["edge"] > 0.0 and abs(error) < g["tolerance"]:
+            self._direction = self._onward
+            way = g["edge"] * self._onward
         self._place = min(max(self._place, -1.0), 1.0)  # the search had gone by another friction
         self._place += min(max(way - self._place, -step), step)
 

@@ -15,6 +15,8 @@ and ln T1 / T2 are smoothed alike before: the drive's speed trembles by more tha
 **Disturbance observer.** d = L / (s + L) (a - v'), the part of the wanted acceleration that does not arrive (Ohnishi
 1987). Solved for d this is d = L (int (a - d) - v): no speed is differentiated. It stands still at a limit of the
 command. A load that is stuck is pushed more and more until it goes.
+
+**Jumps** of a tension: `jumps.Search` and `jumps.Crossing`, with the gains ``search`` and ``brake``.
 """
 
 import math
@@ -22,7 +24,8 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 from cable_envs.baselines.base import Reference
-from cable_envs.baselines.hole.inverse import LEAD, InverseHole, direction_gains
+from cable_envs.baselines.hole.inverse import LEAD, SLEW, InverseHole, direction_gains
+from cable_envs.baselines.hole.jumps import Crossing, Search
 from cable_envs.core.params import Parameter, ParameterTable
 
 REFERENCE_SPEED = 0.01
@@ -39,6 +42,9 @@ HEARD = 0.05
 
 MOST = 1.4
 """Largest ln n: T1 / T2 = 4"""
+
+FOUND = 0.02
+"""Standard deviation of ln n at rest after a search has found it."""
 
 
 def _adaptation(slides: float, misfit: float, walk: float) -> tuple[Parameter, ...]:
@@ -67,9 +73,19 @@ class AdaptiveInverse(InverseHole):
             Parameter("kp", "1", 0.3, 1e-4, 20.0, "gain of the error"),
             Parameter("ki", "1/s", 42.0, 1e-3, 1e3, "gain of its integral"),
             LEAD,
+            SLEW,
             Parameter("calm", "s", 0.05, 0.0, 10.0, "time constant of the error that decides the way of sliding"),
             *direction_gains(14.0, 1e-4),
             *_adaptation(1e-3, 0.1, 1e-5),
+            Parameter("search", "N/s", 0.0, 0.0, 1e3, "rise of the pull until a load at rest gives way; 0: none"),
+            Parameter(
+                "brake",
+                "m/s^2",
+                0.0,
+                0.0,
+                100.0,
+                "braking counted on where a jump is crossed at the limits of the drive; 0: no such crossing",
+            ),
         ),
     }
 
@@ -79,6 +95,9 @@ class AdaptiveInverse(InverseHole):
         still, moving = (math.log(hole.ratio(v, hole.weight, hole.weight)) for v in (0.0, REFERENCE_SPEED))
         self._start = 0.0, still, moving - still
         self._exponent = self.rig["extrusion_exponent"]
+        if self.task == "tension":
+            self._search = Search(hole, self.gains["search"], self.dt)
+            self._crossing = Crossing(hole, self._top, self.gains["brake"], self.dt)
 
     def reset(self) -> None:
         super().reset()
@@ -90,10 +109,41 @@ class AdaptiveInverse(InverseHole):
         self._last: float | None = None
         self._calm_error, self._jumped = 0.0, 0.0
         self._speed, self._logarithm, self._heard = 0.0, 0.0, 0.0
+        if self.task == "tension":
+            self._search.reset()
+            self._crossing.reset()
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
+        if self.task == "tension":
+            waits = self._wait(y, ref)
+            if waits is not None:
+                return waits
+        last = self._last
         self._adapt(y, ref)
-        return super().act(t, y, ref)
+        free = super().act(t, y, ref)
+        if self.task != "tension":
+            return free
+        if last is not None and self._jump(last, ref):
+            self._crossing.begin(y, last, ref[0], self._search.compliance)
+        crosses = self._crossing.command(y, min(max(self.fitted[1], 0.0), MOST))
+        return free if crosses is None else crosses
+
+    def _wait(self, y: Mapping[str, float], ref: Reference) -> float | None:
+        """What to pull while the friction is searched, before the reference has ever moved."""
+        before = self._search.broke
+        pull = self._search.command(y, ref[0])
+        if pull is None:
+            return None
+        self._last, self._side = ref[0], 1.0
+        if self._search.broke and not before:
+            self.fitted[1] = math.log(max(pull / ref[0], 1.0))
+            for k in range(3):
+                self._spread[k][1] = self._spread[1][k] = FOUND**2 if k == 1 else 0.0
+        return min(pull, self._top)
+
+    def _jump(self, last: float, ref: Reference) -> bool:
+        """Whether the reference has jumped since ``last``, beside what its rate explains."""
+        return abs(ref[0] - last - ref[1] * self.dt) > JUMP
 
     def wanted_speed(self, error: float, ref: Reference) -> float:
         """In a tension task the error is smoothed, but for that of a jump of the reference until it is made up for.
@@ -102,7 +152,7 @@ class AdaptiveInverse(InverseHole):
         """
         if self.task != "tension":
             return super().wanted_speed(error, ref)
-        if self._last is not None and abs(ref[0] - self._last - ref[1] * self.dt) > JUMP:
+        if self._last is not None and self._jump(self._last, ref):
             self._jumped = 1.0 if error > 0.0 else -1.0
         self._last = ref[0]
         if self._jumped * error <= 0.0:

@@ -6,6 +6,11 @@
 P is what has to pull behind the hole. w is the wanted sliding speed: that of the reference, and towards it where the
 load is off; a stuck load is thereby pushed with the full friction of the way that it has to go. w / k_p is the tension
 that the inner loop of G35 lacks while the drive moves at w.
+
+**Slew.** With a cable of stiffness k, that loop is  T1' = k (kp (F - T1) + kd (F' - T1')),  and k kd is far above 1: T1
+follows F' at once, but what the drive's limit of acceleration a has cut of a jump follows with kd / kp, 50 ms at the
+nominal rig. Where the load turns, F jumps by the whole width of the hold. A command that changes by no more than
+k a dt^2 in a control period dt is hardly cut, and crosses the hold in two or three periods. ``slew`` is its limit, N/s.
 """
 
 import math
@@ -21,6 +26,7 @@ TENSION_SHARE = 0.98
 
 
 LEAD = Parameter("lead", "s", 0.01, -0.5, 0.5, "how far ahead the reference is taken")
+SLEW = Parameter("slew", "N/s", 0.0, 0.0, 1e5, "fastest change of the command; 0: any")
 
 
 def direction_gains(approach: float, width: float) -> tuple[Parameter, ...]:
@@ -52,6 +58,7 @@ class InverseHole(Controller):
         self.saturated = 0.0
         """1 or -1 where the last command was cut at the upper or lower limit"""
         self._side = 0.0
+        self._force: float | None = None
 
     def act(self, t: float, y: Mapping[str, float], ref: Reference) -> float:
         output = y["load_position"] if self.task == "position" else y["load_tension"]
@@ -61,6 +68,11 @@ class InverseHole(Controller):
         pull = self.pull(y, ref, error, wanted)
         free = pull * math.exp(side * self.log_ratio(abs(wanted), y)) + wanted * self._per_speed
         force = 0.0 if free < 0.0 else self._top if free > self._top else free
+        most = self.gains.get("slew", 0.0) * self.dt
+        if most > 0.0:
+            last = y["drive_tension"] if self._force is None else self._force
+            force = min(max(force, last - most), last + most)
+            self._force = force
         self.saturated = 0.0 if force == free else 1.0 if free > force else -1.0
         return force
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from cable_envs.baselines.base import Reference
-from cable_envs.baselines.hole.inverse import LEAD, InverseHole, direction_gains
+from cable_envs.baselines.hole.inverse import LEAD, SLEW, InverseHole, direction_gains
 from cable_envs.core.params import Parameter, ParameterTable
 
 
@@ -86,6 +86,7 @@ class Lqg(InverseHole):
             Parameter("noise", "N", 0.05, 1e-7, 1e5, "standard deviation of the measured tension"),
             Parameter("lag", "s", 4e-4, 1e-6, 10.0, "time constant by which the tension follows the pull"),
             LEAD,
+            SLEW,
             *direction_gains(2.7e-3, 7.5e-5),
         ),
     }

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 from cable_envs.baselines.base import Reference
-from cable_envs.baselines.hole.inverse import LEAD, InverseHole, direction_gains
+from cable_envs.baselines.hole.inverse import LEAD, SLEW, InverseHole, direction_gains
 from cable_envs.core.params import Parameter, ParameterTable
 
 
@@ -41,6 +41,7 @@ class ScheduledPid(InverseHole):
         ("hole", "tension", "tension"): ParameterTable(
             *_schedule(("1", 0.1, 100.0), ("1/s", 84.0, 1e5), 0.06, 2.2e-4),
             LEAD,
+            SLEW,
             *direction_gains(1.0, 6e-5),
         ),
     }

@@ -148,6 +148,18 @@ def _papers(board: Board) -> str:
     return ", ".join(f"{name} ({family})" for family, name in board.protocol.paper.items()) or "the papers' controller"
 
 
+def _replays(board: Board) -> list[str]:
+    """How to run the rows again: one command for all of them where the board's place is known."""
+    if board.place:
+        command = f"cablebench replay {board.place} --entrant NAME --env TASK --track TRACK"
+        return [f"With the controller, task and track of a row: {markdown_code(command)}"]
+    return [
+        f"- {t.task}, {t.track}, {markdown_text(r.entrant)}: {markdown_code(board.replay(t, r))}"
+        for t in board.tables
+        for r in t.rows
+    ]
+
+
 def render_markdown(board: Board) -> str:
     """The board as Markdown: every table, the legend, the replay commands and the provenance."""
     out = [f"# {board.protocol.title}", ""]
@@ -162,13 +174,7 @@ def render_markdown(board: Board) -> str:
         out += ["| " + " | ".join([line[0], markdown_text(line[1]), *line[2:]]) + " |" for line in body]
         for remark in remarks(table):
             out += ["", markdown_text(remark)]
-    out += ["", "## Replay", ""]
-    out += [
-        f"- {t.task}, {t.track}, {markdown_text(r.entrant)}: {markdown_code(board.replay(t, r))}"
-        for t in board.tables
-        for r in t.rows
-    ]
-    out += ["", "## Provenance", ""]
+    out += ["", "## Replay", "", *_replays(board), "", "## Provenance", ""]
     out += [f"- test seeds: {seed_text(board.seeds)}", f"- training seeds: {seed_text(board.training_seeds)}"]
     versions = ", ".join(markdown_text(f"{k} {v}") for k, v in board.versions.items())
     out += [f"- versions: {versions}", f"- machine: {markdown_text(board.machine)}"]

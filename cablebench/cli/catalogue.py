@@ -18,7 +18,7 @@ from cablebench.cli.physics import (
     reproduce,
     retrain_study,
 )
-from cablebench.cli.suite import anchors, concealed, try_
+from cablebench.cli.suite import anchors, concealed, datasets, try_
 
 SIMULATE, LEARN, BENCHMARK, DIAGNOSE, REPRODUCE = "Simulate", "Learn", "Benchmark", "Diagnose", "Reproduce"
 
@@ -69,6 +69,10 @@ COMMANDS = (
     Command(
         BENCHMARK, "concealed", concealed.concealed,
         "cablebench concealed --mechanism hole --rigs 3 --row nominal-controller --out hidden",
+    ),
+    Command(
+        LEARN, "datasets", datasets.datasets,
+        "cablebench datasets --env CableHole-Sine-Medium --behaviour reference --episodes 1 --out datasets",
     ),
     Command(BENCHMARK, "seal", seal.seal, "cablebench seal --protocol quick --out exam"),
     Command(BENCHMARK, "demo", demo.demo, "cablebench demo --out results/demo"),

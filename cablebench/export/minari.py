@@ -8,7 +8,7 @@ environment with the same options: reset with an episode's seed and given its ac
 import json
 import os
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,7 +21,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import require_writable
 from cable_envs.core.provenance import versions
 from cable_envs.diagnosis.data.writing import staging, undo
-from cablebench.entrants.entrant import Entrant
+from cablebench.entrants.entrant import CHOICES, Entrant
 from cablebench.entrants.named import reference_entrants
 from cablebench.export.trace import Trace
 from cablebench.run.evaluation import core_of, env_id_of, run_episode
@@ -63,9 +63,11 @@ def write_dataset(
     author: str | None = None,
     author_email: str | None = None,
     code_permalink: str | None = None,
+    beside: Callable[[Path], None] | None = None,
 ) -> Path:
     """Write ``traces`` of ``env`` as ``dataset_id`` below ``root``; returns its folder. A failure leaves nothing there.
 
+    ``beside`` is given the folder before it is put into its place, for further files.
     Load it with ``MINARI_DATASETS_PATH=root`` in the process' environment. Raises ConfigurationError for a bad id, and
     where the dataset exists.
     """
@@ -99,6 +101,8 @@ def write_dataset(
             )  # fmt: skip
             dataset.storage.update_metadata(_about(env, entrant))
             dataset.storage.update_episode_metadata([{"rig": json.dumps(dict(t.rig))} for t in traces])
+        if beside is not None:
+            beside(stage / dataset_id)
         _move(stage, root, dataset_id)
     return root / dataset_id
 
@@ -128,16 +132,18 @@ def reference_scores(env: gym.Env, seeds: Sequence[int]) -> dict[str, float | in
     dict
         ``ref_min_score``, ``ref_max_score`` and ``num_episodes_average_score``; empty for a task that has no oracle.
     """
-    setup, env_id, given = core_of(env).setup, env_id_of(env), dict(env.spec.kwargs) if env.spec else {}
-    options = {
-        name: value for name, value in given.items() if name not in ("task", "reference", "render_mode", "render_theme")
-    }
+    env_id, given = env_id_of(env), dict(env.spec.kwargs) if env.spec else {}
+    chosen = ("task", "reference", "render_mode", "render_theme", *CHOICES)
+    options = {name: value for name, value in given.items() if name not in chosen}
     returns = {}
     for entrant in reference_entrants():
-        needed = entrant.needs(env_id, setup)
-        if entrant.name in ("open-loop", "oracle") and needed is not None:
-            own = gym.make(env_id, **{**options, **needed})
-            runs = [run_episode(own, entrant.make(core_of(own).setup), seed=seed) for seed in seeds]
+        if entrant.name not in ("open-loop", "oracle"):
+            continue
+        own = entrant.enters(env_id, options)
+        if own is not None:
+            with gym.make(env_id, **own) as made:
+                actor = entrant.make(core_of(made).setup)
+                runs = [run_episode(made, actor, seed=seed) for seed in seeds]
             returns[entrant.name] = float(np.mean([np.sum(episode.reward) for episode in runs]))
     if set(returns) != {"open-loop", "oracle"}:
         return {}

@@ -292,8 +292,11 @@ def ended_by_rule(e: Episode) -> float:
 
 
 def inference_us(e: Episode) -> float:
-    """Median time the policy took for one action, on the machine that ran it (the first one may compile)."""
-    return float(np.median(e.inference) * 1e6)
+    """Median time the policy took for one action, on the machine that ran it (the first one may compile).
+
+    Three digits are kept: the others differ from run to run, and cannot be packed.
+    """
+    return float(f"{np.median(e.inference) * 1e6:.3g}")
 
 
 def _phase_rmse(e: Episode, phase: str) -> float:

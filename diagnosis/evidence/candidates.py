@@ -137,7 +137,12 @@ class Candidate:
     @cached_property
     def left(self) -> float:
         """Log odds that it is not all: of the discrepancy that is most probable over none."""
-        return max([self.over_none(one) for one in self._beside], default=0.0)
+        found = -np.inf
+        for one in sorted(self._beside, key=self._at_most, reverse=True):
+            if self._at_most(one) <= found:  # nor are those that follow
+                break
+            found = max(found, self.over_none(one))
+        return found if self._beside else 0.0
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -149,6 +154,10 @@ class Candidate:
         apart = np.array([self.peak.values[n] - self.fit.values[n] for n in self.fit.free])
         wider = np.hypot(own / np.sqrt(shares), apart) / own
         return curvature * np.outer(wider, wider)
+
+    def _at_most(self, one: Marginal) -> float:
+        """What `over_none` is at the most: all of the likelihood counts."""
+        return max(one.fit - self.plain.fit, 0.0) + one.volume - self.plain.volume
 
     def over_none(self, one: Marginal) -> float:
         """Log odds of its marginal likelihood with some discrepancy over the one without."""

@@ -115,6 +115,7 @@ class Frame:
             self._grams[channel] = self._functions[channel].T @ self._functions[channel]
             self._family[channel] = np.repeat(mine, [self.families[j].count for j in mine]).astype(int)
         self._batches = {count: self._batch(count) for count in BATCHES}
+        self._kept: dict[tuple[int, ...] | None, list[tuple[str, np.ndarray, int, np.ndarray]]] = {}
 
     def _batch(self, count: int) -> np.ndarray:
         """Number of the batch of every sample: of one record and time, whatever the channel."""
@@ -191,20 +192,31 @@ class Frame:
         """The discrepancy of a marginal likelihood at its posterior mean, whitened [N]: G S a of the module."""
         found = np.zeros(self.count)
         for channel, weights in one.weights.items():
-            found[self._at[channel]] = self._functions[channel] @ weights
+            used = np.flatnonzero(weights)
+            if len(used):  # few of them where one family is chosen
+                some = slice(used[0], used[-1] + 1)
+                found[self._at[channel]] = self._functions[channel][:, some] @ weights[some]
         return found
 
     def _parts(self, model: Remainder, scale: float, chosen: Collection[int] | None) -> Iterator[_Part]:
         """The channels' functions of the chosen families at their scale."""
-        for channel in self.channels:
-            family = self._family[channel]
-            mask = np.ones(len(family), dtype=bool) if chosen is None else np.isin(family, list(chosen))
-            if not mask.any():
-                continue
-            s = scale * model.sizes[channel] / np.sqrt(len(np.unique(family[mask])))
-            gram = s**2 * self._grams[channel][np.ix_(mask, mask)] + np.eye(int(mask.sum()))
-            factor = cho_factor(gram, lower=True)[0]
+        for channel, mask, count, gram in self._chosen(None if chosen is None else tuple(chosen)):
+            s = scale * model.sizes[channel] / np.sqrt(count)
+            factor = cho_factor(s**2 * gram + np.eye(len(gram)), lower=True)[0]
             yield _Part(channel, mask, s, factor, s * model.products[channel][mask])
+
+    def _chosen(self, chosen: tuple[int, ...] | None) -> list[tuple[str, np.ndarray, int, np.ndarray]]:
+        """(channel, which of its functions, of how many families, their products) where families are chosen; kept."""
+        if chosen not in self._kept:
+            found = []
+            for channel in self.channels:
+                family = self._family[channel]
+                mask = np.ones(len(family), dtype=bool) if chosen is None else np.isin(family, list(chosen))
+                if mask.any():
+                    gram = self._grams[channel][np.ix_(mask, mask)]
+                    found.append((channel, mask, len(np.unique(family[mask])), gram))
+            self._kept[chosen] = found
+        return self._kept[chosen]
 
     def map_of(self, model: Remainder, one: Marginal, family: int) -> tuple[np.ndarray, np.ndarray]:
         """(posterior means, standard deviations) of the weights of a family that a marginal likelihood consists of."""

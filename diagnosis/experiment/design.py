@@ -8,7 +8,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of, told_at_rest
+from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
 from cable_envs.diagnosis.experiment.bench import Bench, Planned
 from cable_envs.diagnosis.experiment.motions import Limits, Motion, draw
 from cable_envs.diagnosis.experiment.plan import Plan, least
@@ -16,6 +16,7 @@ from cable_envs.diagnosis.experiment.rivals import Rival, compared, names_of, ri
 from cable_envs.diagnosis.experiment.worth import Told, divergences, narrowing
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.verdict import Diagnosis
+from cable_envs.diagnosis.search.known_noise import told_at_rest
 
 DRAWN = 48
 """Motions that are drawn, all families in turn."""

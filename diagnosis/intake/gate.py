@@ -19,7 +19,7 @@ from cable_envs.diagnosis.data.thinning import thinning
 from cable_envs.diagnosis.intake.forbidden import CHECKS
 from cable_envs.diagnosis.intake.repeats import moves
 from cable_envs.diagnosis.intake.scales import wrong_units
-from cable_envs.diagnosis.intake.tracks import RATES, is_told, track_of, tracks_of
+from cable_envs.diagnosis.intake.tracks import RATES, is_told, track_of, tracks_of, was_told
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -112,7 +112,10 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
             if record.use == "rest":
                 faults += _at_rest(recording, record, channel)
             else:
-                found = _channel(record, channel, look)
+                found = [
+                    f for f in _channel(record, channel, look)
+                    if not (f.jump and was_told(record, f.row, look.told, _OUTLIER))
+                ]  # fmt: skip
                 if any(f.fatal for f in found) and channel in (*POSITIONS, *RATES.values()):
                     found = _at_stop(recording, record, channel) or found
                 faults += [_at_edge(record, fault, look) for fault in found]

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model
 from cable_envs.diagnosis.model.spikes import spikes
@@ -29,6 +30,10 @@ SPEEDS = ("m/s", "rad/s")
 SHORTEST, LONGEST = 0.5, 5.0
 """Samples' distance of an earlier clock over that of the recording: what is told of it, and the bound."""
 UNSEEN = "no prediction changes with the clock, or the records cannot be read with a longer one"
+LOST_ALIKE = (
+    "a recorded position drives the simulator: it has lost as much as all else, and what takes more away from the "
+    "predictions takes its noise away"
+)
 SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
 
@@ -165,9 +170,12 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
     lines = _lines(float(np.median(np.diff(question.fit.blocks[0].time))))
     law = "x(f) -> sinc(f P)^2 x(f)"
     earlier = _hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken")
-    hypotheses.append(replace(earlier, least=SHORTEST * lines.scale))
-    units[LINES] = "s"
     refused = {} if slopes else {CLOCK: UNSEEN}
+    if drives_of(question.fit):
+        refused[LINES] = LOST_ALIKE
+    else:
+        hypotheses.append(replace(earlier, least=SHORTEST * lines.scale))
+        units[LINES] = "s"
     models = [
         Logged(m, own, list(speeds))
         for m, own in zip((question.fit, question.heldout), slopes or ([], []), strict=True)

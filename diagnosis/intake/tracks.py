@@ -1,6 +1,6 @@
 """What channels of one rig have to do with each other, and a record's channels on one clock."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,6 +52,25 @@ class Found(NamedTuple):
 def is_told(channel: str) -> bool:
     """Whether a channel is what somebody asked for, or the voltage that a drive was given."""
     return told(channel) or channel == "voltage"
+
+
+ANSWERS = 3
+"""Rows after its command's step in which a servo is fastest: it begins in the next one, and a sensor may be late."""
+
+
+def was_told(record: Record, row: int, told: Collection[str], times: float) -> bool:
+    """Whether a command steps in the `ANSWERS` rows before a jump at a row, counted from 1: the rig was told to jump.
+
+    In the same row it would be no answer: a record of two pieces jumps in all channels at once. told: channels that are
+    commands whatever they are called; times: the step that 99 % stay below, a step is so many of.
+    """
+    for channel, values in record.data.items():
+        if channel != "time" and (is_told(channel) or channel in told):
+            steps = np.abs(np.diff(values))
+            sudden = (steps > 0.0) & (steps > times * float(np.nanquantile(steps, 0.99)))
+            if sudden[max(row - 2 - ANSWERS, 0) : max(row - 2, 0)].any():
+                return True
+    return False
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,10 @@ class RestNoise:
         """Series [T] or [T, n] whitened, with straight lines over samples that do not count (good [T]), which are 0."""
         return self.whiten(bridged(series, good)) * good.reshape(-1, *[1] * (series.ndim - 1))
 
+    def density(self, count: int) -> np.ndarray:
+        """Power density at so many frequencies [count] from 0 to half a sample's: that of the longest predictor."""
+        return self.std**2 / np.abs(np.fft.rfft(self.taps, 2 * count - 2)) ** 2
+
     def simulate(self, count: int, rng: np.random.Generator) -> np.ndarray:
         """So many samples [count] in a row of the noise, after as many as it remembers."""
         white = rng.normal(size=count + 4 * len(self.taps)) * self.std
@@ -137,7 +141,11 @@ def noise_at_rest(values: np.ndarray, step: float = 0.0, longest: int | None = N
 
 
 def _known(density: np.ndarray) -> RestNoise:
-    covariance = np.fft.irfft(density)[: LONGEST + 1]
+    return known_by(np.fft.irfft(density)[: LONGEST + 1])
+
+
+def known_by(covariance: np.ndarray) -> RestNoise:
+    """The noise with an autocovariance [LONGEST + 1], of lags 0 and up."""
     start, taps = _predictors(covariance)
     return RestNoise(start, taps, covariance)
 

@@ -29,6 +29,7 @@ from cable_envs.diagnosis.systems.common import (
     missing,
     motion_coordinates,
     plant_values,
+    recorded_drive,
     resample,
     smoothed,
 )
@@ -133,6 +134,7 @@ def _run(
     names = [name for name in recording.channels if name != "time"]
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
+    drive = None
     early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values))
     hold = "step" if recording.holds("drive_velocity_command") else "ramp"
     if hold == "step":
@@ -144,7 +146,9 @@ def _run(
         command[1:-1] -= np.diff(command, 2) / 12.0
         rate = None
     else:
-        command, rate = smoothed(seen["drive_position"].values, period)
+        drive = recorded_drive(recording, "drive_position", seen["drive_position"].values)
+        command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
     own = {}
     if "wrap_angle" in seen:
         own["wrap_angle"] = float(np.mean(seen["wrap_angle"].values[seen["wrap_angle"].good]))
@@ -167,7 +171,7 @@ def _run(
     blocks = blocks_of(recording, record, time, seen, signals, early, along, sensors)
     return Run(
         command, rate, start, tuple(signals), blocks, own, offset=free, hold=hold, mean=record.over > 0.0,
-        held_at=held_at,
+        held_at=held_at, recorded=drive,
     )  # fmt: skip
 
 

@@ -11,6 +11,7 @@ from scipy.signal import savgol_filter
 from cable_envs.diagnosis.data.clock import numbers, zero
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.driven import Recorded, best_width, noise_of_samples
 from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.conditions import usual
@@ -146,6 +147,13 @@ def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> tuple[n
     if len(values) < width:
         return values.copy(), np.gradient(values, period)
     return savgol_filter(values, width, 3), savgol_filter(values, width, 3, deriv=1, delta=period)
+
+
+def recorded_drive(recording: Recording, channel: str, values: np.ndarray) -> Recorded:
+    """The recorded positions [T] of a drive, on an even clock, that a simulator is to follow."""
+    parts = [r.data[channel][r.usable(channel)] for r in recording.records if r.use != "rest"]
+    noise = noise_of_samples(parts, recording.noise.get(channel))
+    return Recorded(channel, values, noise, best_width(parts, noise))
 
 
 def motion_coordinates(

@@ -24,6 +24,7 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     moving_command,
     plant_values,
+    recorded_drive,
     resample,
     smoothed,
 )
@@ -102,9 +103,11 @@ def _run(
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     place = next((n for n in (*how.places, channel) if n in seen), channel)
     early = at_first(time, seen[place].values)
-    hold, rate = "ramp", None
+    hold, rate, drive = "ramp", None, None
     if not mode:
-        command, rate = smoothed(seen[how.drive].values, period)
+        drive = recorded_drive(recording, how.drive, seen[how.drive].values)
+        command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
         kept = told.signals.get(how.drive, how.drive)
     else:
         kept = next(m for m in plant.action_modes if m.name == mode).rest_signal
@@ -120,7 +123,9 @@ def _run(
     blocks = blocks_of(recording, record, time, seen, names, early, along, sensors)
     free = tuple(told.signals.get(n, n) for n in names if recording.channels[n].offset_free)
     signals = tuple(told.signals.get(n, n) for n in names)
-    return Run(command, rate, start, signals, blocks, stated, offset=free, hold=hold, mean=record.over > 0.0)
+    return Run(
+        command, rate, start, signals, blocks, stated, offset=free, hold=hold, mean=record.over > 0.0, recorded=drive
+    )  # fmt: skip
 
 
 def _at_rest(plant: Plant, values, signal: str, wanted: float) -> float:

@@ -34,6 +34,7 @@ from cable_envs.diagnosis.systems.common import (
     motion_coordinates,
     moving_command,
     plant_values,
+    recorded_drive,
     resample,
     smoothed,
 )
@@ -143,14 +144,16 @@ def _model(
 def _run(recording: Recording, record: Record, plant: Plant, values, period: float, names: Sequence[str]) -> Run:
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     early = at_first(time, seen[next(n for n in PLACES if n in seen)].values)
-    hold = "step" if recording.holds("drive_angle_command") else "ramp"
+    hold, drive = "step" if recording.holds("drive_angle_command") else "ramp", None
     if hold == "step":
         at_rest = seen["drive_angle" if "drive_angle" in seen else "drive_angle_command"].values[0]
         command, rate = held_command(record, "drive_angle_command", time, period, at_rest), None
     elif "drive_angle_command" in seen:
         command, rate = moving_command(record, "drive_angle_command", time, period), None
     else:
-        command, rate = smoothed(seen["drive_angle"].values, period)
+        drive = recorded_drive(recording, "drive_angle", seen["drive_angle"].values)
+        command, rate = drive.smoothed(period)
+        early = early | drive.sudden()
     own = given(record, plant)
     values = {**values, **own}
     start = float(command[0]) * values["drive_radius"] / values["output_radius"]
@@ -168,6 +171,7 @@ def _run(recording: Recording, record: Record, plant: Plant, values, period: flo
         offset=free,
         hold=hold,
         mean=record.over > 0.0,
+        recorded=drive,
     )
 
 

@@ -6,10 +6,11 @@ predicted, held out or not: it is that record's initial condition.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from cable_envs.diagnosis.model.driven import Recorded
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import mean_over_samples
@@ -41,6 +42,7 @@ class Run:
     second        | of a drive with a second command: at every sample [T]; None: as at rest
     held_at       | signal of the drive that is at ``command[0]`` when the record begins, at rest: the output is where
                   | each set of parameters has it then; "": it is at ``start``
+    recorded      | of a drive that follows its recorded position: what ``command`` and ``rate`` are of
     """
 
     command: np.ndarray
@@ -54,6 +56,7 @@ class Run:
     mean: bool = False
     second: np.ndarray | None = None
     held_at: str = ""
+    recorded: Recorded | None = None
 
 
 class ReplayModel:
@@ -103,6 +106,29 @@ class ReplayModel:
             if self._shifts[k].size:
                 _settle(run, self._shifts[k], out, self._shifted > 0.0)
             found += [out[:, j] for j in range(len(run.blocks))]
+        return found
+
+    def driven_by(self) -> list[Recorded]:
+        """As `cable_envs.diagnosis.model.driven.Driven`."""
+        return [run.recorded for run in self.runs if run.recorded is not None]
+
+    def answers(
+        self, values: Mapping[str, float], errors: Sequence[np.ndarray], rates: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.driven.Driven`; sensors are as late as if they were not."""
+        columns = self._base[:, None].copy()
+        columns[self._rows, 0] = [values.get(p.name, p.start) for p in self.parameters]
+        columns = self.as_plant(columns)
+        columns[self._late] = 0.0
+        found: list[np.ndarray] = []
+        for run, error, rate in zip(self.runs, errors, rates, strict=True):
+            assert run.rate is not None, "a recorded drive has a speed"
+            moved = [
+                self._prompt(replace(run, command=run.command + e, rate=run.rate + r), columns)
+                for e, r in zip(error.T, rate.T, strict=True)
+            ]
+            change = np.concatenate(moved, axis=2) - self._prompt(run, columns)
+            found += [change[:, j] for j in range(len(run.blocks))]
         return found
 
     def as_plant(self, columns: np.ndarray) -> np.ndarray:
@@ -178,7 +204,8 @@ class ReplayModel:
         rows = [self.plant.row(name) for name in run.signals]
         first = self.plant.rest(self.plant.prepare(alone), start)[rows]
         p = self.plant.prepare(columns)
-        out = np.take(out, place, axis=2)
+        if not np.array_equal(place, np.arange(columns.shape[1])):
+            out = np.take(out, place, axis=2)
         out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
         return out[self.lead * fine :]
 
@@ -213,13 +240,35 @@ def delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
     would be found 5 % too short. No sample looks ahead: what comes next may answer to the noise that is in it, and a
     delay of 0.3 ms gained 54 by that where a controller felt its sensor's noise.
     """
-    count, now = len(series), np.arange(len(series))[:, None]
-    at = np.clip(now - steps, 0.0, count - 1.0)
+    found = np.empty(series.shape)
+    late = np.maximum(np.ceil(steps).astype(int), 2)  # of the second of the four samples
+    for by in np.unique(late):
+        own = late == by
+        some, own = (series, slice(None)) if own.all() else (series[:, own], own)
+        first = min(by + 1, len(series))  # before, samples of the start are missing
+        found[:first, own] = _late_at_first(some[: first + 1], steps[own], first)
+        a, b, c, d = (some[first - by - 1 + k : len(some) - by - 1 + k] for k in range(4))
+        before, at, after, last = _cubic(by - steps[own])
+        found[first:, own] = before * a + at * b + after * c + last * d
+    return found
+
+
+def _cubic(part: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Weights of four samples in a row for a value that is by ``part`` of their distance behind the second."""
+    return (
+        -part * (part - 1.0) * (part - 2.0) / 6.0, (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0,
+        -(part + 1.0) * part * (part - 2.0) / 2.0, (part + 1.0) * part * (part - 1.0) / 6.0,
+    )  # fmt: skip
+
+
+def _late_at_first(series: np.ndarray, steps: np.ndarray, first: int) -> np.ndarray:
+    """The ``first`` samples of a series that is late, before which it stood still."""
+    now = np.arange(first)[:, None]
+    at = np.maximum(now - steps, 0.0)
     whole = np.minimum(at.astype(int), np.maximum(now - 2, 0))
-    part, columns = at - whole, np.arange(series.shape[1])
-    a, b, c, d = (series[np.clip(whole + k, 0, count - 1), columns] for k in (-1, 0, 1, 2))
-    left = -part * (part - 1.0) * (part - 2.0) / 6.0 * a + (part + 1.0) * (part - 1.0) * (part - 2.0) / 2.0 * b
-    return left - (part + 1.0) * part * (part - 2.0) / 2.0 * c + (part + 1.0) * part * (part - 1.0) / 6.0 * d
+    columns = np.arange(series.shape[1])
+    four = (series[np.clip(whole + k, 0, len(series) - 1), columns] for k in (-1, 0, 1, 2))
+    return sum((weight * value for weight, value in zip(_cubic(at - whole), four, strict=True)), np.zeros(at.shape))
 
 
 def _settle(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from cable_envs.baselines import make_controller
-from cable_envs.baselines.circuit.play import Hold, PlayFilter
+from cable_envs.baselines.circuit.play import PlayFilter
 from cable_envs.baselines.circuit_model import CircuitModel
+from cable_envs.baselines.parts import Hold
 from tests.support.baselines_support import DT, FREE, GRASP, REFERENCES, rmse, simulate, sine, step
 
 LOOSE = {"pretension_top": 35.0, "pretension_bottom": 35.0, "tensile_stiffness": 2e4}

@@ -1,6 +1,7 @@
 """Metrics against signals whose values can be written down by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -188,8 +189,10 @@ def test_phase_errors_are_separate_and_rest_belongs_to_none():
     assert math.isnan(measure(make(np.zeros(10), np.zeros(10)))["rmse_delay"])
 
 
-def test_inference_is_in_microseconds():
-    assert measure(make(np.zeros(10), np.zeros(10)))["inference_us"] == pytest.approx(3.0, rel=1e-9)
+def test_inference_is_in_microseconds_with_three_digits():
+    assert measure(make(np.zeros(10), np.zeros(10)))["inference_us"] == 3.0
+    timed = replace(make(np.zeros(10), np.zeros(10)), inference=np.full(10, 12.3456e-6))
+    assert measure(timed)["inference_us"] == 12.3
 
 
 def test_every_metric_is_declared_with_unit_direction_and_meaning():

@@ -141,9 +141,11 @@ def test_an_unknown_backend_is_refused(place, cli, tmp_path):
 
 
 def test_every_row_replays_to_the_last_digit_with_the_command_on_the_board(submitted, cli):
-    commands = [
+    (said,) = (
         line.split("`")[1] for line in (submitted / "board.md").read_text().splitlines() if "`cablebench" in line
-    ]
+    )
+    rows = [(t, r["entrant"]) for t in json.loads((submitted / "board.json").read_text())["tables"] for r in t["rows"]]
+    commands = [said.replace("NAME", name).replace("TASK", t["task"]).replace("TRACK", t["track"]) for t, name in rows]
     assert len(commands) == 4
     for command in commands:
         code, out, err = cli(*shlex.split(command)[1:], "--trust")
@@ -157,6 +159,8 @@ def test_a_board_that_was_moved_and_packed_still_replays(place, submitted, cli, 
     flags = ("--results", moved, "--protocol", place / "tiny.yaml")
     assert cli("leaderboard", *flags, "--pack")[0] == 0
     assert (moved / "records.jsonl.xz").exists() and not (moved / "records.jsonl").exists()
+    page = (moved / "board.html").read_bytes()  # drawn from the trajectories that were kept, as the next time
+    assert cli("leaderboard", *flags)[0] == 0 and (moved / "board.html").read_bytes() == page
     shutil.move(submitted, hidden := submitted.with_name("hidden"))
     try:
         code, out, err = cli(*replay(place, moved, "mine", "--trust", "--json"))

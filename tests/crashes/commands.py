@@ -166,8 +166,7 @@ BOARD = ("leaderboard", "--results", "r", "--protocol", "tiny.yaml")
 
 def _pages(folder: Path) -> Any:
     text = (folder / "r" / "board.md").read_text() + (folder / "r" / "board.html").read_text()
-    packed = folder / "r" / "board.json.xz"
-    content = read_json(packed if packed.exists() else folder / "r" / "board.json")
+    content = read_json(folder / "r" / "board.json")
     return {**_board(folder), "json": same(content), "pages": hashlib.sha256(text.encode()).hexdigest()}
 
 

@@ -1,5 +1,6 @@
 """Recordings of a hole and of a circuit as models, against generators that share no integrator with their kernels."""
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -72,6 +73,23 @@ def test_late_by_a_part_of_a_sample():
     late = delayed(np.sin(2 * np.pi * 2 * time)[:, None].repeat(2, 1), np.array([0.16, 2.5]))
     for k, seconds in enumerate((0.0016, 0.025)):
         assert np.abs(late[:, k] - np.sin(2 * np.pi * 2 * (time - seconds)))[5:-5].max() < 1e-5
+
+
+def test_late_samples_are_those_of_the_cubic_through_four_samples():
+    """Each by itself by Lagrange's formula; before the record the first sample stands."""
+    rng, steps = np.random.default_rng(5), np.array([0.0, 0.4, 1.0, 2.0, 2.5, 7.25, 30.0])
+    series = np.cumsum(rng.standard_normal((20, len(steps))), axis=0)
+    found = delayed(series, steps)
+    for now, (k, late) in itertools.product(range(len(series)), enumerate(steps)):
+        at = max(now - late, 0.0)
+        second = min(int(at), max(now - 2, 0))
+        samples = [second + j for j in (-1, 0, 1, 2)]
+        value = sum(
+            np.prod([(at - other) / (one - other) for other in samples if other != one])
+            * series[min(max(one, 0), len(series) - 1), k]
+            for one in samples
+        )
+        assert found[now, k] == pytest.approx(value, abs=1e-9)
 
 
 def test_what_is_late_never_looks_ahead():

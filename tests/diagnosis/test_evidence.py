@@ -127,3 +127,29 @@ def test_intervals_are_wider_where_scores_belong_together():
     assert errors["white"] == pytest.approx(plain, rel=0.1) and errors["slow"] > 3.0 * plain
     moved = replace(one, peak=replace(fit, values={"level": 0.5}))
     assert np.sqrt(moved.covariance[0, 0]) > 0.5
+
+
+def test_the_surest_discrepancy_is_that_of_all_though_few_are_weighed():
+    """What a likelihood ratio is at the most leaves out those that cannot be the surest."""
+    rng, frame = _frame()
+    left = rng.standard_normal(frame.count) + 2.0 * np.tile(np.sin(7.0 * 0.01 * np.arange(120)), 4)
+    fit = Fit("", (), {}, 0.0, left, np.empty((len(left), 0)), np.empty((0, 0)), (), 0)
+    one = Candidate((), fit, fit, frame, _remainder(frame, left, {"a": 1.5, "b": 0.7}))
+    weighed = []
+
+    class Counted(Candidate):
+        def over_none(self, marginal):
+            weighed.append(marginal)
+            return super().over_none(marginal)
+
+    few = Counted((), fit, fit, frame, one.remainder)
+    assert few.left == max(one.over_none(m) for m in one._beside) > 0.0
+    assert 0 < len(weighed) < len(one._beside)
+
+
+def test_a_discrepancy_of_one_family_is_that_of_its_own_functions():
+    rng, frame = _frame()
+    model = _remainder(frame, rng.standard_normal(frame.count), {"a": 1.5, "b": 0.7})
+    found = frame.marginal(model, 0.4, (1, 3))
+    written_out = frame.whitener.flat(frame.blocks, frame.raw(found.weights))
+    assert frame.explained(found) == pytest.approx(written_out, abs=1e-12)

@@ -9,6 +9,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.intake import gate as gate_module
 from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.intake.tracks import was_told
 from cable_envs.diagnosis.systems.question import Look
 from tests.support import drive_recording as drive
 
@@ -47,3 +48,18 @@ def test_a_record_that_is_only_predicted_may_be_short(recording):
     gate(replace(recording, records=(*rest, cut(first, "heldout")))).require_usable()
     with pytest.raises(ConfigurationError, match="120 samples; 200 are the least"):
         gate(replace(recording, records=(*rest, cut(first, "fit")))).require_usable()
+
+
+@pytest.mark.parametrize(("late", "refused"), [(1, False), (3, False), (0, True), (4, True), (-1, True)])
+def test_a_jump_that_the_rig_was_told_to_make_is_none_of_the_log(recording, late, refused):
+    """A servo answers its command's first step after it; in the same row, two records were put together."""
+    first = recording.records[0]
+    jump = len(first.time) // 2
+    position, asked = first.data["position"].copy(), np.zeros(len(first.time))
+    position[jump:] += 10.0 * np.ptp(position)
+    asked[jump - late :] = 1.0
+    assert was_told(replace(first, data={"time": first.time, "command": asked}), jump + 1, {"command"}, 30.0) != refused
+    told = replace(first, data={**first.data, "position": position, "position_reference": asked})
+    channels = {**recording.channels, "position_reference": recording.channels["position"]}
+    spoilt = replace(recording, channels=channels, records=(told,))
+    assert any(f.jump for f in gate(spoilt).faults) == refused

@@ -11,11 +11,12 @@ import yaml
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.joined import joined
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, diagnose, request_of, told_at_rest
+from cable_envs.diagnosis.engine import ask, diagnose, request_of
 from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
 from cable_envs.diagnosis.experiment.worth import Told, divergence, narrowing
+from cable_envs.diagnosis.search.known_noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
 
 ROOT = Path(__file__).parents[2]

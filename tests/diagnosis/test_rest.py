@@ -10,13 +10,14 @@ from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import NOISE_IS_LEARNT, ask, request_of, told_at_rest
+from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.model.model import learn_whitener
 from cable_envs.diagnosis.model.noise import Noise, resolution
 from cable_envs.diagnosis.model.rest import LONGEST, bridged, noise_at_rest
+from cable_envs.diagnosis.search.known_noise import NOISE_IS_LEARNT, told_at_rest
 from cable_envs.diagnosis.search.select import select
 from cable_envs.proof.sensors import Colour
 from tests.support import drive_recording as drive

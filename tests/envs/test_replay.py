@@ -39,6 +39,20 @@ def test_equals_stepping_each_column_alone():
             assert x[CIRCUIT.row("output_angle"), 0] == out[t, 0, k]
 
 
+def test_an_effect_of_one_column_is_left_out_of_no_other_block_and_changes_no_neighbour():
+    """What no column of a block has is left out for all of them: alone and among others it is the same, to the bit."""
+    changes = (
+        {}, {"viscoelastic_creep.share": 0.5}, {"slow_creep.share": 0.5}, {"stiffness_hardening.coefficient": 0.02},
+        {"backlash.gap": 0.02}, {"position_ripple.amplitude": 0.01}, {"output_damping": 1e-3},
+    )  # fmt: skip
+    given = {"drive": "follow", "signals": ["output_angle", "drive_torque"]}
+    path = 0.5 * np.sin(6 * T)
+    together = replay(CHAIN, _columns(CHAIN, *changes), path, 0.01, **given)
+    for k, change in enumerate(changes):
+        assert np.array_equal(replay(CHAIN, _columns(CHAIN, change), path, 0.01, **given)[:, :, 0], together[:, :, k])
+        assert k == 0 or not np.array_equal(together[:, :, k], together[:, :, 0])
+
+
 @pytest.mark.parametrize(
     ("plant", "signal", "path"),
     [(HOLE, "drive_position", 0.01 * np.sin(3 * T)), (CIRCUIT, "drive_angle", 0.5 * np.sin(6 * T)),

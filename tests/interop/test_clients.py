@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -122,6 +123,37 @@ def test_d3rlpys_loader_of_an_export(exported):
     d3rlpy = pytest.importorskip("d3rlpy")
     data, env = d3rlpy.datasets.get_minari(next(iter(exported.list_local_datasets())))
     assert len(data.episodes) == 2 and env.reset(seed=0)[0].shape == (10,)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_torchrls_replay_buffer_of_an_export(exported, tmp_path):
+    pytest.importorskip("torchrl")
+    from torchrl.data.datasets import MinariExperienceReplay
+
+    name = next(iter(exported.list_local_datasets()))
+    buffer = MinariExperienceReplay(name, batch_size=16, load_from_local_minari=True, root=tmp_path / "torchrl")
+    batch = buffer.sample()
+    assert len(buffer) == 100 and batch["observation"].shape == (16, 10) and batch["action"].shape == (16, 1)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_d3rlpys_policy_learnt_from_data_sets_is_an_entrant(tmp_path):
+    """examples/offline_d3rlpy.py, with two hundred gradient steps on a data set of ten seconds."""
+    pytest.importorskip("d3rlpy")
+    from cablebench.cli.shared.policies import policy_entrant
+    from cablebench.export.datasets import make_dataset
+    from cablebench.protocol.files import load_protocol
+    from cablebench.run.evaluation import run_episode
+    from tests.examples.test_examples import example
+
+    suite, env_id = load_protocol("suite-v1"), "cable_envs/CableHole-Track-Medium-v1"
+    task = replace(suite.task(env_id), options={"duration": 10.0})
+    make_dataset(suite, task, "reference", tmp_path, 1)
+    learnt = example("offline_d3rlpy").learn("bc-reference", tmp_path, task.short, tmp_path / "learnt", 200, 0)
+    entrant = policy_entrant(str(learnt))
+    env = gym.make(env_id, split="train", duration=10.0)
+    episode = run_episode(env, entrant.make(env.unwrapped.setup), 1)
+    assert episode.complete and entrant.charged == {"environment_steps": 1000}
 
 
 class NumPyInfos(gym.Wrapper):

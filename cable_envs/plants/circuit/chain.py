@@ -43,7 +43,16 @@ from cable_envs.physics.chain import (
 )  # fmt: skip
 from cable_envs.physics.friction import ringing_way
 from cable_envs.plants.base import Plant, Signal
-from cable_envs.plants.circuit.effects import ACTING, moves_otherwise, output_slides, output_step, pulley, spring
+from cable_envs.plants.circuit.effects import (
+    ACTING,
+    any_apart,
+    any_hardens,
+    moves_otherwise,
+    output_slides,
+    output_step,
+    pulley,
+    spring,
+)
 from cable_envs.plants.circuit.ends import (
     ACTION_MODES,
     COEFFICIENTS,
@@ -122,14 +131,19 @@ def _bottom(x, p, w):
 
 
 @inline
-def _wind(x, p, e, s, g, i, step, more):
-    """How the driving pulley turns to the place where the next equilibrium is taken."""
+def _wind(x, p, e, s, g, i, step, more, apart):
+    """How the driving pulley turns to the place where the next equilibrium is taken.
+
+    apart: whether the pulley of a column of the block is elsewhere than its drive.
+    """
     if e is not None:
         angle = x.drive_angle[i] + more * x.drive_velocity[i]
         most = (p.stretch_stiffness[i] + p.stretch_damping[i] / step) * p.gear[i] * p.drive_radius[i]
         # as steep as it can be: a softer one overshoots
         slope = most * (1.0 / p.length_top[0, i] + 1.0 / p.length_bottom[0, i])
-        offset, turns, inside = pulley(e, s, i, angle, x.drive_torque[i], slope)
+        offset, turns, inside = 0.0, 1.0, angle
+        if apart:
+            offset, turns, inside = pulley(e, s, i, angle, x.drive_torque[i], slope)
         g.turn[i], g.turns[i] = angle + offset - s.pulley_angle[i], turns
         s.pulley_angle[i], s.gap_position[i] = angle + offset, inside
 
@@ -206,26 +220,37 @@ def _solve_side(side, lanes):
 
 
 @inline
-def _equilibrium(x, p, w, e, s, g, lanes, step, more):
-    """Move the ends of both sides of a tile, and solve."""
+def _any_creeps(e, s, lanes):
+    """Whether a cable of the block creeps, or has crept."""
+    found = False
+    for i in range(lanes):
+        found = found or (e.viscoelastic_creep_share[i] > 0.0) or (e.slow_creep_share[i] > 0.0)
+        found = found or (s.creep_top[i] != 0.0) or (s.creep_bottom[i] != 0.0)
+        found = found or (s.slow_creep_top[i] != 0.0) or (s.slow_creep_bottom[i] != 0.0)
+    return found
+
+
+@inline
+def _equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps):
+    """Move the ends of both sides of a tile, and solve; ``hardens``, ``creeps``: whether a cable of the block does."""
     top, bottom = _top(x, p, w), _bottom(x, p, w)
     for i in range(lanes):
-        if e is not None:
+        if e is not None and hardens:
             _soften(top, e.plain_length_top, e.stiffness_hardening_coefficient[i], i)
         _move_ends(x, p, w, e, g, top, 1.0, i, step, more)
     _solve_side(top, lanes)
     for i in range(lanes):
         _take_over(p, top, w.arrived_top, i, step)
-        if e is not None:
+        if e is not None and creeps:
             _creep(top, e.plain_length_top, s.creep_top, s.slow_creep_top, p.preload_top[i], e, i, step)
     for i in range(lanes):
-        if e is not None:
+        if e is not None and hardens:
             _soften(bottom, e.plain_length_bottom, e.stiffness_hardening_coefficient[i], i)
         _move_ends(x, p, w, e, g, bottom, -1.0, i, step, more)
     _solve_side(bottom, lanes)
     for i in range(lanes):
         _take_over(p, bottom, w.arrived_bottom, i, step)
-        if e is not None:
+        if e is not None and creeps:
             _creep(bottom, e.plain_length_bottom, s.creep_bottom, s.slow_creep_bottom, p.preload_bottom[i], e, i, step)
 
 
@@ -355,6 +380,9 @@ def _raised(p, dt: float) -> None:
 @inline
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once."""
+    hardens, creeps, apart = False, False, False
+    if e is not None:  # what no column of a block has is left out for all of them
+        hardens, creeps, apart = any_hardens(e, lanes), _any_creeps(e, s, lanes), any_apart(e, lanes)
     for i in range(lanes):
         if e is not None:
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
@@ -373,8 +401,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt
         more = 0.5 * dt if n < substeps else 0.0
         for i in range(lanes):
-            _wind(x, p, e, s, g, i, step, more)
-        _equilibrium(x, p, w, e, s, g, lanes, step, more)
+            _wind(x, p, e, s, g, i, step, more, apart)
+        _equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps)
         for i in range(lanes):
             _watch(x, p, w, e, i)
         if n < substeps:

@@ -57,6 +57,24 @@ def moves_otherwise(e, i):
 
 
 @inline
+def any_apart(e, lanes):
+    """Whether the driving pulley of a column of the block is not simply where its drive is."""
+    found = False
+    for i in range(lanes):
+        found = found or moves_otherwise(e, i)
+    return found
+
+
+@inline
+def any_hardens(e, lanes):
+    """Whether a cable of the block grows stiffer with its tension."""
+    found = False
+    for i in range(lanes):
+        found = found or (e.stiffness_hardening_coefficient[i] > 0.0)
+    return found
+
+
+@inline
 def pulley(e, s, i, drive, torque, slope):
     """(angle less the drive's, turn per turn of the drive, angle in the gap) of the driving pulley; PLAY stays.
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.core.files import packed_json, read_json, require_writable, write_atomic
+from cable_envs.core.files import require_writable
 from cablebench.cli.shared.output import console
 from cablebench.cli.shared.seals import Seal, unsealed
 
@@ -32,9 +32,9 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses records and board.json (to records.jsonl.xz, board.json.xz), drops what the pages do not
-    show of the trajectories, and thins what they show. board.html and the tasks' pages are no part of a packed folder:
-    this command makes them again from what is there.
+    --pack compresses the records (to records.jsonl.xz), drops what the pages do not show of the trajectories, and
+    thins what they show. board.json, board.html and the tasks' pages are no part of a packed folder: this command makes
+    them again from what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -50,20 +50,18 @@ def leaderboard(
     require_writable(out or folder)
     made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
     if pack:
-        _pack(store, made, len(records), out or folder)
+        _pack(store, made, len(records))
+        _write(made, store, reading, out or folder)  # drawn from what is kept, as the next time
 
 
-def _pack(store: Any, board: Any, count: int, out: Path) -> None:
-    """Make the results folder small: records and board compressed, of the trajectories only what the page draws."""
+def _pack(store: Any, board: Any, count: int) -> None:
+    """Make the results folder small: records compressed, of the trajectories only what the pages show."""
     from cablebench.board.pages.traces import DRAWN_POINTS, is_drawn, shown_runs
 
     path, shown = store.pack(), shown_runs(board)
     store.trajectories.forget(shown)
     store.trajectories.thin(shown, is_drawn, DRAWN_POINTS)
     store.trajectories.pack()
-    written = out / "board.json"
-    write_atomic(out / "board.json.xz", packed_json(read_json(written)))
-    written.unlink()
     console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
 
 
@@ -94,6 +92,19 @@ def protocol_of(records: list[Any], name: str | None) -> Any:
     return load_protocol(name)
 
 
+def _write(board: Any, store: Any, reading: Any, folder: Path) -> dict[str, Path]:
+    """Write the board's three files, and return their paths. ConfigurationError where that fails."""
+    from cablebench.board.learning import learning_curves
+    from cablebench.board.report import write_board
+    from cablebench.run.makers import told_apart
+
+    own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
+    try:
+        return write_board(board, folder, store.trajectories.of, learning_curves(store.places, own))
+    except OSError as error:
+        raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
+
+
 def _with_tables_of(board: Any, entrant: str) -> Any:
     overall, tables = (
         tuple(t for t in found if any(row.entrant == entrant for row in t.rows))
@@ -122,21 +133,15 @@ def make_board(
     ``of``: an entrant; of the tables only those that it is in are printed.
     """
     from cablebench.board.board import build_board
-    from cablebench.board.learning import learning_curves
     from cablebench.board.notes import REMARKS
-    from cablebench.board.report import print_board, render_json, write_board
-    from cablebench.run.makers import told_apart
+    from cablebench.board.report import print_board, render_json
 
     remarks = next((place / REMARKS for place in store.places if (place / REMARKS).is_file()), None)
     text = remarks.read_text(encoding="utf-8") if remarks else ""
     if reading.left_out:
         console(stderr=True).print(reading.remark, markup=False)
     board = build_board(protocol, reading.records, text, place, reading.remark)
-    own = told_apart(r for r in reading.records if r["protocol_hash"] == protocol.hash())
-    try:
-        paths = write_board(board, folder, store.trajectories.of, learning_curves(store.places, own))
-    except OSError as error:
-        raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
+    paths = _write(board, store, reading, folder)
     if as_json and show:
         typer.echo(render_json(board), nl=False)
     elif show:

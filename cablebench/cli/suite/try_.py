@@ -18,7 +18,7 @@ POLICIES = (".zip", ".onnx")
 
 def try_(
     entrant: Annotated[
-        str, typer.Argument(help="A controller (name, .yaml or .py file) or a policy (.zip, .onnx or folder).")
+        str, typer.Argument(help="A controller (name, .yaml or .py file) or a policy (.zip, .onnx, .yaml or folder).")
     ],
     task: Annotated[str, typer.Option(help="Environment of the protocol, by full or short id.")],
     protocol: Annotated[str, typer.Option(help="Protocol of score version 1: a name, or a YAML file.")] = "suite-v1",
@@ -48,7 +48,7 @@ def try_(
         if (one.env, chosen.track(name).name) not in anchors:
             raise ConfigurationError(f"{one.env} ({name}) has no anchors: `cablebench anchors --protocol {protocol}`")
     path = Path(entrant)
-    policy = path.suffix in POLICIES or path.is_dir()
+    policy = path.suffix in POLICIES or path.is_dir() or _names_policy(path)
     made = choose_entrant(None if policy else entrant, entrant if policy else None, (), sandbox)
     say_sandboxes([made])
     with progress_bar() as update:
@@ -59,6 +59,14 @@ def try_(
             name: vars(anchors[one.env, name]) for name in names}, "tracks": found})  # fmt: skip
         return
     _print(made, one, found, anchors, records[0])
+
+
+def _names_policy(path: Path) -> bool:
+    """Whether a path is that of a policy file."""
+    from cable_envs.core.config import read_yaml
+    from cablebench.entrants.policy_files import SCHEMA
+
+    return path.suffix in (".yaml", ".yml") and path.is_file() and read_yaml(path).get("schema") == SCHEMA
 
 
 def _run(

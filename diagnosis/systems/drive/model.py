@@ -30,9 +30,9 @@ from cable_envs.sim.replay import distort, replay
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
 had nothing wrong were answered with a Stribeck curve as wide as the motion (gains of 57 and 74; 2 and 0 with 10)."""
-AT_ONCE = 64
-"""Columns at a time: the inputs of a fine step are each column's own, 2.5 MB of them for 45 s at 100 Hz, and what is
-larger than the processor's cache takes twice as long."""
+AT_ONCE = 24
+"""Columns at a time: the inputs of a fine step are each column's own, 2.5 MB a column for 45 s at 100 Hz. A
+column takes 7 ms so, and 11 to 14 with 32 or 64 of them."""
 GAINS = ("control.kp", "control.kv", "control.kd")
 HOLD = "control.hold"
 """s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
