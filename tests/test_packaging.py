@@ -257,7 +257,7 @@ def test_wheel_holds_packages_and_configuration_only(tmp_path):
     written = "from cablebench.skeletons import examples; print(len(examples()))"
     alone = {**os.environ, "PYTHONPATH": str(tmp_path / "site")}
     assert int(_python("-P", "-c", written, cwd=tmp_path, env=alone).stdout) > 10
-    assert {"cablebench/board/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
+    assert {"cablebench/board/pages/templates/board.html.j2", "cable_envs/drawing/templates/page.css"} <= set(names)
     assert {"cablebench/skeletons/templates/controller.py.j2", "cable_envs/boards/quick/records.jsonl.xz"} <= set(names)
     assert {"cable_envs/py.typed", "cablebench/py.typed", *(f"cable_envs/{name}/py.typed" for name in LINKED)} <= set(
         names

@@ -3,12 +3,12 @@
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
+from cablebench.board.history import history, newest_date
 from cablebench.board.notes import notes
 from cablebench.board.scoring import Record, belonging, episode_key, latest, score_episodes, whole_runs
 from cablebench.board.suite import (
@@ -96,7 +96,7 @@ def build_board(
         protocol=protocol,
         tables=tables,
         overall=_overall(tables, protocol, summary),
-        created=_date(own),
+        created=newest_date(own),
         configuration=configuration,
         versions={name: version for r in own for name, version in r["versions"].items()},
         machine=own[-1].get("machine", ""),
@@ -109,6 +109,7 @@ def build_board(
         place=place,
         anchors=tuple(anchors.values()),
         agreement=summary.agreement(tables),
+        history=history(own),
     )
 
 
@@ -156,18 +157,6 @@ class Pooled:
 
 
 Summary = Pooled | TwoLevel
-
-
-def _date(records: Sequence[Record]) -> str:
-    """When the newest record was made: the same records give the same board on every day."""
-    dates = []
-    for record in records:
-        try:
-            made = datetime.fromisoformat(record.get("created", ""))
-        except ValueError:  # a record may say what it likes about that
-            continue
-        dates.append(made.astimezone(UTC) if made.tzinfo else made.replace(tzinfo=UTC))
-    return max(dates).strftime("%Y-%m-%d %H:%M UTC") if dates else "no date"
 
 
 def _left_out(remark: str, foreign: int) -> list[str]:

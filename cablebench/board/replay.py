@@ -155,6 +155,23 @@ def compare(
     return Comparison(len(row), _iqm(then), _iqm(now), tuple(differences))
 
 
+def runs_again(row: Sequence[Record], again: Sequence[Record]) -> dict[str, str]:
+    """The run of the replay that stands for each run of a row.
+
+    Parameters
+    ----------
+    row, again : sequence of mapping
+        As of `compare`.
+
+    Returns
+    -------
+    dict
+        Key of the recorded run -> key of the one that was run anew.
+    """
+    new = {(r["training_seed"], *episode_key(r)): r["run"] for r in again}
+    return {r["run"]: new[r["training_seed"], *episode_key(r)] for r in row}
+
+
 def _iqm(values: Sequence[float]) -> float:
     return float(interquartile_mean(np.array(values)))
 

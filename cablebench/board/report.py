@@ -1,6 +1,6 @@
-"""A board for people and programs: terminal table, JSON, Markdown, and one self-contained HTML page."""
+"""A board for people and programs: terminal table, JSON, Markdown, and HTML pages that need no network."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -9,18 +9,17 @@ from cable_envs.core.files import json_text, write_atomic
 from cable_envs.core.text import markdown_code, markdown_text
 from cablebench.board.cells import agreement, cells, heading, remarks, seed_text
 from cablebench.board.learning import Curve
-from cablebench.board.page import render_html
+from cablebench.board.pages.shared import BOARD, TASKS
+from cablebench.board.pages.task import board_pages
+from cablebench.board.pages.traces import Trajectories
 from cablebench.board.tables import SCHEMA, Board
 from cablebench.protocol.metrics import METRICS
-
-Trajectories = Callable[[str], Mapping[str, Mapping[str, Any]]]
-"""run key -> {"median": arrays by name, "worst": arrays by name}, empty where nothing was kept"""
 
 
 def write_board(
     board: Board, folder: str | Path, trajectories: Trajectories | None = None, curves: Sequence[Curve] = ()
 ) -> dict[str, Path]:
-    """Write board.json, board.md and board.html; each replaces its predecessor whole or not at all.
+    """Write board.json, board.md, board.html and tasks/<task>.html; each replaces its predecessor whole or not at all.
 
     Parameters
     ----------
@@ -35,14 +34,16 @@ def write_board(
     Returns
     -------
     dict of Path
-        "json", "markdown" and "html".
+        "json", "markdown", "html", and "tasks", the folder of the tasks' pages.
     """
     folder = Path(folder)
-    return {
+    written = {
         "json": write_atomic(folder / "board.json", render_json(board)),
         "markdown": write_atomic(folder / "board.md", render_markdown(board)),
-        "html": write_atomic(folder / "board.html", render_html(board, trajectories, curves)),
     }
+    for address, text in board_pages(board, trajectories, curves):
+        write_atomic(folder / address, text)
+    return {**written, "html": folder / BOARD, "tasks": folder / TASKS}
 
 
 def render_json(board: Board) -> str:

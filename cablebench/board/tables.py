@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
+from cablebench.board.history import Made
 from cablebench.entrants.entrant import INFORMATION
 from cablebench.protocol.protocol import Protocol
 from cablebench.score.anchors import Anchor
@@ -103,6 +104,8 @@ class Board:
     """what the scores of version 1 are between"""
     agreement: tuple[Mapping[str, Any], ...] = ()
     """{track, mean, pairs: [{tasks, tau}]}: Kendall's tau between the tasks' rankings; score version 1"""
+    history: tuple[Made, ...] = ()
+    """when each entrant's rows were made, and with which version of the source"""
 
     @property
     def version(self) -> int:

@@ -4,6 +4,7 @@ They are made from the committed records. That of the reproduction takes minutes
 ``cablebench reproduce --out build/reproduction`` has left it.
 """
 
+import json
 import re
 from functools import cache, partial
 from pathlib import Path
@@ -31,8 +32,10 @@ def pages() -> dict[str, str | bytes]:
     made: dict[str, str | bytes] = {"boards.md": _boards()}
     for name in BOARDS:
         folder = ROOT / "boards" / name
-        whole = kept(f"board-{name}.html", partial(board_page, name), sorted(p for p in folder.glob("*.*")))
-        made[f"{FOLDER}/board-{name}.html"] = _with_way_back(whole, "boards.html", "Boards")
+        whole = kept(f"board-{name}.json", partial(board_pages, name), sorted(p for p in folder.glob("*.*")))
+        for address, text in json.loads(whole).items():
+            place = f"{FOLDER}/board-{name}/{address}"
+            made[place] = _with_way_back(text.encode(), "boards.html", "Boards", place.count("/"))
     proof = kept("proof.html", _proof_page, [PROOF / "proof.json.xz"])
     made[f"{FOLDER}/proof.html"] = _with_way_back(proof, "proof/proof.html", "Proof")
     inputs = sorted([*RECORDINGS.glob("*.json.xz"), *(RECORDINGS / "figures").glob("*.svg")])
@@ -50,11 +53,13 @@ def link_to(name: str, words: str, up: int = 0) -> str:
     return f'<p class="report"><a href="{"../" * up}{FOLDER}/{name}.html">{words}</a></p>'
 
 
-def _with_way_back(whole: bytes, address: str, title: str) -> bytes:
-    """The page with a line at its top that leads to the site, and the site's icon."""
-    icon = b'<link rel="icon" href="../assets/images/favicon.png">'
-    line = f'<header>\n<p class="soft"><a href="../index.html">cable-envs</a> / <a href="../{address}">{title}</a></p>'
-    return whole.replace(b"<header>", line.encode(), 1).replace(b"</head>", icon + b"\n</head>", 1)
+def _with_way_back(whole: bytes, address: str, title: str, depth: int = 1) -> bytes:
+    """The page, ``depth`` folders deep, with a line at its top that leads to the site, and the site's icon."""
+    top = "../" * depth
+    icon = f'<link rel="icon" href="{top}assets/images/favicon.png">\n</head>'
+    way = f'<a href="{top}index.html">cable-envs</a> / <a href="{top}{address}">{title}</a>'
+    line = f'<header>\n<p class="soft">{way}</p>'
+    return whole.replace(b"<header>", line.encode(), 1).replace(b"</head>", icon.encode(), 1)
 
 
 @cache
@@ -73,15 +78,15 @@ def _board(name: str) -> "tuple[Board, ResultStore, Reading]":
     return board, store, reading
 
 
-def board_page(name: str) -> bytes:
-    """A published board as a page of its own."""
+def board_pages(name: str) -> bytes:
+    """The pages of a published board, its tasks' too, as JSON: where they lie among each other -> HTML."""
     from cablebench.board.learning import learning_curves
-    from cablebench.board.page import render_html
+    from cablebench.board.pages.task import board_pages as rendered
     from cablebench.run.makers import told_apart
 
     board, store, reading = _board(name)
     own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
-    return render_html(board, store.trajectories.of, learning_curves(store.places, own)).encode()
+    return json.dumps(dict(rendered(board, store.trajectories.of, learning_curves(store.places, own)))).encode()
 
 
 def _boards() -> str:
@@ -94,7 +99,7 @@ def _boards() -> str:
     ]
     for name in BOARDS:
         summary = kept(f"board-{name}-summary.md", partial(_summary, name), _records(name))
-        parts += [summary.decode(), link_to(f"board-{name}", f"The {name} board with figures")]
+        parts += [summary.decode(), link_to(f"board-{name}/board", f"The {name} board, with a page for each task")]
     return page(*parts)
 
 

@@ -5,7 +5,6 @@ import json
 import math
 import re
 from dataclasses import replace
-from html.parser import HTMLParser
 
 import numpy as np
 import pytest
@@ -14,7 +13,8 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.text import count, number
 from cablebench.board.board import build_board
 from cablebench.board.cells import seed_text
-from cablebench.board.report import print_board, render_json, render_markdown, write_board
+from cablebench.board.pages.overview import render_board
+from cablebench.board.report import print_board, render_json, render_markdown
 from cablebench.board.scoring import latest, score_episodes
 from cablebench.protocol.metrics import METRICS
 from cablebench.run.store import ResultStore
@@ -154,14 +154,15 @@ def test_the_overall_table_leaves_out_who_did_not_run_everything_and_says_so(mad
     assert "rmse" not in row.raw  # errors of different units are not averaged
 
 
-def test_there_is_no_overall_table_where_nobody_ran_everything(made, tmp_path):
+def test_there_is_no_overall_table_where_nobody_ran_everything(made):
     protocol, _, records = made
     split = [r for r in records if (r["entrant"] in ("pid", "ppo")) == (r["task"] == "CableHole-Position-Step")]
     board = build_board(protocol, split)
     assert not [t for t in board.overall if t.family == "CableHole"]
     assert [t for t in board.tables if t.family == "CableHole"]
-    page = write_board(board, tmp_path)["html"].read_text(encoding="utf-8")
-    assert "CableHole-Position-Step" in page and "CableHole-Position-Sine" in page
+    page = render_board(board)
+    for task in ("CableHole-Position-Step", "CableHole-Position-Sine"):
+        assert f'href="tasks/{task}.html"' in page
 
 
 def test_a_board_repeats_exactly_from_the_same_records(made, board):
@@ -231,79 +232,6 @@ def test_markdown_rows_have_as_many_cells_as_headings(board):
         assert len({line.count("|") for line in lines}) <= 1
 
 
-class Page(HTMLParser):
-    """What the page loads, which ids it defines, which it refers to, and whether its tags close."""
-
-    void = ("meta", "br", "img", "link", "hr", "input")
-
-    def __init__(self, text):
-        super().__init__()
-        self.loads, self.ids, self.anchors, self.open = [], [], [], []
-        self.feed(text)
-
-    def handle_starttag(self, tag, attrs):
-        found = dict(attrs)
-        self.loads += [v for k, v in attrs if k in ("src", "srcset", "data") or (k == "href" and tag == "link")]
-        if "id" in found:
-            self.ids.append(found["id"])
-        if tag == "a" and found.get("href", "").startswith("#"):
-            self.anchors.append(found["href"][1:])
-        if tag not in self.void:
-            self.open.append(tag)
-
-    def handle_startendtag(self, tag, attrs):
-        found = dict(attrs)
-        if "id" in found:
-            self.ids.append(found["id"])
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag, f"</{tag}> closes another element"
-
-
-def small(made):
-    """One task of each mechanism on one track: enough for every part of the page."""
-    protocol, store, records = made
-    tasks = ("CableHole-Position-Step", "PulleyCircuit-Position-Sine")
-    keep = [r for r in records if r["task"] in tasks and (r["track"] == "nominal" or r["task"] == tasks[1])]
-    return build_board(protocol, keep), store
-
-
-def test_the_page_is_one_file_that_needs_no_network(made, tmp_path):
-    board, store = small(made)
-    paths = write_board(board, tmp_path / "out", store.trajectories.of)
-    assert {k: p.name for k, p in paths.items()} == {
-        "json": "board.json", "markdown": "board.md", "html": "board.html"
-    }  # fmt: skip
-    text = paths["html"].read_text(encoding="utf-8")
-    page = Page(text)
-    assert page.open == [] and page.loads == []
-    assert not re.search(r"@import|url\((?!#)|https?://(?!www\.w3\.org)", text)
-    assert len(page.ids) == len(set(page.ids)), "two elements share an id"
-    assert set(page.anchors) <= set(page.ids)
-    references = set(re.findall(r'(?:xlink:href="#|url\(#)([^")]+)', text))
-    assert references <= set(page.ids), "a figure refers to an element of another figure"
-    for part in (
-        "score τ",
-        "RMSE delay",
-        "median episode",
-        "factor on nominal",
-        "effort ∫u² dt",
-        "cablebench evaluate",
-    ):
-        assert part in text, part
-    assert board.configuration in text and "2000-2007" in text
-
-
-def test_names_from_records_cannot_become_markup(made):
-    protocol, _, records = made
-    from cablebench.board.page import render_html
-
-    evil = "<script>alert(1)</script>"
-    keep = [r for r in records if r["task"] == "CableHole-Position-Step" and r["track"] == "nominal"]
-    board = build_board(protocol, [{**r, "entrant": evil} if r["entrant"] == "pid" else r for r in keep])
-    assert evil not in render_html(board)
-
-
 def test_numbers_are_short_and_readable():
     assert [number(v) for v in (0.00012345, 1.2345, 123.456, 0, None, math.nan, -0.5)] == [
         "1.23e-4", "1.23", "123", "0", "–", "–", "-0.500"
@@ -342,7 +270,7 @@ def test_robustness_is_the_mean_score_over_a_sweep(board):
 def test_entrants_beyond_the_colours_look_different():
     from types import SimpleNamespace
 
-    from cablebench.board.figures import styles
+    from cablebench.board.pages.figures import styles
 
     names = tuple(f"n{i}" for i in range(20))
     found = styles(SimpleNamespace(entrants=names, protocol=made_protocol()))

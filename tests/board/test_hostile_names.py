@@ -3,12 +3,13 @@
 import io
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 from rich.console import Console
 
 from cable_envs.core.errors import ConfigurationError
 from cablebench.board.board import build_board
-from cablebench.board.page import render_html
+from cablebench.board.pages.task import board_pages
 from cablebench.board.report import print_board, render_markdown
 from cablebench.entrants.entrant import Entrant
 from tests.support.board_records import ENTRANTS, made_protocol, made_records
@@ -37,9 +38,18 @@ def hostile():
     return board(entrant=EVIL, machine=EVIL, versions={EVIL: EVIL}, replay=EVIL)
 
 
-def test_the_page_has_no_tag_and_no_attribute_more():
-    found, before = Tags(render_html(hostile())).found, Tags(render_html(board())).found
-    assert found <= before and "script" in before  # the page's own
+def traces(run):
+    """Of an episode of ten samples, whatever the run."""
+    arrays = {name: np.linspace(0.0, 1.0, 10) for name in ("time", "reference", "output", "drive_tension", "command")}
+    return {"median": {**arrays, "failed": np.array(True)}}
+
+
+def test_the_pages_have_no_tag_and_no_attribute_more():
+    before, found = (dict(board_pages(made, traces)) for made in (board(), hostile()))
+    assert before.keys() == found.keys() and len(before) == 3
+    for address, text in found.items():
+        known = Tags(before[address]).found
+        assert Tags(text).found <= known and "script" in known  # the page's own
 
 
 def test_markdown_has_no_html_no_link_and_whole_rows():

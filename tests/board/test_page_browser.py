@@ -1,4 +1,4 @@
-"""The board's page in a real browser: what filters and sorting leave visible."""
+"""Pages of a board in a real browser: what filters and sorting leave visible."""
 
 import re
 import subprocess
@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import pytest
 
 from cablebench.board.board import build_board
-from cablebench.board.page import render_html
+from cablebench.board.pages.task import board_pages
 from tests.support.board_records import made_protocol, made_records
 from tests.support.browser import CHROMIUM
 
@@ -17,17 +17,19 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this ma
 
 
 @pytest.fixture(scope="module")
-def page(tmp_path_factory):
-    """A page with one task of each mechanism and two tracks; "<b>" must stay text."""
+def pages(tmp_path_factory):
+    """Pages of a board with one task of each mechanism and two tracks; "<b>" must stay text."""
     protocol = made_protocol(episodes=3, tasks=tuple(t for t in made_protocol().tasks if t.short in TASKS))
     records = [r for r in made_records(protocol) if r["track"] != "stress"]
-    path = tmp_path_factory.mktemp("page") / "board.html"
-    path.write_text(render_html(build_board(protocol, records, "Remark with <b>markup</b>", "--results x")), "utf-8")
-    return path
+    folder = tmp_path_factory.mktemp("page")
+    (folder / "tasks").mkdir()
+    for address, text in board_pages(build_board(protocol, records, "Remark with <b>markup</b>", "--results x")):
+        (folder / address).write_text(text, "utf-8")
+    return folder
 
 
 class Visible(HTMLParser):
-    """Tables as the browser has them after its script ran: [(section's task, track, names of the visible rows)]."""
+    """Tables as the browser has them after its script ran: [(track, within details, names of the visible rows)]."""
 
     void = ("meta", "br", "img", "link", "hr", "input")
 
@@ -46,11 +48,11 @@ class Visible(HTMLParser):
         if self._hidden():
             return
         if tag == "table" and "sortable" in found.get("class", ""):
-            about = {k: a[k] for _, a in self.stack for k in ("data-task", "data-track") if k in a}
+            tracks = [a["data-track"] for _, a in self.stack if "data-track" in a]
             details = any(t == "details" for t, _ in self.stack)
-            self.tables.append((about.get("data-task"), about.get("data-track"), details, []))
+            self.tables.append((tracks[-1] if tracks else None, details, []))
         if tag == "tr" and "data-name" in found and any("sortable" in a.get("class", "") for _, a in self.stack):
-            self.tables[-1][3].append(found["data-name"])
+            self.tables[-1][2].append(found["data-name"])
         if tag == "th" and "aria-sort" in found:
             self.sorted.append((found["data-key"], found["aria-sort"]))
 
@@ -74,22 +76,30 @@ def opened(page, tmp_path, fragment):
     return done.stdout
 
 
-def test_filters_and_sorting_by_address(page, tmp_path):
-    text = opened(page, tmp_path, f"task={TASKS[0]}&track=randomised&information=model-free&sort=-rmse")
+def test_filters_and_sorting_of_a_tasks_page_by_address(pages, tmp_path):
+    page = pages / "tasks" / f"{TASKS[0]}.html"
+    text = opened(page, tmp_path, "track=randomised&information=model-free&sort=-rmse")
     seen = Visible(text)
-    assert {(task, track) for task, track, _, _ in seen.tables} == {(TASKS[0], "randomised")}
+    assert {track for track, _, _ in seen.tables} == {"randomised"}
     # the worse one first: pid was made with 0.34 of the open loop's error, ppo with 0.2 (and seeds up to 60 % worse)
-    assert [names for _, _, _, names in seen.tables] == [["pid", "ppo"]] * 2
+    assert [names for _, _, names in seen.tables] == [["pid", "ppo"]] * 2
     assert set(seen.sorted) == {("rmse", "descending")}
-    assert seen.output == "2 of 6 entrants, 2 tables" or seen.output.startswith("2 of 6 entrants")
+    assert seen.output.startswith("2 of 6 entrants")
     # figures show the same entrants: model-free ones come first in the board's order
     marks = re.findall(r'<g data-entrant="(\d)"( style="display: none;")?', text)
     assert {k for k, hidden in marks if not hidden} == {"0", "1"} and {k for k, hidden in marks if hidden} >= {"2", "3"}
+
+
+def test_a_boards_page_is_filtered_by_track_and_name_and_remarks_stay_text(pages, tmp_path):
+    text = opened(pages / "board.html", tmp_path, "track=nominal&name=mrac")
+    seen = Visible(text)
+    assert {track for track, _, _ in seen.tables} == {None}  # when rows were made: no track, and mrac's rows only
+    assert [set(names) for _, _, names in seen.tables] == [{"mrac-g9", "mrac-g22"}]
+    assert seen.output.startswith("2 of 6 entrants")
     assert "<b>markup" not in text and "&lt;b&gt;markup" in text
 
 
-def test_without_an_address_everything_is_there_by_rank(page, tmp_path):
-    seen = Visible(opened(page, tmp_path, "method"))
-    assert {task for task, _, _, _ in seen.tables} == set(TASKS) and seen.sorted == []
-    assert {track for _, track, _, _ in seen.tables} == {"nominal", "randomised"}
-    assert all(len(names) == 6 for _, _, _, names in seen.tables) and seen.output == "6 entrants"
+def test_without_an_address_everything_is_there_by_rank(pages, tmp_path):
+    seen = Visible(opened(pages / "tasks" / f"{TASKS[1]}.html", tmp_path, "rankings"))
+    assert {track for track, _, _ in seen.tables} == {"nominal", "randomised"} and seen.sorted == []
+    assert all(len(names) == 6 for _, _, names in seen.tables) and seen.output == "6 entrants"

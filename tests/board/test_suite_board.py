@@ -149,7 +149,7 @@ def test_pairs_and_agreement_are_shown(board):
 
 
 def test_markdown_json_and_page_hold_the_columns(made, board):
-    from cablebench.board.page import render_html
+    from cablebench.board.pages.overview import render_board
 
     text = render_markdown(board)
     for name in ("robust", "worst rigs", *(f"{label} [" for label in RANKED.values())):
@@ -160,7 +160,7 @@ def test_markdown_json_and_page_hold_the_columns(made, board):
     data = json.loads(render_json(board), parse_constant=lambda c: pytest.fail(f"{c} is no JSON"))
     assert len(data["anchors"]) == 12 and data["tables"][0]["pairs"][0]["adjusted"] <= 1.0
     keep = [r for r in made[1] if r["task"] in ("CableHole-Position-Step", "PulleyCircuit-Position-Sine")]
-    page = render_html(build_board(made[0], keep))
+    page = render_board(build_board(made[0], keep))
     for part in (
         "The whole suite",
         "frozen with the task",

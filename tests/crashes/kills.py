@@ -26,7 +26,7 @@ from tests.crashes.killing import PATIENCE, Ended, command, leftovers, run
 LOADED = (
     "torch._dynamo", "h5py", "minari", "optuna", "optuna.storages", "sqlalchemy.dialects.sqlite", "alembic.command",
     "cable_envs.agents.train", "cable_envs.diagnosis.engine", "cable_envs.diagnosis.readers.writer",
-    "cable_envs.proof.run", "cable_envs.proof.cases", "cablebench.board.page", "cablebench.board.learning",
+    "cable_envs.proof.run", "cable_envs.proof.cases", "cablebench.board.pages.task", "cablebench.board.learning",
     "cablebench.cli.app", "cablebench.cli.learn.tune_controllers", "cablebench.cli.shared.policies",
     "cablebench.cli.shared.training", "cablebench.export.minari", "cablebench.export.recording",
     "cablebench.jobs.local", "cablebench.pages.diagnosis", "cablebench.pages.proof", "cablebench.run.jobs",

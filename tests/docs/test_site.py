@@ -30,7 +30,9 @@ KINDS = (
     "changelog.html", "contributing.html", "commands.html", "your-own-recording.html", "physics.html",
     "identification.html", "interop.html", "read-the-board.html", "plants/linear-drive.html", "mismatches/load.html",
     "cable-mechanisms.html",
-    "reports/board-quick.html", "reports/board-full.html", "reports/proof.html", "reports/recordings.html",
+    "reports/board-quick/board.html", "reports/board-quick/tasks/PulleyCircuit-Position-Sine.html",
+    "reports/board-full/board.html", "reports/board-suite-v1/board.html",
+    "reports/board-suite-v1/tasks/CableHole-Track-Hard.html", "reports/proof.html", "reports/recordings.html",
     "reports/reproduction.html",
 )  # fmt: skip
 """One page of each kind at least."""

@@ -20,7 +20,8 @@ def leaderboard(
     results: Annotated[Path | None, typer.Option(help="Results folder, as of `cablebench evaluate --results`.")] = None,
     protocol: Annotated[str | None, typer.Option(help="Protocol; default: --board's, or the newest record's.")] = None,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for board.json, board.md, board.html; default: the results folder.")
+        Path | None,
+        typer.Option(help="Folder for board.json, board.md, board.html and tasks/; default: the results."),
     ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
@@ -31,9 +32,9 @@ def leaderboard(
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
 
-    --pack compresses the records (to records.jsonl.xz), drops what the page does not draw of the trajectories, and
-    thins what it draws. board.json and board.html are no part of a packed folder: this command makes them again from
-    what is there.
+    --pack compresses the records (to records.jsonl.xz), drops what the pages do not show of the trajectories, and
+    thins what they show. board.json, board.html and the tasks' pages are no part of a packed folder: this command makes
+    them again from what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -54,9 +55,8 @@ def leaderboard(
 
 
 def _pack(store: Any, board: Any, count: int) -> None:
-    """Make the results folder small: records compressed, of the trajectories only what the page draws."""
-    from cablebench.board.figures import DRAWN_POINTS, is_drawn
-    from cablebench.board.page import shown_runs
+    """Make the results folder small: records compressed, of the trajectories only what the pages show."""
+    from cablebench.board.pages.traces import DRAWN_POINTS, is_drawn, shown_runs
 
     path, shown = store.pack(), shown_runs(board)
     store.trajectories.forget(shown)
@@ -123,7 +123,7 @@ def make_board(
     show: bool = True,
     of: str = "",
 ) -> Any:
-    """Build the board, write its three files, and show it: as JSON on standard output, or as a table.
+    """Build the board, write its files and pages, and show it: as JSON on standard output, or as a table.
 
     ``reading``: the store's `Reading`; what it left out is said on standard error and on the board.
 

@@ -4,11 +4,13 @@ import math
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Annotated, Any
 
 import typer
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import require_writable
 from cablebench.cli.bench.evaluate import choose_entrants
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
 from cablebench.cli.shared.arguments import resolve_task
@@ -32,15 +34,21 @@ def replay(
     seal: Seal = None,
     sandbox: Walls = "auto",
     trust: Trusted = False,
+    traces: Annotated[
+        bool, typer.Option("--traces", help="Keep the traces of the median and the worst episode in the folder.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="The comparison as JSON on standard output.")] = False,
 ) -> None:
-    """Run the episodes of a row again; exit code 1 where any number differs from the record. Nothing is stored.
+    """Run the episodes of a row again; exit code 1 where any number differs from the record. No record is stored.
+
+    --traces keeps the signals that the pages of `cablebench leaderboard` show, where every number is as recorded.
 
     Replaying a submitted .py file executes it: you are asked before, or say --trust.
     """
     from cable_envs.core.provenance import versions
     from cablebench.board.replay import arguments_of, compare, rows_of
     from cablebench.run.folders import open_store
+    from cablebench.run.store import ResultStore
 
     folder, _ = results_folder(board, results)
     store = open_store(folder, board)
@@ -52,19 +60,41 @@ def replay(
         raise ConfigurationError(f"no records in {store.path}")
     chosen = unsealed(protocol_of(everything, protocol or board), seal)
     row = rows_of(everything, chosen, entrant, resolve_task(chosen, env), track)
+    if traces:
+        require_writable(folder)
     again: list[Any] = []
-    with progress_bar() as update:
-        for words, records in arguments_of(row, store.places).items():
-            again += _again(chosen, words, records, update, sandbox)
-    found = compare(row, again, everything, chosen)
+    with TemporaryDirectory() as place:
+        new = ResultStore(Path(place) / "records.jsonl") if traces else None
+        with progress_bar() as update:
+            for words, records in arguments_of(row, store.places).items():
+                again += _again(chosen, words, records, update, sandbox, new)
+        found = compare(row, again, everything, chosen)
+        if new is not None:
+            _keep(store, new, row, again, found.same)
     sources = {r["versions"].get("source") for r in row}
     _report(found, as_json, sources - {versions()["source"]})
     if not found.same:
         raise typer.Exit(DIFFERENT)
 
 
-def _again(protocol: Any, words: str, records: list[Any], update: Any, sandbox: str) -> list[Any]:
-    """The records' episodes run anew by the entrant that the flags name."""
+def _keep(store: Any, new: Any, row: list[Any], again: list[Any], same: bool) -> None:
+    """The traces of the replay as those of the row's runs, and what became of them on standard error."""
+    from cablebench.board.replay import runs_again
+
+    say = console(stderr=True)
+    if not same:
+        say.print("the traces are not kept: they are of other numbers than the records", markup=False)
+        return
+    pairs = runs_again(row, again)
+    for run, other in pairs.items():
+        store.trajectories.keep(run, new.trajectories.of(other))
+    say.print(
+        f"kept the traces of {len(pairs)} run{'s' * (len(pairs) > 1)} in {store.trajectories.folder}", markup=False
+    )
+
+
+def _again(protocol: Any, words: str, records: list[Any], update: Any, sandbox: str, store: Any = None) -> list[Any]:
+    """The records' episodes run anew by the entrant that the flags name; ``store`` gets them with their traces."""
     from cablebench.run.evaluation import evaluate
 
     flags = dict.fromkeys(("--controller", "--gain", "--policy"))
@@ -81,7 +111,7 @@ def _again(protocol: Any, words: str, records: list[Any], update: Any, sandbox: 
         )
     entrant = replace(made, name=first["entrant"], training_seed=first["training_seed"])
     return evaluate(
-        protocol, (entrant,), (first["env_id"],), (first["track"],), None,
+        protocol, (entrant,), (first["env_id"],), (first["track"],), store,
         lambda p: update("episodes", p.done, p.total, p.text),
     )  # fmt: skip
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from cable_envs.core.text import count
-from cablebench.board import figures
 from cablebench.board.cells import censored, failures, improvement, main_metrics, placed, remarks
+from cablebench.board.pages.figures import Style
 from cablebench.board.suite import RANKED
 from cablebench.board.tables import Row, Table
 from cablebench.entrants.entrant import BUDGETS, INFORMATION
@@ -32,7 +32,7 @@ def _ranked_columns(table: Table) -> list[dict[str, str]]:
     ]
 
 
-def ranking(table: Table, style: figures.Style, markup: Any) -> dict[str, Any]:
+def ranking(table: Table, style: Style, markup: Any) -> dict[str, Any]:
     """A table for the template: columns with units, rows by information class, cells with text and sorting value."""
     metrics = main_metrics(table.task, (row.raw for row in table.rows))
     suite = table.score_version > 0
@@ -112,7 +112,7 @@ def _placed_cell(row: Row, name: str, table: Table) -> dict[str, Any]:
     return {"text": placed(row, name, table), "value": value, "bad": False}
 
 
-def _row(row: Row, table: Table, metrics: Sequence[str], style: figures.Style, markup: Any) -> dict[str, Any]:
+def _row(row: Row, table: Table, metrics: Sequence[str], style: Style, markup: Any) -> dict[str, Any]:
     def score(value: float | None) -> dict[str, Any]:
         text = "–" if value is None else f"{value:.2f}".replace("-", "−")
         return {"text": text, "value": "nan" if value is None else value, "bad": value is not None and value < 0}

@@ -1,6 +1,7 @@
-// Filters and sorting. The state is in the address, so that a view can be linked: #task=...&track=...&sort=-rmse
-const form = document.getElementById("filter"), KEYS = ["name", "task", "track", "information"];
+// Filters and sorting. The state is in the address, so that a view can be linked: #track=...&information=...&sort=-rmse
+const form = document.getElementById("filter"), KEYS = ["name", "track", "information"].filter(key => form.elements[key]);
 const rows = [...document.querySelectorAll("[data-name]")];
+const shownNames = new Set(rows.map(row => row.dataset.name)).size;
 rows.forEach((row, place) => row.place = place);  // the order by rank, to go back to
 let sortKey = "";
 
@@ -10,12 +11,9 @@ function filter(state) {
   const fits = row => row.dataset.name.toLowerCase().includes(state.name.toLowerCase())
     && (!state.information || row.dataset.information === state.information)
     && (!state.track || !row.dataset.track || row.dataset.track === state.track);
-  const other = (element, key) => state[key] && element.dataset[key] !== undefined && element.dataset[key] !== state[key];
   rows.forEach(row => hide(row, !fits(row)));
-  document.querySelectorAll("[data-task], [data-track]:not([data-name])").forEach(
-    element => hide(element, other(element, "task") || other(element, "track")));
-  document.querySelectorAll("section.family").forEach(
-    family => hide(family, !family.querySelector("section[data-task]:not([data-task='']):not([hidden])")));
+  document.querySelectorAll("[data-track]:not([data-name])").forEach(
+    element => hide(element, state.track && element.dataset.track !== state.track));
   // a heading of an information class without rows, and what figures draw of hidden entrants
   document.querySelectorAll("tr.class").forEach(head => {
     let row = head.nextElementSibling, any = false;
@@ -27,7 +25,7 @@ function filter(state) {
     mark => mark.style.display = visible.has(Number(mark.dataset.entrant)) ? "" : "none");
   const tables = [...document.querySelectorAll("table")].filter(table => table.tHead && table.offsetParent);
   form.querySelector("output").textContent = KEYS.some(key => state[key])
-    ? `${visible.size} of ${NAMES.length} entrants, ${tables.length} tables` : `${NAMES.length} entrants`;
+    ? `${visible.size} of ${shownNames} entrants, ${tables.length} tables` : `${shownNames} entrants`;
 }
 
 // rows of each information class by one column, missing values last; "" is the order by rank

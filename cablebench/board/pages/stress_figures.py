@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from cable_envs.drawing.charts import GRID, INK, legend_below
-from cablebench.board.figures import Style, svg
 from cablebench.board.learning import Curve
+from cablebench.board.pages.figures import Style, svg
 from cablebench.board.tables import Board
 
 SHOWN = 7

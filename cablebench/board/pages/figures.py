@@ -1,4 +1,4 @@
-"""Figures of a board as inline SVG text: performance profiles, accuracy against effort, trajectories, sweeps."""
+"""Figures of a board as inline SVG text: performance profiles, accuracy against effort, phases, sweeps."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 
 from cable_envs.drawing import charts
 from cable_envs.drawing.charts import COLOURS, DASHES, GRID, INK, MARKERS, legend_below, ticks
-from cablebench.board.tables import Board, Row, Table
+from cablebench.board.tables import Board, Table
 from cablebench.protocol.metrics import PHASES
 from cablebench.protocol.units import axis_label, display
 from cablebench.score.statistics import performance_profile
@@ -117,71 +117,6 @@ def phases(tables: Sequence[Table], style: Style) -> str:
         legend_below(figure, axes, gap=0.85)
 
     return svg(draw, min(3.7 * len(tables) + 0.6, 10.5), 3.0, style)
-
-
-def trajectories(
-    table: Table, rows: Sequence[Row], found: Sequence[Mapping[str, Mapping[str, np.ndarray]]], style: Style
-) -> str:
-    """Median and worst episode of each row: reference and output above, cable tensions below."""
-
-    def draw(figure: Any) -> None:
-        grid = figure.subplots(4, len(rows), sharex=True, sharey="row", squeeze=False, height_ratios=(2, 1.1, 2, 1.1))
-        for column, (row, pair) in enumerate(zip(rows, found, strict=True)):
-            for top, kind in ((0, "median"), (2, "worst")):
-                if kind in pair:
-                    _one(grid[top, column], grid[top + 1, column], pair[kind], row.entrant, kind, table, style)
-            grid[3, column].set_xlabel("time [s]")
-        for top, kind in ((0, "median"), (2, "worst")):
-            grid[top, 0].set_ylabel(f"{kind} episode\n{axis_label('output', table)}")
-            grid[top + 1, 0].set_ylabel("tension [N]")
-        width, height = figure.get_size_inches()
-        figure.subplots_adjust(
-            left=0.95 / width,
-            right=1 - 0.1 / width,
-            top=1 - 0.28 / height,
-            bottom=0.45 / height,
-            hspace=0.14,
-            wspace=0.09,
-        )
-        for ax in grid[:, 0]:
-            ax.yaxis.set_label_coords(-0.5 / (grid[0, 0].get_position().width * width), 0.5)
-
-    return svg(draw, 2.55 * len(rows) + 0.7, 6.4, style)
-
-
-DRAWN_POINTS = 200
-"""Of an episode's signal in a packed board: more than a figure of two inches shows."""
-
-
-def is_drawn(signal: str) -> bool:
-    """Whether `trajectories` draws this signal of an episode, so that a packed board keeps it."""
-    return signal in ("time", "reference", "output", "failed") or _is_drawn_tension(signal)
-
-
-def _is_drawn_tension(signal: str) -> bool:
-    return "tension" in signal and signal != "peak_tension" and not signal.startswith("tension_output")
-
-
-def _one(
-    above: Any, below: Any, arrays: Mapping[str, np.ndarray], entrant: str, kind: str, table: Table, style: Style
-) -> None:
-    scale = display(1.0, "rmse", table)
-    above.plot(arrays["time"], arrays["reference"] * scale, color=INK, linewidth=1.0, linestyle=(0, (3, 1.5)))
-    above.plot(arrays["time"], arrays["output"] * scale, color=style[entrant]["color"])
-    if arrays["failed"]:
-        above.plot(arrays["time"][-1], arrays["output"][-1] * scale, "x", color="#a8321f", ms=8, mew=2)
-    if kind == "median":
-        above.set_title(entrant)
-    names = [n for n in arrays if _is_drawn_tension(n)]
-    for k, name in enumerate(names):
-        below.plot(
-            arrays["time"],
-            arrays[name],
-            color=style[entrant]["color"],
-            linewidth=0.9,
-            linestyle=DASHES[k % 4],
-            alpha=1.0 if k == 0 else 0.75,
-        )
 
 
 def sweeps(board: Board, task: str, style: Style) -> str:
