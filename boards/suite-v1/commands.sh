@@ -24,11 +24,12 @@ train() {
 for one in $tasks; do for seed in 0 1 2; do train suite-ppo "$one" "$seed"; done; done
 for one in CableHole-Track-Hard CableHole-Sine-Hard PulleyCircuit-Track-Hard TendonSheath-Track-Hard; do train suite-residual-ppo "$one" 0; done
 
-# the robust track: one quantity at a time away from the task's own rig; kept are the rows of the ranked tasks
+# the robust track: one quantity at a time away from the task's own rig; of pid-suite and lqg-suite kept are the rows of the ranked tasks
 robust="cablebench evaluate --protocol suite-v1 --track robust --results $board --jobs 2 --resume"
 ranked=$(sed -n 's/^  - cable_envs\/\([A-Za-z-]*\)-v1.*/\1/p' configs/protocols/suite-v1.yaml)
-$robust $(printf ' --env %s' $ranked) --controller suite-references --controller pid-suite --controller lqg-suite
-for one in $ranked; do
+$robust --controller suite-references
+$robust $(printf ' --env %s' $ranked) --controller pid-suite --controller lqg-suite
+for one in $tasks; do
   $robust --env "$one" $(printf " --policy runs/suite/suite-ppo-$one-%s" 0 1 2)
 done
 

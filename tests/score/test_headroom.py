@@ -98,6 +98,15 @@ def test_the_page_shows_the_published_board():
     assert len(lines) == 1 + len(few) and set(lines) <= set(page)
 
 
+def test_ranked_are_the_tasks_that_discriminate():
+    """The rule of the suite: of the table that another test compares with the records."""
+    page = (headroom.ROOT / "docs" / "suite.md").read_text(encoding="utf-8").split(headroom.BEGIN)[1]
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    found = {cells[0]: cells[-1] for cells in rows}
+    tasks = load_protocol(headroom.NAME).tasks
+    assert {task.short: "yes" if task.ranked else "no" for task in tasks}.items() <= found.items()
+
+
 def test_every_suite_task_is_in_a_group_of_the_tuning():
     names = [name for pair in suite_gains.GROUPS.items() for name in (pair[0], *pair[1])]
     assert sorted(map(suite_gains.full, names)) == sorted(SUITE_IDS)
