@@ -103,3 +103,14 @@ def test_without_an_address_everything_is_there_by_rank(pages, tmp_path):
     seen = Visible(opened(pages / "tasks" / f"{TASKS[1]}.html", tmp_path, "rankings"))
     assert {track for track, _, _ in seen.tables} == {"nominal", "randomised"} and seen.sorted == []
     assert all(len(names) == 6 for _, _, names in seen.tables) and seen.output == "6 entrants"
+
+
+def test_a_board_of_one_track_hides_nothing_though_its_pages_have_no_choice_of_track(tmp_path):
+    protocol = made_protocol(episodes=3, tasks=tuple(t for t in made_protocol().tasks if t.short in TASKS))
+    records = [r for r in made_records(protocol) if r["track"] == "nominal"]
+    made = dict(board_pages(build_board(protocol, records, "", "--results x")))
+    page = tmp_path / "task.html"
+    page.write_text(made[f"tasks/{TASKS[0]}.html"], "utf-8")
+    seen = Visible(opened(page, tmp_path, "rankings"))
+    assert 'name="track"' not in page.read_text("utf-8")
+    assert {track for track, _, _ in seen.tables} == {"nominal"} and seen.output == "6 entrants"

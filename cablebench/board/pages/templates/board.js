@@ -5,7 +5,7 @@ const shownNames = new Set(rows.map(row => row.dataset.name)).size;
 rows.forEach((row, place) => row.place = place);  // the order by rank, to go back to
 let sortKey = "";
 
-function hide(element, hidden) { element.toggleAttribute("hidden", hidden); }
+function hide(element, hidden) { element.toggleAttribute("hidden", Boolean(hidden)); }
 
 function filter(state) {
   const fits = row => row.dataset.name.toLowerCase().includes(state.name.toLowerCase())
