@@ -251,8 +251,9 @@ def test_demo_writes_the_board(tmp_path, protocol):
     for rows in tables.values():
         assert rows["ppo"]["charged"]["environment_steps"] == 8192
         assert rows["open-loop"]["score"]["value"] == 0.0 and rows["oracle"]["score"]["value"] == 1.0
-    page = (out / "board.html").read_text()
-    assert "<svg" in page and HOLE in page
+    assert f"tasks/{HOLE}.html" in (out / "board.html").read_text()
+    page = (out / "tasks" / f"{HOLE}.html").read_text()
+    assert "<svg" in page and "adaptive-inverse" in page
     assert (out / "board.md").read_text().startswith("# Two short tasks")
     assert {p.parent.name for p in (out / "agents").rglob("policy.zip")} == {f"ppo-{HOLE}-0", f"ppo-{CIRCUIT}-0"}
 

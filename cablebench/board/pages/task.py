@@ -67,7 +67,8 @@ def render_task(board: Board, task: str, trajectories: Trajectories | None = Non
     style = figures.styles(board)
     tables = [t for t in board.tables if t.task == task]
     if not tables:
-        raise ConfigurationError(f"the board has no task '{task}'; it has {', '.join({t.task for t in board.tables})}")
+        known = ", ".join(dict.fromkeys(t.task for t in board.tables))
+        raise ConfigurationError(f"the board has no task '{task}'; it has {known}")
     traces = viewer(board, tables, trajectories, style)
     names = list(dict.fromkeys(t.task for t in board.tables))
     place = names.index(task)
