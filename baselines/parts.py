@@ -97,6 +97,14 @@ class Smoother:
         return self.value
 
 
+def has_jumped(ref: tuple[float, float, float], last: float | None, dt: float, least: float) -> bool:
+    """Whether a reference (value, rate, acceleration) differs from its last value by more than its rate makes.
+
+    ``dt`` is the control period; ``least`` the smallest jump, in the unit of the reference.
+    """
+    return last is not None and abs(ref[0] - last - ref[1] * dt) > least
+
+
 class Hold:
     """The output at rest behind an elastic cable: position = b + c load, fitted; what goes beyond is its motion.
 

@@ -9,11 +9,10 @@ and the drive torque M lie between the clockwise and the counter-clockwise line;
     M = M_m + M_h (D - eps D_m) / (eps D_h)
 
 phi, eps and kappa scale the nominal friction (shafts and pretension), the compliance of the cables and the stiffness of
-the object. Before the output moves, `parts.Hold` fits
-the line of the hold, angle over torque: its slope tells eps, and where the drive goes beyond it, the output has broken
-away, at a torque that tells phi. From then on an extended Kalman filter follows (z, ln phi, ln eps, ln kappa) by the
-measured drive angle and torque, with slopes by differences. No absolute angle is needed: z_0 is what the output is
-where the filter begins.
+the object. Before the output moves, `parts.Hold` fits the line of the hold, angle over torque: its slope tells eps, and
+where the drive goes beyond it, the output has broken away, at a torque that tells phi. From then on an extended Kalman
+filter follows (z, ln phi, ln eps, ln kappa) by the measured drive angle and torque, with slopes by differences. No
+absolute angle is needed: z_0 is what the output is where the filter begins.
 """
 
 import math

@@ -22,7 +22,7 @@ from cable_envs.baselines.base import CIRCUITS, Controller, Reference
 from cable_envs.baselines.circuit.crossing import JUMP, Crossing
 from cable_envs.baselines.circuit.play import PlayFilter
 from cable_envs.baselines.circuit_model import CircuitModel
-from cable_envs.baselines.parts import FilteredRate, Smoother, follow_direction
+from cable_envs.baselines.parts import FilteredRate, Smoother, follow_direction, has_jumped
 from cable_envs.core.params import Parameter, ParameterTable
 
 STANDS = 0.3
@@ -109,7 +109,7 @@ class VirtualJaw(Controller):
             self.jaw.begin(ref[0], angle, torque)
         self.jaw.update(angle, y["drive_velocity"], torque)
         error = ref[0] - self.jaw.output
-        if self._last is not None and abs(ref[0] - self._last - ref[1] * self.dt) > JUMP:
+        if has_jumped(ref, self._last, self.dt, JUMP):
             self._crossing.begin()
         self._turn(ref, error)
         if not self._crossing.on and (self._still < STANDS or abs(error) > g["tolerance"]):

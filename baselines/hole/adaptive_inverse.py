@@ -26,6 +26,7 @@ from typing import Any, ClassVar
 from cable_envs.baselines.base import Reference
 from cable_envs.baselines.hole.inverse import LEAD, SLEW, InverseHole, direction_gains
 from cable_envs.baselines.hole.jumps import Crossing, Search
+from cable_envs.baselines.parts import has_jumped
 from cable_envs.core.params import Parameter, ParameterTable
 
 REFERENCE_SPEED = 0.01
@@ -123,7 +124,7 @@ class AdaptiveInverse(InverseHole):
         free = super().act(t, y, ref)
         if self.task != "tension":
             return free
-        if last is not None and self._jump(last, ref):
+        if last is not None and has_jumped(ref, last, self.dt, JUMP):
             self._crossing.begin(y, last, ref[0], self._search.compliance)
         crosses = self._crossing.command(y, min(max(self.fitted[1], 0.0), MOST))
         return free if crosses is None else crosses
@@ -141,10 +142,6 @@ class AdaptiveInverse(InverseHole):
                 self._spread[k][1] = self._spread[1][k] = FOUND**2 if k == 1 else 0.0
         return min(pull, self._top)
 
-    def _jump(self, last: float, ref: Reference) -> bool:
-        """Whether the reference has jumped since ``last``, beside what its rate explains."""
-        return abs(ref[0] - last - ref[1] * self.dt) > JUMP
-
     def wanted_speed(self, error: float, ref: Reference) -> float:
         """In a tension task the error is smoothed, but for that of a jump of the reference until it is made up for.
 
@@ -152,7 +149,7 @@ class AdaptiveInverse(InverseHole):
         """
         if self.task != "tension":
             return super().wanted_speed(error, ref)
-        if self._last is not None and self._jump(self._last, ref):
+        if has_jumped(ref, self._last, self.dt, JUMP):
             self._jumped = 1.0 if error > 0.0 else -1.0
         self._last = ref[0]
         if self._jumped * error <= 0.0:

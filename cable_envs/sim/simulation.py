@@ -18,7 +18,7 @@ from cable_envs.sim.setup import Setup, require_posture
 from cable_envs.sim.stepsize import check_step
 from cable_envs.sim.suite.drawing import DrawnSignal
 from cable_envs.sim.suite.judging import JUDGED
-from cable_envs.sim.tasks import INFO
+from cable_envs.sim.tasks import INFO, action_of
 
 FARTHEST = 1000.0
 """Largest initial position, m or rad: beyond, no cable is long enough."""
@@ -60,11 +60,6 @@ def generator_of(state: Mapping[str, Any] | None) -> np.random.Generator | None:
     generator = np.random.Generator(np.random.PCG64(0))
     generator.bit_generator.state = state
     return generator
-
-
-def _action(command: np.ndarray, ends: tuple[float, float]) -> np.ndarray:
-    """The actions that ask for commands, within [-1, 1]."""
-    return np.clip(2.0 * (command - ends[0]) / (ends[1] - ends[0]) - 1.0, -1.0, 1.0)
 
 
 class Simulation:
@@ -309,13 +304,13 @@ class Simulation:
         u.rows[:, lanes] = 0.0
         u.command[lanes], u.mode[lanes] = held, self.setup.plant.number_of(mode)
         told = held + self.buffers.common[0].shifted * s.zero[lanes]
-        s.action[lanes] = s.last_action[lanes] = _action(told, self.setup.ranges[0])
+        s.action[lanes] = s.last_action[lanes] = np.clip(action_of(told, *self.setup.ranges[0]), -1.0, 1.0)
         second = mode.second
         if second is not None:
             row = self.setup.plant.row
             held = x[row(second.rest_signal)] if second.rest_signal else np.zeros(len(lanes))
             u.second[lanes] = self.buffers.x[row(f"{second.name}_command"), lanes] = held
-            s.second_action[lanes] = s.last_second[lanes] = _action(held, self.setup.ranges[-1])
+            s.second_action[lanes] = s.last_second[lanes] = np.clip(action_of(held, *self.setup.ranges[-1]), -1.0, 1.0)
 
     def state(self, lanes: np.ndarray | None = None) -> dict[str, Any]:
         """Everything that changes from step to step, as copies.

@@ -11,6 +11,8 @@ from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
 from cable_envs.core.config import config_names, config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.kernels import inline
@@ -254,3 +256,21 @@ def reward(error, change, error_scale, effort_weight):
         At most 1.
     """
     return 1.0 / (1.0 + error / error_scale) - effort_weight * change * change
+
+
+def action_of(command: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The actions that ask for commands: `command_of` the other way round.
+
+    Parameters
+    ----------
+    command : ndarray
+        In the unit of ``low`` and ``high``.
+    low, high : float
+        Commands of the actions -1 and 1.
+
+    Returns
+    -------
+    ndarray
+        Beyond -1 or 1 where a command is beyond the range.
+    """
+    return 2.0 * (command - low) / (high - low) - 1.0

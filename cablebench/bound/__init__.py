@@ -17,6 +17,7 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
+from cable_envs.sim.tasks import action_of
 from cablebench.bound.candidates import laws, oracles, staying
 from cablebench.bound.motion import Plants
 from cablebench.bound.search import Found, improve
@@ -199,14 +200,11 @@ def _limits(setup: Setup) -> tuple[float, float]:
     if setup.action_mode.unit != "N":
         return -1.0, 1.0
     most = min(setup.high, setup.rig.values["tension_limit"])
-    return -1.0, float(_action(np.array(most), setup))
-
-
-def _action(command: np.ndarray, setup: Setup) -> np.ndarray:
-    return 2.0 * (command - setup.low) / (setup.high - setup.low) - 1.0
+    return -1.0, float(action_of(np.array(most), setup.low, setup.high))
 
 
 def _asked(command: np.ndarray, setup: Setup) -> np.ndarray:
     """The actions that were asked for, from the commands that acted: those are late by the action delay."""
     late = setup.action_delay
-    return np.append(_action(command, setup)[late:], np.full(late, _action(command[-1:], setup)))
+    action = action_of(command, setup.low, setup.high)
+    return np.append(action[late:], np.full(late, action[-1:]))

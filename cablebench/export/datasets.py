@@ -16,6 +16,7 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.provenance import versions
+from cable_envs.sim.tasks import action_of
 from cablebench.bound import upper_bound
 from cablebench.entrants.entrant import Entrant
 from cablebench.entrants.named import named_entrant
@@ -84,7 +85,7 @@ class Played:
         setup, buffers = env.setup, env.simulation.buffers
         zero = float(buffers.common[0].shifted * buffers.named.zero[0])
         told = self._commands[int(env.np_random_seed)] + zero
-        self._plan = (2.0 * (told - setup.low) / (setup.high - setup.low) - 1.0).astype(np.float32)
+        self._plan = action_of(told, setup.low, setup.high).astype(np.float32)
         self._step = 0
 
     def act(self, observation: np.ndarray, t: float) -> np.ndarray:
@@ -94,30 +95,32 @@ class Played:
         return np.array([action], dtype=np.float32)
 
 
-def _random(env_id: str, options: Mapping[str, Any], seeds: Sequence[int], rounds: int) -> Entrant:
-    """Uniform random actions."""
-    return random_entrant()
+@dataclass(frozen=True)
+class Behaviour:
+    """Who makes the episodes of a data set.
 
+    words: for the card; entrant: from the environment's id and options, the seeds, and rounds of the expert's search.
+    """
 
-def _reference(env_id: str, options: Mapping[str, Any], seeds: Sequence[int], rounds: int) -> Entrant:
-    """The shipped reference controllers."""
-    return named_entrant(REFERENCE)
+    words: str
+    entrant: Callable[[str, Mapping[str, Any], Sequence[int], int], Entrant]
 
 
 def _expert(env_id: str, options: Mapping[str, Any], seeds: Sequence[int], rounds: int) -> Entrant:
-    """The best commands that a search with the true rig found."""
-    bounds = upper_bound(env_id, seeds, options, rounds=rounds)
-    commands = {b.seed: b.command for b in bounds}
+    """The best commands that a search with the true rig found for each seed."""
+    commands = {b.seed: b.command for b in upper_bound(env_id, seeds, options, rounds=rounds)}
     settings = {"rounds of the search": rounds}
     return Entrant(
         "expert", "oracle", lambda _: Played(commands), lambda env_id, setup: {}, "upper-bound", settings=settings
     )
 
 
-BEHAVIOURS: Mapping[str, Callable[[str, Mapping[str, Any], Sequence[int], int], Entrant]] = {
-    "random": _random, "reference": _reference, "expert": _expert,
-}  # fmt: skip
-"""Who made the episodes, by the name in the data set's id."""
+BEHAVIOURS: Mapping[str, Behaviour] = {
+    "random": Behaviour("uniform random commands", lambda *_: random_entrant()),
+    "reference": Behaviour("the shipped reference controllers", lambda *_: named_entrant(REFERENCE)),
+    "expert": Behaviour("the best commands that a search with the true rig found", _expert),
+}
+"""By the name in the data set's id."""
 
 
 def dataset_id(task: Task, behaviour: str, version: int = 0) -> str:
@@ -173,7 +176,7 @@ def make_dataset(
     name, options = dataset_id(task, behaviour), options_of(task)
     check_dataset_id(name, root)
     seeds = [protocol.train.seed(k) for k in range(episodes)]
-    entrant = BEHAVIOURS[behaviour](task.env, options, seeds, rounds)
+    entrant = BEHAVIOURS[behaviour].entrant(task.env, options, seeds, rounds)
     if entrant.enters(task.env, options) is None and entrant.information != "oracle":
         raise ConfigurationError(f"'{entrant.title}' does not enter {task.env}: there is no {behaviour} data set of it")
     with gym.make(task.env, disable_env_checker=True, **options) as env:
@@ -264,13 +267,12 @@ def card(name: str, behaviour: str, env: gym.Env, traces: Sequence[Trace], told:
     low, mid, high = (shown(float(q), "rmse", first) for q in np.quantile(errors, (0.0, 0.5, 1.0)))
     channels = "\n".join(f"| {k} | `{c.name}` | {c.unit} | {c.scale:g} |" for k, c in enumerate(setup.channels))
     facts = "\n".join(f"- {key}: {value}" for key, value in {**told, **versions()}.items())
-    what = (BEHAVIOURS[behaviour].__doc__ or "").rstrip(".").lower()
     steps = sum(len(t.actions) for t in traces)
     assert env.spec is not None
     return f"""# {name}
 
 {len(traces)} episodes of `{env.spec.id}` ({steps} steps of {setup.control_period:g} s),
-made by {what}. The rigs are drawn from the ranges for training,
+made by {BEHAVIOURS[behaviour].words}. The rigs are drawn from the ranges for training,
 and the seeds are {traces[0].seed} to {traces[-1].seed}: no rig and no seed of the test is among them.
 
 | | least | median | most |

@@ -53,10 +53,7 @@ class Recorded:
 
     def smoothed(self, period: float) -> tuple[np.ndarray, np.ndarray]:
         """(position, speed), each [T]: what the simulator is driven by."""
-        if len(self.values) < self.width:
-            return self.values.copy(), np.gradient(self.values, period)
-        speed = savgol_filter(self.values, self.width, 3, deriv=1, delta=period)
-        return savgol_filter(self.values, self.width, 3), speed
+        return by_cubics(self.values, self.width, period)
 
     def taken(self) -> np.ndarray:
         """What smoothing takes away [T]."""
@@ -74,6 +71,16 @@ class Recorded:
         kernel[self.width // 2] += 1.0
         most = self.noise * float(np.linalg.norm(kernel)) * np.sqrt(2.0 * np.log(len(self.values)))
         return maximum_filter1d(np.abs(self.taken()), 2 * self.width + 1) > most
+
+
+def by_cubics(values: np.ndarray, width: int, period: float) -> tuple[np.ndarray, np.ndarray]:
+    """(values, their rate), each [T], by cubics over ``width`` samples; shorter series stay as they are.
+
+    Savitzky and Golay, Anal. Chem. 36 (1964) 1627.
+    """
+    if len(values) < width:
+        return values.copy(), np.gradient(values, period)
+    return savgol_filter(values, width, 3), savgol_filter(values, width, 3, deriv=1, delta=period)
 
 
 class Driven(Protocol):

@@ -3,7 +3,7 @@
 Where the drive's speed command was recorded, it drives the plant, with the plant's own drive (acceleration limit, lag):
 a command has no noise, while the noise of a recorded drive position, 10 um, times the cable's stiffness would be a
 newton. Positions then follow from the command by integration, from a start that `replayed` solves for. Without a
-command the drive follows its recorded position, smoothed; what the smoothing leaves of its noise is in all residuals.
+command the drive follows its recorded position, smoothed; what its noise makes of each channel counts as noise.
 """
 
 from collections.abc import Iterator, Sequence
@@ -186,7 +186,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     pull = next((n for n in ("drive_tension", "load_tension") if n in seen), None)
     if pull is None:
         return found
-    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0], pull))
+    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period), pull))
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:

@@ -11,7 +11,7 @@ from scipy.signal import savgol_filter
 from cable_envs.diagnosis.data.clock import numbers, zero
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.driven import Recorded, best_width, noise_of_samples
+from cable_envs.diagnosis.model.driven import Recorded, best_width, by_cubics, noise_of_samples
 from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.conditions import usual
@@ -141,12 +141,9 @@ def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED
     return savgol_filter(position, width, 2, deriv=1, delta=period)
 
 
-def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
-    """(values, their rate), each [T], by cubics over ``seconds`` (Savitzky and Golay, Anal. Chem. 36 (1964) 1627)."""
-    width = 2 * max(round(0.5 * seconds / period), 2) + 1
-    if len(values) < width:
-        return values.copy(), np.gradient(values, period)
-    return savgol_filter(values, width, 3), savgol_filter(values, width, 3, deriv=1, delta=period)
+def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> np.ndarray:
+    """Values [T] by cubics over ``seconds``."""
+    return by_cubics(values, 2 * max(round(0.5 * seconds / period), 2) + 1, period)[0]
 
 
 def recorded_drive(recording: Recording, channel: str, values: np.ndarray) -> Recorded:

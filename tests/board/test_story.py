@@ -10,8 +10,7 @@ from cablebench.board.board import build_board
 from cablebench.board.history import Made, history
 from cablebench.board.pages.overview import render_board
 from cablebench.board.story import main_track, story
-from cablebench.score.anchors import Anchor, task_hash, write_anchors
-from tests.support.board_records import ENTRANTS, made_protocol, made_records
+from tests.support.board_records import ENTRANTS, made_protocol, made_records, made_suite_protocol
 
 LEADERS, TIES, AGENTS, FAILURES, ROBUSTNESS = range(5)
 
@@ -45,16 +44,7 @@ def linear():
 @pytest.fixture(scope="module")
 def suite(tmp_path_factory):
     """A board of score version 1."""
-    path = tmp_path_factory.mktemp("anchors") / "made.yaml"
-    protocol = made_protocol(score_version=1, anchors=str(path), episodes=4)
-    anchors = [
-        Anchor(
-            t.env, track.name, *((0.2, 0.01) if "Circuit" in t.env else (0.004, 0.0002)),
-            "rad" if "Circuit" in t.env else "m", "open-loop", "oracle", 20, 2000, task_hash(t, track), "made up",
-        )
-        for t in protocol.tasks for track in protocol.tracks
-    ]  # fmt: skip
-    write_anchors(path, anchors, "made up")
+    protocol = made_suite_protocol(tmp_path_factory.mktemp("anchors") / "made.yaml", episodes=4)
     records = made_records(protocol)
     for r in records:
         if r["track"] == "randomised" and r["entrant"] == "pid" and r["seed"] == 2003:

@@ -14,22 +14,13 @@ from cablebench.board.board import build_board
 from cablebench.board.report import render_json, render_markdown
 from cablebench.board.suite import RANKED
 from cablebench.score.anchors import Anchor, task_hash, write_anchors
-from tests.support.board_records import ENTRANTS, made_protocol, made_records
+from tests.support.board_records import ENTRANTS, made_records, made_suite_protocol
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     """A protocol with anchors of its own, and records in which `pid` overloads and `mrac-g9` drops a load."""
-    path = tmp_path_factory.mktemp("anchors") / "made.yaml"
-    protocol = made_protocol(score_version=1, anchors=str(path))
-    anchors = [
-        Anchor(
-            t.env, track.name, *((0.2, 0.01) if "Circuit" in t.env else (0.004, 0.0002)),
-            "rad" if "Circuit" in t.env else "m", "open-loop", "oracle", 20, 2000, task_hash(t, track), "made up",
-        )
-        for t in protocol.tasks for track in protocol.tracks
-    ]  # fmt: skip
-    write_anchors(path, anchors, "made up")
+    protocol = made_suite_protocol(tmp_path_factory.mktemp("anchors") / "made.yaml")
     records = made_records(protocol)
     for r in records:
         if r["track"] == "randomised" and r["seed"] == 2003:

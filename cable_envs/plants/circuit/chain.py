@@ -46,6 +46,7 @@ from cable_envs.plants.base import Plant, Signal
 from cable_envs.plants.circuit.effects import (
     ACTING,
     any_apart,
+    any_creeps,
     any_hardens,
     moves_otherwise,
     output_slides,
@@ -220,17 +221,6 @@ def _solve_side(side, lanes):
 
 
 @inline
-def _any_creeps(e, s, lanes):
-    """Whether a cable of the block creeps, or has crept."""
-    found = False
-    for i in range(lanes):
-        found = found or (e.viscoelastic_creep_share[i] > 0.0) or (e.slow_creep_share[i] > 0.0)
-        found = found or (s.creep_top[i] != 0.0) or (s.creep_bottom[i] != 0.0)
-        found = found or (s.slow_creep_top[i] != 0.0) or (s.slow_creep_bottom[i] != 0.0)
-    return found
-
-
-@inline
 def _equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps):
     """Move the ends of both sides of a tile, and solve; ``hardens``, ``creeps``: whether a cable of the block does."""
     top, bottom = _top(x, p, w), _bottom(x, p, w)
@@ -382,7 +372,7 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once."""
     hardens, creeps, apart = False, False, False
     if e is not None:  # what no column of a block has is left out for all of them
-        hardens, creeps, apart = any_hardens(e, lanes), _any_creeps(e, s, lanes), any_apart(e, lanes)
+        hardens, creeps, apart = any_hardens(e, lanes), any_creeps(e, s, lanes), any_apart(e, lanes)
     for i in range(lanes):
         if e is not None:
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)

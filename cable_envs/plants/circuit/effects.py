@@ -66,6 +66,17 @@ def any_apart(e, lanes):
 
 
 @inline
+def any_creeps(e, s, lanes):
+    """Whether a cable of the block creeps, or has crept."""
+    found = False
+    for i in range(lanes):
+        found = found or (e.viscoelastic_creep_share[i] > 0.0) or (e.slow_creep_share[i] > 0.0)
+        found = found or (s.creep_top[i] != 0.0) or (s.creep_bottom[i] != 0.0)
+        found = found or (s.slow_creep_top[i] != 0.0) or (s.slow_creep_bottom[i] != 0.0)
+    return found
+
+
+@inline
 def any_hardens(e, lanes):
     """Whether a cable of the block grows stiffer with its tension."""
     found = False
