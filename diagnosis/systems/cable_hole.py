@@ -186,7 +186,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     pull = next((n for n in ("drive_tension", "load_tension") if n in seen), None)
     if pull is None:
         return found
-    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period), pull))
+    return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0], pull))
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:

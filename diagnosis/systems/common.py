@@ -141,9 +141,9 @@ def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED
     return savgol_filter(position, width, 2, deriv=1, delta=period)
 
 
-def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> np.ndarray:
-    """Values [T] by cubics over ``seconds``."""
-    return by_cubics(values, 2 * max(round(0.5 * seconds / period), 2) + 1, period)[0]
+def smoothed(values: np.ndarray, period: float, seconds: float = 0.1) -> tuple[np.ndarray, np.ndarray]:
+    """(values, their rate), each [T], by cubics over ``seconds``."""
+    return by_cubics(values, 2 * max(round(0.5 * seconds / period), 2) + 1, period)
 
 
 def recorded_drive(recording: Recording, channel: str, values: np.ndarray) -> Recorded:

@@ -156,4 +156,4 @@ def _coordinates(
     if pull is None:
         return found
     name = "tension" if units[pull] == "N" else "torque"
-    return (*found, Coordinate(name, units[pull], smoothed(seen[pull].values, period), pull))
+    return (*found, Coordinate(name, units[pull], smoothed(seen[pull].values, period)[0], pull))

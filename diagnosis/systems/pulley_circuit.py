@@ -182,7 +182,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     pull = next((n for n in ("output_torque", "drive_torque") if n in seen), None)
     if pull is None:
         return found
-    return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period), pull))
+    return (*found, Coordinate("torque", "N m", smoothed(seen[pull].values, period)[0], pull))
 
 
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
