@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
 from cable_envs.core.intervals import Interval
 from cable_envs.core.text import between_marks, markdown_text
@@ -13,6 +14,8 @@ from cablebench.concealed.hidden import KINDS
 from cablebench.concealed.mechanism import load_mechanism
 from cablebench.protocol.units import shown, unit_of
 
+FEWEST = 5
+"""Rigs that an interval takes."""
 BEGIN, END = "<!-- begin: cablebench concealed -->", "<!-- end: cablebench concealed -->"
 
 
@@ -34,7 +37,18 @@ def tables(result: Mapping[str, Any]) -> str:
 
 def write_tables(page: Path, text: str) -> None:
     """Put the tables between the marks of a page; ConfigurationError where it has none."""
-    write_atomic(page, between_marks(page.read_text(encoding="utf-8"), BEGIN, END, text))
+    write_atomic(page, _with_tables(page, text))
+
+
+def require_page(page: Path) -> None:
+    """A page that can take the tables, asked before hours go into these; ConfigurationError where it cannot."""
+    _with_tables(page, "")
+
+
+def _with_tables(page: Path, text: str) -> str:
+    if not page.is_file():
+        raise ConfigurationError(f"no page {page}: expected a Markdown file with the lines '{BEGIN}' and '{END}'")
+    return between_marks(page.read_text(encoding="utf-8"), BEGIN, END, text)
 
 
 def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:
@@ -79,7 +93,8 @@ def _worth(rigs: Sequence[worth.Rig], who: str, with_it: str, without: str, orac
         + "` | smaller error with it |", "|---|--:|---|---|--:|",
     ]  # fmt: skip
     for one in worth.diagnosis(rigs, with_it, without, oracle):
-        cells = [one["answer"], str(one["rigs"]), _interval(one["times"]), _interval(one["oracle"])]
+        times = [_interval(x) if one["rigs"] >= FEWEST else f"{x.value:.2f}" for x in (one["times"], one["oracle"])]
+        cells = [one["answer"], str(one["rigs"]), *times]
         lines.append(f"| {' | '.join(cells)} | {one['better']} of {one['rigs']} |")
     return lines
 

@@ -6,6 +6,7 @@ prepares), ``keys/rig-NN.json``, and ``rig-NN/`` with the recording, what the ro
 """
 
 import json
+import math
 import secrets
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -15,6 +16,7 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import json_text, jsonable, write_atomic
 from cable_envs.proof.sealing import opened, seal
+from cable_envs.sim.registered import setup_of
 from cablebench.concealed.entrants import Row
 from cablebench.concealed.given import episode_metrics, folder_of, given
 from cablebench.concealed.hidden import HiddenRig, drawn, from_key
@@ -111,13 +113,32 @@ def scored(hidden: HiddenRig, mechanism: Mechanism, row: Row, root: Path, episod
     return result
 
 
-def answer(folder: Path) -> dict[str, Any] | None:
-    """What the diagnosis of a rig said, ``verdict`` and ``named`` effects; None where no row has asked for one."""
+def answer(folder: Path, mechanism: Mechanism) -> dict[str, Any] | None:
+    """What the diagnosis of a rig said; None where no row has asked for one.
+
+    Some effects of the library are a parameter of the believed simulator that is stated as another value: a spring at
+    the load is `load_stiffness`, stated as 0. The refit then finds it, before any effect is asked for. Such an effect
+    counts as named where the parameter's 95 % interval leaves out the stated value.
+
+    Returns
+    -------
+    dict
+        ``verdict``, and the ``named`` effects.
+    """
     file = folder / "diagnosis" / "diagnosis.json"
     if not file.is_file():
         return None
     found = json.loads(file.read_text(encoding="utf-8"))
-    return {"verdict": found["verdict"], "named": [effect["name"] for effect in found["effects"]]}
+    aliases = setup_of(mechanism.env, {}).plant.effects.aliases
+    refitted = {aliases[name]: name.partition(".")[0] for name in mechanism.library if name in aliases}
+    moved = [refitted[name] for name, value in found["absorbed"].items() if name in refitted and _moved(value)]
+    return {"verdict": found["verdict"], "named": [*(effect["name"] for effect in found["effects"]), *moved]}
+
+
+def _moved(value: Mapping[str, Any]) -> bool:
+    """Whether the 95 % interval of a refitted parameter leaves out what was stated."""
+    low, high = value["ci95"] or (-math.inf, math.inf)
+    return not low <= value["before"] <= high
 
 
 def run(
@@ -154,6 +175,6 @@ def run(
                 continue
             tell(f"{mechanism.name}, rig {hidden.number}: {row.name}")
             of_rig[row.name] = scored(hidden, mechanism, row, root, episodes, seed, tell)
-        said = answer(folder_of(hidden, root))
+        said = answer(folder_of(hidden, root), mechanism)
         found.append({"hidden": hidden.key(), "rows": of_rig, "answer": said})
     return found

@@ -21,7 +21,10 @@ Rig = Mapping[str, Any]
 
 ANSWERS = ("right", "in part, or another", "unknown", "nothing missing")
 """What a diagnosis said of a rig: all that is concealed and nothing else; effects, and not just these; that something
-is missing which it cannot name, or that the data are at fault; that nothing is missing."""
+is missing which it cannot name, or that the data are at fault; that nothing is missing. `track.answer` has what counts
+as named."""
+OPEN = ("unknown", "data_fault")
+"""Verdicts that leave open what is missing, whatever the refit has moved."""
 
 
 def mean_over_rigs(values: Sequence[float]) -> Interval:
@@ -60,10 +63,10 @@ def answered(rig: Rig) -> str | None:
     told = rig["answer"]
     if told is None:
         return None
-    if told["verdict"] == "no_detectable_mismatch":
-        return ANSWERS[3]
-    if not told["named"]:
+    if told["verdict"] in OPEN:
         return ANSWERS[2]
+    if not told["named"]:
+        return ANSWERS[3] if told["verdict"] == "no_detectable_mismatch" else ANSWERS[2]
     return ANSWERS[0] if sorted(told["named"]) == sorted(rig["hidden"]["effects"]) else ANSWERS[1]
 
 

@@ -16,7 +16,7 @@ from cablebench.concealed.hidden import KINDS, drawn, from_key
 from cablebench.concealed.learners import controller, shipped_gains, tuned_on_the_rig
 from cablebench.concealed.mechanism import load_mechanism, mechanisms
 from cablebench.concealed.records import record_hidden
-from cablebench.concealed.track import run, sealed
+from cablebench.concealed.track import answer, run, sealed
 
 HOLE = "hole"
 LIBRARY = 0
@@ -192,6 +192,25 @@ def made_up(answers):
 ANSWERS = [("named", ["backlash"]), ("unknown", []), ("named", ["slack"]), ("no_detectable_mismatch", [])]
 
 
+def test_a_spring_that_the_refit_finds_counts_as_named(hole, tmp_path):
+    assert answer(tmp_path, hole) is None
+    (tmp_path / "diagnosis").mkdir()
+    said = {
+        "verdict": "no_detectable_mismatch", "effects": [],
+        "absorbed": {
+            "load_stiffness": {"before": 0.0, "ci95": [247.0, 249.0]},
+            "load_damping": {"before": 0.0, "ci95": [-0.2, 0.9]},
+            "friction_coefficient": {"before": 0.43, "ci95": [0.47, 0.48]},  # nobody is told it exactly
+        },
+    }  # fmt: skip
+    (tmp_path / "diagnosis" / "diagnosis.json").write_text(json.dumps(said))
+    told = answer(tmp_path, hole)
+    assert told == {"verdict": "no_detectable_mismatch", "named": ["position_dependent_load"]}
+    rig = {"hidden": {"effects": {"position_dependent_load": {"stiffness": 248.0}}}, "answer": told}
+    assert worth.answered(rig) == "right"
+    assert worth.answered({**rig, "answer": {**told, "verdict": "unknown"}}) == "unknown"
+
+
 def test_what_a_diagnosis_is_worth_is_told_by_its_answer():
     rigs = made_up(ANSWERS)
     assert [worth.answered(rig) for rig in rigs] == [worth.ANSWERS[k] for k in (0, 2, 1, 3)]
@@ -213,7 +232,7 @@ def test_what_a_diagnosis_is_worth_is_told_by_its_answer():
 
 def test_the_page_has_every_rig_and_keeps_what_people_wrote(tmp_path):
     text = page.tables({HOLE: made_up(ANSWERS)})
-    assert text.count("backlash.gap = 0.001") == 4 and "| right | 1 | 2.72" in text
+    assert text.count("backlash.gap = 0.001") == 4 and "| right | 1 | 2.72 | 2.72 |" in text
     file = tmp_path / "page.md"
     file.write_text(f"# Mine\n\n{page.BEGIN}\nold\n{page.END}\nafter\n")
     page.write_tables(file, text)
@@ -222,6 +241,17 @@ def test_the_page_has_every_rig_and_keeps_what_people_wrote(tmp_path):
     file.write_text("# Mine\n")
     with pytest.raises(ConfigurationError, match="the page lacks"):
         page.write_tables(file, text)
+
+
+def test_a_page_that_cannot_take_the_tables_is_refused_before_any_rig_is_drawn(tmp_path, cli):
+    words = ["concealed", "--mechanism", HOLE, "--rigs", "1", "--out", tmp_path / "out", "--page"]
+    code, _, error = cli(*words, tmp_path / "none.md")
+    assert code == 2 and "no page" in error and page.BEGIN in error
+    unmarked = tmp_path / "unmarked.md"
+    unmarked.write_text("# Mine\n")
+    code, _, error = cli(*words, unmarked)
+    assert code == 2 and "the page lacks" in error
+    assert unmarked.read_text() == "# Mine\n" and not (tmp_path / "out" / HOLE).exists()
 
 
 def test_the_command_seals_records_and_goes_on(tmp_path, cli):

@@ -44,7 +44,7 @@ def concealed(
     from cablebench.concealed.entrants import ROWS, row_from_file
     from cablebench.concealed.given import folder_of
     from cablebench.concealed.mechanism import load_mechanism, mechanisms
-    from cablebench.concealed.page import tables, write_tables
+    from cablebench.concealed.page import require_page, tables, write_tables
     from cablebench.concealed.records import record_hidden
     from cablebench.concealed.track import run, sealed
 
@@ -56,6 +56,8 @@ def concealed(
         raise ConfigurationError("two entrants have one name: " + ", ".join(one.name for one in files))
     chosen = [*([ROWS[name] for name in row] if row else [] if files else ROWS.values()), *files]
     require_writable(out)
+    if page is not None:
+        require_page(page)
     result = {}
     with stages() as (tell, _):
         try:
