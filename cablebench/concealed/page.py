@@ -53,10 +53,11 @@ def _with_tables(page: Path, text: str) -> str:
 
 def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:
     mechanism = load_mechanism(name)
+    task = mechanism.env.rpartition("/")[2]
     episodes = len(next(iter(rigs[0]["rows"].values()))["scores"])
     lines = [
         f"## {mechanism.title}", "",
-        f"{len(rigs)} hidden rigs, {episodes} episodes of `{mechanism.env}` on each.", "",
+        f"{len(rigs)} hidden rigs, {episodes} episodes of `{task}` on each.", "",
         "| row | uses | score | ahead of the nominal controller | " + " | ".join(KINDS) + " | median error | failed |",
         "|---|---|---|---|" + "--:|" * (len(KINDS) + 2),
     ]  # fmt: skip
