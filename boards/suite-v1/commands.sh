@@ -33,5 +33,16 @@ for one in $tasks; do
   $robust --env "$one" $(printf " --policy runs/suite/suite-ppo-$one-%s" 0 1 2)
 done
 
+# learnt from data sets alone (docs/offline.md); needs d3rlpy
+for one in CableHole-Track-Medium PulleyCircuit-Track-Medium; do
+  cablebench datasets --env "$one" --episodes 20 --out datasets
+done
+python examples/offline_d3rlpy.py --task CableHole-Track-Medium --datasets datasets --steps 30000 --out learnt
+python examples/offline_d3rlpy.py --task PulleyCircuit-Track-Medium --datasets datasets --steps 30000 --out learnt --learner bc-reference --learner bc-expert
+for one in learnt/*.yaml; do
+  task=$(basename "$one" .yaml | sed -E 's/^(bc-expert|bc-reference|iql|td3bc)-//')
+  $run --env "$task" --policy "$one"
+done
+
 cablebench anchors --protocol suite-v1 --check "$board"
 cablebench leaderboard --board suite-v1 --pack
