@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.core.config import read_yaml
+from cable_envs.core.errors import ConfigurationError
 from cablebench.concealed.given import Given, MakeActor, episode_metrics
 from cablebench.concealed.mechanism import PROTOCOL
 from cablebench.concealed.scores import score_of
@@ -139,7 +140,8 @@ def corrected(given: Given) -> dict[str, Any]:
     Returns
     -------
     dict
-        With ``rig``, the content of augmented.yaml. Where the diagnosis names no effect it is the refitted rig.
+        With ``rig``, the content of augmented.yaml. Where the diagnosis names no effect it is the refitted rig, and
+        where the corrected rig cannot be simulated, such as one whose refit leaves no inertia, the believed one.
     """
     from cable_envs.diagnosis.engine import diagnose
 
@@ -148,7 +150,13 @@ def corrected(given: Given) -> dict[str, Any]:
         diagnose(
             given.recording, seed=given.seed, out=folder, tell=lambda text: given.tell(f"diagnosis: {text}")
         ).write(folder)
-    return {"rig": dict(read_yaml(folder / "augmented.yaml"))}
+    found = {"rig": dict(read_yaml(folder / "augmented.yaml"))}
+    try:
+        given.setup(found)
+    except ConfigurationError as error:
+        given.tell(f"the corrected rig cannot be simulated, and the believed one is taken: {error}")
+        return given.believed
+    return found
 
 
 def truth(given: Given) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from cablebench.concealed import page, worth
 from cablebench.concealed.entrants import ROWS, Row, row_from_file
 from cablebench.concealed.given import Episodes, Given
 from cablebench.concealed.hidden import KINDS, drawn, from_key
-from cablebench.concealed.learners import controller, shipped_gains, tuned_on_the_rig
+from cablebench.concealed.learners import controller, corrected, shipped_gains, tuned_on_the_rig
 from cablebench.concealed.mechanism import load_mechanism, mechanisms
 from cablebench.concealed.records import record_hidden
 from cablebench.concealed.track import answer, run, sealed
@@ -169,6 +169,23 @@ def test_a_controller_believes_the_rig_that_it_is_told(hole, tmp_path):
     assert told.controller.rig["friction_coefficient"] == 0.2
     plain = controller(about, hole.controller["name"], gains, about.believed)(acting)
     assert plain.controller.rig["friction_coefficient"] == load_rig(hole.preset).values["friction_coefficient"]
+
+
+def test_where_the_corrected_rig_cannot_be_simulated_the_believed_one_is_taken(hole, tmp_path):
+    from cablebench.concealed.given import given
+
+    heard: list[str] = []
+    about = given(drawn(hole, 5, LIBRARY), hole, tmp_path, 0, 0, heard.append)
+    (about.folder / "diagnosis").mkdir(parents=True)
+    rig = about.folder / "diagnosis" / "augmented.yaml"
+    quick = {"load_mass": {"value": 1e-6, "unit": "kg"}, "cable_stiffness": {"value": 1e7, "unit": "N/m"}}
+    for parameters, taken in (({}, "corrected"), (quick, hole.preset)):
+        rig.write_text(yaml.safe_dump({
+            "plant": "cable_hole", "name": "corrected", "extends": hole.preset, "parameters": parameters,
+        }))  # fmt: skip
+        found = corrected(about)["rig"]
+        assert (found if isinstance(found, str) else found["name"]) == taken
+    assert len(heard) == 1 and "cannot be simulated" in heard[0]
 
 
 def made_up(answers):
