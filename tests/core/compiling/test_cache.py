@@ -1,5 +1,6 @@
 """Kernels on disk are found by what they call: other processes compile nothing, an edit recompiles its callers only."""
 
+import gc
 import importlib
 import inspect
 import os
@@ -9,6 +10,7 @@ import textwrap
 from collections import namedtuple
 from pathlib import Path
 
+import numba
 import numpy as np
 import pytest
 
@@ -159,6 +161,7 @@ def test_a_second_process_compiles_nothing(own, tmp_path):
 SMALL = """
 from cable_envs.core.compiling import cache
 from cable_envs.sim.references import evaluate
+import numba
 import numpy as np
 print(evaluate(np.zeros((8, 1)), 0.5)[0, 0], Count.compiled, evaluate._cache.cache_path)
 """
@@ -167,6 +170,7 @@ print(evaluate(np.zeros((8, 1)), 0.5)[0, 0], Count.compiled, evaluate._cache.cac
 NAMED = """
 from cable_envs.core.kernels import jit
 from cable_envs.core.lanes import Lanes
+import numba
 import numpy as np
 mass = Lanes("Mass", ["speed", "force"])
 
@@ -243,6 +247,7 @@ def test_processes_at_the_same_time(tmp_path):
 LAW = """
 from pathlib import Path
 import sys
+import numba
 import numpy as np
 from cable_envs.core.compiling import cache
 from cable_envs.core.kernels import jit
@@ -282,3 +287,24 @@ def test_an_updated_installation_that_nobody_can_write_to_runs_its_new_kernels(t
         assert all(words[1].startswith(str(tmp_path / "home")) for words in said)
     folders = list((tmp_path / "home").rglob("law-*"))
     assert len(folders) == 2 and all(len(list(folder.iterdir())) == 1 for folder in folders)
+
+
+@pytest.mark.skipif(JIT_DISABLED, reason="nothing is compiled")
+def test_a_compilation_is_not_searched_for_garbage_and_the_collector_goes_on_after_it():
+    searched = []
+
+    def seen(phase, info):
+        searched.append(phase)
+
+    good, wrong = jit(lambda a: law(a) + 0.5), jit(lambda a: no_such_name + a)  # noqa: F821
+    good._cache.disable()
+    gc.callbacks.append(seen)
+    try:
+        gc.collect()
+        good.compile((numba.float64,))
+        assert searched == ["start", "stop"]  # of the one that is asked for here
+    finally:
+        gc.callbacks.remove(seen)
+    with pytest.raises(numba.TypingError, match="no_such_name"):
+        wrong(1.0)
+    assert gc.isenabled()
