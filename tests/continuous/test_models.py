@@ -23,9 +23,10 @@ from tests.support.tree import ROOT
 CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
 COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
 LONG = {
-    "series-tension", "series-stiff-cable", "series-motor-force", "series-motor-speed", "series-motor-no-extrusion",
-    "hole-motor-force", "contacts-position", "contacts-tension", "contacts-motor-force", "contacts-motor-position",
-    "chain-motor-position", "sheath-motor-force",
+    "series-tension", "series-speed", "series-stiff-cable", "series-motor-force", "series-motor-speed",
+    "series-motor-no-extrusion", "hole-motor-force", "hole-motor-speed", "contacts-position", "contacts-tension", "contacts-motor-force", "contacts-motor-position",
+    "chain-torque", "chain-motor-position", "sheath-motor-force", "joint-motor-torque", "joint-motor-position",
+    "wrist-motor",
 }  # fmt: skip
 """Of those commanded, whose motion in fine steps takes up to minutes to integrate or to compile."""
 FINELY = pytest.mark.parametrize(
@@ -352,7 +353,8 @@ def test_the_range_of_the_command_is_that_of_the_action_mode():
 
 @pytest.mark.parametrize(("name", "speed", "ahead"), [
     ("joint-position", 1.0, 0.0), ("joint-motor-torque", 0.0, 0.1), ("wrist", 2.0, 0.0), ("chain-position", 2.0, 0.0),
-    ("circuit-motor-position", 1.0, 0.0), ("contacts-position", 0.03, 0.0), ("sheath-motor-force", 100.0, 5.0),
+    ("circuit-motor-position", 1.0, 0.0), ("sheath-motor-force", 100.0, 5.0),
+    pytest.param("contacts-position", 0.03, 0.0, marks=pytest.mark.slow),
     ("hole-motor-force", 0.0, 5.0),
 ])  # fmt: skip
 def test_a_small_change_of_the_command_grows_in_the_kernel_as_in_the_linear_system(name, speed, ahead):

@@ -49,7 +49,7 @@ def test_a_drive_within_its_gap_moves_as_without_a_cable(rig):
     assert np.ptp(seen["load_position"]) == np.ptp(seen["drive_tension"]) == 0.0 and seen["drive_tension"][0] > 19.0
 
 
-@pytest.mark.parametrize("rig", [HOLE, SERIES], ids=["hole", "series"])
+@pytest.mark.parametrize("rig", [HOLE, pytest.param(SERIES, marks=pytest.mark.slow)], ids=["hole", "series"])
 def test_a_drive_that_is_told_its_force_has_its_gap_taken_up(rig):
     """The cable can only pull: it draws the nut to one edge, and the motion is that without a gap, to the bit."""
     without, taken_up = (

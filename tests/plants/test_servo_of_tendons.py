@@ -367,7 +367,7 @@ def test_lanes_are_single_environments_to_the_bit_and_a_replay_is_the_episode(ri
     assert seen == pytest.approx(infos[-1][shown], rel=1e-5, abs=1e-6)
 
 
-@pytest.mark.parametrize("rig", RIGS)
+@pytest.mark.parametrize("rig", [pytest.param(SHEATH, marks=pytest.mark.slow), JOINT, WRIST])
 def test_within_its_gap_a_drive_moves_the_same_whatever_the_tendons_pull(rig):
     """The nut is held by its friction, and with it the tendons: none moves, and none is felt."""
     pulls = {

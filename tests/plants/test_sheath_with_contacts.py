@@ -79,7 +79,7 @@ def test_is_a_distributed_tendon_within_reversals_too():
     assert np.abs(seen["drive_tension"][every] - t1)[5:].max() < 0.1
 
 
-@pytest.mark.parametrize("contacts", [3, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 50))])
+@pytest.mark.parametrize("contacts", [CONTACTS, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 2, 3, 50))])
 def test_sliding_throughout_the_ends_are_in_the_capstan_ratio_for_any_number_of_contacts(contacts):
     plant = plant_for("tendon_sheath", contacts=contacts)
     seen = run(values_of(plant), "position", command=np.linspace(0.006, 0.03, 150), plant=plant)
