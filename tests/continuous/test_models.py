@@ -24,9 +24,9 @@ CASES = pytest.mark.parametrize("case", EVERY.values(), ids=EVERY)
 COMMANDED = pytest.mark.parametrize("case", DRIVEN.values(), ids=DRIVEN)
 LONG = {
     "series-tension", "series-speed", "series-stiff-cable", "series-motor-force", "series-motor-speed",
-    "series-motor-no-extrusion", "hole-motor-force", "hole-motor-speed", "contacts-position", "contacts-tension", "contacts-motor-force", "contacts-motor-position",
-    "chain-torque", "chain-motor-position", "sheath-motor-force", "joint-motor-torque", "joint-motor-position",
-    "wrist-motor",
+    "series-motor-no-extrusion", "hole-motor-force", "hole-motor-speed", "contacts-position", "contacts-tension",
+    "contacts-motor-force", "contacts-motor-position", "chain-torque", "chain-motor-position", "sheath-motor-force",
+    "joint-motor-torque", "joint-motor-position", "wrist-motor",
 }  # fmt: skip
 """Of those commanded, whose motion in fine steps takes up to minutes to integrate or to compile."""
 FINELY = pytest.mark.parametrize(

@@ -71,9 +71,10 @@ RUNS = {
     "circuit": ("pulley_circuit", "analytic", "torque", 0.2, 0.0, {"brake_torque": 0.02}, 10.0),
 }
 SHORT = (0.0, 1e-12, 1e-11, 1e-10, 1e-9)
+QUICK = ("drive", "hole, tension")
 
 
-@pytest.mark.parametrize("run", RUNS)
+@pytest.mark.parametrize("run", [pytest.param(n, marks=[] if n in QUICK else [pytest.mark.slow]) for n in RUNS])
 def test_a_short_distance_is_nearly_none(run):
     """The change of every signal falls in proportion to the distance, on a grid of steps that resolves none of it."""
     name, variant, drive, amplitude, offset, common, scale = RUNS[run]

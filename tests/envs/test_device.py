@@ -15,16 +15,16 @@ from tests.support.tree import ROOT
 
 HELD = {  # in one process: to start it takes as long as the checks
     "quick": (
-        "plant:CableHole-Tension-Step-v1", "plant:PulleyCircuit-Torque-Sine-v0", "plant:CableHole-Track-Hard-v1",
-        "effects", "autoreset:NextStep", "autoreset:SameStep", "disabled", "refused", "single", "contacts", "shards",
-        "replays:linear_drive", "replays:cable_hole",
+        "plant:CableHole-Tension-Step-v1", "plant:CableHole-Track-Hard-v1", "effects", "autoreset:NextStep",
+        "autoreset:SameStep", "disabled", "refused", "single", "contacts", "shards", "replays:linear_drive",
     ),
 }  # fmt: skip
 SLOW = {
     "plants": (
-        "plant:PulleyCircuit-Position-Sine-v1", "plant:TendonSheath-Position-Sine-v1",
-        "plant:AntagonistJoint-Torque-Sine-v1", "plant:Wrist-Position-Sine-v1", "plant:PulleyCircuit-Track-Medium-v1",
-        "plant:CableHole-Series-Hard-v1", "plant:TendonSheath-Track-Hard-v1", "own_effect", "replays:pulley_circuit",
+        "plant:PulleyCircuit-Torque-Sine-v0", "plant:PulleyCircuit-Position-Sine-v1",
+        "plant:TendonSheath-Position-Sine-v1", "plant:AntagonistJoint-Torque-Sine-v1",
+        "plant:Wrist-Position-Sine-v1", "plant:PulleyCircuit-Track-Medium-v1", "plant:CableHole-Series-Hard-v1",
+        "plant:TendonSheath-Track-Hard-v1", "own_effect", "replays:cable_hole", "replays:pulley_circuit",
     ),
     "episode": ("episode:CableHole-Position-Sine-v1",),
     "example": ("example",),

@@ -40,6 +40,7 @@ def test_it_is_told_the_nominal_rig_and_what_is_measured():
     assert commands[0] == commands[1] and len(set(commands[0])) == 3
 
 
+@pytest.mark.slow
 def test_it_leaves_the_tuned_controllers_behind_and_ranks_apart():
     protocol = Protocol(
         name="short", title="Short", tasks=(Task(HOLE, {"duration": 3.0}),),

@@ -214,7 +214,7 @@ def is_storable(data: Any) -> bool:
 def _uncollected(compile_: Callable) -> Callable:
     """``compile_`` without Python's garbage collector, which is as it was before when that returns or raises.
 
-    What a compilation makes is needed until its end: to search it for garbage again and again takes a tenth of the time.
+    What a compilation makes is needed until its end: to search it for garbage takes a tenth of the time.
     """
 
     @wraps(compile_)
