@@ -83,6 +83,7 @@ def answer(
             *_oscillating(selection),
             *_faulty(selection, faults, seen),
             *_unpredicted(selection),
+            *on_bounds(question, final.fit),
             *_unseen(selection),
         ),
         {
@@ -128,6 +129,22 @@ def _unpredicted(selection: Selection) -> list[str]:
         f"{channel.replace('_', ' ')} is predicted worse than by its own mean, so that nothing is named"
         for channel in selection.unpredicted
     ]
+
+
+def on_bounds(question: Question, fit: Fit) -> list[str]:
+    """Parameters that cannot be zero or unlimited, and that the refit drove to an end of what it tries."""
+    found = []
+    for p in question.fit.parameters:
+        if p.name not in question.nominals or p.name in question.nuisance or p.low <= 0.0:
+            continue
+        end = next((e for e in (p.low, p.high) if np.isclose(fit.values[p.name], e, rtol=1e-6)), None)
+        if end is not None and not np.isclose(p.start, end, rtol=1e-6):
+            found.append(
+                f"{p.name.replace('_', ' ')} ended at {end:.3g} {question.units.get(p.name, '')}, the "
+                f"{'least' if end == p.low else 'largest'} value that is tried: more is missing than is named, and the "
+                "corrected rig may be one that cannot be simulated"
+            )
+    return found
 
 
 def _unseen(selection: Selection) -> list[str]:
