@@ -44,18 +44,18 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
     Left
         Whether something is left, and of which kinds.
     """
-    candidate, told = compared, []
+    candidate, taken = compared, list[Leftover]()
     if compared.by_size:
         candidate = _again(joint, compared, stated)
     for _ in range(TONES):
-        left, lines = _left(joint, candidate, compared, bare, before, stated)
+        left, lines = _left(joint, candidate, compared, bare, before, stated, taken)
         if not lines or compared.by_size:
             break
-        told += [(line.log_odds, _said(line)) for line in lines]
+        taken += lines
         joint = without_tones(joint, joint.raw(candidate.peak), lines)
         candidate = _again(joint, compared, stated)
-    if told and not (left.log_odds > np.log(SURE) and not left.cause):
-        worst, why = max(told)
+    if taken and not (left.log_odds > np.log(SURE) and not left.cause):
+        worst, why = max((line.log_odds, _said(line)) for line in taken)
         return replace(left, log_odds=worst, cause=why) if worst > left.log_odds else left
     return left
 
@@ -66,14 +66,15 @@ def _again(joint: Joint, compared: Candidate, stated: Mapping[str, float]) -> Ca
 
 
 def _left(
-    joint: Joint, candidate: Candidate, compared: Candidate, bare: Candidate, before: float, stated: Mapping[str, float]
+    joint: Joint, candidate: Candidate, compared: Candidate, bare: Candidate, before: float,
+    stated: Mapping[str, float], taken: Sequence[Leftover],
 ) -> tuple[Left, list[Leftover]]:  # fmt: skip
     """(what is left, the tones of sensors in it)."""
     frame, raw = candidate.frame, joint.raw(candidate.peak)
     smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
     white = frame.whitener.flat(frame.blocks, raw)
     known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
-    spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white))
+    spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white, taken))
     seen = [*spectra, *known]
     of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
     if compared.by_size:

@@ -18,13 +18,14 @@ from itertools import combinations, pairwise
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.special import hyp2f1, logsumexp
+from scipy.special import hyp2f1, i0e, logsumexp
 from scipy.stats import chi2, f
 
 from cable_envs.diagnosis.evidence.candidates import Joint
 from cable_envs.diagnosis.intake.tracks import RATES
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, learn_whitener
+from cable_envs.diagnosis.model.verdict import SURE
 
 ABOUT = 48
 """Values of a spectrum, twice as fine as its resolution, to either side, whose median a line is held against."""
@@ -38,8 +39,6 @@ _RARE = 64
 EVERYWHERE = "all frequencies"
 LOUD = 2.0
 """Times the median of an octave's amplitudes beyond which one counts for no more: a line is one frequency, not many."""
-STEADY = 0.9
-"""Length of the mean of the phases between two channels, as unit vectors over the records, from which they agree."""
 PERIODS = 8
 """Of a tone in a record, at least: what is slower is no line but a slope."""
 ALIKE = 0.5
@@ -47,8 +46,6 @@ ALIKE = 0.5
 WIDTH, BROAD, SPREAD = 6, 40, 0.5
 """Values of a spectrum to either side of a line that are its own, up to which it would have neighbours if it rang and
 died away, and how much power these may have over the line's."""
-SEEN = 8.0
-"""Power of a line over the spectrum about it from which a channel has it."""
 
 
 def by_block(blocks: Sequence[Block], flat: np.ndarray) -> list[tuple[Block, np.ndarray]]:
@@ -72,12 +69,15 @@ def coherence_evidence(coherence: float, count: float) -> float:
     return float(np.log(hyp2f1(2.0, 2.0, count + 2.0, c)) - (count - 2.0) * np.log1p(-c) - np.log(count + 1.0))
 
 
-def tones(blocks: Sequence[Block], raw: Sequence[np.ndarray], white: np.ndarray) -> list[Leftover]:
+def tones(
+    blocks: Sequence[Block], raw: Sequence[np.ndarray], white: np.ndarray, taken: Sequence[Leftover] = ()
+) -> list[Leftover]:
     """The strongest line of every channel's spectrum (Fisher's test), and whether it is a sensor's.
 
     A noise of eight coefficients takes a line for a resonance of its own; one of one coefficient leaves it in sight.
     Under that a line is held against the spectrum about it, whatever the colour. What vibrates passes through the rig
-    to several sensors, with the same phases between them in every record; hum enters each sensor by itself.
+    to several sensors, with the same phases between them in every record; hum enters each sensor by itself, and brings
+    its harmonics.
 
     Parameters
     ----------
@@ -87,11 +87,14 @@ def tones(blocks: Sequence[Block], raw: Sequence[np.ndarray], white: np.ndarray)
         What a model leaves [T] of each.
     white : ndarray
         The same whitened, one below the other.
+    taken : sequence of Leftover
+        Tones of sensors that are taken out already.
     """
     found = []
     for channel in dict.fromkeys(b.channel for b in blocks):
         line = _line(blocks, raw, white, channel)
-        if _steady(blocks, raw, line) and not _passes_through(blocks, raw, line):
+        own = _harmonic(blocks, line, [t for t in taken if t.channel == channel])
+        if _steady(blocks, raw, line) and (own or not _passes_through(blocks, raw, line)):
             line = replace(line, cause=f"a steady tone of {line.at[0]:.3g} Hz in this sensor")
         found.append(line)
     return found
@@ -135,6 +138,13 @@ def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) 
     return beside < SPREAD * line_power
 
 
+def _harmonic(blocks: Sequence[Block], line: Leftover, taken: Sequence[Leftover]) -> bool:
+    """Whether a line is at a whole multiple of a tone, as closely as its records are long."""
+    longest = max(b.time[-1] - b.time[0] for b in blocks)
+    turns = [(line.at[0] / tone.at[0], tone.at[0]) for tone in taken]
+    return any(round(n) > 1 and abs(n - round(n)) * base < round(n) / longest for n, base in turns)
+
+
 def _passes_through(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
     """Whether another sensor has a line too, with the same phase between the two in every record.
 
@@ -152,14 +162,35 @@ def _passes_through(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Le
         turn = 2j * np.pi * line.at[0]
         moved = [(own[r][0] * turn, there[r][0]) if speed in others else (there[r][0] * turn, own[r][0]) for r in own]
         return bool(sum(abs(x - v) ** 2 for x, v in moved) < ALIKE**2 * sum(abs(v) ** 2 for _, v in moved))
-    for channel in others:
-        there = _amplitudes(blocks, raw, channel, line.at[0])
-        turns = [own[r][0] * np.conj(there[r][0]) for r in own if r in there]
-        powers = [abs(there[r][0]) ** 2 / there[r][1] for r in own if r in there]
-        phases = [t / abs(t) for t in turns if abs(t) > 0.0]
-        if len(phases) > 1 and np.mean(powers) > SEEN and abs(np.mean(phases)) > STEADY:
-            return True
-    return False
+    seen = (_amplitudes(blocks, raw, channel, line.at[0]) for channel in others)
+    odds = (one_phase([(own[r], there[r]) for r in own if r in there]) for there in seen)
+    return max(odds, default=-np.inf) > np.log(SURE)
+
+
+def one_phase(pairs: Sequence[tuple[tuple[complex, float], tuple[complex, float]]]) -> float:
+    """Log odds that the phase between two channels is one in all records, over that it is any in each.
+
+    Parameters
+    ----------
+    pairs : sequence of tuple
+        Of every record, for each channel: a Fourier coefficient, and the power of the noise in it.
+
+    Returns
+    -------
+    float
+        A measured phase is about the true one as von Mises' distribution says, with the concentration k = 1 / variance;
+        a coefficient x in noise of the power p has the variance p / (2 |x|^2). With the true phase integrated out, over
+        all angles alike, the odds are  I0(|sum k exp(i phase)|) / product of I0(k).
+    """
+    total, odds = 0.0 + 0.0j, 0.0
+    for (x, of_x), (y, of_y) in pairs:
+        if not (abs(x) > 0.0 and abs(y) > 0.0):
+            continue
+        k = 2.0 / (of_x / abs(x) ** 2 + of_y / abs(y) ** 2)
+        turn = x * np.conj(y)
+        total += k * turn / abs(turn)
+        odds -= k + float(np.log(i0e(k)))
+    return odds + abs(total) + float(np.log(i0e(abs(total))))
 
 
 def _amplitudes(blocks, raw, channel: str, frequency: float) -> dict[str, tuple[complex, float]]:

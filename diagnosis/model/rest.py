@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.signal import lfilter, oaconvolve
 
-from cable_envs.diagnosis.model.noise import Noise, learn_noise
+from cable_envs.diagnosis.model.noise import Noise, bridged, learn_noise
 
 LONGEST = 512
 """Samples of the past that predict the next."""
@@ -101,20 +101,6 @@ class RestNoise:
                 squares += float(np.sum(alone.whiten(bridged(residual, good))[good] ** 2))
                 count += int(good.sum())
         return replace(self, std=float(np.sqrt(max(squares / max(count, 1), 1e-300))))
-
-
-def bridged(series: np.ndarray, good: np.ndarray) -> np.ndarray:
-    """Series [T] or [T, n] with straight lines over samples that are not good [T]."""
-    if good.all():
-        return series
-    if not good.any():
-        return np.zeros_like(series)
-    places = np.flatnonzero(good)
-    at = np.interp(np.arange(len(good)), places, np.arange(len(places)))
-    low = at.astype(int)
-    high, part = np.minimum(low + 1, len(places) - 1), at - low
-    part = part.reshape(-1, *[1] * (series.ndim - 1))
-    return (1.0 - part) * series[places[low]] + part * series[places[high]]
 
 
 def noise_at_rest(values: np.ndarray, step: float = 0.0, longest: int | None = None) -> RestNoise | None:

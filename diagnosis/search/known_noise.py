@@ -22,8 +22,8 @@ from cable_envs.diagnosis.model.driven import (
     passed_on,
     with_input,
 )
-from cable_envs.diagnosis.model.noise import resolution
-from cable_envs.diagnosis.model.rest import RestNoise, bridged, noise_at_rest
+from cable_envs.diagnosis.model.noise import bridged, resolution
+from cable_envs.diagnosis.model.rest import RestNoise, noise_at_rest
 from cable_envs.diagnosis.systems.common import resample
 from cable_envs.diagnosis.systems.question import Question
 

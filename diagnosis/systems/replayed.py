@@ -82,6 +82,21 @@ class ReplayModel:
         self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifted = shifted
         self.resolve(substeps)
+        if shifted > 0.0:
+            self.runs = tuple(
+                self._from_where_it_begins(run, by) for run, by in zip(self.runs, self._shifts, strict=True)
+            )
+            self.resolve(substeps)
+
+    def _from_where_it_begins(self, run: Run, responses: np.ndarray) -> Run:
+        """The run from the start that fits it best at the values that are claimed.
+
+        Of a record that begins in motion the first samples tell it to millimetres. What so large a shift makes of a
+        tension would be wrong by as much as the claims, and another for each record.
+        """
+        base = self._base[:, None]
+        found = _constants(run, responses, self._prompt(run, self.as_plant(base.copy())), begins=True)
+        return replace(run, start=run.start + float(found[0, 0]))
 
     def resolve(self, substeps: int) -> None:
         """Take so many steps of integration in every control step."""
@@ -104,7 +119,7 @@ class ReplayModel:
         for k, run in enumerate(self.runs):
             out = self._seen(run, columns, late)
             if self._shifts[k].size:
-                _settle(run, self._shifts[k], out, self._shifted > 0.0)
+                out += self._shifts[k] @ _constants(run, self._shifts[k], out, self._shifted > 0.0)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
@@ -271,8 +286,8 @@ def _late_at_first(series: np.ndarray, steps: np.ndarray, first: int) -> np.ndar
     return sum((weight * value for weight, value in zip(_cubic(at - whole), four, strict=True)), np.zeros(at.shape))
 
 
-def _settle(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> None:
-    """Shift predictions [T, blocks, n] in place by the constants that fit the record best, by the channels' noise.
+def _constants(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> np.ndarray:
+    """Constants [constants, n] by which predictions [T, blocks, n] fit the record best, by the channels' noise.
 
     begins: whether the first constant is where the output begins. It is then near where it was measured: what a record
     that rests at first tells of it is next to nothing, and a model that is far off would shift it by metres.
@@ -285,6 +300,4 @@ def _settle(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> N
         weighed = responses[:, j] * (block.good / jitter(block.measured[block.good]) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])
-    constants = np.linalg.pinv(matrix, hermitian=True) @ right
-    for j in range(len(run.blocks)):
-        out[:, j] += responses[:, j] @ constants
+    return np.linalg.pinv(matrix, hermitian=True) @ right

@@ -32,6 +32,21 @@ def test_noise_leaves_gaps_out_and_needs_samples():
         learn_noise([np.arange(87.0)])
 
 
+@pytest.mark.parametrize("lost", [0.005, 0.02, 0.05])
+def test_rows_that_are_lost_one_by_one_take_only_their_nearest_with_them(lost):
+    long = np.r_[np.zeros(8), np.full(8, 0.3 / 8)]  # of the mean of 16 samples, the later half of them
+    true = Noise(long + np.r_[0.5, np.zeros(15)], 1.0)
+    series = [true.simulate(2700, np.random.default_rng(k)) for k in range(3)]
+    goods = [np.random.default_rng(9 + k).random(2700) >= lost for k in range(3)]
+    seen = learn_noise([np.where(good, s, np.nan) for s, good in zip(series, goods, strict=True)])
+    assert len(seen.means)  # a long memory is in sight
+    assert seen.std == pytest.approx(1.0, abs=0.03)
+    white = np.concatenate([seen.flat(s, good) for s, good in zip(series, goods, strict=True)])
+    used = white[white != 0.0]
+    assert len(used) > (1.0 - lost) ** (len(seen.short) + 1) * 3 * (2700 - seen.order) * 0.95
+    assert np.std(used) == pytest.approx(1.0, abs=0.03)
+
+
 def test_refit_finds_parameters_and_their_intervals():
     covered = 0
     for seed in range(20):

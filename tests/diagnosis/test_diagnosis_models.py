@@ -24,6 +24,7 @@ from cable_envs.diagnosis.systems.question import Request
 from cable_envs.diagnosis.systems.replayed import delayed
 from cable_envs.plants import plant_for
 from cable_envs.proof.cases import Case, make
+from cable_envs.proof.logs.cases import make as make_log
 from cable_envs.sim.rigs import load_rig
 
 QUANTISED = float(np.sqrt(1.0 + 0.5**2 / 12.0))
@@ -154,6 +155,18 @@ def test_where_the_load_hung_at_first_is_no_mismatch(made):
         moved = 1e-5 if block.channel.endswith("position") else 0.0
         noise = made["cable_hole"][1]["noise_std"][block.channel]
         assert np.abs(b - a - moved)[block.good].max() < 0.2 * noise, block.channel
+
+
+def test_a_record_may_begin_in_motion(tmp_path):
+    """Its first samples tell the start to millimetres; a spring of 780 N/m would make a newton of each."""
+    key = make_log(Case("cut", 550709888, "cable_hole", "nothing", noise="starts in motion"), tmp_path)
+    model = prepare(load_recording(tmp_path)).fit
+    true = key["true_nominal"]
+    predicted = model.predict(np.array([[true.get(p.name, p.start)] for p in model.parameters]))
+    for block, p in zip(model.blocks, predicted, strict=True):
+        if block.channel == "drive_tension":
+            left = (block.measured - p[:, 0])[block.good]
+            assert abs(left.mean()) < 0.1 * key["noise_std"]["drive_tension"]  # four and a half standard errors
 
 
 @pytest.mark.slow

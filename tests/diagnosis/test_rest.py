@@ -15,8 +15,8 @@ from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.model.model import learn_whitener
-from cable_envs.diagnosis.model.noise import Noise, resolution
-from cable_envs.diagnosis.model.rest import LONGEST, bridged, noise_at_rest
+from cable_envs.diagnosis.model.noise import Noise, bridged, resolution
+from cable_envs.diagnosis.model.rest import LONGEST, noise_at_rest
 from cable_envs.diagnosis.search.known_noise import NOISE_IS_LEARNT, told_at_rest
 from cable_envs.diagnosis.search.select import select
 from cable_envs.proof.sensors import Colour
