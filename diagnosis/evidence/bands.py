@@ -25,8 +25,7 @@ from scipy.stats import chi2
 
 from cable_envs.diagnosis.evidence.shared import bayes_bound
 from cable_envs.diagnosis.model.leftover import Leftover
-from cable_envs.diagnosis.model.model import Block, Model, Whitener
-from cable_envs.diagnosis.model.noise import Noise, resolution
+from cable_envs.diagnosis.model.model import Block, Model, Whitener, white_noise
 from cable_envs.diagnosis.model.rest import AnyNoise
 
 BAND = 16
@@ -230,8 +229,7 @@ def known_noise(block: Block, blocks: Sequence[Block], stated: Mapping[str, floa
     """The noise of a block's channel where a record at rest or the recording tells it; else None."""
     if block.noise is not None or block.channel not in stated:
         return block.noise
-    step = resolution(np.concatenate([b.measured[b.good] for b in blocks if b.channel == block.channel]))
-    return Noise(np.empty(0), float(np.hypot(stated[block.channel], step / np.sqrt(12.0))))
+    return white_noise(blocks, block.channel, stated[block.channel])
 
 
 def _banded(white: np.ndarray, samples: int, bands: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,8 +12,7 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
 from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records
-from cable_envs.diagnosis.model.noise import Noise, resolution
+from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records, white_noise
 
 SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
@@ -326,8 +325,7 @@ def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mappin
     """The noise of what is left [T] of every block: learnt; white and of the size that is stated, where one is."""
     noise = dict(learn_whitener(blocks, left).noise)
     for channel in noise.keys() & stated.keys():
-        measured = np.concatenate([b.measured[b.good] for b in blocks if b.channel == channel])
-        noise[channel] = Noise(np.empty(0), float(np.hypot(stated[channel], resolution(measured) / np.sqrt(12.0))))
+        noise[channel] = white_noise(blocks, channel, stated[channel])
     return Whitener(noise)
 
 

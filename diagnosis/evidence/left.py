@@ -1,8 +1,9 @@
 """What a model leaves: the discrepancy that its evidence asks for, what channels share, and lines.
 
 Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
-A tone in one sensor alone, and zeros that drift, are nothing of the rig; tones are taken out before the rest is looked
-at. Spectra are asked only where noise limits: what a model is off by is no noise of a sensor.
+A tone in one sensor alone, what a coarse sensor rounds, and zeros that drift are nothing of the rig; tones and rounding
+are taken out before the rest is looked at. Spectra are asked only where noise limits: what a model is off by is no
+noise of a sensor.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
+from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
@@ -44,9 +46,9 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
     Left
         Whether something is left, and of which kinds.
     """
-    candidate, taken = compared, list[Leftover]()
-    if compared.by_size:
-        candidate = _again(joint, compared, stated)
+    taken = list[Leftover]()
+    as_recorded, joint = joint, without_counts(joint, joint.raw(compared.peak))
+    candidate = _again(joint, compared, stated) if compared.by_size or joint is not as_recorded else compared
     for _ in range(TONES):
         left, lines = _left(joint, candidate, compared, bare, before, stated, taken)
         if not lines or compared.by_size:
@@ -122,15 +124,17 @@ def _share_of_sizes(
 
 
 def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
-    """What the discrepancy is of sensors, where it is nothing else: zeros that drift."""
-    chosen = candidate.best.chosen
-    alone = chosen is not None and len(chosen) == 1
-    families = [candidate.frame.families[chosen[0]]] if alone and chosen is not None else []
-    found = [family.channel for family in families if family.name == ELAPSED]
-    if not alone:
-        sure = [kind for kind in smooth if kind.log_odds > np.log(SURE)]
-        found = [kind.channel for kind in sure] if all(kind.coordinate == ELAPSED for kind in sure) else []
-    return "; ".join(f"{_plain(channel)}: {DRIFT}" for channel in found)
+    """What the discrepancy is of sensors, where nothing is left beside it: zeros that drift."""
+    drifts = [k for k, kind in enumerate(smooth) if kind.coordinate == ELAPSED and kind.log_odds > np.log(SURE)]
+    if not drifts:
+        return ""
+    frame, remainder = candidate.frame, candidate.remainder
+    drift = max((frame.marginal(remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
+    left = remainder.left - frame.explained(drift)
+    beside = replace(candidate, remainder=replace(remainder, left=left, products=frame.products(left)))
+    if beside.left > np.log(SURE):
+        return ""
+    return "; ".join(f"{_plain(smooth[k].channel)}: {DRIFT}" for k in drifts)
 
 
 def _smooth(candidate: Candidate, family: int) -> Leftover:

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from cable_envs.diagnosis.model.noise import learn_noise
+from cable_envs.diagnosis.model.noise import Noise, learn_noise
 from cable_envs.diagnosis.model.rest import AnyNoise, RestNoise
 
 
@@ -73,6 +73,8 @@ class Block:
         acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
     noise : RestNoise, optional
         Of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
+    step : float
+        Of its readings, as they were recorded; 0 where they are fine.
     """
 
     record: str
@@ -85,6 +87,7 @@ class Block:
     memory: int | None = None
     sensor: str = ""
     noise: RestNoise | None = None
+    step: float = 0.0
 
 
 class Model(Protocol):
@@ -112,6 +115,12 @@ class Whitener:
         """Series [T, n] of every block, one below the other, whitened; samples that do not count are 0."""
         parts = [self.noise[b.channel].flat(values, b.good) for b, values in zip(blocks, series, strict=True)]
         return np.concatenate(parts)
+
+
+def white_noise(blocks: Sequence[Block], channel: str, std: float) -> Noise:
+    """The white noise of a channel whose standard deviation is stated, with what the steps of its readings add."""
+    step = max(b.step for b in blocks if b.channel == channel)
+    return Noise(np.empty(0), float(np.hypot(std, step / np.sqrt(12.0))))
 
 
 HELD_OUT = ", held out"

@@ -10,7 +10,7 @@ FAR = 6.0
 """Standard deviations of the channel's white noise by which a spike stands out from both its neighbours."""
 
 
-def spikes(values: np.ndarray, good: np.ndarray) -> np.ndarray:
+def spikes(values: np.ndarray, good: np.ndarray, step: float = 0.0) -> np.ndarray:
     """Which samples stand out from both neighbours to one side, while these agree, and those beyond them too.
 
     At a cusp, where a sensor turns a sign round or a friction lets go, the neighbours go on as they came.
@@ -21,6 +21,8 @@ def spikes(values: np.ndarray, good: np.ndarray) -> np.ndarray:
         Samples on an even clock.
     good : ndarray of bool, shape (T,)
         Which of them count.
+    step : float
+        Of the sensor's readings; 0: that of the samples.
 
     Returns
     -------
@@ -30,7 +32,7 @@ def spikes(values: np.ndarray, good: np.ndarray) -> np.ndarray:
     found = np.zeros(len(values), dtype=bool)
     if good.sum() < 100:
         return found
-    least = FAR * jitter(values[good])
+    least = FAR * jitter(values[good], step)
     before, after = values[1:-1] - values[:-2], values[1:-1] - values[2:]
     out = np.minimum(np.abs(before), np.abs(after))
     alone = (before * after > 0.0) & (out > least) & (np.abs(before - after) < SMOOTH * out)

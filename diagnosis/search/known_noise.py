@@ -22,6 +22,7 @@ from cable_envs.diagnosis.model.driven import (
     passed_on,
     with_input,
 )
+from cable_envs.diagnosis.model.model import white_noise
 from cable_envs.diagnosis.model.noise import bridged, resolution
 from cable_envs.diagnosis.model.rest import RestNoise, noise_at_rest
 from cable_envs.diagnosis.systems.common import resample
@@ -80,11 +81,11 @@ def with_noise_of_drive(recording: Recording, question: Question) -> Question:
     density = error_density(drives, size)
     refitted = refit_and_learn(question.fit, [Start("as claimed", question.nominals, {})], rounds=1).fit.values
     passed = passed_on(cast(Driven, question.fit), refitted, density, np.random.default_rng(0))
-    steps = {c: max(resolution(b.measured[b.good]) for b in question.fit.blocks if b.channel == c) for c in own}
     told = {
-        c: with_input(n if isinstance(n, RestNoise) else float(np.hypot(n, steps[c] / np.sqrt(12.0))), passed[c])
-        for c, n in own.items() if n is not None
-    }  # fmt: skip
+        c: with_input(n if isinstance(n, RestNoise) else white_noise(question.fit.blocks, c, n).std, passed[c])
+        for c, n in own.items()
+        if n is not None
+    }
     for model in (question.fit, question.heldout):
         model.blocks[:] = [replace(b, noise=told.get(b.channel)) for b in model.blocks]
     size_of = {c: float(np.sqrt(passed[c][0])) for c in told}

@@ -185,7 +185,17 @@ def _run(recording: Recording, record: Record, d: Declaration, every: int, plant
     first = d.commands[0]
     along = (*along, Coordinate(first.name, first.unit, smoothed(seen[first.name].values, period)[0], first.name))
     blocks = tuple(
-        Block(record.name, n, time, seen[n].values, seen[n].good & ~early, d.unit_of(n), along, sensor=n)
+        Block(
+            record.name,
+            n,
+            time,
+            seen[n].values,
+            seen[n].good & ~early,
+            d.unit_of(n),
+            along,
+            sensor=n,
+            step=seen[n].step,
+        )
         for n in predicted
     )
     starts = {o.name: _start(d, o.name, seen, period) for o in d.outputs if o.starts}

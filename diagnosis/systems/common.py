@@ -14,6 +14,7 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.driven import Recorded, best_width, by_cubics, noise_of_samples
 from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
+from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
 from cable_envs.plants.base import Plant
@@ -29,10 +30,11 @@ _SMOOTHED = 0.15
 
 @dataclass(frozen=True)
 class Sampled:
-    """A channel on an even clock: values (SI) and whether they are measurements, each [T]."""
+    """A channel on an even clock: values (SI) and whether they are measurements, each [T]; the step of its readings."""
 
     values: np.ndarray
     good: np.ndarray
+    step: float = 0.0
 
 
 def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
@@ -55,7 +57,7 @@ def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np
         near = stamps[after] - stamps[after - 1] < 1.5 * period
         near |= np.minimum(np.abs(time - stamps[after - 1]), np.abs(time - stamps[after])) < 0.1 * period
         inside = (time > stamps[0] - 0.5 * period) & (time < stamps[-1] + 0.5 * period)
-        found[channel] = Sampled(np.interp(time, stamps, values), near & inside)
+        found[channel] = Sampled(np.interp(time, stamps, values), near & inside, resolution(values))
     return time, found
 
 
@@ -279,7 +281,7 @@ def blocks_of(
     return tuple(
         Block(
             record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along,
-            sensor=sensors.get(name, name),
+            sensor=sensors.get(name, name), step=seen[name].step,
         )
         for name in names
     )  # fmt: skip

@@ -297,7 +297,7 @@ def _constants(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -
     if begins and travels and max(travels) > 0.0:
         matrix[0, 0] = (NEAR * max(travels)) ** -2
     for j, block in enumerate(run.blocks):
-        weighed = responses[:, j] * (block.good / jitter(block.measured[block.good]) ** 2)[:, None]
+        weighed = responses[:, j] * (block.good / jitter(block.measured[block.good], block.step) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])
     return np.linalg.pinv(matrix, hermitian=True) @ right

@@ -10,7 +10,8 @@ from scipy.signal import lfilter, savgol_filter
 from scipy.special import i0e
 
 from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
-from cable_envs.diagnosis.evidence.left import _of_sensors, left_by
+from cable_envs.diagnosis.evidence.counts import without_counts
+from cable_envs.diagnosis.evidence.left import left_by
 from cable_envs.diagnosis.evidence.shared import (
     bayes_bound,
     coherence_evidence,
@@ -21,7 +22,6 @@ from cable_envs.diagnosis.evidence.shared import (
 )
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
-from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Moving, Toy, along
@@ -168,12 +168,39 @@ def test_hum_in_each_sensor_is_of_the_sensors_and_a_vibration_is_not():
     assert line.at[0] == pytest.approx(7.3, abs=0.1)
 
 
-def test_zeros_that_drift_are_of_the_sensors_if_nothing_else_is_sure():
-    of_all = SimpleNamespace(best=SimpleNamespace(chosen=None))
-    drifts = [Leftover(f"force_{k}", ELAPSED, "s", 40.0) for k in range(2)]
-    weak, sure = (Leftover("force_0", "direction with elapsed time", "s", odds) for odds in (2.0, 9.0))
-    assert _of_sensors(of_all, [*drifts, weak]) == "force 0: its zero drifts; force 1: its zero drifts"
-    assert _of_sensors(of_all, [*drifts, sure]) == "" and _of_sensors(of_all, [weak]) == ""
+def test_zeros_that_drift_are_of_the_sensors_if_nothing_is_left_beside_them():
+    def drift(rng, t, k):
+        return 1.5 * np.cos(np.pi * t / t[-1] + rng.uniform(0.0, 6.0))
+
+    def left(seen):
+        model, heldout = (Sensors(seed, seen, own=drift, memory=0.0, records=k) for seed, k in ((7, 2), (507, 1)))
+        return _left(model, heldout, {f"force_{k}": float(np.hypot(0.3, 0.1)) for k in range(2)})
+
+    found = left(None)
+    assert found.log_odds > SURE and found.cause == "force 0: its zero drifts; force 1: its zero drifts"
+    found = left(_pawl)
+    assert found.log_odds > SURE and not found.cause
+
+
+def test_what_a_coarse_sensor_rounds_is_no_tone_of_the_rig():
+    """Slow triangles, counted in steps of seven standard deviations of the noise: tones of v / q and its multiples."""
+    rng, step, noise = np.random.default_rng(5), 4e-5, 5.6e-6
+    time, blocks, truths = 0.01 * np.arange(2500), [], []
+    for record, speed in (("a", 1.2e-3), ("b", 1.0e-3), ("c", 1.1e-3)):
+        place = speed * np.abs((time + rng.uniform()) % 8.0 - 4.0)
+        counted = step * np.round((place + noise * rng.standard_normal(len(time))) / step)
+        blocks.append(Block(record, "position", time, counted, np.ones(len(time), dtype=bool), "m", step=step))
+        truths.append(place + 3e-6)  # a model is off by a tenth of a step
+    raw = [b.measured - place for b, place in zip(blocks, truths, strict=True)]
+    assert tones(blocks, raw, learn_whitener(blocks, raw).flat(blocks, raw))[0].log_odds > SURE
+    fine = without_counts(SimpleNamespace(blocks=blocks), raw).blocks
+    left = [b.measured - place for b, place in zip(fine, truths, strict=True)]
+    assert tones(fine, left, learn_whitener(fine, left).flat(fine, left))[0].log_odds < SURE
+    # what is left is what noise before rounding makes of it: less than rounding alone
+    assert np.std(left) < step / np.sqrt(12.0) < np.std(raw)
+    blocks = [replace(b, step=0.5 * noise) for b in blocks]
+    joint = SimpleNamespace(blocks=blocks)
+    assert without_counts(joint, raw) is joint
 
 
 def test_a_hum_does_not_hide_what_is_left_beside_it():

@@ -99,6 +99,8 @@ def test_a_channel_that_never_changes_tells_nothing_and_few_samples_are_refused(
     assert 0.2 < counts.std() < 0.5 and noise_at_rest(counts, resolution(counts)) is None
     fine = np.round(np.random.default_rng(0).normal(0.3, 0.6, 3000))
     assert noise_at_rest(fine, resolution(fine)).floor == pytest.approx(fine.std(), rel=0.05)
+    moved = 0.1 * counts * (1.0 + 4e-16 * np.random.default_rng(1).integers(-1, 2, 3000))  # by the rounding of units
+    assert len(np.unique(moved)) > len(np.unique(counts)) and resolution(moved) == pytest.approx(0.1)
     with pytest.raises(ValueError, match="1500 samples at rest do not show the noise's colour; 2000 would"):
         noise_at_rest(np.random.default_rng(0).normal(0.0, 1.0, 1500))
 

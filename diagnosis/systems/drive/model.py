@@ -101,7 +101,9 @@ class DriveModel:
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
             got = series[channel]
-            self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along))
+            self.blocks.append(
+                Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along, step=got.step)
+            )
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""

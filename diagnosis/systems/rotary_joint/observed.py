@@ -164,7 +164,9 @@ class JointModel(DriveModel):
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
             got = series[channel]
-            self.blocks.append(Block(record.name, channel, time, got.values, got.good & late, _UNITS[channel], along))
+            self.blocks.append(
+                Block(record.name, channel, time, got.values, got.good & late, _UNITS[channel], along, step=got.step)
+            )
 
     def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
