@@ -53,6 +53,17 @@ def test_gaps_and_unusable_samples_are_not_good():
     assert got.values[got.good] == pytest.approx(3.0 * at[got.good], abs=1e-9)
 
 
+def test_stamps_that_scatter_take_nothing_of_a_vibration():
+    """Straight lines between samples take 4 % of 15 Hz where stamps scatter by a fifth of a period."""
+    rng, turn = np.random.default_rng(2), 2.0 * np.pi * 15.0
+    time = np.sort(0.01 * (np.arange(2000) + rng.uniform(-0.2, 0.2, 2000)))
+    at, seen = resample(_record(time, force=np.sin(turn * time)), 0.01, ["force"])
+    good = seen["force"].good
+    waves = np.column_stack([np.sin(turn * at), np.cos(turn * at)])[good]
+    size = np.linalg.lstsq(waves, seen["force"].values[good], rcond=None)[0]
+    assert np.hypot(*size) == pytest.approx(1.0, abs=5e-3)
+
+
 def test_coordinates_of_a_motion():
     time = 0.01 * np.arange(1000)
     position = 0.02 * np.sin(2 * np.pi * 0.2 * time)
