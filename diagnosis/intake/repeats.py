@@ -5,7 +5,7 @@ equal the one before. L repetitions in a row occur in n samples with a chance of
 with little noise repeats its value as a matter of course, so that a run counts only where another channel moves.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 
@@ -91,14 +91,15 @@ def longest_run(values: np.ndarray) -> tuple[int, int, float] | None:
     return (int(first[k]), int(count[k]), likely) if likely < _CHANCE else None
 
 
-def moves(track: Track, channel: str, first: int, length: int) -> bool:
+def moves(track: Track, channel: str, first: int, length: int, among: Collection[str] | None = None) -> bool:
     """Whether another channel goes as far during some samples as it does in half of all stretches of that length.
 
-    In a record that rests for long half of all stretches have no way but noise: that is none.
+    ``among``: the channels that are looked at; None: all. In a record that rests for long half of all stretches have no
+    way but noise: that is none.
     """
     half = max(length // 2, 1)
     for name, values in track.channels.items():
-        if name == channel or len(values) < 8 * length:
+        if name == channel or len(values) < 8 * length or (among is not None and name not in among):
             continue
         means = np.convolve(values, np.full(half, 1.0 / half), mode="valid")
         ways = np.abs(means[half:] - means[:-half])

@@ -370,6 +370,28 @@ def test_a_rig_that_rests_most_of_the_time_is_not_stuck_and_turning_points_are_n
     assert any(f.channel == "position" for f in _fatal(recording(held_)))
 
 
+def test_friction_holds_a_position_where_it_turns_while_the_force_goes_on():
+    rng = np.random.default_rng(8)
+    t = PERIOD * np.arange(ROWS)
+    whole = 1.02 * np.sin(2.0 * np.pi * t / 3.0)
+    way = np.clip(whole, -1.0, 1.0)  # it sticks for 0.19 s at either end
+    speed = np.where(np.abs(whole) < 1.0, np.gradient(way, PERIOD), 0.0)
+    through = 0.5 * np.pi / np.arccos(1.0 / 1.02) * np.cos(2.0 * np.pi * t / 3.0)  # from one level to the other
+    force = VISCOUS * speed + COULOMB * np.where(speed == 0.0, np.clip(through, -1.0, 1.0), np.sign(speed))
+
+    def recording(place):
+        table = {"time": t, "position": place, "velocity": speed + 1e-2 * rng.standard_normal(ROWS)}
+        table["force"] = force + 0.2 * rng.standard_normal(ROWS)
+        return Recording.from_arrays("linear_drive", table)
+
+    place = way + np.where(speed == 0.0, 0.0, 2e-3 * rng.standard_normal(ROWS))  # a clock that jitters shows in motion
+    place = np.clip(place, -1.0, 1.0)
+    assert any("saturated" in fault.text for fault in _still("", "position", place, np.ones(ROWS, bool)))
+    assert _fatal(recording(place)) == []
+    cut = np.clip(way + 2e-3 * rng.standard_normal(ROWS), -0.8, 0.8)
+    assert any("saturated" in str(fault) for fault in _fatal(recording(cut)))  # the speed goes on
+
+
 def test_a_torque_in_another_unit_is_told_by_the_simulator_as_stated(tmp_path):
     make(Case("one", 12, "pulley_circuit", "nothing", noise="white, unstated"), tmp_path)
     good = load_recording(tmp_path)
