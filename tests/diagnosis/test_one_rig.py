@@ -70,12 +70,13 @@ def written(content, folder):
 def predicted(model, values):
     """What the simulation of every channel gives, [T] each.
 
-    Without the constants of a record's start, which are no part of a rig: they are solved for in each prediction, by
-    slopes at the values where a model starts, and these differ between the plain rig and the corrected one (a hole with
-    backlash: 7e-5 of a channel's range).
+    From what the first sample shows, without the constants of a record's start, which are no part of a rig: they are
+    solved for at the values where a model starts and by slopes there, and these differ between the plain rig and the
+    corrected one (a hole with backlash: 7e-5 of a channel's range).
     """
     if isinstance(model, ReplayModel):
         model._shifts = [np.empty(0) for _ in model.runs]
+        model.runs = tuple(replace(run, start=float(run.blocks[0].measured[0])) for run in model.runs)
     return [p[:, 0] for p in model.predict(np.array([[values[p.name]] for p in model.parameters]))]
 
 
