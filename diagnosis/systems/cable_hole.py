@@ -53,6 +53,7 @@ DRIVEN_BY = ("drive_velocity_command", "drive_position")
 PREDICTED = ("drive_position", "drive_velocity", "drive_tension", "load_position", "load_tension")
 SENSORS = {"drive_position": "drive", "drive_velocity": "drive"}
 """Channels of one sensor, where the drive's command is the simulator's input."""
+TENSIONS = ("drive_tension", "load_tension")
 EXTRUSION = ("extrusion_gain", "extrusion_delta", "extrusion_exponent")
 REFITTED = ("friction_coefficient", "cable_stiffness", "cable_damping", "load_mass")
 """Refitted unless known, also where the recording does not name them: no two rigs have them alike. A damping c that is
@@ -135,7 +136,9 @@ def _run(
     time, seen = resample(record, period, names)
     place = next((n for n in ("load_position", "drive_position") if n in seen), None)
     drive = None
-    early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values))
+    stretch = max((float(np.ptp(seen[n].values[seen[n].good])) for n in TENSIONS if n in seen), default=0.0)
+    stretch /= values["cable_stiffness"]  # friction has then gone through all that it may have held
+    early = at_first(time, seen[place].values if place else np.cumsum(seen["drive_velocity_command"].values), stretch)
     hold = "step" if recording.holds("drive_velocity_command") else "ramp"
     if hold == "step":
         command, rate = held_command(record, "drive_velocity_command", time, period, 0.0), None
@@ -183,7 +186,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
     else:
         path = np.cumsum(seen["drive_velocity_command"].values) * period
         found = motion_coordinates(time, path, "m")
-    pull = next((n for n in ("drive_tension", "load_tension") if n in seen), None)
+    pull = next((n for n in TENSIONS if n in seen), None)
     if pull is None:
         return found
     return (*found, Coordinate("tension", "N", smoothed(seen[pull].values, period)[0], pull))
@@ -192,7 +195,7 @@ def _coordinates(time: np.ndarray, seen, period: float) -> tuple[Coordinate, ...
 def off_balance(recording: Recording, record: Record) -> Iterator[Suspect]:
     """Where a tension is far from the load's weight: a wrong unit."""
     weight = float(np.prod([value_of(recording, n, record) for n in ("load_mass", "gravity", "load_gravity")]))
-    for channel in ("drive_tension", "load_tension"):
+    for channel in TENSIONS:
         if channel in recording.channels and weight > 0.0:
             ratio = float(np.median(np.abs(series_of(record, channel)))) / weight
             if not 1.0 / OFF <= ratio <= OFF:

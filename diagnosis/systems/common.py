@@ -181,15 +181,16 @@ def motion_coordinates(
     )
 
 
-def at_first(time: np.ndarray, position: np.ndarray) -> np.ndarray:
+def at_first(time: np.ndarray, position: np.ndarray, least: float = 0.0) -> np.ndarray:
     """Samples [T] at a record's start that do not count: `SETTLING`, and until the position [T] has left its place.
 
     What friction holds at rest (a torque, a tension, a stretch) was left there by what happened before the record.
+    ``least``: the way after which that is forgotten but for a vibration that it leaves, where it is known.
     """
     found = time - time[0] <= SETTLING
-    away = np.abs(position - np.median(position[found])) > LEFT * np.ptp(position)
+    away = np.abs(position - np.median(position[found])) > max(LEFT * float(np.ptp(position)), least)
     if np.any(away):
-        found |= time <= time[int(np.argmax(away & ~found))]
+        found |= time <= time[int(np.argmax(away & ~found))] + (SETTLING if least else 0.0)
     return found
 
 

@@ -180,6 +180,14 @@ def test_a_record_may_begin_in_motion(tmp_path):
             assert abs(left.mean()) < 0.1 * key["noise_std"]["drive_tension"]  # four and a half standard errors
 
 
+def test_what_friction_held_before_a_record_is_forgotten_where_it_counts(tmp_path):
+    """One record begins in a hold: how far the cable is stretched there, and how it lets go, no record tells."""
+    key = make_log(Case("hold", 1642184952, "cable_hole", "nothing", noise="starts in motion"), tmp_path)
+    question = prepare(load_recording(tmp_path))
+    for model in (question.fit, question.heldout):
+        assert max(_over_noise(model, key).values()) < 1.05
+
+
 @pytest.mark.slow
 def test_an_effect_at_its_true_size_leaves_only_noise(tmp_path):
     """Friction that grows with tension: the generator's exponent is the kernel's."""
