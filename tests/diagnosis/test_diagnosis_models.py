@@ -181,11 +181,15 @@ def test_a_record_may_begin_in_motion(tmp_path):
 
 
 def test_what_friction_held_before_a_record_is_forgotten_where_it_counts(tmp_path):
-    """One record begins in a hold: how far the cable is stretched there, and how it lets go, no record tells."""
+    """One record begins in a hold: how far the cable is stretched there, and how it lets go, no record tells.
+
+    Counted from where it has left its place by 3 % it left three times the noise; what friction holds in the next hold
+    depends on it a little.
+    """
     key = make_log(Case("hold", 1642184952, "cable_hole", "nothing", noise="starts in motion"), tmp_path)
     question = prepare(load_recording(tmp_path))
-    for model in (question.fit, question.heldout):
-        assert max(_over_noise(model, key).values()) < 1.05
+    assert max(_over_noise(question.fit, key).values()) < 1.03
+    assert max(_over_noise(question.heldout, key).values()) < 1.3
 
 
 @pytest.mark.slow
