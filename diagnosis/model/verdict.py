@@ -19,8 +19,6 @@ NAMED = ("named", "equivalence_class", "partly_named")
 """Verdicts with effects."""
 SURE = 20.0
 """Odds from which one model is preferred to another."""
-EVEN = 0.5
-"""Confidence below which an effect, or a fault of the logger, is rather not there than there."""
 
 
 def local_groups(odds: Mapping[str, float]) -> tuple[str, ...]:

@@ -19,7 +19,7 @@ from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
-from cable_envs.diagnosis.model.verdict import EVEN, NAMED, SURE, Diagnosis, EffectGain, Estimate, Trace
+from cable_envs.diagnosis.model.verdict import NAMED, SURE, Diagnosis, EffectGain, Estimate, Trace
 from cable_envs.diagnosis.report.fitted_range import fitted_range
 from cable_envs.diagnosis.report.products import products
 from cable_envs.diagnosis.search.limit_cycles import RUNS
@@ -103,11 +103,10 @@ def answer(
 
 def _faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[Suspicion]) -> list[str]:
     """What is wrong with the data, in words."""
-    said = [*(one.text for one in seen), *(in_words(f) for f in faults if f.confidence >= EVEN)]
+    said = [*(one.text for one in seen), *map(in_words, faults)]
     if selection.after.cause and selection.more:
         said.append(selection.after.cause)
-    possibly = [f"possibly of the data, and rather not: {in_words(f)}" for f in faults if f.confidence < EVEN]
-    return [*(f"of the data, not of the rig: {text}" for text in said), *possibly]
+    return [f"of the data, not of the rig: {text}" for text in said]
 
 
 def in_words(fault: EffectGain) -> str:
@@ -283,7 +282,7 @@ def _test(
 ) -> dict[str, Any]:
     scored, after = selection.score_tests, selection.after
     most = max([selection.before.log_odds, *selection.tried.values()])
-    causes = [*(one.text for one in to_mend), *(in_words(f) for f in faults if f.confidence >= EVEN)]
+    causes = [*(one.text for one in to_mend), *map(in_words, faults)]
     if after.cause and selection.more:
         causes.append(after.cause)
     return {

@@ -11,7 +11,7 @@ from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import DRIFT, Left
-from cable_envs.diagnosis.model.verdict import EVEN, SURE, EffectGain
+from cable_envs.diagnosis.model.verdict import SURE, EffectGain
 from cable_envs.effects import EFFECTS
 
 SUREST = 0.98
@@ -75,11 +75,6 @@ class Selection:
     bands: Bands | None = None
 
     @property
-    def likely_faults(self) -> tuple[EffectGain, ...]:
-        """Those of the logger that are rather there than not."""
-        return tuple(fault for fault in self.faults if fault.confidence >= EVEN)
-
-    @property
     def more(self) -> bool:
         """Whether something is left beyond noise."""
         return self.after.log_odds > np.log(SURE)
@@ -101,7 +96,7 @@ class Selection:
     def _without_effects(self, of_rig: bool) -> str:
         if of_rig and self.after.share > REST:
             return "unknown"
-        return "data_fault" if self.likely_faults or (self.more and self.after.cause) else "no_detectable_mismatch"
+        return "data_fault" if self.faults or (self.more and self.after.cause) else "no_detectable_mismatch"
 
     def _drifts_more(self) -> bool:
         """Whether a sensor's drift is surer than every effect: what is slow is then no sure sign of any."""

@@ -3,15 +3,13 @@
 import html
 import json
 import re
-from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
 from cable_envs.diagnosis.fit.likelihood import Judged
-from cable_envs.diagnosis.intake.logged import LINES
 from cable_envs.diagnosis.model.leftover import Left
-from cable_envs.diagnosis.model.verdict import VERDICTS, EffectGain, Estimate
+from cable_envs.diagnosis.model.verdict import VERDICTS, EffectGain
 from cable_envs.diagnosis.report import answer as answers
 from cable_envs.diagnosis.search.selection import REST, Selection
 from cablebench.pages.diagnosis import render
@@ -154,22 +152,6 @@ def test_an_answer_of_the_tool_says_what_is_left_as_its_json_does(odds_left, sha
     said = headline(json.loads(json.dumps(record)))
     assert selection.verdict == ("partly_named" if share > REST else "named")
     assert read(said) == ((f"{100 * share:.0f} %", odds(odds_left)) if selection.more else "")
-
-
-@pytest.mark.parametrize("confidence", [0.21, 0.9])
-def test_a_fault_of_the_logger_that_is_rather_not_there_is_a_note_only(confidence):
-    """As the share of right names of effects with such odds says."""
-    estimate = {"lines": Estimate(6.2e-3, 5.2e-3, 7.3e-3, "s")}
-    fault = EffectGain(replace(HYPOTHESES[0], name=LINES), 10.9, confidence=confidence, parameters=estimate)
-    judged, left = Judged(None, (), None, 0.0), Left(-2.0, 0.0, ())
-    selection = Selection(judged, judged, (), (fault,), left, left)
-    test = answers._test(SimpleNamespace(hypotheses=()), selection, (fault,))
-    (note,) = answers._faulty(selection, (fault,), ())
-    assert selection.verdict == ("data_fault" if confidence > 0.5 else "no_detectable_mismatch")
-    assert bool(test["cause"]) == (confidence > 0.5)
-    assert note.startswith(
-        "of the data, not of the rig" if confidence > 0.5 else "possibly of the data, and rather not"
-    )
 
 
 def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():
