@@ -82,7 +82,7 @@ def standing(rigs: Sequence[Rig]) -> list[dict[str, Any]]:
             "episodes": int(sum(len(rig["rows"][row]["failed"]) for rig in rigs)),
             "kinds": {k: _mean([score(rig, row) for rig in rigs if rig["hidden"]["kind"] == k]) for k in KINDS},
         }
-        if row != BASE:
+        if row != BASE and BASE in rows_of(rigs):
             entry["ahead"] = mean_over_rigs([score(rig, row) - score(rig, BASE) for rig in rigs])
         found.append(entry)
     return sorted(found, key=lambda entry: -entry["score"].value)

@@ -247,6 +247,14 @@ def test_what_a_diagnosis_is_worth_is_told_by_its_answer():
     assert saved["episodes"] == 4 and saved["ahead"].value == pytest.approx(0.15)
 
 
+def test_rows_without_the_nominal_controller_have_tables_too():
+    rigs = made_up(ANSWERS)
+    for rig in rigs:
+        del rig["rows"]["nominal-controller"]
+    assert all("ahead" not in entry for entry in worth.standing(rigs))
+    assert "| `diagnosed-controller` | recordings | 0.75" in page.tables({HOLE: rigs})
+
+
 def test_the_page_has_every_rig_and_keeps_what_people_wrote(tmp_path):
     text = page.tables({HOLE: made_up(ANSWERS)})
     assert text.count("backlash.gap = 0.001") == 4 and "| right | 1 | 2.72 | 2.72 |" in text
