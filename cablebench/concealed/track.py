@@ -132,7 +132,8 @@ def answer(folder: Path, mechanism: Mechanism) -> dict[str, Any] | None:
     aliases = setup_of(mechanism.env, {}).plant.effects.aliases
     refitted = {aliases[name]: name.partition(".")[0] for name in mechanism.library if name in aliases}
     moved = [refitted[name] for name, value in found["absorbed"].items() if name in refitted and _moved(value)]
-    return {"verdict": found["verdict"], "named": [*(effect["name"] for effect in found["effects"]), *moved]}
+    named = dict.fromkeys([*(effect["name"] for effect in found["effects"]), *moved])  # once, however it was found
+    return {"verdict": found["verdict"], "named": list(named)}
 
 
 def _moved(value: Mapping[str, Any]) -> bool:

@@ -223,6 +223,9 @@ def test_a_spring_that_the_refit_finds_counts_as_named(hole, tmp_path):
     (tmp_path / "diagnosis" / "diagnosis.json").write_text(json.dumps(said))
     told = answer(tmp_path, hole)
     assert told == {"verdict": "no_detectable_mismatch", "named": ["position_dependent_load"]}
+    said["effects"] = [{"name": "position_dependent_load"}]  # found in both ways it is one name
+    (tmp_path / "diagnosis" / "diagnosis.json").write_text(json.dumps(said))
+    assert answer(tmp_path, hole)["named"] == ["position_dependent_load"]
     rig = {"hidden": {"effects": {"position_dependent_load": {"stiffness": 248.0}}}, "answer": told}
     assert worth.answered(rig) == "right"
     assert worth.answered({**rig, "answer": {**told, "verdict": "unknown"}}) == "unknown"
