@@ -141,8 +141,8 @@ def on_bounds(question: Question, fit: Fit) -> list[str]:
         if end is not None and not np.isclose(p.start, end, rtol=1e-6):
             found.append(
                 f"{p.name.replace('_', ' ')} ended at {end:.3g} {question.units.get(p.name, '')}, the "
-                f"{'least' if end == p.low else 'largest'} value that is tried: more may be missing than is named, and the "
-                "corrected rig may be one that cannot be simulated"
+                f"{'least' if end == p.low else 'largest'} value that is tried: more may be missing than is named, and "
+                "the corrected rig may be one that cannot be simulated"
             )
     return found
 
