@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from cable_envs.baselines import controller_class
+from cable_envs.core.config import config_names, config_path, read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
 
 NORMALIZE = {"norm_obs": True, "norm_reward": True, "clip_obs": 10.0, "clip_reward": 10.0, "epsilon": 1e-8}
@@ -20,11 +21,24 @@ def normalize(value: Any) -> dict[str, Any]:
     return {**NORMALIZE, **value} if value else {}
 
 
-def residual(value: Any, env_id: str) -> dict[str, Any]:
-    """Checked fields of `Residual`; ``controller`` may be a mapping by an id's first word, or "other"."""
+def residual(value: Any, env_id: str) -> tuple[dict[str, Any], int]:
+    """Checked fields of `Residual`, and the trials behind gains that come from files.
+
+    ``tuned`` names a file of configs/controllers, or one of configs/compositions that lists several: the first that has
+    gains for the task says which controller is corrected, with which gains. Where none has, or without ``tuned``, it is
+    ``controller``, which may be a mapping by an id's first word, or "other".
+    """
     if not value:
-        return {}
-    require_known("key of residual", value, ("controller", "share", "gains"))
+        return {}, 0
+    require_known("key of residual", value, ("controller", "share", "gains", "tuned"))
+    limit = positive("residual.share", value.get("share", 0.2))
+    if limit > 2.0:
+        raise ConfigurationError(f"residual.share: expected a number in (0, 2], got {limit:g}")
+    for file in _tuned(value.get("tuned")):
+        if env_id in file["gains"]:
+            kind = controller_class(str(file["controller"]))
+            trials = count("charged.tuning_trials", (file.get("charged") or {}).get("tuning_trials", 0), 0)
+            return {"controller": kind.name, "share": limit, "gains": dict(file["gains"][env_id])}, trials
     name = value.get("controller")
     if isinstance(name, Mapping):
         mechanism = env_id.split("/")[-1].split("-")[0]
@@ -32,10 +46,19 @@ def residual(value: Any, env_id: str) -> dict[str, Any]:
             require_known("mechanism under residual.controller", [mechanism], name)
         name = name.get(mechanism, name.get("other"))
     kind = controller_class(str(name))
-    limit = positive("residual.share", value.get("share", 0.2))
-    if limit > 2.0:
-        raise ConfigurationError(f"residual.share: expected a number in (0, 2], got {limit:g}")
-    return {"controller": kind.name, "share": limit, "gains": dict(value.get("gains") or {})}
+    return {"controller": kind.name, "share": limit, "gains": dict(value.get("gains") or {})}, 0
+
+
+def _tuned(name: Any) -> list[Mapping[str, Any]]:
+    """The contents of the controller files behind ``residual.tuned``."""
+    if name is None:
+        return []
+    if name in config_names("compositions"):
+        names = read_yaml(config_path("compositions", f"{name}.yaml"))["of"]
+    else:
+        require_known("residual.tuned", [name], (*config_names("controllers"), *config_names("compositions")))
+        names = [name]
+    return [read_yaml(config_path("controllers", f"{one}.yaml")) for one in names]
 
 
 def curriculum(value: Any) -> dict[str, Any]:

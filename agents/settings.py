@@ -322,6 +322,7 @@ def make_settings(
     kind = ALGORITHMS[algorithm or algo]
     allowed = [*_OWN, *(set(inspect.signature(kind.__init__).parameters) - _NOT_FOR_FILES)]
     require_known(f"key in {source}", data, allowed)
+    corrected, behind = checks.residual(data.get("residual"), env_id)
     settings = Settings(
         algo=algo,
         env_id=env_id,
@@ -333,14 +334,14 @@ def make_settings(
         env_options=dict(data.get("env_options") or {}),
         stagger=bool(data.get("stagger", True)),
         smoothing=checks.share("smoothing", data.get("smoothing", 0.0)),
-        tuning_trials=checks.count("tuning_trials", data.get("tuning_trials", 0), 0),
+        tuning_trials=checks.count("tuning_trials", data.get("tuning_trials", 0), 0) + behind,
         algorithm_name=algorithm,
         first_frame=bool(data.get("first_frame", False)),
         frame_stack=checks.count("frame_stack", data.get("frame_stack", 1)),
         normalize=checks.normalize(data.get("normalize", False)),
         noise_type=str(data.get("noise_type") or ""),
         noise_std=checks.positive("noise_std", data.get("noise_std", 0.1)),
-        residual=checks.residual(data.get("residual"), env_id),
+        residual=corrected,
         curriculum=checks.curriculum(data.get("curriculum")),
     )
     if settings.noise_type:

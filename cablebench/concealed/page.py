@@ -1,5 +1,6 @@
 """Tables of the concealed track in Markdown, between two marks of a page that people have written."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from cable_envs.core.text import between_marks, markdown_text
 from cablebench.concealed import worth
 from cablebench.concealed.entrants import ROWS
 from cablebench.concealed.hidden import KINDS
-from cablebench.concealed.mechanism import load_mechanism
+from cablebench.concealed.mechanism import load_mechanism, mechanisms
 from cablebench.protocol.units import shown, unit_of
 
 FEWEST = 5
@@ -35,20 +36,39 @@ def tables(result: Mapping[str, Any]) -> str:
     return "\n".join(line for name, rigs in result.items() for line in _of_mechanism(name, rigs))
 
 
-def write_tables(page: Path, text: str) -> None:
-    """Put the tables between the marks of a page; ConfigurationError where it has none."""
-    write_atomic(page, _with_tables(page, text))
+def write_tables(page: Path, result: Mapping[str, Any]) -> None:
+    """Put the tables of a result between the marks of a page; those there of other mechanisms stay.
+
+    Parameters
+    ----------
+    page : Path
+        A Markdown file with both marks.
+    result : mapping
+        As of `tables`.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the page lacks a mark.
+    """
+    write_atomic(page, _with_tables(page, {name: tables({name: rigs}) for name, rigs in result.items()}))
 
 
 def require_page(page: Path) -> None:
     """A page that can take the tables, asked before hours go into these; ConfigurationError where it cannot."""
-    _with_tables(page, "")
+    _with_tables(page, {})
 
 
-def _with_tables(page: Path, text: str) -> str:
+def _with_tables(page: Path, made: Mapping[str, str]) -> str:
     if not page.is_file():
         raise ConfigurationError(f"no page {page}: expected a Markdown file with the lines '{BEGIN}' and '{END}'")
-    return between_marks(page.read_text(encoding="utf-8"), BEGIN, END, text)
+    text = page.read_text(encoding="utf-8")
+    _, _, old = text.partition(BEGIN)
+    parts = re.split(r"^(?=## )", old.partition(END)[0], flags=re.MULTILINE)
+    kept = {part.partition("\n")[0]: part.strip() for part in parts[1:]}
+    heads = {name: f"## {load_mechanism(name).title}" for name in mechanisms()}
+    sections = [made.get(name) or kept.get(head, "") for name, head in heads.items()]
+    return between_marks(text, BEGIN, END, "\n\n".join(part.strip() for part in sections if part))
 
 
 def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:

@@ -18,7 +18,7 @@ from cablebench.concealed.mechanism import load_mechanism, mechanisms
 from cablebench.concealed.records import record_hidden
 from cablebench.concealed.track import answer, run, sealed
 
-HOLE = "hole"
+HOLE, CIRCUIT = "hole", "circuit"
 LIBRARY = 0
 """Number of a rig with one effect of the library, whose kernel is that of the plant."""
 
@@ -259,16 +259,29 @@ def test_rows_without_the_nominal_controller_have_tables_too():
 
 
 def test_the_page_has_every_rig_and_keeps_what_people_wrote(tmp_path):
-    text = page.tables({HOLE: made_up(ANSWERS)})
+    result = {HOLE: made_up(ANSWERS)}
+    text = page.tables(result)
     assert text.count("backlash.gap = 0.001") == 4 and "| right | 1 | 2.72 | 2.72 |" in text
     file = tmp_path / "page.md"
     file.write_text(f"# Mine\n\n{page.BEGIN}\nold\n{page.END}\nafter\n")
-    page.write_tables(file, text)
+    page.write_tables(file, result)
     assert file.read_text().startswith("# Mine\n") and file.read_text().endswith(f"{page.END}\nafter\n")
-    assert "old" not in file.read_text() and text in file.read_text()
+    assert "old" not in file.read_text() and text.strip() in file.read_text()
     file.write_text("# Mine\n")
     with pytest.raises(ConfigurationError, match="the page lacks"):
-        page.write_tables(file, text)
+        page.write_tables(file, result)
+
+
+def test_tables_of_another_mechanism_stay_on_the_page(tmp_path):
+    file = tmp_path / "page.md"
+    file.write_text(f"{page.BEGIN}\n{page.END}\n")
+    hole, circuit = ({name: made_up(ANSWERS)} for name in (HOLE, CIRCUIT))
+    page.write_tables(file, circuit)
+    page.write_tables(file, hole)
+    both = file.read_text()
+    assert all(page.tables(one).strip() in both for one in (hole, circuit))
+    page.write_tables(file, hole)
+    assert file.read_text() == both
 
 
 def test_a_page_that_cannot_take_the_tables_is_refused_before_any_rig_is_drawn(tmp_path, cli):

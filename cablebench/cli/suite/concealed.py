@@ -33,7 +33,9 @@ def concealed(
     recordings_only: Annotated[
         bool, typer.Option("--recordings-only", help="Seal and record the hidden rigs, and end.")
     ] = False,
-    page: Annotated[Path | None, typer.Option(help="Markdown page whose marked part gets the tables.")] = None,
+    page: Annotated[
+        Path | None, typer.Option(help="Markdown page whose marked part gets the tables of these mechanisms.")
+    ] = None,
     trust: Trusted = False,
     as_json: Annotated[bool, typer.Option("--json", help="The result as JSON on standard output.")] = False,
 ) -> None:
@@ -78,7 +80,7 @@ def concealed(
     write_atomic(out / RESULT, packed_json(jsonable(result)))
     text = tables(result)
     if page is not None:
-        write_tables(page, text)
+        write_tables(page, result)
     if as_json:
         print_json(jsonable(result))
         return
