@@ -23,7 +23,7 @@ How a command line calls it (nothing here imports torch; rich, jinja2 and matplo
     episode = run_episode(env, actor, seed)                                  #   `Episode` arrays
     values = measure(episode)                                                #   {name: SI value}
 
-Folders, each importing only those after it: ``cli`` (one file a command), ``pays`` (what a diagnosis saves a
-controller), ``export`` (datasets and recordings), ``pages`` (HTML about diagnoses), ``tune``, ``board`` (ranking),
-``run`` (episodes and their records), ``entrants`` (who takes part), ``jobs`` (processes, Ray), ``protocol``.
+Folders, each importing only those after it: ``cli`` (one file a command), ``concealed`` (control of rigs that have
+more than any simulator), ``export`` (datasets and recordings), ``pages`` (HTML about diagnoses), ``tune``, ``board``
+(ranking), ``run`` (episodes and their records), ``entrants`` (who takes part), ``jobs`` (processes, Ray), ``protocol``.
 """

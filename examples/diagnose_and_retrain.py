@@ -8,7 +8,7 @@ which the nominal simulator does not have. Three steps:
 3. Residual PPO is trained on the nominal rig and on the corrected one, and both policies are tested on the hidden rig.
 
 The file prints the verdict with the parameters found, and the root mean square of the tracking error (RMSE) in mrad.
-docs/pays.md has the same with several seeds and intervals.
+docs/concealed.md asks the same over many hidden rigs, with intervals.
 
     python examples/diagnose_and_retrain.py --out retrained      # four minutes of one core
 """

@@ -33,7 +33,6 @@ LAYERS = (
 INSIDE = {
     "cablebench": (
         "cli",
-        "pays",
         "concealed",
         "export",
         "pages",

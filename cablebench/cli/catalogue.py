@@ -16,7 +16,6 @@ from cablebench.cli.physics import (
     next_experiment,
     real_data,
     reproduce,
-    retrain_study,
 )
 from cablebench.cli.suite import anchors, concealed, datasets, try_
 
@@ -99,10 +98,6 @@ COMMANDS = (
     Command(
         REPRODUCE, "blind-test", blind_test.blind_test, "cablebench blind-test --quick --out results/blind-test",
         former=("proof",),
-    ),
-    Command(
-        REPRODUCE, "retrain-study", retrain_study.retrain_study,
-        "cablebench retrain-study --quick --out results/retrained", former=("pays",),
     ),
 )  # fmt: skip
 """Every command, in the order of the help."""

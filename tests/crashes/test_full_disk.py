@@ -26,7 +26,6 @@ COMMANDS = {
     "leaderboard": ((*BOARD, "--out", "b"), "b"),
     "demo": (("demo", "--protocol", "tiny.yaml", "--out", "demo"), "demo"),
     "run": (("run", HOLE, "--controller", "pid", "--option", "duration=0.5", "--save", "x/e.npz"), "x"),
-    "pays": (("pays", "--quick", "--out", "pays"), "pays"),
     "recordings": (("recordings", "--shared", "logs", "--out", "w"), "w"),
     "reproduce": (("reproduce", "gu-table2", "--out", "rep"), "rep"),
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Texts of records stay texts on every page: of the proof, of a diagnosis, of the recordings, of what a diagnosis pays.
+"""Texts of records stay texts on every page: of the proof, of a diagnosis and of the recordings.
 
 Every key of the published records whose values are free texts is made hostile, many keys at once; keys whose values are
 words of the program (a verdict, a kind) make the page fail instead, and are found by halves and left out.
@@ -16,7 +16,6 @@ from markdown_it import MarkdownIt
 from cable_envs.core.files import jsonable, packed_json, read_json
 from cable_envs.diagnosis.engine import diagnose
 from cablebench.pages import diagnosis, proof, recordings
-from cablebench.pays import page as pays
 from tests.support import drive_recording
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -89,8 +88,6 @@ def recordings_page(record, folder):
 
 PAGES = {
     "proof": (lambda _: read_json(DOCS / "proof" / "proof.json.xz"), lambda r, _: proof.render(r)),
-    "pays": (lambda _: read_json(DOCS / "pays.json.xz"), lambda r, _: rendered_markdown(pays.page(r))),
-    "the figure of pays": (lambda _: read_json(DOCS / "pays.json.xz"), lambda r, _: pays.figure(r)),
     "recordings": (lambda _: read_json(DOCS / "recordings" / "emps.json.xz"), recordings_page),
     "a diagnosis": (answer, lambda r, _: diagnosis.render(r)),
 }

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.timeout(1800)]
 KINDS = (
     "index.html", "environments/index.html", "environments/cable-hole-position.html", "plants/index.html",
     "plants/tendon-sheath.html", "plants/band-brake.html", "effects.html", "controllers.html", "boards.html",
-    "reproduction.html", "api/index.html", "api/environments.html", "diagnosis.html", "pays.html", "proof/proof.html",
+    "reproduction.html", "api/index.html", "api/environments.html", "diagnosis.html", "proof/proof.html",
     "recordings/index.html", "mismatches/extrusion-ratio.html", "mismatches/index.html", "glossary.html", "cite.html",
     "changelog.html", "contributing.html", "commands.html", "your-own-recording.html", "physics.html",
     "identification.html", "interop.html", "read-the-board.html", "plants/linear-drive.html", "mismatches/load.html",

@@ -1,1 +1,0 @@
-"""Does a diagnosis pay: controllers and agents from the nominal, the corrected and the true simulator."""
