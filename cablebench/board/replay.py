@@ -183,6 +183,10 @@ def _differences(recorded: Record, replayed: Record) -> list[Difference]:
     a, b = recorded["metrics"], replayed["metrics"]
     return [
         Difference(recorded["seed"], recorded["track"] + sweep(recorded), name, a.get(name), b.get(name))
-        for name in a  # a metric that is younger than the record cannot differ from it
-        if name not in TIMED and a.get(name) != b.get(name)
+        for name in differing(a, b)
     ]
+
+
+def differing(recorded: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
+    """Names of the metrics that are not as recorded; one that is younger than the record cannot differ from it."""
+    return [name for name in recorded if name not in TIMED and recorded[name] != now.get(name)]

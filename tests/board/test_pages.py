@@ -221,8 +221,8 @@ def test_without_traces_a_page_says_how_to_get_them(made):
     for trajectories in (None, lambda run: {}, lambda run: {"median": {"time": np.zeros(0)}}):
         text = render_task(board, TASKS[0], trajectories)
         assert episodes_of(text) is None and 'id="viewer"' not in text and "Traces = " not in text
-        assert "has no traces of this task" in text and "\ncablebench leaderboard --results x" in text
-        assert "<pre>cablebench replay --results x --entrant mrac-g22 --env CableHole-Position-Step" in text
+        assert "has no traces of this task" in text and "<pre>cablebench leaderboard --results x --traces\n" in text
+        assert "\ncablebench replay --results x --entrant mrac-g22 --env CableHole-Position-Step" in text
     plain = build_board(board.protocol, made_records(board.protocol, entrants={"pid": ENTRANTS["pid"]}))
     assert "cablebench evaluate --results DIR" in render_task(plain, TASKS[0])
 

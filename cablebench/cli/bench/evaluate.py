@@ -1,6 +1,8 @@
 """``cablebench evaluate``: controllers and policies over a protocol's episodes, into a results store."""
 
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -109,6 +111,24 @@ def choose_entrants(
 ) -> tuple[Any, ...]:
     """The entrants that the flags name: all references when they name none."""
     return tuple(recipe() for recipe in entrant_recipes(list(controllers), list(gains), list(policies), sandbox))
+
+
+def entrant_of(words: str, record: Mapping[str, Any], sandbox: str = "auto") -> Any:
+    """The entrant behind a record, made from the flags of its replay command, with the record's name and seed.
+
+    Where its settings or its file differ from what was recorded, that is said on standard error.
+    """
+    given: dict[str, list[str]] = {"--controller": [], "--gain": [], "--policy": []}
+    parts = shlex.split(words)
+    for flag, value in zip(parts[::2], parts[1::2], strict=True):
+        given[flag].append(value)
+    made = choose_entrants(given["--controller"], given["--gain"], given["--policy"], sandbox)[0]
+    say_sandboxes([made])
+    if dict(made.settings) and dict(made.settings) != record.get("settings", {}):
+        console(stderr=True).print(
+            f"note: {words} is not as it was recorded: its settings or file differ", markup=False
+        )
+    return replace(made, name=record["entrant"], training_seed=record["training_seed"])
 
 
 def print_summary(records: Sequence[Mapping[str, Any]], out: Any) -> None:

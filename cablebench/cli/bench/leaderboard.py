@@ -9,7 +9,7 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import require_writable
-from cablebench.cli.shared.output import console
+from cablebench.cli.shared.output import console, progress_bar
 from cablebench.cli.shared.seals import Seal, unsealed
 
 
@@ -23,6 +23,9 @@ def leaderboard(
         Path | None,
         typer.Option(help="Folder for board.json, board.md, board.html and tasks/; default: the results."),
     ] = None,
+    traces: Annotated[
+        bool, typer.Option("--traces", help="Run the episodes whose traces the pages would show and that are not kept.")
+    ] = False,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
     seal: Seal = None,
@@ -31,6 +34,9 @@ def leaderboard(
     """Rank what a results folder holds and write the board. NOTES.md in the folder is shown on it.
 
     A malformed record is left out; the board says so, with file and line. --strict refuses it instead.
+
+    --traces simulates the median and the worst episode of up to four entrants of each task again, and keeps their
+    traces where the numbers are as recorded. Policies whose files are gone are left out, and files of Python are run.
 
     --pack compresses the records (to records.jsonl.xz), drops what the pages do not show of the trajectories, and
     thins what they show. board.json, board.html and the tasks' pages are no part of a packed folder: this command makes
@@ -49,9 +55,27 @@ def leaderboard(
     chosen = unsealed(protocol_of(records, protocol or board), seal)
     require_writable(out or folder)
     made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
+    if traces:
+        _trace(chosen, made, store, records)
+        _write(made, store, reading, out or folder)
     if pack:
         _pack(store, made, len(records))
         _write(made, store, reading, out or folder)  # drawn from what is kept, as the next time
+
+
+def _trace(protocol: Any, board: Any, store: Any, records: list[Any]) -> None:
+    """Traces for the pages, of runs that have none; what became of them on standard error."""
+    from cablebench.board.again import keep_traces, without_traces
+    from cablebench.cli.bench.evaluate import entrant_of
+
+    with progress_bar() as update:
+        runs = without_traces(board, records, store.trajectories)
+        count = keep_traces(
+            protocol, runs, store.trajectories, store.places, entrant_of,
+            lambda done, total, text: update("runs", done, total, text),
+        )  # fmt: skip
+    text = ", ".join(f"{number} {kind}" for kind, number in count.items() if number or kind == "kept")
+    console(stderr=True).print(f"traces of {len(runs)} runs: {text}", markup=False)
 
 
 def _pack(store: Any, board: Any, count: int) -> None:

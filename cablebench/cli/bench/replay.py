@@ -1,8 +1,6 @@
 """``cablebench replay``: run a row of a board again and say whether the numbers are the same."""
 
 import math
-import shlex
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated, Any
@@ -11,12 +9,12 @@ import typer
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import require_writable
-from cablebench.cli.bench.evaluate import choose_entrants
+from cablebench.cli.bench.evaluate import entrant_of
 from cablebench.cli.bench.leaderboard import protocol_of, results_folder
 from cablebench.cli.shared.arguments import resolve_task
 from cablebench.cli.shared.output import console, print_json, progress_bar
 from cablebench.cli.shared.seals import Seal, unsealed
-from cablebench.cli.shared.trust import Trusted, Walls, say_sandboxes
+from cablebench.cli.shared.trust import Trusted, Walls
 
 DIFFERENT = 1
 """Exit code where a number is not as recorded."""
@@ -97,19 +95,8 @@ def _again(protocol: Any, words: str, records: list[Any], update: Any, sandbox: 
     """The records' episodes run anew by the entrant that the flags name; ``store`` gets them with their traces."""
     from cablebench.run.evaluation import evaluate
 
-    flags = dict.fromkeys(("--controller", "--gain", "--policy"))
-    given: dict[str, list[str]] = {flag: [] for flag in flags}
-    parts = shlex.split(words)
-    for flag, value in zip(parts[::2], parts[1::2], strict=True):
-        given[flag].append(value)
-    made = choose_entrants(given["--controller"], given["--gain"], given["--policy"], sandbox)[0]
-    say_sandboxes([made])
     first = records[0]
-    if dict(made.settings) and dict(made.settings) != first.get("settings", {}):
-        console(stderr=True).print(
-            f"note: {words} is not as it was recorded: its settings or file differ", markup=False
-        )
-    entrant = replace(made, name=first["entrant"], training_seed=first["training_seed"])
+    entrant = entrant_of(words, first, sandbox)
     return evaluate(
         protocol, (entrant,), (first["env_id"],), (first["track"],), store,
         lambda p: update("episodes", p.done, p.total, p.text),
