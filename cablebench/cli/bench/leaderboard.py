@@ -1,6 +1,7 @@
 """``cablebench leaderboard``: the board of a results folder as terminal table, JSON, Markdown and HTML."""
 
 import shlex
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -26,6 +27,9 @@ def leaderboard(
     traces: Annotated[
         bool, typer.Option("--traces", help="Run the episodes whose traces the pages would show and that are not kept.")
     ] = False,
+    policies: Annotated[
+        Path | None, typer.Option(help="Folder with the trained policies of the rows, for learning curves and traces.")
+    ] = None,
     pack: Annotated[bool, typer.Option("--pack", help="Make the folder small, to commit it.")] = False,
     strict: Annotated[bool, typer.Option("--strict", help="Refuse a store with malformed records.")] = False,
     seal: Seal = None,
@@ -39,8 +43,8 @@ def leaderboard(
     traces where the numbers are as recorded. Policies whose files are gone are left out, and files of Python are run.
 
     --pack compresses the records (to records.jsonl.xz), drops what the pages do not show of the trajectories, and
-    thins what they show. board.json, board.html and the tasks' pages are no part of a packed folder: this command makes
-    them again from what is there.
+    thins what they show; it keeps the learning curves of policies apart from these. board.json, board.html and the
+    tasks' pages are no part of a packed folder: this command makes them again from what is there.
     """
     from cablebench.run.folders import open_store
 
@@ -54,16 +58,17 @@ def leaderboard(
         raise ConfigurationError(f"no records in {store.path}{left}: run `{command}` first")
     chosen = unsealed(protocol_of(records, protocol or board), seal)
     require_writable(out or folder)
-    made = make_board(chosen, store, reading, out or folder, as_json, place=flags)
+    trained = [policies] if policies else []
+    made = make_board(chosen, store, reading, out or folder, as_json, place=flags, trained=trained)
     if traces:
-        _trace(chosen, made, store, records)
-        _write(made, store, reading, out or folder)
+        _trace(chosen, made, store, records, trained)
+        _write(made, store, reading, out or folder, trained)
     if pack:
-        _pack(store, made, len(records))
+        _pack(store, made, records, trained)
         _write(made, store, reading, out or folder)  # drawn from what is kept, as the next time
 
 
-def _trace(protocol: Any, board: Any, store: Any, records: list[Any]) -> None:
+def _trace(protocol: Any, board: Any, store: Any, records: list[Any], trained: list[Path]) -> None:
     """Traces for the pages, of runs that have none; what became of them on standard error."""
     from cablebench.board.again import keep_traces, without_traces
     from cablebench.cli.bench.evaluate import entrant_of
@@ -71,22 +76,24 @@ def _trace(protocol: Any, board: Any, store: Any, records: list[Any]) -> None:
     with progress_bar() as update:
         runs = without_traces(board, records, store.trajectories)
         count = keep_traces(
-            protocol, runs, store.trajectories, store.places, entrant_of,
+            protocol, runs, store.trajectories, [*store.places, *trained], entrant_of,
             lambda done, total, text: update("runs", done, total, text),
         )  # fmt: skip
     text = ", ".join(f"{number} {kind}" for kind, number in count.items() if number or kind == "kept")
     console(stderr=True).print(f"traces of {len(runs)} runs: {text}", markup=False)
 
 
-def _pack(store: Any, board: Any, count: int) -> None:
+def _pack(store: Any, board: Any, records: list[Any], trained: list[Path]) -> None:
     """Make the results folder small: records compressed, of the trajectories only what the pages show."""
+    from cablebench.board.learning import pack_curves
     from cablebench.board.pages.traces import DRAWN_POINTS, is_drawn, shown_runs
 
     path, shown = store.pack(), shown_runs(board)
     store.trajectories.forget(shown)
     store.trajectories.thin(shown, is_drawn, DRAWN_POINTS)
     store.trajectories.pack()
-    console(stderr=True).print(f"{count} records in {path}, {path.stat().st_size} bytes", markup=False)
+    pack_curves(path.parent, [*store.places, *trained], records)
+    console(stderr=True).print(f"{len(records)} records in {path}, {path.stat().st_size} bytes", markup=False)
 
 
 def results_folder(board: str | None, results: Path | None, protocol: str | None = None) -> tuple[Path, str]:
@@ -116,7 +123,7 @@ def protocol_of(records: list[Any], name: str | None) -> Any:
     return load_protocol(name)
 
 
-def _write(board: Any, store: Any, reading: Any, folder: Path) -> dict[str, Path]:
+def _write(board: Any, store: Any, reading: Any, folder: Path, trained: Sequence[Path] = ()) -> dict[str, Path]:
     """Write the board's three files, and return their paths. ConfigurationError where that fails."""
     from cablebench.board.learning import learning_curves
     from cablebench.board.report import write_board
@@ -124,7 +131,8 @@ def _write(board: Any, store: Any, reading: Any, folder: Path) -> dict[str, Path
 
     own = told_apart(r for r in reading.records if r["protocol_hash"] == board.protocol.hash())
     try:
-        return write_board(board, folder, store.trajectories.of, learning_curves(store.places, own))
+        curves = learning_curves([*store.places, *trained], own)
+        return write_board(board, folder, store.trajectories.of, curves)
     except OSError as error:
         raise ConfigurationError(f"cannot write the board to {folder}: {error.strerror or error}") from error
 
@@ -146,6 +154,7 @@ def make_board(
     place: str = "",
     show: bool = True,
     of: str = "",
+    trained: Sequence[Path] = (),
 ) -> Any:
     """Build the board, write its files and pages, and show it: as JSON on standard output, or as a table.
 
@@ -153,6 +162,8 @@ def make_board(
 
     ``place``: the flags that name the results folder, for replay commands; without them a row shows the command that
     evaluated it.
+
+    ``trained``: folders in which policies are looked for, besides the store's own.
 
     ``of``: an entrant; of the tables only those that it is in are printed.
     """
@@ -165,7 +176,7 @@ def make_board(
     if reading.left_out:
         console(stderr=True).print(reading.remark, markup=False)
     board = build_board(protocol, reading.records, text, place, reading.remark)
-    paths = _write(board, store, reading, folder)
+    paths = _write(board, store, reading, folder, trained)
     if as_json and show:
         typer.echo(render_json(board), nl=False)
     elif show:
