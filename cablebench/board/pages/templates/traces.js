@@ -34,6 +34,7 @@ const Traces = (() => {
     const rough = (high - low) / count, power = 10 ** Math.floor(Math.log10(rough));
     const step = [1, 2, 5, 10].find(k => k * power >= rough) * power, found = [];
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) found.push(k * step);
+    if (found.length < 2 && count < 64) return ticks(low, high, 2 * count);  // one tick says nothing of the scale
     return found.map(value => [value, label(value, step)]);
   }
 
