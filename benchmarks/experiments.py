@@ -1,0 +1,136 @@
+"""`python -m benchmarks.experiments`: how many names become exact by one computed experiment.
+
+Rigs of the blind proof's generator (`cable_envs.proof.cases`, white noise, one effect that adds more than 10 %) are
+recorded and diagnosed. Where the answer is not the exact name, `cable_envs.diagnosis.experiment` computes a motion, the
+concealed rig runs it, and its record joins the others for a second diagnosis. The key is opened for judging alone.
+Every case is a line of the results file as soon as it is done, so that the same command goes on from there.
+"""
+
+import argparse
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import yaml
+
+from cable_envs.core.errors import ConfigurationError
+from cable_envs.core.files import write_atomic
+from cable_envs.core.text import between_marks
+from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.engine import diagnose
+from cable_envs.diagnosis.experiment.design import next_experiment
+from cable_envs.diagnosis.experiment.plan import Plan
+from cable_envs.proof.cases import PERIOD, Case, make, plan
+from cable_envs.proof.effects import find
+from cable_envs.proof.rigs import CLOCK, TrueRig, observe, random_rig
+from cable_envs.proof.scoring import judge, limits
+from cable_envs.proof.sensors import quantise, stamps
+
+EXACT, CLASS = "exact", "class"
+SHOWN_IN = {"mm": 1e3, "mm/s": 1e3}
+BEGIN, END = "<!-- begin: python -m benchmarks.experiments -->", "<!-- end: experiments -->"
+
+
+def cases(seed: int) -> list[Case]:
+    """All recordings with one effect that adds more than 10 %, and white noise, in the order of the proof's plan."""
+    return [c for c in plan(seed=seed) if (c.kind, c.band, c.noise) == ("single", ">10", "white")]
+
+
+def tried(case: Case) -> dict[str, Any]:
+    """One case before and after its experiment: a line of the results file."""
+    warnings.simplefilter("ignore")
+    with TemporaryDirectory() as place:
+        folder = Path(place) / case.name
+        key = make(case, folder)
+        found = diagnose(folder)
+        first = judge(key, found.as_json())
+        line = {"case": case.name, "system": case.system, "effect": case.effects[0], "before": first.outcome,
+                "named": list(first.answer)}  # fmt: skip
+        if first.outcome == EXACT:
+            return {**line, "after": first.outcome, "motion": ""}
+        try:
+            motion = next_experiment(load_recording(folder), found, seed=case.seed)
+        except ConfigurationError as error:
+            return {**line, "after": first.outcome, "motion": "", "refused": str(error)}
+        added(folder, case, key, motion)
+        second = judge(key, diagnose(folder).as_json())
+        return {**line, "after": second.outcome, "motion": motion.family, "expected": motion.least,
+                "rivals": list(motion.rivals), "named_after": list(second.answer)}  # fmt: skip
+
+
+def added(folder: Path, case: Case, key: Mapping[str, Any], motion: Plan) -> None:
+    """Run a motion on the concealed rig, and put its record to the others of the folder."""
+    missing = tuple(find(case.system, name) for name in case.effects)
+    rig = random_rig(case.system, np.random.default_rng([case.seed, 7]), missing)
+    changes = {name: value for entry in key["effects"] for name, value in entry["changes"].items()}
+    rng = np.random.default_rng([case.seed, 13])
+    ticks = np.arange(round(motion.time[-1] / CLOCK)) * CLOCK
+    at = stamps(rng, 0.0, float(motion.time[-1]) - CLOCK, PERIOD, 0.02)
+    path = folder / "recording.yaml"
+    content = yaml.safe_load(path.read_text())
+    columns = {"time": at + 600.0, **observe(rig, changes, places(rig, motion, ticks), at)}
+    for name, std in rig.noise.items():
+        columns[name] = quantise(columns[name] + std * rng.standard_normal(len(at)), 0.5 * std)
+    channels = content["channels"]
+    table = np.column_stack([values * SHOWN_IN.get(channels[name]["unit"], 1.0) for name, values in columns.items()])
+    np.savetxt(folder / "run_9.csv", table, delimiter=",", header=",".join(columns), comments="", fmt="%.8g")
+    content["records"].append({"data": "run_9.csv", "use": "fit"})
+    path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+
+
+def places(rig: TrueRig, motion: Plan, ticks: np.ndarray) -> np.ndarray:
+    """The motion as the rig's drive is told it: a place at every tick; a speed is summed up from the centre."""
+    told = np.interp(ticks, motion.time, motion.values)
+    if not motion.channel.name.startswith("drive_velocity"):
+        return told
+    return rig.centre + np.concatenate([[0.0], np.cumsum(0.5 * (told[1:] + told[:-1])) * CLOCK])
+
+
+def table(found: Sequence[Mapping[str, Any]]) -> str:
+    """Shares of answers before and after."""
+    total = len(found)
+    lines = ["| answer | before the experiment | after it |", "|---|--:|--:|"]
+    kinds = {"exact name": (EXACT,), "exact name or class": (EXACT, CLASS), "a class": (CLASS,)}
+    rest = tuple(sorted({r[k] for r in found for k in ("before", "after")} - {EXACT, CLASS}))
+    for title, outcomes in {**kinds, **{one: (one,) for one in rest}}.items():
+        counts = [sum(r[k] in outcomes for r in found) for k in ("before", "after")]
+        lines.append(f"| {title} | " + " | ".join(_share(c, total) for c in counts) + " |")
+    planned = [r for r in found if r["motion"]]
+    lines += ["", f"{total} recordings; for {len(planned)} an experiment was computed and run."]
+    return "\n".join(lines)
+
+
+def _share(count: int, total: int) -> str:
+    low, high = limits(count, total)
+    return f"{count} of {total}, {count / total:.0%} ({100 * low:.0f}-{100 * high:.0f})"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.experiments", description=__doc__)
+    parser.add_argument("--results", type=Path, required=True, help="file of the results, a line a case")
+    parser.add_argument("--cases", type=int, default=100, help="how many of the plan")
+    parser.add_argument("--seed", type=int, default=97, help="of the plan")
+    parser.add_argument("--page", type=Path, help="a page whose marked part gets the table")
+    arguments = parser.parse_args()
+    path = arguments.results
+    found = [json.loads(line) for line in path.read_text().splitlines()] if path.exists() else []
+    done = {r["case"] for r in found}
+    for case in cases(arguments.seed)[: arguments.cases]:
+        if case.name not in done:
+            found.append(tried(case))
+            with path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(found[-1]) + "\n")
+            print(found[-1], flush=True)
+    text = table(found)
+    print(text)
+    if arguments.page:
+        page = arguments.page.read_text(encoding="utf-8")
+        write_atomic(arguments.page, between_marks(page, BEGIN, END, text))
+
+
+if __name__ == "__main__":
+    main()
