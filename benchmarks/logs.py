@@ -2,16 +2,18 @@
 
 Every kind of `cable_envs.proof.logs.loggers` is made of every system: with nothing missing, with one effect, and with
 physics that is in no library (generator A, for developing; the proof judges). Answers are scored as those of the proof
-(`cable_envs.proof.scoring`). Each is written to ``--out`` as it comes, so that a stopped run goes on, and several runs
-with ``--part`` can share a file's folder and be counted together.
+(`cable_envs.proof.scoring`), and faults of the data that are said are held against those that were put in. Each is
+written to ``--out`` as it comes, so that a stopped run goes on, and several runs with ``--part`` can share a file's
+folder and be counted together.
 """
 
 import argparse
 import json
+import re
 import shutil
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -21,11 +23,17 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.engine import diagnose
 from cable_envs.proof.cases import Case
+from cable_envs.proof.effects import SYSTEMS
 from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.logs.cases import make, plan
+from cable_envs.proof.logs.loggers import KINDS
 from cable_envs.proof.scoring import Result, judge, restored
 
 FIELDS = tuple(field.name for field in fields(Result))
+OF_DATA = "of the data, not of the rig: "
+"""How the notes of an answer begin that say a fault of the data."""
+FAULTS = ("fast", "resampled", "filtered", "hum", "walk")
+"""What of `cable_envs.proof.logs.loggers.Log` an answer may say."""
 DEVELOPED_ON = 5
 """Seed on which numbers of the tool were set (`docs/evidence.md`); any other tells how good these are."""
 
@@ -45,7 +53,48 @@ def answered(case: Case, folder: Path) -> dict[str, Any]:
     row = asdict(judge(key, verdict))
     named = verdict["effects"] if row["answer"] else []
     row["gains"] = [min(e["log_odds"], e["margin"]) for e in named if e["name"] not in key["ambient"]]
+    row["faults"] = [n.removeprefix(OF_DATA) for n in verdict["notes"] if n.startswith(OF_DATA)]
+    row["put_in"] = [put_in(fault, key["log"]) for fault in row["faults"]]
+    row["faulty"] = any(key["log"][fault] for fault in FAULTS)
     return {**row, "cause": verdict["test"]["cause"], "seconds": verdict["about"]["seconds"]}
+
+
+def in_turn(seed: int) -> list[Case]:
+    """Of each kind of log one case with nothing missing, with one effect, with wrong parameters: systems by turns."""
+    cases, found = plan(nothing=1, single=1, strange=1, seed=seed), []
+    for k, noise in enumerate(KINDS):
+        for j, kind in enumerate(("nothing", "single", "single")):
+            system = SYSTEMS[(k + j) % len(SYSTEMS)]
+            case = next(c for c in cases if (c.noise, c.system, c.kind) == (noise, system, kind))
+            found.append(case if j < 2 else replace(case, name=f"decoy-{case.name}", kind="decoy", effects=()))
+    return found
+
+
+def put_in(said: str, log: Mapping[str, Any]) -> bool:
+    """Whether a fault of the data is one that the logger has: the clock's to half of its error, a tone to 0.1 Hz."""
+    number = float((re.search(r"[+-]?\d[\d.e+-]*(?= (%|Hz|ms))", said) or ["nan"])[0])
+    channels = [part.partition(":")[0].strip().replace(" ", "_") for part in said.split(";")]
+    if "clock is off" in said:
+        return abs(abs(number) / 100.0 - abs(log["fast"])) < 0.5 * abs(log["fast"])
+    if "straight lines" in said:
+        return bool(log["resampled"])
+    if "was filtered" in said:
+        return said.partition(" was filtered")[0].replace(" ", "_") in log["filtered"]
+    if "steady tone" in said:
+        line = log["hum"].get(channels[0], (np.nan,))[0]
+        return min(abs(number - line), abs(number - 3.0 * line)) < 0.1
+    return "drifts" in said and all(channel in log["walk"] for channel in channels)
+
+
+def faults(rows: Sequence[Mapping[str, Any]]) -> str:
+    """How many faults of the data were said, were put in, and were found."""
+    answers = [row for row in rows if "put_in" in row]
+    said = [right for row in answers for right in row["put_in"]]
+    found = sum(row["faulty"] and any(row["put_in"]) for row in answers)
+    faulty = sum(row["faulty"] for row in answers)
+    return (
+        f"faults of the data: {sum(said)} of {len(said)} said were put in; found in {found} of {faulty} faulty logs\n"
+    )
 
 
 def reliability(claims: Iterable[tuple[float, bool]]) -> str:
@@ -80,6 +129,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.logs", description=__doc__)
     parser.add_argument("--seed", type=int, default=6, help=f"of the cases; {DEVELOPED_ON} was developed on")
     parser.add_argument("--each", type=int, default=1, help="cases of each kind of log, system and sort of mismatch")
+    parser.add_argument("--in-turn", action="store_true", help="42 cases: each kind of log thrice, systems by turns")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--part", default="0/1", help="K/N: every N-th case from the K-th")
     parser.add_argument("--out", type=Path, default=Path("results/logs"), help="folder for recordings and answers")
@@ -90,7 +140,8 @@ def main() -> None:
     own = folder / f"answers-{number}-of-{parts}.jsonl"
     done = {row["name"] for row in _read(folder)}
     each = arguments.each
-    cases = plan(nothing=each, single=each, strange=each, seed=arguments.seed)[number::parts]
+    every = plan(nothing=each, single=each, strange=each, seed=arguments.seed)
+    cases = (in_turn(arguments.seed) if arguments.in_turn else every)[number::parts]
     work = [(case, folder) for case in cases if case.name not in done]
     with get_context("spawn").Pool(arguments.jobs, maxtasksperchild=8) as pool, own.open("a") as out:
         for row in pool.imap_unordered(_one, work):
@@ -99,6 +150,7 @@ def main() -> None:
             print(row["name"], row["noise"], *row["truth"], "->", row["outcome"], *row["answer"], flush=True)
     rows = _read(folder)
     print(f"\n{len(rows)} recordings of seed {arguments.seed}\n")
+    print(faults(rows))
     print(outcomes([restored({k: row[k] for k in FIELDS}) for row in rows]))
     print(reliability(claim for row in rows for claim in row["claims"]), "\n")
     print(coverage(rows))

@@ -18,7 +18,7 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clock import with_sure_times
+from cable_envs.diagnosis.data.clock import odds_of_lines, with_sure_times
 from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
@@ -152,6 +152,7 @@ def examine(
     quality = gate(recording, look)
     quality.require_usable()
     recording, timed = with_sure_times(recording)
+    of_lines = odds_of_lines(recording)
     recording, brought = on_one_clock(recording)
     recording, averaged = averaged_if_long(recording)
     if averaged:
@@ -162,7 +163,7 @@ def examine(
         request = request_at_ports(
             simulator, effects, without, {"an effect file": effect_file, "a rig": rig, "a variant": variant or None}
         )
-    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request)))))
+    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, of_lines)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
     question = with_noise_of_drive(recording, question)
     rng = np.random.default_rng(seed)
@@ -193,7 +194,7 @@ def examine(
     return Examined(question, selection, found)
 
 
-def _with_logger(recording: Recording, request: Request) -> Question:
+def _with_logger(recording: Recording, request: Request, of_lines: float) -> Question:
     """The question, with what a logger may have done to the data; not where the caller says what is looked for."""
     question = ask(recording, request)
     if request.only is not None:
@@ -202,7 +203,7 @@ def _with_logger(recording: Recording, request: Request) -> Question:
         stretched = ask(longer(recording), request)
     except ConfigurationError:
         stretched = None
-    return with_logger(question, stretched)
+    return with_logger(question, stretched, of_lines)
 
 
 def _tried(question: Question) -> Question:

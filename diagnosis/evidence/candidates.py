@@ -186,6 +186,41 @@ def log_odds(one: Candidate, other: Candidate) -> float:
     return ratio(one.frame, (one.remainder, one.best), (other.remainder, other.best))
 
 
+def agreement(one: Candidate, other: Candidate, spread: float) -> tuple[float, float]:
+    """Log odds that all channels ask for one size of what a model has more, over that each asks for its own or none.
+
+    A clock is that of all channels. What a model lacks in one of them may look like a wrong clock there alone.
+
+    Parameters
+    ----------
+    one, other : Candidate
+        With and without it, under the same noise.
+    spread : float
+        Standard deviation of the prior of its size, over the size that it has.
+
+    Returns
+    -------
+    float, float
+        The odds, and what they would be if all asked for exactly the same. About the refit all are linear in the size,
+        with the change d of the residual r: I = d d and p = d r give the logarithm of the evidence of a channel over
+        that of none, p^2 / (I + 1 / spread^2) / 2 - ln(1 + spread^2 I) / 2, and of all channels with their sums.
+    """
+    left, frame = other.remainder.left, one.frame
+    change, parts = left - one.remainder.left, []
+    for at in map(frame.at, frame.channels):
+        own = np.zeros(frame.count)
+        own[at] = change[at]
+        sums = np.array([own @ own, own @ left])
+        parts.append(frame.adjustment(own, left - sums[1] / max(sums[0], 1e-300) * own) * sums)
+    information, product = np.array([*parts, np.sum(parts, axis=0)]).T
+
+    def odds(product: np.ndarray) -> float:
+        logs = 0.5 * product**2 / (information + spread**-2) - 0.5 * np.log1p(spread**2 * information)
+        return float(logs[-1] - np.sum(np.logaddexp(logs[:-1], 0.0) - np.log(2.0)))
+
+    return odds(product), odds(information * product[-1] / max(information[-1], 1e-300))
+
+
 def under_one_noise(
     fit: Model, joint: Joint, fits: Sequence[tuple[tuple[Hypothesis, ...], Fit]], leader: int,
     stated: Mapping[str, float], sizes: Mapping[str, float],

@@ -21,8 +21,9 @@ from scipy.ndimage import median_filter
 from scipy.special import hyp2f1, i0e, logsumexp
 from scipy.stats import chi2, f
 
-from cable_envs.diagnosis.evidence.candidates import Joint
+from cable_envs.diagnosis.evidence.candidates import SCALES, Joint, sizes_of
 from cable_envs.diagnosis.intake.tracks import RATES
+from cable_envs.diagnosis.model.features import families
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, learn_whitener
 from cable_envs.diagnosis.model.verdict import SURE
@@ -43,6 +44,8 @@ PERIODS = 8
 """Of a tone in a record, at least: what is slower is no line but a slope."""
 ALIKE = 0.5
 """Difference of a speed from that of the place, over the speed, below which both are of one motion."""
+SMALLEST, UNEVEN = 1e-3, 0.3
+"""Amplitude of a tone that is tried, over what is left in all; share by which a hum differs from record to record."""
 WIDTH, BROAD, SPREAD = 6, 40, 0.5
 """Values of a spectrum to either side of a line that are its own, up to which it would have neighbours if it rang and
 died away, and how much power these may have over the line's."""
@@ -77,7 +80,8 @@ def tones(
     A noise of eight coefficients takes a line for a resonance of its own; one of one coefficient leaves it in sight.
     Under that a line is held against the spectrum about it, whatever the colour. What vibrates passes through the rig
     to several sensors, with the same phases between them in every record; hum enters each sensor by itself, and brings
-    its harmonics.
+    its harmonics. It is there whatever the rig does: a line that records have as their motions differ, or that
+    functions of the motion make, is the rig's.
 
     Parameters
     ----------
@@ -94,7 +98,9 @@ def tones(
     for channel in dict.fromkeys(b.channel for b in blocks):
         line = _line(blocks, raw, white, channel)
         own = _harmonic(blocks, line, [t for t in taken if t.channel == channel])
-        if _steady(blocks, raw, line) and (own or not _passes_through(blocks, raw, line)):
+        if _steady(blocks, raw, line) and (
+            own or not (_passes_through(blocks, raw, line) or _of_motion(blocks, raw, line))
+        ):
             line = replace(line, cause=f"a steady tone of {line.at[0]:.3g} Hz in this sensor")
         found.append(line)
     return found
@@ -136,6 +142,51 @@ def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) 
         line_power += float(own.sum()) - len(own) * floor
         beside += float(near.sum()) - len(near) * floor
     return beside < SPREAD * line_power
+
+
+def _of_motion(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
+    """Whether a line is as large in each record as that record's motion makes it.
+
+    A hum has about one amplitude A in all records: that of a Fourier coefficient in noise has Rice's density. Against
+    it stand amplitudes of each record's own, by 20 to 1, and, unless it is more probable than that by as much, a
+    discrepancy along the motion (`model.features`), which makes lines at all multiples of a periodic one.
+    """
+    own = [k for k, b in enumerate(blocks) if b.channel == line.channel and b.good.any()]
+    found = [_amplitude(blocks[k], raw[k], line.at[0]) for k in own]
+    power = np.array([p for _, p in found if np.isfinite(p)])
+    if len(power) < len(own):
+        return False
+    seen = np.array([x for x, _ in found])
+    reach = np.array([0.5 * np.sum(_window(blocks[k])) for k in own])  # of a sine of amplitude 1
+    size = max(sizes_of(blocks, raw)[line.channel], 1e-300)
+    tried = size * np.geomspace(SMALLEST, 2.0, 60)[:, None]
+    steady = _one_mean(_rice(seen, power, tried * reach, UNEVEN).sum(axis=1))
+    if float(np.sum(_one_mean(_rice(seen, power, tried * reach)))) - steady > np.log(SURE):
+        return True
+    mine, predicted = [blocks[k] for k in own], [blocks[k].measured - raw[k] for k in own]
+    unit = max(float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))), 1e-300)
+    kinds = [[p[:, None] / unit for p in predicted]]
+    kinds += [[f.columns[k] for k in range(len(own))] for f in families(mine, predicted) if f.at]
+    odds = []
+    for columns in kinds:
+        made = np.array([_coefficient(b, c, line.at[0]) for b, c in zip(mine, columns, strict=True)])
+        for scale in SCALES:
+            spread = np.diag(power) + (scale * size) ** 2 * made @ made.conj().T
+            odds.append(-float(np.vdot(seen, np.linalg.solve(spread, seen)).real) - np.linalg.slogdet(spread)[1])
+    along = _one_mean(np.array(odds)) - len(own) * np.log(np.pi)
+    return bool(steady - along < np.log(SURE))
+
+
+def _rice(seen: np.ndarray, power: np.ndarray, height: np.ndarray, uneven: float = 0.0) -> np.ndarray:
+    """Log density of coefficients [n] of any phase, of heights [m, n], uneven by a share, in noise of a power [n]."""
+    power = power + (uneven * height) ** 2
+    turned = 2.0 * np.abs(seen) * height / power
+    return np.log(i0e(turned)) + turned - (np.abs(seen) ** 2 + height**2) / power - np.log(np.pi * power)
+
+
+def _one_mean(logs: np.ndarray) -> np.ndarray:
+    """Logarithm of the mean along the first axis."""
+    return logsumexp(logs, axis=0) - np.log(len(logs))
 
 
 def _harmonic(blocks: Sequence[Block], line: Leftover, taken: Sequence[Leftover]) -> bool:
@@ -239,14 +290,23 @@ def _sine(block: Block, left: np.ndarray, frequency: float) -> np.ndarray:
 
 def _amplitude(block: Block, left: np.ndarray, frequency: float) -> tuple[complex, float]:
     """(Fourier coefficient of a record at a frequency, mean power of those about it)."""
-    values = np.where(block.good, left, 0.0)
-    window = np.hanning(len(values) + 2)[1:-1]
-    spectrum = np.fft.rfft(values * window)
-    span = len(values) * float(np.median(np.diff(block.time)))
-    turn = np.exp(-2j * np.pi * frequency * (block.time - block.time[0]))
-    k = round(frequency * span)
+    spectrum = np.fft.rfft(np.where(block.good, left, 0.0) * _window(block))
+    k = round(frequency * len(left) * float(np.median(np.diff(block.time))))
     near = np.r_[spectrum[max(k - ABOUT, 1) : max(k - 3, 1)], spectrum[k + 4 : k + ABOUT]]
-    return complex((values * window) @ turn), float(np.median(np.abs(near) ** 2) / np.log(2.0)) if len(near) else np.inf
+    power = float(np.median(np.abs(near) ** 2) / np.log(2.0)) if len(near) else np.inf
+    return complex(_coefficient(block, left, frequency)), power
+
+
+def _window(block: Block) -> np.ndarray:
+    """Hann's window over a record [T], 0 where samples do not count."""
+    return np.hanning(len(block.time) + 2)[1:-1] * block.good
+
+
+def _coefficient(block: Block, series: np.ndarray, frequency: float) -> np.ndarray:
+    """Fourier coefficient of series [T] or [T, n] of a record at a frequency."""
+    window = _window(block)
+    turn = window * np.exp(-2j * np.pi * frequency * (block.time - block.time[0]))
+    return turn @ np.where(window.reshape(-1, *[1] * (series.ndim - 1)) > 0.0, series, 0.0)
 
 
 def _of_many(p: float, width: int) -> float:

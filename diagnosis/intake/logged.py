@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis.data.clock import OTHERS, SURE
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
@@ -27,12 +28,16 @@ STEP, MOST = 1e-4, 1e-2
 SLOWEST, TYPICAL = 0.2, 0.01
 """s of a filter's time constant: its bound, and what is usual."""
 SPEEDS = ("m/s", "rad/s")
-SHORTEST, LONGEST = 0.5, 5.0
+SHORTEST, LONGEST = OTHERS
 """Samples' distance of an earlier clock over that of the recording: what is told of it, and the bound."""
 UNSEEN = "no prediction changes with the clock, or the records cannot be read with a longer one"
 LOST_ALIKE = (
     "a recorded position drives the simulator: it has lost as much as all else, and what takes more away from the "
     "predictions takes its noise away"
+)
+EVEN_NOISE = (
+    "the noise of the samples is as large everywhere: straight lines between those of another clock would make it "
+    "swell and fade as the two clocks beat"
 )
 SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
@@ -142,7 +147,7 @@ def longer(recording: Recording) -> Recording:
     return replace(recording, records=tuple(stretched(r) for r in recording.records))
 
 
-def with_logger(question: Question, stretched: Question | None) -> Question:
+def with_logger(question: Question, stretched: Question | None, of_lines: float = 0.0) -> Question:
     """The question with a logger's faults among its hypotheses.
 
     Parameters
@@ -151,14 +156,16 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
         Of the recording as it is.
     stretched : Question, optional
         Of the recording that `longer` gives; None: the clock is not asked.
+    of_lines : float
+        Log odds, by their noise, that samples came from another clock by straight lines
+        (`cable_envs.diagnosis.data.clock.odds_of_lines`).
     """
     slopes = [] if stretched is None else _slopes(question, stretched)
     speeds = dict.fromkeys(b.channel for b in question.fit.blocks if b.unit in SPEEDS)
     hypotheses, units = [], {}
     if slopes:
-        hypotheses.append(
-            _hypothesis(CLOCK, _clock(), (1e-3, -1e-3), "t -> (1 + c) t", "time a minute by a good clock")
-        )
+        clock = _hypothesis(CLOCK, _clock(), (1e-3, -1e-3), "t -> (1 + c) t", "time a minute by a good clock")
+        hypotheses.append(replace(clock, alike=True))
         units[CLOCK] = "1"
     for channel in speeds:
         free = _filter(channel)
@@ -171,10 +178,10 @@ def with_logger(question: Question, stretched: Question | None) -> Question:
     law = "x(f) -> sinc(f P)^2 x(f)"
     earlier = _hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken")
     refused = {} if slopes else {CLOCK: UNSEEN}
-    if drives_of(question.fit):
-        refused[LINES] = LOST_ALIKE
+    if drives_of(question.fit) or of_lines < -SURE:
+        refused[LINES] = LOST_ALIKE if drives_of(question.fit) else EVEN_NOISE
     else:
-        hypotheses.append(replace(earlier, least=SHORTEST * lines.scale))
+        hypotheses.append(replace(earlier, least=SHORTEST * lines.scale, alike=of_lines < SURE))
         units[LINES] = "s"
     models = [
         Logged(m, own, list(speeds))

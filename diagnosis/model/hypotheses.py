@@ -49,6 +49,8 @@ class Hypothesis:
         What it declares; by default the registered effect of that name, if there is one.
     least : float
         Size, SI, below which its parameter says nothing of it.
+    alike : bool
+        Whether it is done to all channels alike, which is to be seen in them.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Hypothesis:
     nulls: Mapping[str, float] = field(default_factory=dict)
     effect: Effect | None = None
     least: float = 0.0
+    alike: bool = False
 
     def __post_init__(self) -> None:
         if self.effect is None:

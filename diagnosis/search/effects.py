@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import (
+    WIDE,
     Candidate,
     Joint,
+    agreement,
     log_odds,
     sizes_of,
     under_one_noise,
@@ -216,7 +218,9 @@ class Search:
         )  # fmt: skip
         self._weights = current.frame.whitener if current.by_size else None
         charge = self._prior - self._formulation(current)
-        odds = {c.effects[-1].name: log_odds(c, current) + charge for c in others}
+        odds = {
+            c.effects[-1].name: _alike(c.effects[-1], c, current, log_odds(c, current) + charge) for c in others
+        }  # fmt: skip
         best = max(others, key=lambda c: odds[c.effects[-1].name], default=None)
         if best is not None and odds[best.effects[-1].name] < self._from(current):
             best = None
@@ -329,11 +333,22 @@ class Search:
                     continue
                 rivals[name][other] = odds
             else:
-                odds += self._prior - self._formulation(model)
+                left_out = next(h for h in effects if h.name == name)
+                odds = _alike(left_out, best, model, odds + self._prior - self._formulation(model))
                 without[name] = odds
             behind.append((odds + (MARGIN if other else 0.0), model))
         odds, better = min(behind, key=lambda pair: pair[0])
         return Found(null, bare, best, rounds, without, rivals, self._from(best)), better if odds < 0.0 else None
+
+
+def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float:
+    """Log odds of a hypothesis; that all channels ask for one size of it, where these could be sure and are not."""
+    if not h.alike or one.by_size:
+        return odds
+    (p,) = h.free
+    size = abs(one.peak.values[p.name] - h.nulls[p.name])
+    found, most = agreement(one, other, WIDE * p.scale / max(size, 1e-300))
+    return min(odds, found) if found < np.log(SURE) < most else odds
 
 
 def _names(effects: Effects) -> frozenset[str]:

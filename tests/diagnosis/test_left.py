@@ -235,6 +235,34 @@ def test_phases_between_sensors_agree_as_closely_as_they_are_known():
     assert one_phase(exact) == pytest.approx(whole - 3.0 * np.log(i0e(100.0)), abs=1e-3)
 
 
+def _position(left, motions):
+    """What a model leaves of one position in records of several motions, and the strongest line in it."""
+    rng, blocks, raw, time = np.random.default_rng(6), [], [], 0.01 * np.arange(2500)
+    for record, motion in enumerate(motions):
+        place = motion(time)
+        raw.append(left(time, place, np.gradient(place, time), rng) + 1e-5 * rng.standard_normal(len(time)))
+        ways = (Coordinate("position", "m", place), Coordinate("direction", "", np.sign(np.gradient(place))))
+        good = np.ones(len(time), dtype=bool)
+        blocks.append(Block(str(record), "position", time, place + raw[-1], good, "m", ways, sensor="encoder"))
+    return tones(blocks, raw, learn_whitener(blocks, raw).flat(blocks, raw))[0]
+
+
+def test_what_a_periodic_motion_repeats_is_no_tone_of_a_sensor():
+    """Friction that is a little wrong, in records of one motion; a hum beside the same motion is one."""
+    motions = [lambda t, late=late: 0.1 * np.sin(2.0 * np.pi * 1.3 * t + late) for late in (0.0, 1.0, 2.2)]
+    rubs = _position(lambda t, y, v, rng: 2e-5 * np.sign(v), motions)
+    assert rubs.log_odds > SURE and not rubs.cause
+    hums = _position(lambda t, y, v, rng: _hum(rng, t, 0) * 5e-5, motions)
+    assert hums.log_odds > SURE and "a steady tone of 7.3" in hums.cause
+
+
+def test_a_vibration_that_comes_with_one_record_is_no_tone_of_a_sensor():
+    motions = [lambda t, w=w: 0.1 * np.sin(w * t) for w in (0.8, 1.1, 1.9)]
+    size = iter((2e-6, 4e-5, 2e-6))
+    shaken = _position(lambda t, y, v, rng: _hum(rng, t, 0) * 2.5 * next(size), motions)
+    assert shaken.log_odds > SURE and not shaken.cause
+
+
 def test_a_tone_of_a_sensor_brings_its_harmonics():
     blocks, left = _two_sensors(21.9, (0.62, 0.70, 0.58))
     white = learn_whitener(blocks, left).flat(blocks, left)

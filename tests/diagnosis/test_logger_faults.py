@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis.data.clock import odds_of_lines
+from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES, with_logger
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search.effects import Search
@@ -35,23 +37,26 @@ class Sines:
         return [signal(at)[:, None] * values[:1] for at in self.at]
 
 
-def question(logged, unit="m", stretch=0.0):
+def question(logged, unit="m", stretch=0.0, **others):
+    """Of one channel, or of more of the same signal: name -> what the logger makes of it."""
     rng = np.random.default_rng(3)
-    models = []
+    models, channels = [], {"place": logged, **others}
     for use in range(2):
         blocks, at = [], []
         for k in range(2 - use):
             time = PERIOD * np.arange(COUNT) * (1.0 + stretch)
             now = 40.0 * (2 * use + k) + time
-            measured = logged(40.0 * (2 * use + k) + PERIOD * np.arange(COUNT)) + NOISE * rng.standard_normal(COUNT)
-            blocks.append(Block(f"{use}{k}", "place", time, measured, np.ones(COUNT, dtype=bool), unit, sensor="place"))
-            at.append(now)
+            for name, made in channels.items():
+                measured = made(40.0 * (2 * use + k) + PERIOD * np.arange(COUNT)) + NOISE * rng.standard_normal(COUNT)
+                blocks.append(Block(f"{use}{k}", name, time, measured, np.ones(COUNT, dtype=bool), unit, sensor=name))
+                at.append(now)
         models.append(Sines(blocks, at))
     return Question("", models[0], models[1], ("size",), (), (), {"size": ""}, lambda values, names: {})
 
 
-def found(logged, unit="m", stretched=False):
-    asked = with_logger(question(logged, unit), question(logged, unit, 1e-4) if stretched else None)
+def found(logged, unit="m", stretched=False, of_lines=0.0, **others):
+    late = question(logged, unit, 1e-4, **others) if stretched else None
+    asked = with_logger(question(logged, unit, **others), late, of_lines)
     search = Search(asked.fit, asked.heldout, asked.nominals, asked.hypotheses, np.random.default_rng(0))
     best = search.run().best
     return {name: best.fit.values[name] for h in best.effects for name in h.names}
@@ -73,9 +78,62 @@ def test_samples_that_were_brought_from_another_clock_are_told_with_its_period(e
 
 
 def test_a_clock_that_runs_fast_is_told_with_its_share():
-    values = found(lambda time: signal(40.0 * np.floor(time / 40.0) + (time % 40.0) * 1.0002), stretched=True)
+    values = found(fast, stretched=True)
     assert list(values) == [CLOCK]
     assert values[CLOCK] == pytest.approx(2e-4, rel=0.05)
+
+
+def fast(time, share=2e-4):
+    return signal(40.0 * np.floor(time / 40.0) + (time % 40.0) * (1.0 + share))
+
+
+def test_a_clock_is_that_of_all_channels():
+    """What the surest of three channels shows, and the others could show and do not, is no clock."""
+
+    def late(time):
+        return fast(time, 8e-7)
+
+    def unsure(of, seed):
+        return lambda t: of(t) + 2.5 * NOISE * np.random.default_rng([seed, int(t[0])]).standard_normal(len(t))
+
+    assert list(found(late, stretched=True, force=unsure(late, 1), angle=unsure(late, 2))) == [CLOCK]
+    assert found(late, stretched=True, force=unsure(signal, 1), angle=unsure(signal, 2)) == {}
+
+
+def _written(earlier, noise=NOISE):
+    """Two channels of two records whose noisy samples an export has brought from another clock, if it has a period."""
+    rng = np.random.default_rng(7)
+
+    def column(own):
+        time = PERIOD * np.arange(COUNT)
+        if not earlier:
+            return own(time) + noise * rng.standard_normal(COUNT)
+        knots = np.arange(0.0, time[-1] + 2.0 * earlier, earlier)
+        return np.interp(time, knots, own(knots) + noise * rng.standard_normal(len(knots)))
+
+    shapes = {"position": lambda t: np.sin(2 * np.pi * 0.3 * t), "force": lambda t: np.cos(2 * np.pi * 0.7 * t)}
+    records = [
+        {"time": PERIOD * np.arange(COUNT), **{name: column(shape) for name, shape in shapes.items()}} for _ in range(2)
+    ]
+    units = {"time": "s", "position": "m", "force": "N"}
+    return Recording.from_arrays("linear_drive", {"a": records[0], "b": records[1]}, units=units)
+
+
+@pytest.mark.parametrize("earlier", [0.0062, 0.0083, 0.0108, 0.0137, 0.021])
+def test_straight_lines_make_noise_swell_and_fade_as_two_clocks_beat(earlier):
+    assert odds_of_lines(_written(earlier)) > 20.0
+
+
+def test_noise_that_is_as_large_everywhere_was_not_brought_by_straight_lines():
+    assert odds_of_lines(_written(0.0)) < -20.0
+    assert odds_of_lines(_written(0.0, noise=0.0)) == 0.0  # nothing tells
+
+    def smooth(time, earlier=0.014):
+        knots = np.arange(time[0] - 3 * earlier, time[-1] + 3 * earlier, earlier)
+        return np.interp(time, knots, signal(knots))
+
+    assert list(found(smooth)) == [LINES]
+    assert found(smooth, of_lines=-20.0) == {}
 
 
 def test_a_filtered_speed_is_told_with_its_time_constant():

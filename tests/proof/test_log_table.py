@@ -1,6 +1,6 @@
 """The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
 
-from benchmarks.logs import coverage, reliability
+from benchmarks.logs import coverage, faults, in_turn, put_in, reliability
 from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.scoring import Result
 
@@ -40,3 +40,29 @@ def test_intervals_are_counted_parameter_by_parameter():
     ]
     assert "| a.x | 2 of 2 |" in coverage(rows) and "| b.y | 0 of 1 |" in coverage(rows)
     assert coverage(rows).endswith("| all | 2 of 3 |")
+
+
+def test_faults_that_are_said_are_held_against_those_that_were_put_in():
+    log = {"fast": -1.7e-3, "resampled": 0.0, "filtered": {"velocity": 0.01}, "walk": {"force": 0.5}}
+    log |= {"hum": {"load_position": (7.31, 0.5)}}
+    said = {
+        "the logger's clock is off by +0.172 %": True,
+        "the logger's clock is off by +0.02 %": False,
+        "all channels were brought from another clock, of 12.2 ms, by straight lines": False,
+        "velocity was filtered with a time constant of 9.6 ms": True,
+        "force: its zero drifts": True,
+        "force: its zero drifts; velocity: its zero drifts": False,
+        "load position: a steady tone of 21.9 Hz in this sensor": True,
+        "drive position: a steady tone of 21.9 Hz in this sensor": False,
+    }
+    assert {text: put_in(text, log) for text in said} == said
+    rows = [{"put_in": [True, False], "faulty": True}, {"put_in": [], "faulty": True}, row("single", "hum", "failed")]
+    assert "1 of 2 said were put in; found in 1 of 2" in faults(rows)
+
+
+def test_each_kind_of_log_is_made_of_three_systems_in_turn():
+    cases = in_turn(3)
+    assert len({case.name for case in cases}) == len(cases) == 42
+    assert all(
+        len({c.system for c in cases[k : k + 3]}) == len({c.kind for c in cases[k : k + 3]}) == 3 for k in (0, 39)
+    )
