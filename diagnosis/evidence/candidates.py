@@ -85,6 +85,14 @@ class Candidate:
     remainder: Remainder
     by_size: bool = False
 
+    @property
+    def outline(self) -> "Candidate":
+        """The same without what takes its memory: its effects and its refits stay, and nothing of the records."""
+        bare = replace(self.remainder, left=np.empty(0), products={})
+        return replace(
+            self, fit=self.fit.outline, peak=self.peak.outline, frame=Frame([], Whitener(), []), remainder=bare
+        )  # fmt: skip
+
     @cached_property
     def plain(self) -> Marginal:
         """Without a discrepancy."""
@@ -210,7 +218,7 @@ def under_one_noise(
     Returns
     -------
     list of Candidate
-        In the same order.
+        In the same order. Only those without effects have slopes: for those of others see `with_central_slopes`.
     """
     effects, best = fits[leader]
     peak = refit(joint, noise_of(joint.blocks, joint.raw(best), stated), [Start("", best.free, best.values)], 0)[0]
@@ -222,10 +230,13 @@ def under_one_noise(
     frame = Frame(joint.blocks, whitener, leading.frame.families) if by_size else leading.frame
     starts = [Start("", old.free, old.values) for _, old in fits]
     again = _nested(fit, whitener, refit(fit, whitener, starts, ITERATIONS, central=False))
-    return [
-        Candidate(e, new, peak, frame, remainder(joint, frame, e, peak, sizes), by_size)
-        for (e, _), new, peak in zip(fits, again, _peaks(joint, whitener, again), strict=True)
-    ]
+    again = [new.outline for new in again]
+    found, peaks = [], _peaks(joint, whitener, again)[::-1]
+    for (e, _), new in zip(fits, again, strict=True):  # the slopes of many models take more memory than all else
+        peak = peaks.pop()
+        left = remainder(joint, frame, e, peak, sizes)
+        found.append(Candidate(e, new, peak.outline if e else peak, frame, left, by_size))
+    return found
 
 
 def under_its_noise(

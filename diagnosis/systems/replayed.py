@@ -82,28 +82,30 @@ class ReplayModel:
         self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
         self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifted = shifted
+        self._of_steps: dict[int, list[np.ndarray]] = {}
         self.resolve(substeps)
         if shifted > 0.0:
-            self.runs = tuple(
-                self._from_where_it_begins(run, by) for run, by in zip(self.runs, self._shifts, strict=True)
-            )
+            claimed = self._prompt(self.runs, self.as_plant(self._base[:, None].copy()))
+            self.runs = tuple(map(self._from_where_it_begins, self.runs, self._shifts, claimed))
+            self._of_steps.clear()
             self.resolve(substeps)
 
-    def _from_where_it_begins(self, run: Run, responses: np.ndarray) -> Run:
-        """The run from the start that fits it best at the values that are claimed.
+    @staticmethod
+    def _from_where_it_begins(run: Run, responses: np.ndarray, out: np.ndarray) -> Run:
+        """The run from the start that fits it best; out: its signals [T, blocks, 1] at the values that are claimed.
 
         Of a record that begins in motion the first samples tell it to millimetres. What so large a shift makes of a
         tension would be wrong by as much as the claims, and another for each record.
         """
-        base = self._base[:, None]
-        (out,) = self._prompt((run,), self.as_plant(base.copy()))
         found = _constants(run, responses, out, begins=True)
         return replace(run, start=run.start + float(found[0, 0]))
 
     def resolve(self, substeps: int) -> None:
         """Take so many steps of integration in every control step."""
         self.substeps = substeps
-        self._shifts = [self._responses(run, self._shifted) for run in self.runs]
+        if substeps not in self._of_steps:
+            self._of_steps[substeps] = self._responses(self._shifted)
+        self._shifts = self._of_steps[substeps]
 
     @property
     def resolved(self) -> float:
@@ -254,18 +256,18 @@ class ReplayModel:
         kept = np.sort(first)  # in the order in which they came
         return columns[:, kept], np.searchsorted(kept, first)[place.ravel()]
 
-    def _responses(self, run: Run, step: float) -> np.ndarray:
-        """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
-        found = []
+    def _responses(self, step: float) -> list[np.ndarray]:
+        """Change of all blocks of each run with its start, and with every free offset [T, blocks, constants]."""
+        changes: list[list[np.ndarray]] = [[] for _ in self.runs]
         if step > 0.0:
-            base = self._base[:, None]
-            (there,), (here,) = (self._prompt((run,), base, by) for by in (step, 0.0))
-            found.append((there - here)[:, :, 0] / step)
-        for j, signal in enumerate(run.signals):
-            if signal in run.offset:
-                found.append(np.zeros((len(run.command), len(run.blocks))))
-                found[-1][:, j] = 1.0
-        return np.stack(found, axis=2) if found else np.empty(0)
+            there, here = (self._prompt(self.runs, self._base[:, None], by) for by in (step, 0.0))
+            changes = [[(a - b)[:, :, 0] / step] for a, b in zip(there, here, strict=True)]
+        for run, found in zip(self.runs, changes, strict=True):
+            for j, signal in enumerate(run.signals):
+                if signal in run.offset:
+                    found.append(np.zeros((len(run.command), len(run.blocks))))
+                    found[-1][:, j] = 1.0
+        return [np.stack(found, axis=2) if found else np.empty(0) for found in changes]
 
 
 def delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:
