@@ -29,8 +29,8 @@ BLOCK = 24
 
 With 32, a power of two, those of one column are in each other's place there: 12 % slower at a hole."""
 
-ABREAST, ALONE = 8, 2
-"""Columns that a processor takes at once, and how many of a rest are quicker one by one: 3 take as long as 8."""
+ABREAST, ALONE = 8, 1
+"""Columns that a processor takes at once, and how many of a rest are quicker one by one: 2 take as long as 8."""
 
 DRIVES = ("follow", "imposed", "observed")
 HOLDS = ("step", "ramp")

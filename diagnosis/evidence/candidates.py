@@ -25,6 +25,8 @@ ITERATIONS = 5
 FARTHER, MORE = 1.0, 3
 """Half the fall of the sum of squares that a step on all records promises beside the refit of some of them, from which
 their own optimum is looked for, and the iterations to that."""
+TOGETHER = 6
+"""Models whose optima of all records are looked for at a time: their slopes take memory twice."""
 CALIBRATED = (-4.65, 1.40)
 """Where the noise is learnt from what is left: logit of the share of right names, constant and slope over the logarithm
 of their log odds. By maximum likelihood from 42 effects that were named on 126 logs of generator A
@@ -84,6 +86,14 @@ class Candidate:
     frame: Frame
     remainder: Remainder
     by_size: bool = False
+
+    @property
+    def outline(self) -> "Candidate":
+        """The same without what takes its memory: its effects and its refits stay, and nothing of the records."""
+        bare = replace(self.remainder, left=np.empty(0), products={})
+        return replace(
+            self, fit=self.fit.outline, peak=self.peak.outline, frame=Frame([], Whitener(), []), remainder=bare
+        )  # fmt: skip
 
     @cached_property
     def plain(self) -> Marginal:
@@ -245,7 +255,7 @@ def under_one_noise(
     Returns
     -------
     list of Candidate
-        In the same order.
+        In the same order. Only those without effects have slopes: for those of others see `with_central_slopes`.
     """
     effects, best = fits[leader]
     peak = refit(joint, noise_of(joint.blocks, joint.raw(best), stated), [Start("", best.free, best.values)], 0)[0]
@@ -257,10 +267,13 @@ def under_one_noise(
     frame = Frame(joint.blocks, whitener, leading.frame.families) if by_size else leading.frame
     starts = [Start("", old.free, old.values) for _, old in fits]
     again = _nested(fit, whitener, refit(fit, whitener, starts, ITERATIONS, central=False))
-    return [
-        Candidate(e, new, peak, frame, remainder(joint, frame, e, peak, sizes), by_size)
-        for (e, _), new, peak in zip(fits, again, _peaks(joint, whitener, again), strict=True)
-    ]
+    again = [new.outline for new in again]
+    found, peaks = [], _peaks(joint, whitener, again)[::-1]
+    for (e, _), new in zip(fits, again, strict=True):  # the slopes of many models take more memory than all else
+        peak = peaks.pop()
+        left = remainder(joint, frame, e, peak, sizes)
+        found.append(Candidate(e, new, peak.outline if e else peak, frame, left, by_size))
+    return found
 
 
 def under_its_noise(
@@ -315,12 +328,15 @@ def _nested(model: Model, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
 
 def _peaks(joint: Joint, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
     """Refits of some records, expanded about the optimum of all of them where that is elsewhere."""
-    starts = [Start(str(k), f.free, f.values) for k, f in enumerate(fits)]
-    found = refit(joint, whitener, starts, 0, central=False)
-    far = [k for k, f in enumerate(found) if _promised(joint, f) > FARTHER]
-    moved = refit(joint, whitener, [starts[k] for k in far], MORE, central=False) if far else []
-    for k, new in zip(far, moved, strict=True):
-        found[k] = new if new.cost < found[k].cost else found[k]
+    found: list[Fit] = []
+    for first in range(0, len(fits), TOGETHER):
+        starts = [Start("", f.free, f.values) for f in fits[first : first + TOGETHER]]
+        some = refit(joint, whitener, starts, 0, central=False)
+        far = [k for k, f in enumerate(some) if _promised(joint, f) > FARTHER]
+        moved = refit(joint, whitener, [starts[k] for k in far], MORE, central=False) if far else []
+        for k, new in zip(far, moved, strict=True):
+            some[k] = new if new.cost < some[k].cost else some[k]
+        found += some
     return _nested(joint, whitener, found)
 
 

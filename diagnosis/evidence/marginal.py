@@ -120,7 +120,7 @@ class Frame:
     def _batch(self, count: int) -> np.ndarray:
         """Number of the batch of every sample: of one record and time, whatever the channel."""
         records = list(dict.fromkeys(b.record for b in self.blocks))
-        each = max(round(count / len(records)), 1)
+        each = max(round(count / max(len(records), 1)), 1)
         found = np.zeros(self.count, dtype=int)
         for block, rows in zip(self.blocks, self.rows, strict=True):
             inside = np.cumsum(block.good) / max(int(block.good.sum()), 1)

@@ -5,8 +5,8 @@ are wide against the kinks of friction; three dampings are tried in one batch, s
 Bounds by projection; priors are further residuals.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,6 +21,8 @@ With 1e-3 refits of drives that stick ended in the nearest of many minima: the s
 from any start, where it now gains 60 to 90 of the 91 that its score promises.
 """
 _DAMPINGS = (0.1, 1.0, 10.0)
+_TOGETHER = 1 << 25
+"""Bytes of predictions at a time: refits of many models take slopes of a thousand columns, several copies of each."""
 SETTLED = 0.1
 """Fall of the whitened sum of squares below which a refit has ended; chance gives a parameter about 1."""
 
@@ -50,6 +52,11 @@ class Fit:
     """of the free parameters [free, free]"""
     at_bounds: tuple[str, ...]
     evaluations: int
+
+    @property
+    def outline(self) -> "Fit":
+        """The same without residual and Jacobian, which take its memory."""
+        return replace(self, residual=np.empty(0), jacobian=np.empty((0, len(self.free))))
 
     def interval(self, name: str, factor: float = NORMAL_95) -> tuple[float, float]:
         """95 % interval of a free parameter, from the curvature."""
@@ -96,12 +103,27 @@ def _refitted(
         active = [run for run in runs if not run.done]
         if not active:
             break
-        trials = [(run, damping, run.step(damping)) for run in active for damping in _DAMPINGS]
-        white = _whitened(model, whitener, [values for _, _, values in trials])
-        for k, run in enumerate(active):
-            mine = slice(len(_DAMPINGS) * k, len(_DAMPINGS) * (k + 1))
-            run.take([(d, values) for _, d, values in trials[mine]], white[:, mine])
+        for some in _at_a_time(model, active, [len(_DAMPINGS)] * len(active)):
+            trials = [(damping, run.step(damping)) for run in some for damping in _DAMPINGS]
+            white = _whitened(model, whitener, [values for _, values in trials])
+            for k, run in enumerate(some):
+                mine = slice(len(_DAMPINGS) * k, len(_DAMPINGS) * (k + 1))
+                run.take(trials[mine], white[:, mine])
     return runs
+
+
+def _at_a_time(model: Model, runs: Sequence["_Run"], columns: Sequence[int]) -> Iterator[list["_Run"]]:
+    """Runs of which each asks for so many columns, as many at a time as `_TOGETHER` allows."""
+    most = _TOGETHER / (8 * sum(len(b.time) for b in model.blocks))
+    some, count = list["_Run"](), 0
+    for run, own in zip(runs, columns, strict=True):
+        if some and count + own > most:
+            yield some
+            some, count = [], 0
+        some.append(run)
+        count += own
+    if some:
+        yield some
 
 
 class _Run:
@@ -229,10 +251,14 @@ def _inverse(matrix: np.ndarray) -> np.ndarray:
 
 
 def _slopes(model: Model, whitener: Whitener, runs: Sequence[_Run], central: bool) -> None:
-    """Residual and Jacobian of every run that is not done, from one batch; a step that was not taken has left both."""
+    """Residual and Jacobian of every run that is not done; a step that was not taken has left both."""
     runs = [run for run in runs if not (run.done or run.sloped)]
-    if not runs:
-        return
+    for some in _at_a_time(model, runs, [1 + (1 + central) * len(run.rows) for run in runs]):
+        _slopes_at_once(model, whitener, some, central)
+
+
+def _slopes_at_once(model: Model, whitener: Whitener, runs: Sequence[_Run], central: bool) -> None:
+    """Residual and Jacobian of runs from one batch."""
     groups = [run.columns(central) for run in runs]
     for run in runs:
         run.known = run.known and bool(run.rows)

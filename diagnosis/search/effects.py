@@ -71,7 +71,7 @@ class Round:
     bounded: Mapping[str, str]
     """hypothesis -> what speaks against it"""
     others: Sequence[Candidate] = ()
-    """those with one effect more; they are compared under the noise of the first"""
+    """of the first step: those with one effect more; they are compared under the noise of the first"""
 
 
 @dataclass(frozen=True)
@@ -177,7 +177,9 @@ class Search:
         base, effects = null, Effects()
         while True:
             turn, best = self._forward(base, effects)
-            rounds.append(turn)
+            if len(rounds) > 1:  # of those between the first and the last only the odds are asked for
+                rounds[-1] = replace(rounds[-1], base=rounds[-1].base.outline)
+            rounds.append(turn if not rounds else replace(turn, others=()))
             if best is None:
                 break
             effects, base = best.effects, self._refitted(best)
@@ -211,7 +213,7 @@ class Search:
         """(the step, the best model with one effect more if its odds are good enough)."""
         full = len(effects) >= self._most
         on_top, scored, stuck = self._on_top(effects, base, self._hypotheses if full else effects)
-        self._done[_names(effects)] = (base.fit, on_top)
+        self._done[_names(effects)] = (base.fit.outline, on_top)
         fits = [(effects, base.fit), *on_top]
         current, *others = under_one_noise(
             self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
@@ -273,7 +275,7 @@ class Search:
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
                 break
-        return [((*effects, c.hypothesis), c.judged.fit) for c in sound[:RIVALS]], scored, stuck
+        return [((*effects, c.hypothesis), c.judged.fit.outline) for c in sound[:RIVALS]], scored, stuck
 
     def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:
         """What speaks against a refit, whatever it gains."""
@@ -307,7 +309,7 @@ class Search:
         start = Start("", free, {n: v for n, v in base.fit.values.items() if n in free})
         alone = refit(self.fit, base.whitener, [start])[0]
         on_top, _, _ = self._on_top(rest, self._judged(alone, base.whitener), effects)
-        self._done[_names(rest)] = (alone, on_top)
+        self._done[_names(rest)] = (alone.outline, on_top)
         return alone, on_top
 
     def _settled(

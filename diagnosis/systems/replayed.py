@@ -16,7 +16,8 @@ from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import mean_over_samples
 from cable_envs.diagnosis.systems.conditions import with_given
 from cable_envs.plants.base import Plant
-from cable_envs.sim.replay import distort, replay
+from cable_envs.sim.replay import distort
+from cable_envs.sim.together import Asked, replay_together
 
 FINE = 4
 """Parts of a control step, at least, in which a late sensor's signal is computed."""
@@ -81,27 +82,30 @@ class ReplayModel:
         self._late = [plant.table.index(f"sensor_delay.{signal}") for signal in runs[0].signals] if runs else []
         self._sensors = [k for k, p in enumerate(plant.table) if p.name.startswith("sensor_")]
         self._shifted = shifted
+        self._of_steps: dict[int, list[np.ndarray]] = {}
         self.resolve(substeps)
         if shifted > 0.0:
-            self.runs = tuple(
-                self._from_where_it_begins(run, by) for run, by in zip(self.runs, self._shifts, strict=True)
-            )
+            claimed = self._prompt(self.runs, self.as_plant(self._base[:, None].copy()))
+            self.runs = tuple(map(self._from_where_it_begins, self.runs, self._shifts, claimed))
+            self._of_steps.clear()
             self.resolve(substeps)
 
-    def _from_where_it_begins(self, run: Run, responses: np.ndarray) -> Run:
-        """The run from the start that fits it best at the values that are claimed.
+    @staticmethod
+    def _from_where_it_begins(run: Run, responses: np.ndarray, out: np.ndarray) -> Run:
+        """The run from the start that fits it best; out: its signals [T, blocks, 1] at the values that are claimed.
 
         Of a record that begins in motion the first samples tell it to millimetres. What so large a shift makes of a
         tension would be wrong by as much as the claims, and another for each record.
         """
-        base = self._base[:, None]
-        found = _constants(run, responses, self._prompt(run, self.as_plant(base.copy())), begins=True)
+        found = _constants(run, responses, out, begins=True)
         return replace(run, start=run.start + float(found[0, 0]))
 
     def resolve(self, substeps: int) -> None:
         """Take so many steps of integration in every control step."""
         self.substeps = substeps
-        self._shifts = [self._responses(run, self._shifted) for run in self.runs]
+        if substeps not in self._of_steps:
+            self._of_steps[substeps] = self._responses(self._shifted)
+        self._shifts = self._of_steps[substeps]
 
     @property
     def resolved(self) -> float:
@@ -116,10 +120,9 @@ class ReplayModel:
         late = columns[self._late].copy()
         columns[self._late] = 0.0
         found = []
-        for k, run in enumerate(self.runs):
-            out = self._seen(run, columns, late)
-            if self._shifts[k].size:
-                out += self._shifts[k] @ _constants(run, self._shifts[k], out, self._shifted > 0.0)
+        for run, shifts, out in zip(self.runs, self._shifts, self._seen(columns, late), strict=True):
+            if shifts.size:
+                out = out + shifts @ _constants(run, shifts, out, self._shifted > 0.0)
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
@@ -139,10 +142,10 @@ class ReplayModel:
         for run, error, rate in zip(self.runs, errors, rates, strict=True):
             assert run.rate is not None, "a recorded drive has a speed"
             moved = [
-                self._prompt(replace(run, command=run.command + e, rate=run.rate + r), columns)
-                for e, r in zip(error.T, rate.T, strict=True)
+                replace(run, command=run.command + e, rate=run.rate + r) for e, r in zip(error.T, rate.T, strict=True)
             ]
-            change = np.concatenate(moved, axis=2) - self._prompt(run, columns)
+            out, *changed = self._prompt([run, *moved], columns)
+            change = np.concatenate(changed, axis=2) - out
             found += [change[:, j] for j in range(len(run.blocks))]
         return found
 
@@ -150,31 +153,34 @@ class ReplayModel:
         """Columns [len(table), n] as the plant takes them, where a model's parameters mean something else."""
         return columns
 
-    def _seen(self, run: Run, columns: np.ndarray, late: np.ndarray) -> np.ndarray:
-        """Signals [T, blocks, n] as sensors that are ``late`` [blocks, n] s show them.
+    def _seen(self, columns: np.ndarray, late: np.ndarray) -> list[np.ndarray]:
+        """Signals [T, blocks, n] of every run as sensors that are ``late`` [blocks, n] s show them.
 
         Between samples 10 ms apart tensions turn corners, so a delay is made on a finer clock.
         """
         waits = np.any(late > 0.0, axis=0)
         if not waits.any():
-            return self._prompt(run, columns)
-        out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
-        if not waits.all():
-            out[:, :, ~waits] = self._prompt(run, columns[:, ~waits])
-        fine = self._fine()
-        series = self._replay(run, columns[:, waits], 0.0, fine)
-        for j in range(len(run.blocks)):
-            steps = late[j, waits] * fine / self.period
-            seen = delayed(series[:, j], steps)
-            out[:, j, waits] = mean_over_samples(seen, fine) if run.mean else seen[fine - 1 :: fine]
-        return out
+            return self._prompt(self.runs, columns)
+        prompt = [] if waits.all() else self._prompt(self.runs, columns[:, ~waits])
+        fine, found = self._fine(), []
+        for k, (run, series) in enumerate(
+            zip(self.runs, self._replay(self.runs, columns[:, waits], fine), strict=True)
+        ):
+            out = np.empty((len(run.command), len(run.blocks), columns.shape[1]))
+            if prompt:
+                out[:, :, ~waits] = prompt[k]
+            for j in range(len(run.blocks)):
+                seen = delayed(series[:, j], late[j, waits] * fine / self.period)
+                out[:, j, waits] = mean_over_samples(seen, fine) if run.mean else seen[fine - 1 :: fine]
+            found.append(out)
+        return found
 
-    def _prompt(self, run: Run, columns: np.ndarray, shift: float = 0.0) -> np.ndarray:
-        """Signals [T, blocks, n] as sensors that are not late show them; ``shift`` of the output's start."""
-        if not run.mean:
-            return self._replay(run, columns, shift)
+    def _prompt(self, runs: Sequence[Run], columns: np.ndarray, shift: float = 0.0) -> list[np.ndarray]:
+        """Signals [T, blocks, n] of runs as sensors that are not late show them; ``shift`` of the output's start."""
+        if not runs or not runs[0].mean:
+            return self._replay(runs, columns, 1, shift)
         fine = self._fine()
-        return mean_over_samples(self._replay(run, columns, shift, fine), fine)
+        return [mean_over_samples(series, fine) for series in self._replay(runs, columns, fine, shift)]
 
     def _fine(self) -> int:
         """Parts of a control step in which signals are computed where the step's end alone does not do."""
@@ -195,9 +201,37 @@ class ReplayModel:
             at = at + SHIFT * (run.command[0] - here) / np.maximum(beside - here, 1e-3 * SHIFT)
         return at
 
-    def _replay(self, run: Run, columns: np.ndarray, shift: float, fine: int = 1) -> np.ndarray:
-        """Signals [T fine, blocks, n] of a run, ``fine`` times in every control step."""
-        columns = with_given(self.plant, columns, run.given)
+    def _replay(self, runs: Sequence[Run], columns: np.ndarray, fine: int, shift: float = 0.0) -> list[np.ndarray]:
+        """Signals [T fine, blocks, n] of runs, ``fine`` times in every control step."""
+        own = [with_given(self.plant, columns, run.given) for run in runs]
+        moved, places = zip(*map(self._without_sensors, own), strict=True) if runs else ((), ())
+        starts = [self._begins(run, alone) + shift for run, alone in zip(runs, moved, strict=True)]
+        asked = [
+            self._asked(run, alone, start, fine) for run, alone, start in zip(runs, moved, starts, strict=True)
+        ]  # fmt: skip
+        alike: dict[tuple[tuple[str, ...], str], list[int]] = {}
+        for k, run in enumerate(runs):
+            alike.setdefault((run.signals, run.hold), []).append(k)
+        outs: dict[int, np.ndarray] = {}
+        for (signals, hold), those in alike.items():
+            together = replay_together(
+                self.plant, [asked[k] for k in those], self.period / fine, drive=self.drive, signals=signals,
+                hold=hold, substeps=self.substeps // fine,
+            )  # fmt: skip
+            outs |= dict(zip(those, together, strict=True))
+        found = []
+        for k, run in enumerate(runs):
+            rows = [self.plant.row(name) for name in run.signals]
+            first = self.plant.rest(self.plant.prepare(moved[k]), starts[k])[rows]
+            out, p = outs[k], self.plant.prepare(own[k])
+            if not np.array_equal(places[k], np.arange(columns.shape[1])):
+                out = np.take(out, places[k], axis=2)
+            out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, places[k], axis=1))
+            found.append(out[self.lead * fine :])
+        return found
+
+    def _asked(self, run: Run, columns: np.ndarray, start: np.ndarray, fine: int) -> Asked:
+        """What a replay is told of a run, ``fine`` times in every control step."""
         command, rate = run.command, run.rate
         if fine > 1 and run.hold == "step":
             command, rate = np.repeat(command, fine), None
@@ -210,19 +244,7 @@ class ReplayModel:
         second = None if run.second is None else np.repeat(run.second, fine)
         if second is not None and self.lead:
             second = np.concatenate([np.full(self.lead * fine, second[0]), second])
-        alone, place = self._without_sensors(columns)
-        start = self._begins(run, alone) + shift
-        out = replay(
-            self.plant, alone, command, self.period / fine, drive=self.drive, signals=run.signals, rate=rate,
-            start=start, substeps=self.substeps // fine, hold=run.hold, sensors=False, second=second,
-        )  # fmt: skip
-        rows = [self.plant.row(name) for name in run.signals]
-        first = self.plant.rest(self.plant.prepare(alone), start)[rows]
-        p = self.plant.prepare(columns)
-        if not np.array_equal(place, np.arange(columns.shape[1])):
-            out = np.take(out, place, axis=2)
-        out = distort(self.plant, p, run.signals, out, self.period / fine, np.take(first, place, axis=1))
-        return out[self.lead * fine :]
+        return Asked(columns, command, rate, second=second, start=start)
 
     def _without_sensors(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(columns that differ by more than their sensors, which of them each column [n] is).
@@ -234,18 +256,18 @@ class ReplayModel:
         kept = np.sort(first)  # in the order in which they came
         return columns[:, kept], np.searchsorted(kept, first)[place.ravel()]
 
-    def _responses(self, run: Run, step: float) -> np.ndarray:
-        """Change of all blocks with the start, and with every free offset [T, blocks, constants]."""
-        found = []
+    def _responses(self, step: float) -> list[np.ndarray]:
+        """Change of all blocks of each run with its start, and with every free offset [T, blocks, constants]."""
+        changes: list[list[np.ndarray]] = [[] for _ in self.runs]
         if step > 0.0:
-            base = self._base[:, None]
-            change = self._prompt(run, base, step) - self._prompt(run, base)
-            found.append(change[:, :, 0] / step)
-        for j, signal in enumerate(run.signals):
-            if signal in run.offset:
-                found.append(np.zeros((len(run.command), len(run.blocks))))
-                found[-1][:, j] = 1.0
-        return np.stack(found, axis=2) if found else np.empty(0)
+            there, here = (self._prompt(self.runs, self._base[:, None], by) for by in (step, 0.0))
+            changes = [[(a - b)[:, :, 0] / step] for a, b in zip(there, here, strict=True)]
+        for run, found in zip(self.runs, changes, strict=True):
+            for j, signal in enumerate(run.signals):
+                if signal in run.offset:
+                    found.append(np.zeros((len(run.command), len(run.blocks))))
+                    found[-1][:, j] = 1.0
+        return [np.stack(found, axis=2) if found else np.empty(0) for found in changes]
 
 
 def delayed(series: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -7,6 +7,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants import plant_for
 from cable_envs.sim.replay import replay
+from cable_envs.sim.together import Asked, replay_together
 from tests.support.inputs import COMMAND, COMMAND_RATE, MODE
 
 CIRCUIT, CHAIN = plant_for("pulley_circuit"), plant_for("pulley_circuit", "chain")
@@ -122,3 +123,36 @@ def test_mistakes_are_named(change, message):
     }  # fmt: skip
     with pytest.raises(ConfigurationError, match=message):
         replay(DRIVE, **given)
+
+
+def test_records_that_go_together_are_as_each_by_itself():
+    """Three records of other lengths, with one to 30 columns each, in one call and one by one; to the bit."""
+    lags = np.linspace(0.0, 0.02, 30)
+    values = _columns(CHAIN, *({"backlash.gap": lag, "output_damping": 1e-3 * (1 + lag)} for lag in lags))
+    paths = [0.5 * np.sin(6 * 0.01 * np.arange(steps)) for steps in (40, 25, 31)]
+    for counts in ((1, 1, 1), (3, 2, 5), (30, 9, 1)):
+        asked = [Asked(values[:, :n], path, start=path[0]) for n, path in zip(counts, paths, strict=True)]
+        given = {"drive": "follow", "signals": ["output_angle", "drive_torque"], "substeps": 4}
+        together = replay_together(CHAIN, asked, 0.01, **given)
+        for one, out in zip(asked, together, strict=True):
+            alone = replay(CHAIN, one.values, one.command, 0.01, start=one.start, **given)
+            assert np.array_equal(alone, out)
+
+
+def test_records_go_on_together_from_states_that_stay_as_they_are():
+    """Commands of each column's own, a force on the load, and states to go on from; to the bit."""
+    values = _columns(DRIVE, *({"viscous": 10.0 + k} for k in range(5)))
+    state = DRIVE.rest(DRIVE.prepare(values), np.zeros(5))
+    state[DRIVE.row("velocity")] = 0.1
+    before = state.copy()
+    asked = [
+        Asked(values, np.outer(np.sin(9 * T[:steps]), np.arange(5)), disturbance=T[:steps], state=state)
+        for steps in (40, 22)
+    ]
+    given = {"drive": "force", "hold": "step", "signals": ["position"]}
+    for one, out in zip(asked, replay_together(DRIVE, asked, 0.01, **given), strict=True):
+        assert np.array_equal(state, before)
+        alone = replay(
+            DRIVE, values, one.command, 0.01, disturbance=one.disturbance, state=state.copy(), sensors=False, **given
+        )
+        assert np.array_equal(alone, out)

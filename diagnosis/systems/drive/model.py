@@ -5,7 +5,7 @@ servo pulls at the carriage, which it feels: then it is stable whatever the belt
 reference goes between samples as a cubic, since straight lines would change the force by kp x'' dt^2 / 12.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,7 +25,8 @@ from cable_envs.diagnosis.systems.common import (
 from cable_envs.diagnosis.systems.conditions import given, with_given
 from cable_envs.diagnosis.systems.replayed import delayed
 from cable_envs.plants.base import Plant
-from cable_envs.sim.replay import distort, replay
+from cable_envs.sim.replay import distort
+from cable_envs.sim.together import Asked, replay_together
 
 FINE = 10
 """Input steps in each sample, in which the controller's output is held. With 2 (5 ms at 100 Hz) loops of 45 rad/s that
@@ -65,8 +66,16 @@ class Driven:
     """parameters that only this record has, SI"""
 
 
+Seen = Callable[[np.ndarray], dict[str, np.ndarray]]
+"""What the sensors of a record show, by channel [T, n], of true signals [FINE (T - 1), 3, n]."""
+
+
 class DriveModel:
     """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI, by name of the plant's table."""
+
+    _signals: tuple[str, ...] = ("position", "velocity", "motor_position")
+    _moving: tuple[str, ...] = ("velocity", "motor_velocity")
+    """what has the speed with which a record begins"""
 
     def __init__(
         self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
@@ -118,17 +127,23 @@ class DriveModel:
         columns[gap] = np.where(self._of(columns, "belt_stiffness") > 0.0, columns[gap], 0.0)
         shown = {name: values[k] for name, k in self._rows.items()}
         shown.setdefault(OFFSET, np.full(values.shape[1], self._given.get(OFFSET, 0.0)))
-        found: list[np.ndarray] = []
-        for run in self._runs:
-            own = with_given(self.plant, columns, run.given)
-            signals = self._closed(own, shown, run) if self.closed else self._observed(own, shown, run)
-            found += [signals[channel] for channel in self.channels]
-        return found
+        through = self._closed if self.closed else self._observed
+        asked = [through(with_given(self.plant, columns, run.given), shown, run) for run in self._runs]
+        return self._together(asked, "observed" if self.closed else "force")
+
+    def _together(self, asked: Sequence[tuple[Asked, Seen]], drive: str) -> list[np.ndarray]:
+        """Every channel of every record [T, n] from what drives it, and what its sensors make of true signals."""
+        outs = replay_together(
+            self.plant, [one for one, _ in asked], self.period / FINE, drive=drive, hold="step", signals=self._signals,
+            substeps=self.substeps,
+        )  # fmt: skip
+        shown = [seen(out) for (_, seen), out in zip(asked, outs, strict=True)]
+        return [signals[channel] for signals in shown for channel in self.channels]
 
     def _of(self, columns: np.ndarray, name: str) -> np.ndarray:
         return columns[self.plant.table.index(name)]
 
-    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> dict[str, np.ndarray]:
+    def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> tuple[Asked, Seen]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         kp, kv, kd = (shown[name] for name in GAINS)
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
@@ -139,24 +154,33 @@ class DriveModel:
         behind = 0.5 * stiff * late**2  # acts as a mass that is not there
         columns[self.plant.table.index("motor_mass")] += behind * per_volt
         path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
-        y, v, motor, first = self._replay(
-            columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET]
-        )
-        effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
-        if np.any(behind):
-            effort = effort - behind * np.gradient(v, self.period, axis=0)
-        return self._seen(columns, {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}, first)
+        asked, first = self._served(columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET])
 
-    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> dict[str, np.ndarray]:
+        def seen(out: np.ndarray) -> dict[str, np.ndarray]:
+            y, v, motor = self._sampled(out, first, run)
+            effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
+            if np.any(behind):
+                effort = effort - behind * np.gradient(v, self.period, axis=0)
+            signals = {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}
+            return self._seen(columns, signals, first)
+
+        return asked, seen
+
+    def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> tuple[Asked, Seen]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
         total = self._of(columns, "mass") + self._of(columns, "motor_mass")
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
-        y, v, motor, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
-        return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+        asked, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
 
-    def _followed(self, columns, stiff, damping, run: Driven, force):
-        """As `_replay`, with the recorded force on the motor, and our servo between carriage and recorded place.
+        def seen(out: np.ndarray) -> dict[str, np.ndarray]:
+            y, v, motor = self._sampled(out, first, run)
+            return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+
+        return asked, seen
+
+    def _followed(self, columns, stiff, damping, run: Driven, force) -> tuple[Asked, np.ndarray]:
+        """As `_served`, with the recorded force on the motor, and our servo between carriage and recorded place.
 
         The servo acts where it feels, as a spring and a damper would, so that whatever the belt is it takes energy out:
 
@@ -167,34 +191,30 @@ class DriveModel:
         """
         neutral = self._of(columns, "position_dependent_load.neutral")
         pushed = stiff * (run.path[:, None] - neutral) + damping * run.rate[:, None]
-        state, first, signals = self._begun(columns, run)
+        state, first = self._begun(columns, run)
         held = columns.copy()
         held[self.plant.table.index("force_limit")] = 1e6
         held[self.plant.table.index("viscous")] += damping
         held[self.plant.table.index("position_dependent_load.stiffness")] += stiff
-        out = replay(
-            self.plant, held, np.broadcast_to(force, pushed.shape), self.period / FINE, drive="force", hold="step",
-            signals=signals, state=state, substeps=self.substeps, disturbance=pushed, sensors=False,
-        )  # fmt: skip
-        return self._sampled(out, first, run)
+        return Asked(held, np.broadcast_to(force, pushed.shape), disturbance=pushed, state=state), first
 
-    def _begun(self, columns, run: Driven):
-        """(state at the start of a record, the signals [3, n] there, their names)."""
+    def _begun(self, columns: np.ndarray, run: Driven) -> tuple[np.ndarray, np.ndarray]:
+        """(state at the start of a record, the three signals [3, n] there)."""
         state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
-        signals = ["position", "velocity", "motor_position"]
-        for name in ("velocity", "motor_velocity"):
+        for name in self._moving:
             state[self.plant.row(name)] = run.speed
-        return state, state[[self.plant.row(name) for name in signals]].copy(), signals
+        return state, state[[self.plant.row(name) for name in self._signals]].copy()
 
-    def _sampled(self, out: np.ndarray, first: np.ndarray, run: Driven):
+    def _sampled(self, out: np.ndarray, first: np.ndarray, run: Driven) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The three signals [T, n] at the samples."""
         if run.mean:
             whole = mean_over_samples(np.concatenate([np.broadcast_to(first, (FINE, *first.shape)), out]), FINE)
         else:
             whole = np.concatenate([first[None], out[FINE - 1 :: FINE]])
-        return whole[:, 0], whole[:, 1], whole[:, 2], first
+        return whole[:, 0], whole[:, 1], whole[:, 2]
 
-    def _replay(self, columns, path, rate, stiff, damping, run: Driven, force):
-        """(position, speed, motor's position [T, n], the three at the start [3, n]) under a servo of those gains."""
+    def _served(self, columns, path, rate, stiff, damping, run: Driven, force) -> tuple[Asked, np.ndarray]:
+        """(what drives it under a servo of those gains, the three signals [3, n] at the start)."""
         table, n = self.plant.table, columns.shape[1]
         columns, steps = columns.copy(), len(run.path)
         total = columns[table.index("mass")] + columns[table.index("motor_mass")]
@@ -202,13 +222,9 @@ class DriveModel:
         columns[table.index("servo_frequency")] = frequency
         columns[table.index("servo_damping_ratio")] = damping / (2.0 * frequency * total)
         columns[table.index("force_limit")] = 1e6
-        state, first, signals = self._begun(columns, run)
-        out = replay(
-            self.plant, columns, np.broadcast_to(path, (steps, n)), self.period / FINE, drive="observed", hold="step",
-            signals=signals, rate=np.broadcast_to(rate, (steps, n)), state=state, substeps=self.substeps,
-            disturbance=np.broadcast_to(force, (steps, n)), sensors=False,
-        )  # fmt: skip
-        return self._sampled(out, first, run)
+        state, first = self._begun(columns, run)
+        path, rate, force = (np.broadcast_to(series, (steps, n)) for series in (path, rate, force))
+        return Asked(columns, path, rate, disturbance=force, state=state), first
 
     def _seen(self, columns: np.ndarray, signals: dict[str, np.ndarray], first: np.ndarray) -> dict[str, np.ndarray]:
         """What the sensors show. A voltage is what the amplifier was told: it has no sensor."""

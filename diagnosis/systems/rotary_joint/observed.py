@@ -27,13 +27,13 @@ from cable_envs.diagnosis.systems.common import (
     plant_values,
 )
 from cable_envs.diagnosis.systems.conditions import given
-from cable_envs.diagnosis.systems.drive.model import DAMPING_RATIO, FINE, SOFT, DriveModel, Driven, driven, recorded
+from cable_envs.diagnosis.systems.drive.model import DAMPING_RATIO, SOFT, DriveModel, Driven, Seen, driven, recorded
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.stated.limits import limits_of, stated_in
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.own_effects import with_own_effects
-from cable_envs.sim.replay import replay
+from cable_envs.sim.together import Asked
 
 EFFORTS = ("torque", "current", "voltage")
 """Channels that drive it; of several the first."""
@@ -141,6 +141,9 @@ def _candidates(
 class JointModel(DriveModel):
     """See `cable_envs.diagnosis.model.model.Model`. ``values``: the rig, SI; ``effort``: the channel that drives it."""
 
+    _signals = ("position", "velocity", "current")
+    _moving = ("velocity",)
+
     def __init__(
         self, plant: Plant, recording: Recording, use: str, values: Mapping[str, float], parameters: Sequence[Free],
         period: float, effort: str,
@@ -172,18 +175,16 @@ class JointModel(DriveModel):
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
         for k, row in self._inside:
             columns[row] = values[k]
-        found: list[np.ndarray] = []
+        asked = []
         for run in self._runs:
             own = columns.copy()
             for name, value in run.given.items():
                 own[self.plant.table.index(name)] = value
-            y, v, _, first = self._joint(own, run)
-            signals = self._seen(own, {"position": y, "velocity": v}, first[:2])
-            found += [signals[channel] for channel in self.channels]
-        return found
+            asked.append(self._joint(own, run))
+        return self._together(asked, "duty")
 
-    def _joint(self, columns: np.ndarray, run: Driven):
-        """(angle, speed, current [T, n], the three at the start) under the recorded effort and our servo."""
+    def _joint(self, columns: np.ndarray, run: Driven) -> tuple[Asked, Seen]:
+        """What drives a joint, the recorded effort and our servo, and what its sensors show."""
         arm, mass = self._of(columns, "arm_length"), self._of(columns, "load_mass")
         total = self._of(columns, "inertia") + self._of(columns, "load_inertia") + mass * arm**2
         stiff, damping = total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT
@@ -196,18 +197,13 @@ class JointModel(DriveModel):
             pushed = pushed + run.effort[:, None] * self._of(columns, "torque_constant")
         else:
             pushed = pushed + run.effort[:, None]
-        state, first, signals = self._begun(columns, run)
+        state, first = self._begun(columns, run)
         held = columns.copy()
         held[self.plant.table.index("viscous")] += damping
         held[self.plant.table.index("position_dependent_load.stiffness")] += stiff
-        out = replay(
-            self.plant, held, command, self.period / FINE, drive="duty", hold="step", signals=signals, state=state,
-            substeps=self.substeps, disturbance=pushed, second=released, sensors=False,
-        )  # fmt: skip
-        return self._sampled(out, first, run)
 
-    def _begun(self, columns: np.ndarray, run: Driven):
-        state = self.plant.rest(self.plant.prepare(columns), np.full(columns.shape[1], run.start))
-        signals = ["position", "velocity", "current"]
-        state[self.plant.row("velocity")] = run.speed
-        return state, state[[self.plant.row(name) for name in signals]].copy(), signals
+        def seen(out: np.ndarray) -> dict[str, np.ndarray]:
+            y, v, _ = self._sampled(out, first, run)
+            return self._seen(columns, {"position": y, "velocity": v}, first[:2])
+
+        return Asked(held, command, disturbance=pushed, second=released, state=state), seen
