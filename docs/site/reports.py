@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from cablebench.run.store import Reading, ResultStore
 
 FOLDER = "reports"
-BOARDS = ("suite-v1", "quick", "full")
+BOARDS = ("suite-v1", "quick")
 """Published boards: the suite's, then those of the archive."""
 PROOF, RECORDINGS = ROOT / "docs" / "proof", ROOT / "docs" / "recordings"
 REPRODUCTION = ROOT / "build" / "reproduction"
@@ -94,8 +94,8 @@ def _boards() -> str:
         "# Boards",
         "The published boards rank reference controllers and trained agents on test episodes that nobody trained on. "
         "How to read one is on [its own page](read-the-board.md); how to enter, under "
-        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md). The boards quick "
-        "and full are of [suite v0](archive-v0.md), an archive.",
+        "[add your controller](add-your-controller.md) and [train your agent](train-your-agent.md). The board quick "
+        "is of [suite v0](archive-v0.md), an archive.",
     ]
     for name in BOARDS:
         summary = kept(f"board-{name}-summary.md", partial(_summary, name), _records(name))

@@ -12,7 +12,7 @@ from cablebench.protocol.files import load_protocol
 from cablebench.run.store import ResultStore
 
 BOARDS = Path(__file__).parents[2] / "boards"
-NAMES = ("suite-v1", "quick", "full")
+NAMES = ("suite-v1", "quick")
 
 
 def _records(name):

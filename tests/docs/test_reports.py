@@ -6,7 +6,7 @@ import pytest
 
 from docs.site.reports import BOARDS, board_pages
 
-SMALLEST = "full"
+SMALLEST = "quick"
 
 
 @pytest.mark.parametrize(

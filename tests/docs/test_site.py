@@ -31,7 +31,7 @@ KINDS = (
     "identification.html", "interop.html", "read-the-board.html", "plants/linear-drive.html", "mismatches/load.html",
     "cable-mechanisms.html",
     "reports/board-quick/board.html", "reports/board-quick/tasks/PulleyCircuit-Position-Sine.html",
-    "reports/board-full/board.html", "reports/board-suite-v1/board.html",
+    "reports/board-suite-v1/board.html",
     "reports/board-suite-v1/tasks/CableHole-Track-Hard.html", "reports/proof.html", "reports/recordings.html",
     "reports/reproduction.html",
 )  # fmt: skip
