@@ -66,8 +66,9 @@ def _with_tables(page: Path, made: Mapping[str, str]) -> str:
     _, _, old = text.partition(BEGIN)
     parts = re.split(r"^(?=## )", old.partition(END)[0], flags=re.MULTILINE)
     kept = {part.partition("\n")[0]: part.strip() for part in parts[1:]}
-    heads = {name: f"## {load_mechanism(name).title}" for name in mechanisms()}
-    sections = [made.get(name) or kept.get(head, "") for name, head in heads.items()]
+    heads = {f"## {load_mechanism(name).title}": name for name in mechanisms()}
+    order = [head for head in kept if head in heads] + [head for head in heads if head not in kept]
+    sections = [made.get(heads[head]) or kept.get(head, "") for head in order]
     return between_marks(text, BEGIN, END, "\n\n".join(part.strip() for part in sections if part))
 
 
@@ -97,13 +98,7 @@ def _of_mechanism(name: str, rigs: Sequence[worth.Rig]) -> list[str]:
         with_it, without, oracle = f"diagnosed-{who}", f"nominal-{who}", f"oracle-{who}"
         if {with_it, without, oracle} <= set(rows):
             lines += _worth(rigs, who, with_it, without, oracle)
-    if "diagnosed-controller" in rows and (saved := worth.episodes_saved(rigs, "diagnosed-controller")):
-        lines += [
-            "", "Gains chosen by episodes on the hidden rig itself, against the controller with the diagnosis:", "",
-            "| episodes on the rig | score | the diagnosed controller is ahead by |", "|--:|---|---|",
-        ]  # fmt: skip
-        for one in saved:
-            lines.append(f"| {one['episodes']} | {_interval(one['score'])} | {_interval(one['ahead'], '+')} |")
+    lines += _episodes_saved(rigs, [row for row in ("diagnosed-controller", "diagnosed-agent") if row in rows])
     return [*lines, "", *_rigs(rigs), ""]
 
 
@@ -117,6 +112,22 @@ def _worth(rigs: Sequence[worth.Rig], who: str, with_it: str, without: str, orac
         times = [_interval(x) if one["rigs"] >= FEWEST else f"{x.value:.2f}" for x in (one["times"], one["oracle"])]
         cells = [one["answer"], str(one["rigs"]), *times]
         lines.append(f"| {' | '.join(cells)} | {one['better']} of {one['rigs']} |")
+    return lines
+
+
+def _episodes_saved(rigs: Sequence[worth.Rig], diagnosed: Sequence[str]) -> list[str]:
+    by_row = {row: worth.episodes_saved(rigs, row) for row in diagnosed}
+    counts = next(iter(by_row.values()), [])
+    if not counts:
+        return []
+    lines = [
+        "", "Gains chosen by episodes on the hidden rig itself, against the rows with a diagnosis:", "",
+        "| episodes on the rig | score | " + " | ".join(f"`{row}` is ahead by" for row in by_row) + " |",
+        "|--:|---|" + "---|" * len(by_row),
+    ]  # fmt: skip
+    for same in zip(*by_row.values(), strict=True):
+        ahead = " | ".join(_interval(one["ahead"], "+") for one in same)
+        lines.append(f"| {same[0]['episodes']} | {_interval(same[0]['score'])} | {ahead} |")
     return lines
 
 
