@@ -8,9 +8,9 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.envs import wanted_shape
 from cable_envs.sim.device.steps import ENDED, NOT_FINITE, DeviceSimulation
 from cable_envs.sim.replay import DEVICES
+from cable_envs.spaces import wanted_shape
 from cable_envs.vector import CableVectorEnv
 
 

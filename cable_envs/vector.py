@@ -10,11 +10,12 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from cable_envs.core.team import WORTHWHILE, Team, available_cores
-from cable_envs.envs import CableEnv, make_spaces, wanted_shape
+from cable_envs.envs import CableEnv
 from cable_envs.sim.registered import described
 from cable_envs.sim.setup import make_setup
 from cable_envs.sim.simulation import Simulation, generator_of
 from cable_envs.sim.steppers import ask
+from cable_envs.spaces import make_spaces, wanted_shape
 
 if TYPE_CHECKING:
     from cable_envs.render import Renderer

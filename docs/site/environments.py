@@ -9,10 +9,11 @@ from typing import Any
 import gymnasium as gym
 
 from cable_envs import FIRST_IDS
-from cable_envs.envs import CableEnv, make_spaces
+from cable_envs.envs import CableEnv
 from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
 from cable_envs.sim.tasks import LEVELS
+from cable_envs.spaces import make_spaces
 from cablebench.protocol.files import load_protocol
 from docs.site.cache import kept
 from docs.site.films import best_controller, film, last, small
