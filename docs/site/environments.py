@@ -18,6 +18,7 @@ from cablebench.protocol.files import load_protocol
 from docs.site.cache import kept
 from docs.site.films import best_controller, film, last, small
 from docs.site.markdown import linked_pages, page, picture, table, unit, whole_picture
+from docs.site.reports import BOARDS
 
 FOLDER = "environments"
 
@@ -151,8 +152,8 @@ def _summary(ids: list[str], setup: Setup) -> str:
 
 
 def _boards(ids: list[str]) -> str:
-    """The boards that rank entrants on a task."""
-    names = [name for name in ("quick", "full") if set(ids) & {task.env for task in load_protocol(name).tasks}]
+    """The published boards that rank entrants on a task."""
+    names = [name for name in BOARDS if set(ids) & {task.env for task in load_protocol(name).tasks}]
     return f"[{' and '.join(names)}](../boards.md)" if names else "on no board yet"
 
 
