@@ -17,8 +17,8 @@ from stable_baselines3.common.policies import BasePolicy
 from cable_envs.agents import archive
 from cable_envs.agents.settings import ALGORITHMS, make_settings
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.envs import make_spaces
 from cable_envs.sim.registered import setup_of
+from cable_envs.spaces import make_spaces
 
 
 @dataclass(frozen=True)

@@ -33,9 +33,9 @@ from cable_envs.agents.shaping import Shaping
 from cable_envs.agents.vec_env import observation_space
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.core.files import jsonable, write_atomic
-from cable_envs.envs import make_spaces
 from cable_envs.sim.registered import setup_of
 from cable_envs.sim.setup import Setup
+from cable_envs.spaces import make_spaces
 
 SCHEMA = "cable-policy/1"
 ENTRY = "cable-policy.json"

@@ -13,9 +13,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnv, VecEnvIndices,
 
 from cable_envs.agents.lane import Lane
 from cable_envs.agents.shaping import BASE_CHANNEL, Residual, Shaping
-from cable_envs.envs import make_spaces
 from cable_envs.sim.setup import Setup
 from cable_envs.sim.tasks import OBSERVATION_LIMIT
+from cable_envs.spaces import make_spaces
 from cable_envs.vector import CableVectorEnv
 
 

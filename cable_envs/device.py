@@ -8,9 +8,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.envs import wanted_shape
+from cable_envs.render import BatchRenderer
 from cable_envs.sim.device.steps import ENDED, NOT_FINITE, DeviceSimulation
 from cable_envs.sim.replay import DEVICES
+from cable_envs.spaces import wanted_shape
 from cable_envs.vector import CableVectorEnv
 
 
@@ -88,7 +89,7 @@ class DeviceVectorEnv(CableVectorEnv):
         self._drawn_by: list[Any] = [None] * self.num_envs
         self._names = self.device.info_names
         self._masks = tuple(f"_{name}" for name in self._names)
-        self._renderers = {}
+        self._pictures = BatchRenderer(self.setup, None)
 
     @property
     def true_rig(self) -> tuple[dict[str, float], ...]:

@@ -6,106 +6,19 @@ from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 
-from cable_envs.core.kernels import handed
 from cable_envs.effects import Effect
 from cable_envs.plants import VERSIONS
-from cable_envs.sim.buffers import Buffers
 from cable_envs.sim.registered import described
 from cable_envs.sim.rigs import Rig
-from cable_envs.sim.setup import Setup, make_setup
+from cable_envs.sim.setup import make_setup
 from cable_envs.sim.simulation import Simulation, generator_of
-from cable_envs.sim.tasks import OBSERVATION_LIMIT
+from cable_envs.sim.transition import Transition, transition
+from cable_envs.spaces import make_spaces, wanted_shape
 
 if TYPE_CHECKING:
     from cable_envs.render import Renderer
-
-
-def make_spaces(setup: Setup) -> tuple[spaces.Box, spaces.Box]:
-    """Observation space and action space of one environment.
-
-    Parameters
-    ----------
-    setup : Setup
-        What defines the environment.
-
-    Returns
-    -------
-    observation : gymnasium.spaces.Box
-        Shape (channels,), float32, within +/- `cable_envs.sim.tasks.OBSERVATION_LIMIT`.
-    action : gymnasium.spaces.Box
-        Shape (1,), or (2,) in an action mode with a second command, float32, within [-1, 1].
-
-    Examples
-    --------
-    >>> from cable_envs.sim.setup import make_setup
-    >>> make_spaces(make_setup("CableHole-Position", "sine"))
-    (Box(-100.0, 100.0, (10,), float32), Box(-1.0, 1.0, (1,), float32))
-    """
-    shape = (len(setup.channels),)
-    observation = spaces.Box(-OBSERVATION_LIMIT, OBSERVATION_LIMIT, shape, np.float32)
-    return observation, spaces.Box(-1.0, 1.0, (len(setup.ranges),), np.float32)
-
-
-def wanted_shape(setup: Setup, num_envs: int = 0) -> str:
-    """The shape of an action, or of those of a batch, with what the numbers are where there are two.
-
-    Examples
-    --------
-    >>> from cable_envs.sim.setup import make_setup
-    >>> wanted_shape(make_setup("AntagonistJoint-Position", "sine", action_mode="position_and_co_contraction"), 3)
-    '(3, 2) (position, co_contraction)'
-    """
-    mode, shape = setup.action_mode, (len(setup.ranges),)
-    names = f" ({mode.of}, {mode.second.name})" if mode.of and mode.second is not None else ""
-    return f"{(num_envs, *shape) if num_envs else shape}{names}"
-
-
-Transition = tuple[np.ndarray, float, bool, bool, dict[str, float]]
-
-
-def _transition(
-    names: tuple[str, ...], kernel: Callable[..., tuple], buffers: Buffers, ended: Callable[[], None]
-) -> Callable[[float], Transition]:
-    """A step without checks: from an action to what `CableEnv.step` returns.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Keys of the info.
-    kernel : callable
-        (block, obs, common, action) -> (reward, terminated, truncated, *values of the info).
-    buffers : Buffers
-        Those of the environment.
-    ended : callable
-        Called where the episode ends.
-
-    Notes
-    -----
-    It is spelled out for the names there are, as `collections.namedtuple` does it. The info is the dictionary of the
-    attributes of an object: these have their places from one step to the next, so that no name is hashed; a dictionary
-    display takes more than twice as long, a third of a microsecond more.
-    """
-    if not all(name.isidentifier() for name in names):
-        raise ValueError(f"info names must be identifiers: {names}")
-    values = ", ".join(f"info.{name}" for name in names)
-    text = f"""def make(kernel, block, obs, common, copy, Info, ended):
-    def transition(action):
-        info = Info()
-        reward, terminated, truncated, {values} = kernel(block, obs, common, action)
-        if terminated or truncated:
-            ended()
-        return copy(), reward, terminated, truncated, info.__dict__
-    return transition"""
-    space: dict[str, Any] = {}
-    exec(text, space)
-    b = buffers
-    arrays = map(handed, (b.block, b.obs, b.common))
-    made = space["make"](kernel, *arrays, b.obs[0].copy, type("Info", (), {}), ended)
-    made.buffers = b  # the kernel has addresses only
-    return made
 
 
 def _not_reset(action: float) -> Transition:
@@ -451,7 +364,7 @@ class CableEnv(gym.Env[np.ndarray, np.ndarray]):
         if self.simulation.kernel is not self._kernel:  # the first episode, or the first with effects
             self._kernel = self.simulation.kernel
             names, kernel = self.simulation.info_names, self.simulation.single_kernel()
-            self._going = _transition(names, kernel, self.simulation.buffers, self._ended)
+            self._going = transition(names, kernel, self.simulation.buffers, self._ended)
         self._transition = self._going
         _, terminated, truncated = self.simulation.buffers.outcome[:3, 0]
         if terminated or truncated:

@@ -6,7 +6,7 @@ its window is first shown; both come with the extra ``render``. The live web pag
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from cable_envs.sim.setup import Setup
 
 MODES = ("rgb_array", "human", "web")
+LISTED = "rgb_array_list"
+"""Render mode of a batch that keeps the pictures of all steps; Gymnasium makes it of a single environment by a
+wrapper."""
 
 THEMES = ("light", "dark")
 
@@ -185,6 +188,78 @@ class Renderer:
         if self._window is not None:
             self._window.close()
             self._window = None
+
+
+class BatchRenderer:
+    """Pictures of a batch: a `Renderer` for each environment that is drawn, made when it is first drawn.
+
+    Parameters
+    ----------
+    setup : Setup
+        What defines the environments.
+    mode : str, optional
+        "rgb_array", "rgb_array_list", "human" or "web". A window or page shows the first of ``lanes``.
+    theme : str
+        "light" or "dark".
+    lanes : sequence of int
+        Environments that are drawn.
+
+    Attributes
+    ----------
+    renderers : dict of int to Renderer
+        Those that were made, by environment.
+    frames : dict of int to list of ndarray
+        Pictures since the last `pictures`, by environment, in the mode "rgb_array_list".
+    """
+
+    def __init__(self, setup: "Setup", mode: str | None, theme: str = "light", lanes: Sequence[int] = ()):
+        self.setup, self.mode, self.theme = setup, mode, theme
+        self.shown = mode in ("human", "web")
+        self.lanes = tuple(lanes[:1] if self.shown else lanes)
+        self.renderers: dict[int, Renderer] = {}
+        self.frames: dict[int, list[np.ndarray]] = {}
+
+    def draw(self, names: Sequence[str], table: np.ndarray) -> None:
+        """Take in the present state of the environments.
+
+        Parameters
+        ----------
+        names : sequence of str
+            Entries of an info.
+        table : ndarray, shape (len(names), number of environments)
+            Their values, SI.
+        """
+        for lane in self.lanes:
+            if lane not in self.renderers:
+                mode = str(self.mode) if self.shown else "rgb_array"
+                self.renderers[lane] = Renderer.for_setup(self.setup, mode, self.theme)
+            renderer = self.renderers[lane]
+            now = dict(zip(names, table[:, lane].tolist(), strict=True))
+            if now["time"] == 0.0:
+                renderer.reset()
+            renderer.push(now, now["time"], now["reference"], now["output"])
+            if self.mode == LISTED:
+                self.frames.setdefault(lane, []).append(renderer.frame())
+            if self.shown:
+                renderer.show()
+
+    def pictures(self) -> tuple[Any, ...] | None:
+        """An entry for each environment that is drawn: its picture, or the list of those since the last call.
+
+        None where a window or page shows them.
+        """
+        if self.shown:
+            return None
+        if self.mode == LISTED:
+            frames, self.frames = self.frames, {}
+            return tuple(frames.get(lane, []) for lane in self.lanes)
+        return tuple(self.renderers[lane].frame() for lane in self.lanes)
+
+    def close(self) -> None:
+        """Close the window or page, if there is one."""
+        for renderer in self.renderers.values():
+            renderer.close()
+        self.renderers = {}
 
 
 def darkened(picture: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Native batched environments: one kernel call steps them all; the three autoreset modes of Gymnasium."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -10,21 +10,17 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from cable_envs.core.team import WORTHWHILE, Team, available_cores
-from cable_envs.envs import CableEnv, make_spaces, wanted_shape
+from cable_envs.envs import CableEnv
+from cable_envs.render import LISTED, BatchRenderer
 from cable_envs.sim.registered import described
 from cable_envs.sim.setup import make_setup
 from cable_envs.sim.simulation import Simulation, generator_of
 from cable_envs.sim.steppers import ask
+from cable_envs.spaces import make_spaces, wanted_shape
 
-if TYPE_CHECKING:
-    from cable_envs.render import Renderer
-
-
-LISTED = "rgb_array_list"
-"""Render mode that keeps the pictures of all steps; Gymnasium makes it of a single environment by a wrapper."""
 _MADE_AGAIN = frozenset((
-    "setup", "simulation", "_team", "_kernel", "_advance", "_obs", "_table", "_reward", "_flags", "_renderers",
-    "_frames", "_generators",
+    "setup", "simulation", "_team", "_kernel", "_advance", "_obs", "_table", "_reward", "_flags", "_pictures",
+    "_generators",
 ))  # fmt: skip
 """Attributes that a copy makes for itself."""
 
@@ -156,13 +152,12 @@ class CableVectorEnv(VectorEnv):
         self._masks = tuple(f"_{name}" for name in self._names)
         self._obs, self._table = self.simulation.buffers.obs, self.simulation.buffers.table
         self._reward, *self._flags = self.simulation.buffers.outcome[:3]
-        self._renderers: dict[int, Renderer] = {}
-        self._frames: dict[int, list[np.ndarray]] = {}
+        self._pictures = BatchRenderer(self.setup, self.render_mode, self.render_theme, self.render_lanes)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but what lies in memory that a kernel reads and writes: it is made again."""
         state = {name: value for name, value in self.__dict__.items() if name not in _MADE_AGAIN}
-        return {**state, "_copied": (self.state(), bool(self._renderers), self._frames)}
+        return {**state, "_copied": (self.state(), bool(self._pictures.renderers), self._pictures.frames)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """A copy goes on as the original does, to the bit."""
@@ -173,8 +168,8 @@ class CableVectorEnv(VectorEnv):
         self._build()
         self.restore(copied)
         if drawn:
-            self._draw()
-            self._frames = frames
+            self._pictures.draw(self._names, self._table)
+            self._pictures.frames = frames
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -262,7 +257,7 @@ class CableVectorEnv(VectorEnv):
         self._any_finished = bool(self._finished.any())
         self._running = True
         if self.render_mode is not None:
-            self._draw()
+            self._pictures.draw(self._names, self._table)
         return self._seen(), self.infos(None if mask is self._everyone else mask)
 
     def _seen(self) -> Any:
@@ -348,7 +343,7 @@ class CableVectorEnv(VectorEnv):
             self._finished, self._any_finished = np.zeros(self.num_envs, dtype=np.bool_), False  # they run again
         infos = {**self.infos(), **final} if self.step_infos else final
         if self.render_mode is not None:
-            self._draw()
+            self._pictures.draw(self._names, self._table)
         return self._obs.copy(), rewards, terminated, truncated, infos
 
     def _ask(self, actions: Any) -> None:
@@ -454,23 +449,6 @@ class CableVectorEnv(VectorEnv):
             table[:, ~mask] = 0.0
         return {**dict(zip(self._names, table, strict=True)), **dict.fromkeys(self._masks, mask)}
 
-    def _draw(self) -> None:
-        from cable_envs.render import Renderer
-
-        mode = str(self.render_mode) if self.render_mode in ("human", "web") else "rgb_array"
-        for lane in self.render_lanes[:1] if mode != "rgb_array" else self.render_lanes:
-            if lane not in self._renderers:
-                self._renderers[lane] = Renderer.for_setup(self.setup, mode, self.render_theme)
-            renderer = self._renderers[lane]
-            now = dict(zip(self._names, self._table[:, lane].tolist(), strict=True))
-            if now["time"] == 0.0:
-                renderer.reset()
-            renderer.push(now, now["time"], now["reference"], now["output"])
-            if self.render_mode == LISTED:
-                self._frames.setdefault(lane, []).append(renderer.frame())
-        if mode != "rgb_array":
-            self._renderers[self.render_lanes[0]].show()
-
     def render(self) -> tuple[Any, ...] | None:
         """Draw the environments ``render_lanes``.
 
@@ -486,19 +464,12 @@ class CableVectorEnv(VectorEnv):
         gymnasium.error.ResetNeeded
             Without a ``render_mode``, and before the first `reset`.
         """
-        if not self._renderers:
+        if not self._pictures.renderers:
             raise gym.error.ResetNeeded("choose a render_mode and call reset() before render()")
-        if self.render_mode == "human":
-            return None
-        if self.render_mode == LISTED:
-            frames, self._frames = self._frames, {}
-            return tuple(frames.get(lane, []) for lane in self.render_lanes)
-        return tuple(self._renderers[lane].frame() for lane in self.render_lanes)
+        return self._pictures.pictures()
 
     def close_extras(self, **kwargs: Any) -> None:
         """End the threads and close the window, where there are some; Gymnasium's ``close`` calls it."""
         if self._team is not None:
             self._team.close()
-        for renderer in self._renderers.values():
-            renderer.close()
-        self._renderers = {}
+        self._pictures.close()

@@ -18,6 +18,7 @@ LAYERS = (
     ("cable_envs.device",),
     ("cable_envs.vector",),
     ("cable_envs.envs",),
+    ("cable_envs.spaces",),
     ("cable_envs.render",),
     ("cable_envs.standalone",),
     ("cable_envs.continuous",),

@@ -21,8 +21,8 @@ PAGES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "plants": (
         "Plants and effects",
         "What a plant declares of itself, and physics that a simulator may lack.",
-        ("cable_envs.plants", "cable_envs.plants.family", "cable_envs.plants.base", "cable_envs.effects.base",
-         "cable_envs.plants.own_effects"),
+        ("cable_envs.plants", "cable_envs.plants.family", "cable_envs.plants.base", "cable_envs.plants.declarations",
+         "cable_envs.effects.base", "cable_envs.plants.own_effects"),
     ),
     "continuous": (
         "Plants without Gymnasium",

@@ -35,8 +35,9 @@ The [diagnosis](diagnosis.md) looks for them in a recording; for what says "only
 explains further terms.
 """
 SHOWN = """Each picture shows one plant whose drive moves slowly back and forth. The upper part is the signal that the
-effect changes most, over the position of the drive: without the effect (grey) and with it at its typical size (blue).
-The lower part is the change. A plant that has the effect but no picture does not show it in this motion.
+effect changes most, over the position of the drive (of a rotary joint, over the voltage of its motor): without the
+effect (grey) and with it at its typical size (blue). The lower part is the change. A plant that has the effect but no
+picture does not show it in this motion.
 """
 
 

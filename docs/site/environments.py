@@ -9,14 +9,16 @@ from typing import Any
 import gymnasium as gym
 
 from cable_envs import FIRST_IDS
-from cable_envs.envs import CableEnv, make_spaces
+from cable_envs.envs import CableEnv
 from cable_envs.plants import title_of
 from cable_envs.sim.setup import Setup, make_setup
 from cable_envs.sim.tasks import LEVELS
+from cable_envs.spaces import make_spaces
 from cablebench.protocol.files import load_protocol
 from docs.site.cache import kept
 from docs.site.films import best_controller, film, last, small
 from docs.site.markdown import linked_pages, page, picture, table, unit, whole_picture
+from docs.site.reports import BOARDS
 
 FOLDER = "environments"
 
@@ -150,8 +152,8 @@ def _summary(ids: list[str], setup: Setup) -> str:
 
 
 def _boards(ids: list[str]) -> str:
-    """The boards that rank entrants on a task."""
-    names = [name for name in ("quick", "full") if set(ids) & {task.env for task in load_protocol(name).tasks}]
+    """The published boards that rank entrants on a task."""
+    names = [name for name in BOARDS if set(ids) & {task.env for task in load_protocol(name).tasks}]
     return f"[{' and '.join(names)}](../boards.md)" if names else "on no board yet"
 
 

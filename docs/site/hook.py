@@ -18,7 +18,9 @@ from docs.site.tables import readable  # noqa: E402
 MAKERS = (environments, suite, plants, effects, controllers, reports, api)
 BESIDE = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 """Pages at the top of the checkout and where the site has them."""
-ELSEWHERE = {"README.md": "index.md", **BESIDE}
+BOARDS = {f"boards/{name}/board.md": f"{reports.FOLDER}/board-{name}/board.html" for name in reports.BOARDS}
+ELSEWHERE = {"README.md": "index.md", **BESIDE, **BOARDS}
+"""Files of the checkout whose content the site has under another address."""
 DRAWING = re.compile(r'<img [^>]*?src="([^"]+\.svg)"(?![^>]* width=)')
 PIXELS = 1.47
 """Of a point of a drawing: a letter of 7.5 points has 11 pixels."""

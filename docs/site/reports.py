@@ -23,6 +23,8 @@ BOARDS = ("suite-v1", "quick")
 """Published boards: the suite's, then those of the archive."""
 PROOF, RECORDINGS = ROOT / "docs" / "proof", ROOT / "docs" / "recordings"
 REPRODUCTION = ROOT / "build" / "reproduction"
+DOCUMENT = re.compile(rb'href="(?:\.\./)*docs/([\w/-]+)\.md')
+"""A link to a page of ``docs/``, from wherever the large page lies in the checkout."""
 SHOWN = 6
 """Entrants of each table of the short page of boards."""
 
@@ -54,8 +56,12 @@ def link_to(name: str, words: str, up: int = 0) -> str:
 
 
 def _with_way_back(whole: bytes, address: str, title: str, depth: int = 1) -> bytes:
-    """The page, ``depth`` folders deep, with a line at its top that leads to the site, and the site's icon."""
+    """The page, ``depth`` folders deep, with a line at its top that leads to the site, and the site's icon.
+
+    Links to files of ``docs/``, as the notes of a board have them, lead to the pages of the site.
+    """
     top = "../" * depth
+    whole = DOCUMENT.sub(rb'href="%s\1.html' % top.encode(), whole)
     icon = f'<link rel="icon" href="{top}assets/images/favicon.png">\n</head>'
     way = f'<a href="{top}index.html">cable-envs</a> / <a href="{top}{address}">{title}</a>'
     line = f'<header>\n<p class="soft">{way}</p>'

@@ -22,7 +22,10 @@ SIZE = (3.3, 3.3)
 """Inches; the page shows a picture at this size, so that its letters are as large as printed."""
 LEAST = 1e-3
 """Mean change over the signal's swing below which there is nothing to see."""
-UNITS = {"m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "N": ("N", 1.0), "N m": ("N m", 1.0)}
+UNITS = {
+    "m": ("mm", 1e3), "rad": ("deg", 180.0 / np.pi), "N": ("N", 1.0), "N m": ("N m", 1.0), "A": ("A", 1.0),
+    "V": ("V", 1.0),
+}  # fmt: skip
 """Of signals that are shown (speeds are not): unit on the picture, and its factor on SI."""
 
 
@@ -37,15 +40,17 @@ class Motion:
     drive : str
         Action mode.
     swing : float
-        Amplitude of the drive's position, m or rad.
+        Amplitude of the drive's position, m or rad, or of a motor's voltage, V.
     centre : float
         Its mean, m or rad.
     position : str
-        Signal of that position.
+        Signal of that position or voltage.
     rate : bool
         Whether the command is the speed of the drive.
     changes : tuple of (str, float)
         Parameters of the rig that are changed.
+    last : bool
+        Whether the plant is shown only with effects that no other plant of these has.
     """
 
     rig: str
@@ -55,6 +60,7 @@ class Motion:
     centre: float = 0.0
     rate: bool = False
     changes: tuple[tuple[str, float], ...] = ()
+    last: bool = False
 
 
 MOTIONS: Mapping[str, Motion] = {
@@ -62,6 +68,7 @@ MOTIONS: Mapping[str, Motion] = {
     "pulley_circuit": Motion("zou-grasp", "position", 0.5, "drive_angle"),
     "tendon_sheath": Motion("bowden-1m", "position", 0.008, "drive_position", centre=0.012),
     "linear_drive": Motion("", "position", 0.1, "motor_position", changes=(("belt_stiffness", 5e5),)),
+    "rotary_joint": Motion("geared-arm", "voltage", 3.0, "voltage", last=True),
 }
 """The plants that are shown. The circuit's chain shows the same as its closed form, and the plants of recordings
 follow a motion instead of making one."""
@@ -74,9 +81,15 @@ def drawn() -> dict[tuple[str, str], bytes]:
 
 
 def _drawn() -> dict[str, str]:
-    cases = [(effect, plant) for effect in EFFECTS for plant in plants_with(effect) if plant in MOTIONS]
+    cases = [(effect, plant) for effect in EFFECTS for plant in _plants(effect)]
     made = {f"{effect}/{plant}": _picture(plant_for(plant), effect, MOTIONS[plant]) for effect, plant in cases}
     return {case: svg for case, svg in made.items() if svg}
+
+
+def _plants(effect: str) -> list[str]:
+    """Plants that an effect is shown on."""
+    found = [plant for plant in plants_with(effect) if plant in MOTIONS]
+    return [plant for plant in found if not MOTIONS[plant].last] or found
 
 
 def _picture(plant: Plant, name: str, motion: Motion) -> str:

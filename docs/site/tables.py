@@ -7,6 +7,8 @@ TABLE = re.compile(r"<table>.*?</table>", re.DOTALL)
 ROW = re.compile(r"<tr>.*?</tr>", re.DOTALL)
 CELL = re.compile(r"<(t[hd])((?: [^>]*)?)>(.*?)</\1>", re.DOTALL)
 CODE = re.compile(r"<code>([^<]*)</code>")
+INTERVAL = re.compile(r"\[[-+−]?[\d.]+, [-+−]?[\d.]+\](?=[^>]*(?:<|$))")
+"""In the text of a cell."""
 LINES, LEAST, MOST = 4, 9, 30
 """Lines that the longest text of a column may take, as far as a column between so many characters wide allows it."""
 UNBROKEN = 28
@@ -14,7 +16,7 @@ UNBROKEN = 28
 
 
 def readable(text: str) -> str:
-    """A page whose columns of prose are not squeezed to a word a line, and whose ``--options`` stay whole.
+    """A page whose columns of prose are not squeezed to a word a line; ``--options`` and intervals stay whole.
 
     A table that is then wider than the page scrolls in its own box.
 
@@ -22,6 +24,8 @@ def readable(text: str) -> str:
     --------
     >>> readable("<p><code>run --seed 3</code></p>")
     '<p><code>run <span class="whole">--seed</span> 3</code></p>'
+    >>> readable("<table><tr><td>0.6 [-0.5, 0.7]</td></tr></table>")
+    '<table><tr><td>0.6 <span class="whole">[-0.5, 0.7]</span></td></tr></table>'
     """
     return TABLE.sub(lambda found: _widened(found[0]), CODE.sub(_whole, text))
 
@@ -32,7 +36,8 @@ def _whole(found: re.Match[str]) -> str:
 
 
 def _widened(table: str) -> str:
-    """The table with a least width on the head of every column that holds sentences."""
+    """The table with a least width on the head of every column that holds sentences, and with whole intervals."""
+    table = CELL.sub(lambda cell: INTERVAL.sub(r'<span class="whole">\g<0></span>', cell[0]), table)
     columns: dict[int, int] = {}
     for row in ROW.findall(table):
         for k, (_, _, content) in enumerate(CELL.findall(row)):

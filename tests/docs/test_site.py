@@ -76,6 +76,16 @@ MEDIAN_DARK, MEDIAN_LIGHT = 60.0, 190.0
 """Of the brightness (of 255) at a picture's edge, where its ground is."""
 TALLEST_ROW = 600
 """Pixels of a row of a table on a phone, two thirds of its screen: no column is squeezed to a word a line."""
+SEARCH = """(async () => {
+  const field = document.querySelector('.md-search__input');
+  field.focus();
+  field.value = 'backlash';
+  for (let n = 0; n < 100 && !document.querySelector('.md-search-result__item'); n++) {
+    field.dispatchEvent(new Event('keyup', {bubbles: true}));
+    await new Promise(done => setTimeout(done, 100));
+  }
+  return document.querySelectorAll('.md-search-result__item').length;
+})()"""
 ROWS = "[...document.querySelectorAll('tbody tr')].map(e => [e.clientHeight, e.textContent.trim().slice(0, 60)])"
 CUT = """[...document.querySelectorAll('caption')].filter(e => e.clientWidth > innerWidth).map(e => e.textContent)"""
 BROKEN = "[...document.images].filter(i => !i.naturalWidth).map(i => i.src)"
@@ -180,6 +190,11 @@ def test_every_link_leads_somewhere_and_nothing_is_fetched_from_elsewhere(site):
                 dead.append((str(page.relative_to(site)), to))
     assert foreign == []
     assert dead == []
+
+
+def test_the_search_answers_in_a_site_that_is_opened_from_a_folder(site, tab):
+    assert tab.show((site / "index.html").as_uri(), 1280, False) == []
+    assert tab.evaluate(SEARCH) > 0
 
 
 def test_all_that_is_declared_has_its_page(site):

@@ -118,8 +118,9 @@ def test_the_port_can_be_fixed_for_a_tunnel(monkeypatch, capfd):
 def test_a_batch_shows_its_first_environment(capfd):
     batch = gym.make_vec(HOLE, num_envs=2, vectorization_mode="vector_entry_point", render_mode="web")
     batch.reset(seed=0)
-    (renderer,) = batch.unwrapped._renderers.values()
+    (renderer,) = batch.unwrapped._pictures.renderers.values()
     assert asked(f"{renderer.address}frame?after=0")[0] == 200
+    assert batch.render() is None
     batch.close()
 
 

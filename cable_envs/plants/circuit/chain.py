@@ -28,30 +28,17 @@ from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
-from cable_envs.effects.slow_creep import creeps_on
-from cable_envs.effects.viscoelastic_creep import kept
-from cable_envs.physics.chain import (
-    CONTACTS,
-    PASSES,
-    RELEASE,
-    SPANS,
-    Side,
-    relax,
-    settle,
-    stretch_ends,
-    sweep,
-)  # fmt: skip
+from cable_envs.physics.chain import CONTACTS, RELEASE, SPANS
 from cable_envs.physics.friction import ringing_way
 from cable_envs.plants.base import Plant, Signal
+from cable_envs.plants.circuit.chain_sides import bottom_side, equilibrium, top_side, wind, worn
 from cable_envs.plants.circuit.effects import (
     ACTING,
     any_apart,
     any_creeps,
     any_hardens,
-    moves_otherwise,
     output_slides,
     output_step,
-    pulley,
     spring,
 )
 from cable_envs.plants.circuit.ends import (
@@ -113,135 +100,6 @@ tension."""
 STEP_ANGLE, STEP_RATE = 1e-7, 1e-6
 """Steps of the differences that give the slopes of a user's own load, rad and rad/s."""
 # In what follows e, s (their states) and g are None without effects.
-
-
-@inline
-def _top(x, p, w):
-    return Side(
-        x.stretch_top, x.slip_top, p.length_top, p.ratio_top, p.inverse_top, p.small_top, w.pull_top, w.tension_top,
-        w.tangent_0_top, w.tangent_4_top, w.pending_top,
-    )  # fmt: skip
-
-
-@inline
-def _bottom(x, p, w):
-    return Side(
-        x.stretch_bottom, x.slip_bottom, p.length_bottom, p.ratio_bottom, p.inverse_bottom, p.small_bottom,
-        w.pull_bottom, w.tension_bottom, w.tangent_0_bottom, w.tangent_4_bottom, w.pending_bottom,
-    )  # fmt: skip
-
-
-@inline
-def _wind(x, p, e, s, g, i, step, more, apart):
-    """How the driving pulley turns to the place where the next equilibrium is taken.
-
-    apart: whether the pulley of a column of the block is elsewhere than its drive.
-    """
-    if e is not None:
-        angle = x.drive_angle[i] + more * x.drive_velocity[i]
-        most = (p.stretch_stiffness[i] + p.stretch_damping[i] / step) * p.gear[i] * p.drive_radius[i]
-        # as steep as it can be: a softer one overshoots
-        slope = most * (1.0 / p.length_top[0, i] + 1.0 / p.length_bottom[0, i])
-        offset, turns, inside = 0.0, 1.0, angle
-        if apart:
-            offset, turns, inside = pulley(e, s, i, angle, x.drive_torque[i], slope)
-        g.turn[i], g.turns[i] = angle + offset - s.pulley_angle[i], turns
-        s.pulley_angle[i], s.gap_position[i] = angle + offset, inside
-
-
-@inline
-def _soften(side, plain_length, hard, i):
-    """The spans' secant lengths for the stretch that they have."""
-    for j in range(SPANS):
-        length = plain_length[j, i]
-        secant = length / (1.0 + 0.5 * hard * maximum(side.stretch[j, i] / length, 0.0))
-        side.length[j, i] = select(hard > 0.0, secant, side.length[j, i])
-
-
-@inline
-def _creep(side, plain_length, creep, slow, preload, e, i, step):
-    """Creep of a side over a step, from its mean elongation; each span loses stretch by its share of the length."""
-    total, length = 0.0, 0.0
-    for j in range(SPANS):
-        total += side.stretch[j, i]
-        length += plain_length[j, i]
-    old = creep[i]
-    left, slow_left = kept(e.viscoelastic_creep_time[i], step), kept(e.slow_creep_time[i], step)
-    creeps_on(creep, slow, e, i, maximum(total, 0.0) - preload, left, slow_left)
-    new = creep[i]
-    for j in range(SPANS):
-        side.stretch[j, i] -= (new - old) * plain_length[j, i] / length
-
-
-@inline
-def _worn(side, worn_ratio, drift, i):
-    """Friction that has drifted: the ratios go in a straight line to those of the final friction."""
-    for k in range(CONTACTS):
-        ratio = side.limit[k, i] + drift * (worn_ratio[k, i] - side.limit[k, i])
-        side.limit[k, i] = select(drift > 0.0, ratio, side.limit[k, i])
-        side.inverse[k, i] = select(drift > 0.0, 1.0 / ratio, side.inverse[k, i])
-
-
-@inline
-def _move_ends(x, p, w, e, g, side, pull, i, step, more):
-    """Wind a side's two ends by the motion since its last equilibrium and ``more`` seconds at the present speeds.
-
-    ``pull`` is 1 for cable t, which the drive's positive motion pulls, and -1 for cable b.
-    """
-    turn_in = p.stretch_stiffness[i] * p.gear[i] * (w.turned_in[i] + more * x.drive_velocity[i])
-    if e is not None:
-        other = moves_otherwise(e, i) | (g.follows[i] > 0.5)
-        turn_in = select(other, p.stretch_stiffness[i] * p.gear[i] * g.turn[i], turn_in)
-    turn_out = p.stretch_stiffness[i] * (w.turned_out[i] + more * x.output_velocity[i])
-    eta = p.stretch_damping[i] / (p.stretch_stiffness[i] * step)
-    stretch_ends(side, i, pull * turn_in, -pull * turn_out, eta)
-
-
-@inline
-def _take_over(p, side, arrived, i, step):
-    """Stretches of a side's new equilibrium; whether its slip front has reached the output."""
-    settle(side, i, p.stretch_damping[i] / (p.stretch_stiffness[i] * step))
-    slack = select(side.tension[SPANS - 1, i] <= 0.0, 1.0, 0.0)
-    arrived[i] = maximum(arrived[i], maximum(abs(side.state[CONTACTS - 1, i]), slack))
-
-
-@inline
-def _solve_side(side, lanes):
-    """Active-set passes until no column of a tile changes; what goes in circles is swept."""
-    changed = 1
-    for _ in range(PASSES):
-        if changed:
-            changed = 0
-            for i in range(lanes):
-                changed |= relax(side, i)
-    if changed:
-        for i in range(lanes):
-            if side.pending[i] > 0.5:
-                sweep(side, i)
-
-
-@inline
-def _equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps):
-    """Move the ends of both sides of a tile, and solve; ``hardens``, ``creeps``: whether a cable of the block does."""
-    top, bottom = _top(x, p, w), _bottom(x, p, w)
-    for i in range(lanes):
-        if e is not None and hardens:
-            _soften(top, e.plain_length_top, e.stiffness_hardening_coefficient[i], i)
-        _move_ends(x, p, w, e, g, top, 1.0, i, step, more)
-    _solve_side(top, lanes)
-    for i in range(lanes):
-        _take_over(p, top, w.arrived_top, i, step)
-        if e is not None and creeps:
-            _creep(top, e.plain_length_top, s.creep_top, s.slow_creep_top, p.preload_top[i], e, i, step)
-    for i in range(lanes):
-        if e is not None and hardens:
-            _soften(bottom, e.plain_length_bottom, e.stiffness_hardening_coefficient[i], i)
-        _move_ends(x, p, w, e, g, bottom, -1.0, i, step, more)
-    _solve_side(bottom, lanes)
-    for i in range(lanes):
-        _take_over(p, bottom, w.arrived_bottom, i, step)
-        if e is not None and creeps:
-            _creep(bottom, e.plain_length_bottom, s.creep_bottom, s.slow_creep_bottom, p.preload_bottom[i], e, i, step)
 
 
 @inline
@@ -376,8 +234,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     for i in range(lanes):
         if e is not None:
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
-            _worn(_top(x, p, w), e.worn_ratio_top, drift, i)
-            _worn(_bottom(x, p, w), e.worn_ratio_bottom, drift, i)
+            worn(top_side(x, p, w), e.worn_ratio_top, drift, i)
+            worn(bottom_side(x, p, w), e.worn_ratio_bottom, drift, i)
         x.slack_fraction[i], x.peak_tension[i] = 0.0, peak_at_start(largest(x, i))
         w.arrived_top[i], w.arrived_bottom[i] = 0.0, 0.0
         w.turned_in[i], w.turned_out[i] = 0.0, 0.0
@@ -391,8 +249,8 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
         step = 0.5 * dt if (n == 0) | (n == substeps) else dt
         more = 0.5 * dt if n < substeps else 0.0
         for i in range(lanes):
-            _wind(x, p, e, s, g, i, step, more, apart)
-        _equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps)
+            wind(x, p, e, s, g, i, step, more, apart)
+        equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps)
         for i in range(lanes):
             _watch(x, p, w, e, i)
         if n < substeps:

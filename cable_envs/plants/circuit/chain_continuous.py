@@ -12,7 +12,7 @@ nothing, and its spans share what there is within tau. The stretch of span 0 is 
 
 from cable_envs.core.kernels import maximum, select
 from cable_envs.physics.chain import CONTACTS, RELEASE, SPANS, relax, settle
-from cable_envs.plants.circuit.chain import _bottom, _top
+from cable_envs.plants.circuit.chain_sides import bottom_side, top_side
 from cable_envs.plants.circuit.drive_rates import turned
 from cable_envs.plants.circuit.ends import cosine, load_torque
 from cable_envs.plants.circuit.parameters import SIDES
@@ -31,7 +31,7 @@ def _sides(rows: Rows):
     late = -NEAR / RELEASE
     return tuple(
         side._replace(small=side.small * late)
-        for side in (_top(rows.x, rows.p, rows.w), _bottom(rows.x, rows.p, rows.w))
+        for side in (top_side(rows.x, rows.p, rows.w), bottom_side(rows.x, rows.p, rows.w))
     )
 
 
