@@ -134,6 +134,7 @@ def test_a_gap_of_a_gear_is_asked_where_the_motor_has_an_inertia():
     question = prepare(recording)
     (gap,) = (h for h in question.hypotheses if h.name == "backlash")
     assert gap.names == ("backlash.gap", "belt_stiffness", "belt_damping")
+    assert 0.0 < gap.least < 0.1 * GAP  # what one reading tells
     assert all(set(one) == set(gap.names) for probe in gap.probes for one in probe)
     gear = {"belt_stiffness": CONTACT, "belt_damping": RUB}
     none, right = _left(recording), _left(recording, backlash_gap=GAP, **gear)
