@@ -38,6 +38,7 @@ from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
+from cable_envs.diagnosis.search.sure_samples import with_sure_samples
 from cable_envs.diagnosis.simulators.base import Simulator
 from cable_envs.diagnosis.simulators.question import about_simulator, look_of, request_at_ports, require_fits
 from cable_envs.diagnosis.simulators.question import prepare as prepare_at_ports
@@ -165,7 +166,7 @@ def examine(
         )
     question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, of_lines)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
-    question = with_noise_of_drive(recording, question)
+    question = with_noise_of_drive(recording, with_sure_samples(question))
     rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
     own = None if simulator is None else simulator.digest()

@@ -75,6 +75,8 @@ class Block:
         Of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
     step : float
         Of its readings, as they were recorded; 0 where they are fine.
+    unsure : ndarray, optional
+        [T]: what steps of a recorded effort may have moved by more than noise does; None: nothing.
     """
 
     record: str
@@ -88,6 +90,7 @@ class Block:
     sensor: str = ""
     noise: RestNoise | None = None
     step: float = 0.0
+    unsure: np.ndarray | None = None
 
 
 class Model(Protocol):

@@ -21,6 +21,7 @@ from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, Hypothesis, free_of, hypotheses_for
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
 from cable_envs.diagnosis.model.model import Free
+from cable_envs.diagnosis.model.noise import jitter, resolution
 from cable_envs.diagnosis.systems.common import (
     augmented_rig,
     free_parameters,
@@ -169,7 +170,19 @@ def _candidates(plant, recording, values, nominals, request: Request, closed: bo
     unsaid = "belt_damping" not in {*recording.known, *recording.nominal, *(request.rig or {})}
     found = found.each(lambda h: _damped(h, values) if unsaid and h.name == "cable_elongation" else h)
     rigid = values["belt_stiffness"] <= 0.0
+    if not closed:
+        told = max(_told(recording, c) for c in ("position", "motor_position") if c in recording.channels)
+        found = found.each(lambda h: replace(h, least=told) if h.name == "backlash" else h)
     return found.each(lambda h: _geared(h, values, period) if rigid and h.name == "backlash" else h)
+
+
+def _told(recording: Recording, channel: str) -> float:
+    """m that one reading of a place tells: a count of its encoder, or its noise.
+
+    No gap moves anything by more than it is. A smaller one is in an observed drive a belt's stretch, a little off.
+    """
+    parts = [r.data[channel][r.usable(channel)] for r in recording.used_for("fit")]
+    return max(max(resolution(p), jitter(p)) for p in parts)
 
 
 def _why_not(values: Mapping[str, float], closed: bool) -> dict[str, str]:

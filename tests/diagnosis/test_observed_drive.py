@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import Recording
+from cable_envs.diagnosis.search.sure_samples import NOTE, with_sure_samples
 from cable_envs.diagnosis.systems import prepare
+from cable_envs.diagnosis.systems.common import Sampled
+from cable_envs.diagnosis.systems.drive.model import answer
+from cable_envs.diagnosis.systems.drive.unsure import unsure
 
 MASS, MOTOR, VISCOUS = 4.0, 0.8, 15.0
 STEP, EVERY = 1e-4, 100
+ZERO = 3e-3
+"""Of the motor's encoder."""
 
 
 def _run(stiffness, damping, seconds=6.0):
@@ -26,12 +32,12 @@ def _run(stiffness, damping, seconds=6.0):
         t = k * STEP
         first, force = slope(t, s)
         if k % EVERY == 0:
-            rows.append((t, s[0], force))
+            rows.append((t, s[0], force, s[2] + ZERO))
         second = slope(t + 0.5 * STEP, s + 0.5 * STEP * first)[0]
         third = slope(t + 0.5 * STEP, s + 0.5 * STEP * second)[0]
         last = slope(t + STEP, s + STEP * third)[0]
         s = s + STEP / 6.0 * (first + 2.0 * second + 2.0 * third + last)
-    return dict(zip(("time", "position", "force"), np.array(rows).T, strict=True))
+    return dict(zip(("time", "position", "force", "motor_position"), np.array(rows).T, strict=True))
 
 
 @pytest.mark.parametrize("damping", [5.0, 100.0])
@@ -43,9 +49,18 @@ def test_a_belt_drive_is_followed_whatever_its_damping(damping):
         nominal={"mass": MASS, "viscous": VISCOUS},
     )  # fmt: skip
     model = prepare(recording).fit
-    (predicted,) = model.predict(np.array([[p.start] for p in model.parameters]))
-    left = (model.blocks[0].measured - predicted[:, 0])[model.blocks[0].good]
+    place, motor = model.predict(np.array([[p.start] for p in model.parameters]))
+    left = (model.blocks[0].measured - place[:, 0])[model.blocks[0].good]
     assert np.sqrt(np.mean(left**2)) < 1e-5  # of a motion of 30 mm
+    ahead = (model.blocks[1].measured - motor[:, 0])[model.blocks[1].good]
+    assert np.sqrt(np.mean(ahead**2)) < 2e-5  # of a stretch of 0.7 mm
+
+
+def test_a_motor_without_an_inertia_of_its_own_says_nothing():
+    """No belt is asked there, which would be left as a mismatch."""
+    runs = {"one": _run(3e4, 100.0, 2.0), "two": _run(3e4, 100.0, 2.0)}
+    model = prepare(Recording.from_arrays("linear_drive", runs, heldout="two", nominal={"mass": MASS})).fit
+    assert [b.channel for b in model.blocks] == ["position"]
 
 
 GAP, CONTACT, RUB, LAG = 1.5e-3, 6e4, 60.0, 0.012
@@ -119,6 +134,7 @@ def test_a_gap_of_a_gear_is_asked_where_the_motor_has_an_inertia():
     question = prepare(recording)
     (gap,) = (h for h in question.hypotheses if h.name == "backlash")
     assert gap.names == ("backlash.gap", "belt_stiffness", "belt_damping")
+    assert 0.0 < gap.least < 0.1 * GAP  # what one reading tells
     assert all(set(one) == set(gap.names) for probe in gap.probes for one in probe)
     gear = {"belt_stiffness": CONTACT, "belt_damping": RUB}
     none, right = _left(recording), _left(recording, backlash_gap=GAP, **gear)
@@ -155,3 +171,62 @@ def test_a_belt_that_forgets_its_start_slowly_is_told(stiffness, damping, told):
         sizes.append(np.sqrt(0.5 * MOTOR * s[3] ** 2 + 0.5 * stiffness * (s[2] - s[0]) ** 2 + 0.5 * held * s[0] ** 2))
     first, last = max(sizes[round(1.0 / step) : round(1.3 / step)]), max(sizes[round(2.0 / step) : round(2.3 / step)])
     assert noted == told == (np.log(first / last) < 4.0)
+
+
+PERIOD = 0.005
+
+
+def _unsure(effort, moving=True, noise=1e-6):
+    rng = np.random.default_rng(0)
+    count = len(effort)
+    force = Sampled(effort + 0.1 * rng.normal(size=count), np.ones(count, dtype=bool))
+    place = Sampled(noise * rng.normal(size=count), np.ones(count, dtype=bool))
+    return unsure(force, place, np.broadcast_to(moving, count), PERIOD, answer("position", 1.0 / (MASS + MOTOR)))
+
+
+def test_a_step_of_the_effort_between_two_samples_is_unsure_until_the_servo_forgets_it():
+    time = PERIOD * np.arange(2000)
+    assert not _unsure(50.0 * np.sin(5.0 * time)).any()
+    found = np.flatnonzero(_unsure(np.where(time < 5.0, -20.0, 20.0)))
+    # 40 N * 5 ms / sqrt(12) / 4.8 kg / 21.4 rad/s are 0.56 mm, which falls with 21 1/s to the noise
+    assert 998 <= found[0] <= 1001 and 0.1 < PERIOD * len(found) < 0.4
+    assert len(found) == found[-1] - found[0] + 1
+
+
+def test_friction_keeps_what_a_step_has_moved_until_the_carriage_moves():
+    time = PERIOD * np.arange(2000)
+    rest = (time >= 5.05) & (time < 6.05)
+    more = _unsure(np.where(time < 5.0, -20.0, 20.0), ~rest).sum() - _unsure(np.where(time < 5.0, -20.0, 20.0)).sum()
+    assert more == pytest.approx(rest.sum(), abs=3)
+
+
+def _stepped(corners, seconds=10.0):
+    """A rigid carriage that rubs; a controller of 1 kHz whose reference may turn corners, logged every 5 ms."""
+    rng, dt, x, v, rows = np.random.default_rng(2), 1e-3, 0.0, 0.0, []
+    for k in range(round(seconds / dt)):
+        t = k * dt
+        phase = t % 2.0
+        ramp = (0.2 * min(phase, 1.0), 0.2) if phase < 1.0 else (0.2 * (2.0 - phase), -0.2)
+        path, rate = ramp if corners else (0.1 * np.sin(4.0 * t), 0.4 * np.cos(4.0 * t))
+        force = 6000.0 * (path - x) + 250.0 * (rate - v)
+        if k % 5 == 0:
+            rows.append((t, x + 3e-6 * rng.normal(), force + 0.2 * rng.normal()))
+        pushed = v + dt / MASS * (force - VISCOUS * v)
+        v = np.sign(pushed) * max(abs(pushed) - 6.0 * dt / MASS, 0.0)
+        x += dt * v
+    return dict(zip(("time", "position", "force"), np.array(rows).T, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("fitted", "left_out"), [((True, False), True), ((False, False), False), ((True, True), False)]
+)
+def test_what_steps_of_the_effort_move_does_not_count_where_other_samples_tell_more(fitted, left_out):
+    """Where every record steps nothing else tells the mass."""
+    runs = {f"{k}": _stepped(corners) for k, corners in enumerate((*fitted, False))}
+    recording = Recording.from_arrays("linear_drive", runs, heldout="2", nominal={"mass": {"value": MASS, "std": 0.4}})
+    question = prepare(recording)
+    before = [int(b.good.sum()) for b in question.fit.blocks]
+    asked = with_sure_samples(question)
+    after = [int(b.good.sum()) for b in asked.fit.blocks]
+    assert (NOTE in asked.notes) is left_out is (after[0] < before[0])
+    assert after[1] == before[1]

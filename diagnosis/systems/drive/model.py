@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.model import Block, Coordinate, Free
 from cable_envs.diagnosis.systems.common import (
     Sampled,
     at_first,
@@ -23,6 +23,7 @@ from cable_envs.diagnosis.systems.common import (
     smooth_speed,
 )
 from cable_envs.diagnosis.systems.conditions import given, with_given
+from cable_envs.diagnosis.systems.drive.unsure import unsure
 from cable_envs.diagnosis.systems.replayed import delayed
 from cable_envs.plants.base import Plant
 from cable_envs.sim.replay import distort
@@ -64,6 +65,9 @@ class Driven:
     """whether samples are means over the period around them"""
     given: Mapping[str, float]
     """parameters that only this record has, SI"""
+    beside: tuple[np.ndarray, Sampled] | None = None
+    """recorded places of the carriage and of the motor [T], where an observed drive is asked for the motor's; samples
+    count as those of its block do"""
 
 
 Seen = Callable[[np.ndarray], dict[str, np.ndarray]]
@@ -90,7 +94,8 @@ class DriveModel:
         self._inside = [(k, table.index(p.name)) for k, p in enumerate(self.parameters) if p.name in table]
         self._given = dict(values)
         wanted = [c for c in ("position", "velocity", self.effort, "motor_position") if c in recording.channels]
-        self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity")]
+        ahead = ("motor_position",) if values["motor_mass"] > 0.0 else ()
+        self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity", *ahead)]
         self.blocks: list[Block] = []
         self._runs: list[Driven] = []
         for record in recording.used_for(use):
@@ -109,10 +114,30 @@ class DriveModel:
         along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
-            got = series[channel]
+            got, good = series[channel], series[channel].good & late
+            if channel == "motor_position" and not self.closed:
+                good = good & series["position"].good
+                beside = (series["position"].values, replace(got, good=good))
+                self._runs[-1] = replace(self._runs[-1], beside=beside)
+            unsure = None if self.closed else self._unsure(record, series, channel, along)
             self.blocks.append(
-                Block(record.name, channel, time, got.values, got.good & late, _UNIT[channel], along, step=got.step)
+                Block(record.name, channel, time, got.values, good, _UNIT[channel], along, step=got.step, unsure=unsure)
             )
+
+    def _unsure(
+        self, record: Record, series: Mapping[str, Sampled], channel: str, along: Sequence[Coordinate]
+    ) -> np.ndarray | None:
+        """Samples [T] that steps of the effort make unsure; means have the whole impulse."""
+        if record.over > 0.0:
+            return None
+        moving = next(c.values for c in along if c.name == "direction") != 0.0
+        own = answer(channel, self._pushed(channel))
+        return unsure(series[self.effort], series[channel], moving, self.period, own)
+
+    def _pushed(self, channel: str) -> float:
+        """Speed that an impulse of one unit of effort sets; a motor runs from its carriage as if it were alone."""
+        moved = self._given["motor_mass"] + (self._given["mass"] if channel != "motor_position" else 0.0)
+        return (self._given["force_per_volt"] if self.effort == "voltage" else 1.0) / moved
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Every channel of every record [T, n] for parameter columns [len(parameters), n]."""
@@ -175,7 +200,10 @@ class DriveModel:
 
         def seen(out: np.ndarray) -> dict[str, np.ndarray]:
             y, v, motor = self._sampled(out, first, run)
-            return self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+            signals = self._seen(columns, {"position": y, "velocity": v, "motor_position": motor}, first)
+            if run.beside is not None:
+                signals["motor_position"] = _beside(signals, *run.beside)
+            return signals
 
         return asked, seen
 
@@ -239,6 +267,24 @@ class DriveModel:
         seen = {name: np.concatenate([start[None, k], shown[:, k]]) for k, name in enumerate(names)}
         seen = {name: delayed(series, late[name]) if np.any(late[name]) else series for name, series in seen.items()}
         return {**signals, **seen}
+
+
+def _beside(signals: Mapping[str, np.ndarray], carriage: np.ndarray, motor: Sampled) -> np.ndarray:
+    """The motor's place [T, n] by the carriage's recorded one [T], and by how far the belt lets it run ahead of that.
+
+    What noise of the effort moves, it moves both: their difference knows nothing of it, and together they say as much
+    as both places do. A motor's encoder counts from where it was switched on: its zero is each record's own.
+    """
+    found = carriage[:, None] + signals["motor_position"] - signals["position"]
+    good = motor.good
+    return found + np.mean(motor.values[good, None] - found[good], axis=0) if good.any() else found
+
+
+def answer(channel: str, push: float) -> tuple[complex, complex]:
+    """(a, p): to an impulse that sets a speed of ``push``, a channel does Re(a exp(p t)) under our servo."""
+    pole = SOFT * complex(-DAMPING_RATIO, np.sqrt(1.0 - DAMPING_RATIO**2))
+    place = push / (1j * pole.imag)
+    return (place * pole if channel == "velocity" else place), pole
 
 
 _UNIT = {"position": "m", "velocity": "m/s", "force": "N", "voltage": "V", "motor_position": "m"}

@@ -27,7 +27,15 @@ from cable_envs.diagnosis.systems.common import (
     plant_values,
 )
 from cable_envs.diagnosis.systems.conditions import given
-from cable_envs.diagnosis.systems.drive.model import DAMPING_RATIO, SOFT, DriveModel, Driven, Seen, driven, recorded
+from cable_envs.diagnosis.systems.drive.model import (
+    DAMPING_RATIO,
+    SOFT,
+    DriveModel,
+    Driven,
+    Seen,
+    driven,
+    recorded,
+)
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.stated.limits import limits_of, stated_in
 from cable_envs.plants import plant_for
@@ -166,10 +174,19 @@ class JointModel(DriveModel):
         along = motion_coordinates(time, series["position"].values, "rad", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
-            got = series[channel]
+            got, good = series[channel], series[channel].good & late
+            unsure = self._unsure(record, series, channel, along)
             self.blocks.append(
-                Block(record.name, channel, time, got.values, got.good & late, _UNITS[channel], along, step=got.step)
+                Block(
+                    record.name, channel, time, got.values, good, _UNITS[channel], along, step=got.step, unsure=unsure
+                )
             )
+
+    def _pushed(self, channel: str) -> float:
+        """Speed of the joint that an impulse of one unit of effort sets."""
+        of = dict(zip(self.plant.table.names, self._base, strict=True))
+        torque = {"torque": 1.0, "current": of["torque_constant"], "voltage": of["torque_constant"] / of["resistance"]}
+        return torque[self.effort] / (of["inertia"] + of["load_inertia"] + of["load_mass"] * of["arm_length"] ** 2)
 
     def _predicted(self, values: np.ndarray) -> list[np.ndarray]:
         columns = np.repeat(self._base[:, None], values.shape[1], axis=1)
