@@ -210,6 +210,20 @@ def test_a_lag_that_a_rig_may_have_is_none_of_the_loggers():
         assert _found(late_channels, recording) == [] and _found(wrong_factors, recording) == []
 
 
+def test_a_gap_in_the_drive_is_no_late_channel(tmp_path):
+    """While it is crossed the drive feels no tendon: over a sine that is as if its tension came 120 ms late."""
+    from cablebench.cli import main
+
+    options = ["--controller", "pid", "--format", "recording", "-o", "sensor_noise=true", "--episodes", "2"]
+    gap = ["-o", "effects={backlash.gap: 5.0e-4}", "--out", str(tmp_path)]
+    with pytest.raises(SystemExit) as end:
+        main(["export", "TendonSheath-Position-Sine", *options, *gap])
+    assert end.value.code == 0
+    tracks = tracks_of(load_recording(tmp_path))
+    assert shift_of(tracks, "drive_tension", ())[0] == pytest.approx(0.12, abs=0.02)
+    assert [fault.text for fault in late_channels(load_recording(tmp_path), tracks)] == []
+
+
 def _once(channel, act, at=1500):
     def change(table, number):
         if number == 0:
