@@ -1,5 +1,6 @@
 """A diagnosis in words: for the terminal and at the head of the report, from the verdict's JSON."""
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.295779513082
 
 EVEN = 0.5
 """Confidence below which an effect is rather not there than there."""
+_MOST_DIGITS = 7
 HARDLY = 0.03
 """Share of an RMS error below which its fall needs no number."""
 
@@ -32,19 +34,22 @@ def number(value: float | None, digits: int = 3) -> str:
     return "–" if value is None else f"{value:.{digits}g}"
 
 
-def shown(value: float | None, unit: str) -> str:
+def shown(value: float | None, unit: str, digits: int = 3) -> str:
     """``(0.0031, "s")`` -> 3.1 ms."""
     if value is None:
         return "–"
     name, factor = _SHOWN.get(unit, (unit, 1.0))
-    return f"{factor * value:.3g}" + ("" if name in ("", "1") else f" {name}")
+    return number(factor * value, digits) + ("" if name in ("", "1") else f" {name}")
 
 
 def interval(parameter: Mapping[str, Any]) -> str:
-    """``3.0 ms (2.9 to 3.1 ms)``."""
+    """``3.02 ms (95 %: 2.91 ms to 3.13 ms)``, with as many digits as tell the ends from the value."""
     low, high = parameter.get("ci95") or (None, None)
-    unit = parameter["unit"]
-    return f"{shown(parameter['value'], unit)} (95 %: {shown(low, unit)} to {shown(high, unit)})"
+    value, unit = parameter["value"], parameter["unit"]
+    digits = 3
+    if value and low is not None and 0.0 < high - low < abs(value):
+        digits = min(3 + int(math.log10(abs(value) / (high - low))), _MOST_DIGITS)
+    return f"{shown(value, unit, digits)} (95 %: {shown(low, unit, digits)} to {shown(high, unit, digits)})"
 
 
 def odds(log_odds: float | None) -> str:
@@ -215,7 +220,7 @@ def cost(record: Mapping[str, Any]) -> str:
         )
     return (
         f"On held-out records the error of {plain(channel)} is {shown(held['refit'], unit)} RMS without it and "
-        f"{shown(held['augmented'], unit)} with it ({change:.0%} less). The noise is {floor}."
+        f"{shown(held['augmented'], unit)} with it ({100.0 * change:.0f} % less). The noise is {floor}."
     )
 
 
