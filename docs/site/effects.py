@@ -138,7 +138,7 @@ def page(figures: dict[str, str] | None = None) -> str:
     shown = figures or {}
     library = [section(effect, shown.get(name, ""), on_site) + "\n" for name, effect in EFFECTS.items()]
     alone = [section(effect, linked=on_site) + "\n" for effect in of_one_plant()]
-    return "\n".join([HEAD, *((SHOWN,) if on_site else ()), *library, "## Effects of one plant only\n", *alone])
+    return "\n".join([HEAD, *((SHOWN,) if on_site else ()), *library, "The effects below are of one plant only.\n", *alone])
 
 
 if __name__ == "__main__":
