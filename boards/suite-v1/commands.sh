@@ -1,5 +1,5 @@
 #!/bin/sh
-# Everything on the board of suite v1, from nothing: by estimate six hours on two cores. Its steps were run one by one, not as this script.
+# Everything on the board of suite v1, from nothing: by estimate eight hours on two cores. Its steps were run one by one, not as this script.
 set -e
 board=boards/suite-v1
 
@@ -15,7 +15,8 @@ $run --controller drive-side-suite --controller sheath-drive-side-suite
 $run --controller suite-references
 
 # PPO for each task with three seeds, PPO that corrects a reference, and the other algorithms on every ranked task with
-# one seed; policies are not kept. Minutes of an idle core for each training: PPO 0.7, TD3 1.5, SAC and recurrent PPO 2
+# one seed, and ten seeds of two of them on one task of each mechanism; policies are not kept. Minutes of an idle core for
+# each training: PPO 0.7, TD3 1.5, SAC and recurrent PPO 2, TQC and CrossQ 4
 tasks=$(sed -n 's/.*cable_envs\/\([A-Za-z-]*\)-v1.*/\1/p' configs/protocols/suite-v1.yaml)
 train() {
   name="runs/suite/$1-$2-$3"
@@ -25,9 +26,16 @@ train() {
 for one in $tasks; do for seed in 0 1 2; do train suite-ppo "$one" "$seed"; done; done
 ranked=$(sed -n 's/^  - cable_envs\/\([A-Za-z-]*\)-v1.*/\1/p' configs/protocols/suite-v1.yaml)
 for one in $ranked CableHole-Track-Hard CableHole-Sine-Hard; do train suite-residual-ppo "$one" 0; done
-for algo in suite-sac suite-recurrent-ppo suite-td3; do for one in $ranked; do train "$algo" "$one" 0; done; done
+for algo in suite-sac suite-recurrent-ppo suite-td3 suite-tqc suite-crossq; do
+  for one in $ranked; do train "$algo" "$one" 0; done
+done
+for seed in 1 2 3 4 5 6 7 8 9; do
+  for one in CableHole-Step-Hard PulleyCircuit-Track-Hard TendonSheath-Track-Medium; do train suite-residual-ppo "$one" "$seed"; done
+  for one in CableHole-Step-Hard TendonSheath-Track-Medium; do train suite-ppo "$one" "$seed"; done
+  train suite-sac PulleyCircuit-Track-Hard "$seed"
+done
 
-# the robust track: one quantity at a time away from the task's own rig; of pid-suite and lqg-suite kept are the rows of the ranked tasks
+# the robust track: one quantity at a time away from the task's own rig; kept of pid-suite, lqg-suite and the seeds 1 and 2 of suite-ppo are the rows of the ranked tasks
 robust="cablebench evaluate --protocol suite-v1 --track robust --results $board --jobs 2 --resume"
 $robust --controller suite-references
 $robust $(printf ' --env %s' $ranked) --controller pid-suite --controller lqg-suite

@@ -138,7 +138,8 @@ def page(figures: dict[str, str] | None = None) -> str:
     shown = figures or {}
     library = [section(effect, shown.get(name, ""), on_site) + "\n" for name, effect in EFFECTS.items()]
     alone = [section(effect, linked=on_site) + "\n" for effect in of_one_plant()]
-    return "\n".join([HEAD, *((SHOWN,) if on_site else ()), *library, "The effects below are of one plant only.\n", *alone])
+    between = "The effects below are of one plant only.\n"
+    return "\n".join([HEAD, *((SHOWN,) if on_site else ()), *library, between, *alone])
 
 
 if __name__ == "__main__":
