@@ -9,9 +9,6 @@
 
 An effect that ends smaller than the records can tell (`Hypothesis.least`) is not taken. Refits move it, and so every
 model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
-
-No model is taken, nor an alternative, in which the effect in question has ended smaller than the records can tell
-(`Hypothesis.least`): every refit moves it, so that every comparison asks again.
 """
 
 from collections.abc import Callable, Mapping, Sequence
