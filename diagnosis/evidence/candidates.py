@@ -10,6 +10,7 @@ from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Remainder
 from cable_envs.diagnosis.fit.likelihood import raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
+from cable_envs.diagnosis.model.constants import constants_of, with_constants
 from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records, white_noise
@@ -45,11 +46,16 @@ class Joint:
         known = {p.name for p in heldout.parameters}
         self._rows = [j for j, p in enumerate(self.parameters) if p.name in known]
         self.blocks = of_all_records(fit, heldout)
+        self._constants = [*constants_of(fit), *constants_of(heldout)]
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`."""
         fit, heldout = self._models
         return [*fit.predict(values), *heldout.predict(values[self._rows])]
+
+    def with_constants(self, whitener: Whitener, left: np.ndarray) -> np.ndarray:
+        """What a fit leaves, or its slopes, whitened [N] or [N, n], with each record's constants as this noise has."""
+        return with_constants(self.blocks, self._constants, whitener, left)
 
     def left_by(self, fit: Fit) -> dict[str, float]:
         """RMS of what a refit leaves, channel by channel."""
@@ -389,9 +395,10 @@ def remainder(
     """
     variances, off = priors(joint, effects, fit)
     units = np.sqrt(variances)
-    matrix = np.outer(units, units) * (fit.jacobian.T @ fit.jacobian) + np.eye(len(units))
+    slopes, left = (joint.with_constants(frame.whitener, found) for found in (fit.jacobian, fit.residual))
+    matrix = np.outer(units, units) * (slopes.T @ slopes) + np.eye(len(units))
     occam = -0.5 * float(np.linalg.slogdet(matrix)[1]) - 0.5 * float(np.sum(off**2 / variances))
-    return Remainder(fit.residual, occam, sizes, frame.products(fit.residual))
+    return Remainder(left, occam, sizes, frame.products(left))
 
 
 def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.ndarray, np.ndarray]:

@@ -105,6 +105,22 @@ def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
     return shape + [n for n in sizes if fit.values[n] != hypothesis.nulls[n]]
 
 
+def smaller(h: Hypothesis, fit: Fit) -> str:
+    """That an effect is smaller in a refit than the records can tell, in words; "": it is not."""
+    if all(abs(fit.values[name] - null) < h.least for name, null in h.nulls.items()):
+        return f"it is smaller than {h.least:.2g}, below which nothing is told"
+    return ""
+
+
+def holds(fuller: Hypothesis, simpler: Hypothesis) -> bool:
+    """Whether a hypothesis without its own size is the other one, as a belt with a gap is a belt.
+
+    It is then the other one and something more, which must be as sure as any effect, and no alternative to it.
+    """
+    more = set(fuller.names) - set(simpler.names)
+    return set(simpler.names) < set(fuller.names) and more <= fuller.nulls.keys()
+
+
 def unresolved(hypothesis: Hypothesis, fit: Fit, step: float) -> bool:
     """Whether all that a hypothesis changes is times far shorter than a step of integration, s: no physics by itself.
 

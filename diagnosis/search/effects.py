@@ -6,6 +6,9 @@
 3. Again on top of it, up to `MOST` effects.
 4. Each effect of the last model is left out, and exchanged for every other, given the rest. The best model stays.
    Exchanges that are not behind by `SURE` to one are alternatives.
+
+An effect that ends smaller than the records can tell (`Hypothesis.least`) is not taken. Refits move it, and so every
+model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +36,7 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import SURE
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, unresolved
+from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, smaller, unresolved
 from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
@@ -153,6 +156,8 @@ class Search:
         self._sizes: Mapping[str, float] = {}
         self._bare: list[np.ndarray] = []
         """what the nominal refit leaves of all records [T] by block"""
+        self._given_up: set[str] = set()
+        """effects that a last model had, smaller than the records can tell"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
         self._sure = float(np.log(SURE)) if known else SURE_WHERE_LEARNT
         self._prior = -float(np.log(max(len(self._hypotheses), 1)))
@@ -188,14 +193,17 @@ class Search:
         if len(rounds) == 2 and rounds[0].others[0].effects == effects:
             return self._of_one(null, rounds)
         self._tell(stages.EXCHANGING)
-        for _ in range(EXCHANGES):
+        rest = EXCHANGES
+        while True:
             found, better = self._settled(null, effects, base, tuple(rounds))
-            if better is None:
+            small = {h.name for h in effects if smaller(h, found.best.fit)}
+            rest -= 1
+            if better is None or (rest <= 0 and not small):
                 return found
             if not better.effects:
                 return Found(null, better, better, tuple(rounds), sure=self._from(better))
+            self._given_up |= small
             effects, base = better.effects, self._refitted(better)
-        return found
 
     def _refitted(self, best: Candidate) -> Judged:
         """A model to go on from; with several effects refitted from about where it is, too."""
@@ -214,19 +222,39 @@ class Search:
         full = len(effects) >= self._most
         on_top, scored, stuck = self._on_top(effects, base, self._hypotheses if full else effects)
         self._done[_names(effects)] = (base.fit.outline, on_top)
-        fits = [(effects, base.fit), *on_top]
-        current, *others = under_one_noise(
-            self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
-        )  # fmt: skip
+        while True:
+            fits = [(effects, base.fit), *on_top]
+            current, *others = under_one_noise(
+                self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
+            )  # fmt: skip
+            stuck |= {h.name: why for c in others if (why := smaller(h := c.effects[-1], c.fit))}
+            others = [c for c in others if c.effects[-1].name not in stuck]
+            if not on_top or on_top[0][0][-1].name not in stuck:
+                break
+            on_top = on_top[1:]  # it led: the noise was what it leaves
         self._weights = current.frame.whitener if current.by_size else None
-        charge = self._prior - self._formulation(current)
+        charge = self._charge(current)
         odds = {
             c.effects[-1].name: _alike(c.effects[-1], c, current, log_odds(c, current) + charge) for c in others
         }  # fmt: skip
-        best = max(others, key=lambda c: odds[c.effects[-1].name], default=None)
-        if best is not None and odds[best.effects[-1].name] < self._from(current):
-            best = None
+        best = self._taken(others, odds, self._from(current))
         return Round(current, odds, scored, stuck, others), best
+
+    def _taken(self, others: Sequence[Candidate], odds: Mapping[str, float], sure: float) -> Candidate | None:
+        """The best with one effect more, if that is sure; what it holds, if what it has beside that is not."""
+
+        def of(c: Candidate) -> float:
+            return odds[c.effects[-1].name]
+
+        best = max(others, key=of, default=None)
+        if best is None or of(best) < sure:
+            return None
+        held = (c for c in others if of(c) >= sure and holds(best.effects[-1], c.effects[-1]))
+        return max((c for c in held if of(best) - of(c) + self._charge(c) < sure), key=of, default=best)
+
+    def _charge(self, candidate: Candidate) -> float:
+        """What the log odds of a further effect lose: one of many would do, and laws may be formulated otherwise."""
+        return self._prior - self._formulation(candidate)
 
     def known(self, effects: Effects) -> Fit | None:
         """The refit with these effects, where the search has come by it."""
@@ -282,8 +310,8 @@ class Search:
         step = float(getattr(self.fit, "resolved", 0.0))
         if unresolved(hypothesis, fit, step):
             return f"it is far shorter than a step of integration, {1e3 * step:.2g} ms"
-        if all(abs(fit.values[name] - null) < hypothesis.least for name, null in hypothesis.nulls.items()):
-            return f"it is smaller than {hypothesis.least:.2g}, below which nothing is told"
+        if why := smaller(hypothesis, fit):
+            return why
         ends = bounded(hypothesis, fit)
         return f"{', '.join(ends)} ended on a bound" if ends else ""
 
@@ -292,10 +320,9 @@ class Search:
         first, last = rounds
         best = next(c for c in first.others if c.effects == last.base.effects)
         name = best.effects[0].name
-        rivals = {
-            c.effects[0].name: log_odds(best, c) for c in first.others if c is not best and not _ends_as(c, best)
-        }  # fmt: skip
-        odds = log_odds(best, first.base) + self._prior - self._formulation(first.base)
+        others = (c for c in first.others if c is not best and not _ends_as(c, best))
+        rivals = {c.effects[0].name: log_odds(best, c) for c in others if not holds(c.effects[0], best.effects[0])}
+        odds = log_odds(best, first.base) + self._charge(first.base)
         return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self._from(best))
 
     def _without(
@@ -321,26 +348,30 @@ class Search:
         for h in effects:
             rest = tuple(e for e in effects if e is not h)
             alone, others = self._without(rest, null, base, effects)
-            swapped = [((*rest, more[-1]), one) for more, one in others if more[-1] not in effects]
+            gone = {*(e.name for e in effects), *self._given_up}
+            swapped = [((*rest, more[-1]), one) for more, one in others if more[-1].name not in gone]
             fits += [(rest, alone), *swapped]
             of += [(h.name, ""), *((h.name, other[-1].name) for other, _ in swapped)]
         best, bare, *models = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
         without: dict[str, float] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
-        behind: list[tuple[float, Candidate]] = []
+        behind: list[tuple[bool, float, Candidate]] = []
+        sure = self._from(best)
         for (name, other), model in zip(of, models, strict=True):
-            odds = log_odds(best, model)
+            odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
-                if _ends_as(model, best):
+                new = model.effects[-1]
+                more = holds(new, own) and self._charge(best) - odds < sure
+                if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
                 rivals[name][other] = odds
+                odds += self._charge(model) - sure if holds(own, new) else MARGIN
             else:
-                left_out = next(h for h in effects if h.name == name)
-                odds = _alike(left_out, best, model, odds + self._prior - self._formulation(model))
-                without[name] = odds
-            behind.append((odds + (MARGIN if other else 0.0), model))
-        odds, better = min(behind, key=lambda pair: pair[0])
-        return Found(null, bare, best, rounds, without, rivals, self._from(best)), better if odds < 0.0 else None
+                odds = without[name] = _alike(own, best, model, odds + self._charge(model))
+            behind.append((not smaller(own, best.fit), odds, model))
+        kept, odds, better = min(behind, key=lambda one: one[:2])
+        found = Found(null, bare, best, rounds, without, rivals, sure)
+        return found, better if odds < 0.0 or not kept else None
 
 
 def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float:

@@ -177,7 +177,7 @@ def _candidates(plant, recording, values, nominals, request: Request, closed: bo
 
 
 def _told(recording: Recording, channel: str) -> float:
-    """m that one reading of a place tells: a count of its encoder, or its noise.
+    """m that one reading of a place tells: a count of its encoder, where readings repeat, or its noise.
 
     No gap moves anything by more than it is. A smaller one is in an observed drive a belt's stretch, a little off.
     """

@@ -126,6 +126,15 @@ class ReplayModel:
             found += [out[:, j] for j in range(len(run.blocks))]
         return found
 
+    def constants(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """As `cable_envs.diagnosis.model.constants.Constant`."""
+        begins = self._shifted > 0.0
+        changes = [
+            shifts if shifts.size else np.empty((len(run.command), len(run.blocks), 0))
+            for run, shifts in zip(self.runs, self._shifts, strict=True)
+        ]
+        return [(c, _beforehand(run, c.shape[2], begins)) for run, c in zip(self.runs, changes, strict=True)]
+
     def driven_by(self) -> list[Recorded]:
         """As `cable_envs.diagnosis.model.driven.Driven`."""
         return [run.recorded for run in self.runs if run.recorded is not None]
@@ -309,17 +318,23 @@ def _late_at_first(series: np.ndarray, steps: np.ndarray, first: int) -> np.ndar
 
 
 def _constants(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> np.ndarray:
-    """Constants [constants, n] by which predictions [T, blocks, n] fit the record best, by the channels' noise.
-
-    begins: whether the first constant is where the output begins. It is then near where it was measured: what a record
-    that rests at first tells of it is next to nothing, and a model that is far off would shift it by metres.
-    """
-    matrix, right = np.zeros((responses.shape[2],) * 2), 0.0
-    travels = [np.ptp(b.measured[b.good]) for b in run.blocks if b.unit in ("m", "rad") and b.good.any()]
-    if begins and travels and max(travels) > 0.0:
-        matrix[0, 0] = (NEAR * max(travels)) ** -2
+    """Constants [constants, n] by which predictions [T, blocks, n] fit the record best, by the channels' noise."""
+    matrix, right = _beforehand(run, responses.shape[2], begins), 0.0
     for j, block in enumerate(run.blocks):
         weighed = responses[:, j] * (block.good / jitter(block.measured[block.good], block.step) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])
     return np.linalg.pinv(matrix, hermitian=True) @ right
+
+
+def _beforehand(run: Run, count: int, begins: bool) -> np.ndarray:
+    """What is known of constants before they are seen, as the inverse of their covariance [constants, constants].
+
+    begins: whether the first constant is where the output begins. It is then near where it was measured: what a record
+    that rests at first tells of it is next to nothing, and a model that is far off would shift it by metres.
+    """
+    known = np.zeros((count, count))
+    travels = [np.ptp(b.measured[b.good]) for b in run.blocks if b.unit in ("m", "rad") and b.good.any()]
+    if count and begins and travels and max(travels) > 0.0:
+        known[0, 0] = (NEAR * max(travels)) ** -2
+    return known

@@ -1,13 +1,19 @@
 """Which names stand beside the best one, and which ends of a range are none of a search."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from cable_envs.diagnosis.fit.likelihood import refit_and_learn
+from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Free
 from cable_envs.diagnosis.report.answer import answered_interval
+from cable_envs.diagnosis.search.comparison import holds
+from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.search.select import select
-from tests.support.diagnosis_toy import PARAMETERS, Toy
+from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)
 EXCESS, VELOCITY = Free("excess", 0.0, 0.0, 100.0, 1.0), Free("velocity", 0.02, 1e-3, 1e3, 0.02)
@@ -59,3 +65,33 @@ def test_all_of_an_effect_is_no_end_of_a_search(name, verdict):
     if found.accepted:
         low, high = answered_interval(found.final.fit, most)
         assert 0.4 < low < 0.5 and high == 0.5
+
+
+def _spring_with_more():
+    """A spring, and a spring with a constant force beside it: without that force it is the spring."""
+    spring = next(h for h in HYPOTHESES if h.name == "stiffness_effect")
+    bias = next(p for p in PARAMETERS if p.name == "bias")
+    more = tuple(({**one[0], "bias": 1.0},) for one in spring.probes)
+    return spring, Hypothesis("gap_effect", (bias, *spring.free), more, nulls={"bias": 0.0})
+
+
+@pytest.mark.parametrize("bias", [0.0, 1.0])
+def test_what_holds_another_is_named_only_if_what_it_has_beside_that_is_sure(bias):
+    spring, both = _spring_with_more()
+    assert holds(both, spring) and not holds(spring, both)
+    truth = {"stiffness": 25.0, "bias": bias}
+    found = select(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, [both, spring], np.random.default_rng(0))
+    name = "gap_effect" if bias else "stiffness_effect"
+    assert [(a.hypothesis.name, a.alternatives) for a in found.accepted] == [(name, ())]
+
+
+def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monkeypatch):
+    truth = {"stiffness": 15.0}
+    small = [replace(h, least=20.0) if h.name == "stiffness_effect" else h for h in HYPOTHESES[:1]]
+    monkeypatch.setattr(Search, "_against", lambda self, hypothesis, fit: "")  # as if refits had been larger at first
+    search = Search(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, small, np.random.default_rng(0))
+    found = search.run()
+    assert not found.best.effects and found.rounds[0].bounded["stiffness_effect"].startswith("it is smaller than 20")
+    base = refit_and_learn(search.fit, [Start("", (*NOMINALS, "stiffness"), {})])
+    last, better = search._settled(found.null, tuple(small), base, found.rounds)
+    assert last.without["stiffness_effect"] > last.sure and better is not None and not better.effects
