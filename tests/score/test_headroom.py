@@ -84,13 +84,15 @@ def test_parts_of_the_board():
 
 
 def test_the_page_shows_the_published_board():
-    """Every task with doing nothing, a classical controller, PPO with three seeds and the bound, on all episodes."""
+    """Every task with doing nothing, a classical controller, PPO and the bound, on all episodes."""
     protocol, store = load_protocol(headroom.NAME), published(headroom.NAME)
     found = headroom.rows_of(store.read().records, protocol)
     assert set(found) == set(SUITE_IDS)
-    for rows_here in found.values():
+    of_ten = {"cable_envs/CableHole-Step-Hard-v1", "cable_envs/TendonSheath-Track-Medium-v1"}
+    for env_id, rows_here in found.items():
+        seeds = 10 if env_id in of_ten else 3
         assert {row.part for row in rows_here} == {NOTHING, CLASSICAL, AGENT, BOUND}
-        assert {row.scores.shape for row in rows_here if row.part == AGENT} == {(3, protocol.episodes)}
+        assert {row.scores.shape for row in rows_here if row.part == AGENT} == {(seeds, protocol.episodes)}
         assert {row.scores.shape for row in rows_here if row.part != AGENT} == {(1, protocol.episodes)}
     few = {env_id: rows for env_id, rows in found.items() if "TendonSheath" in env_id or "Track-Easy" in env_id}
     lines = [line for line in verdicts.table(few, headroom.ends(protocol)).splitlines() if line.startswith("| ")]
