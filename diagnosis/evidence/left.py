@@ -11,12 +11,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from cable_envs.diagnosis.evidence.beside import beside_noise
 from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
-from cable_envs.diagnosis.model.verdict import SURE
+from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 
 STATED = 0.025
 """Share by which a standard deviation that is stated, or was seen at rest, may be off."""
@@ -83,12 +84,19 @@ def _left(
         share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)
     else:
         share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
+    beside = [] if compared.by_size or candidate.left > np.log(SURE) else _beside_noise(candidate, raw, stated)
+    smooth = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in smooth]
     cause = _of_sensors(candidate, smooth)
-    physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
+    if cause:
+        beside = _beside_noise(candidate, _without_drifts(candidate, raw, smooth), stated, drifts=False)
+    most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
+    cause = "" if most > np.log(SURE) else cause
+    physics = float(np.logaddexp(most if cause else max(candidate.left, most), any_of(of_rig)))
     kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
     sure = [k for k in of_sensors if k.log_odds - float(np.log(len(seen))) > np.log(SURE)]
-    if cause and candidate.left > max(physics, 0.0):
-        return Left(candidate.left, share, kinds, cause), sure
+    drift = max([candidate.left, *(k.log_odds for k in smooth if k.coordinate == ELAPSED)]) if cause else -np.inf
+    if drift > max(physics, 0.0):
+        return Left(drift, share, kinds, cause), sure
     return Left(physics, share, kinds), sure
 
 
@@ -125,7 +133,7 @@ def _share_of_sizes(
 
 def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
     """What the discrepancy is of sensors, where nothing is left beside it: zeros that drift."""
-    drifts = [k for k, kind in enumerate(smooth) if kind.coordinate == ELAPSED and kind.log_odds > np.log(SURE)]
+    drifts = _drifts(smooth)
     if not drifts:
         return ""
     frame, remainder = candidate.frame, candidate.remainder
@@ -135,6 +143,37 @@ def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
     if beside.left > np.log(SURE):
         return ""
     return "; ".join(f"{_plain(smooth[k].channel)}: {DRIFT}" for k in drifts)
+
+
+def _beside_noise(
+    candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float], *, drifts: bool = True
+) -> list[Leftover]:
+    """Families of channels whose noise is learnt, over that noise alone; drifts: whether slow waves are asked, too.
+
+    Odds are less than they say where the noise is learnt (`SURE_WHERE_LEARNT`).
+    """
+    frame = candidate.frame
+    known = {*stated, *(b.channel for b in frame.blocks if b.noise is not None)}
+    families = [f for f in frame.families if drifts or f.name != ELAPSED]
+    learnt = [c for c in frame.channels if c not in known]
+    found = beside_noise(frame.blocks, families, raw, candidate.remainder.sizes, learnt)
+    return [replace(k, log_odds=k.log_odds - SURE_WHERE_LEARNT + float(np.log(SURE))) for k in found]
+
+
+def _without_drifts(candidate: Candidate, raw: Sequence[np.ndarray], smooth: Sequence[Leftover]) -> list[np.ndarray]:
+    """What a model leaves [T] of every block, without the slow waves of sensors whose zeros drift."""
+    frame, drifts = candidate.frame, _drifts(smooth)
+    taken = max((frame.marginal(candidate.remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
+    return [r - a for r, a in zip(raw, frame.raw(taken.weights), strict=True)]
+
+
+def _drifts(smooth: Sequence[Leftover]) -> list[int]:
+    """Numbers of the families that are slow waves, and surely there."""
+    return [k for k, kind in enumerate(smooth) if kind.coordinate == ELAPSED and kind.log_odds > np.log(SURE)]
+
+
+def _same(one: Leftover, others: Sequence[Leftover]) -> list[Leftover]:
+    return [k for k in others if (k.channel, k.coordinate) == (one.channel, one.coordinate)]
 
 
 def _smooth(candidate: Candidate, family: int) -> Leftover:
