@@ -7,7 +7,7 @@ noise of a sensor.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -74,7 +74,7 @@ def _left(
 ) -> tuple[Left, list[Leftover]]:  # fmt: skip
     """(what is left, the tones of sensors in it)."""
     frame, raw = candidate.frame, joint.raw(candidate.peak)
-    smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
+    smooth = _smooth(candidate, raw, stated, compared.by_size)
     white = frame.whitener.flat(frame.blocks, raw)
     known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
     spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white, taken))
@@ -83,21 +83,46 @@ def _left(
     if compared.by_size:
         share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)
     else:
-        share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
-    beside = [] if compared.by_size or candidate.left > np.log(SURE) else _beside_noise(candidate, raw, stated)
-    smooth = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in smooth]
-    cause = _of_sensors(candidate, smooth)
-    if cause:
-        beside = _beside_noise(candidate, _without_drifts(candidate, raw, smooth), stated, drifts=False)
-    most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
-    cause = "" if most > np.log(SURE) else cause
-    physics = float(np.logaddexp(most if cause else max(candidate.left, most), any_of(of_rig)))
-    kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
+        share = _share(compared, bare, before, max([smooth.size, *(k.size for k in of_rig if k.log_odds > 0.0)]))
+    physics = float(np.logaddexp(smooth.of_rig, any_of(of_rig)))
+    kinds = tuple(sorted([*smooth.kinds, *seen], key=lambda k: -k.log_odds))
     sure = [k for k in of_sensors if k.log_odds - float(np.log(len(seen))) > np.log(SURE)]
-    drift = max([candidate.left, *(k.log_odds for k in smooth if k.coordinate == ELAPSED)]) if cause else -np.inf
-    if drift > max(physics, 0.0):
-        return Left(drift, share, kinds, cause), sure
+    if smooth.drift > max(physics, 0.0):
+        return Left(smooth.drift, share, kinds, smooth.cause), sure
     return Left(physics, share, kinds), sure
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """What of the smooth discrepancy is left.
+
+    kinds         | every family by itself
+    of_rig, drift | log odds of what may be of the rig, and of zeros that drift
+    cause         | that they do, in words; empty where something else is left, too
+    size          | what the noise alone would have taken in, as a fall of half the sum of squares
+    """
+
+    kinds: list[Leftover]
+    of_rig: float
+    drift: float = -np.inf
+    cause: str = ""
+    size: float = 0.0
+
+
+def _smooth(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float], by_size: bool) -> _Smooth:
+    """Families of the discrepancy, under the candidate's noise, or with their own beside them where none is seen so."""
+    kinds = [_by_itself(candidate, k) for k in range(len(candidate.frame.families))]
+    beside = [] if by_size or candidate.left > np.log(SURE) else _beside_noise(candidate, raw, stated)
+    kinds = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in kinds]
+    cause = _of_sensors(candidate, kinds)
+    if cause:
+        beside = _beside_noise(candidate, _without_drifts(candidate, raw, kinds), stated, drifts=False)
+    most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
+    size = max(k.size for k in beside) if most > np.log(SURE) else 0.0
+    if not cause or most > np.log(SURE):
+        return _Smooth(kinds, max(candidate.left, most), size=size)
+    drift = max([candidate.left, *(k.log_odds for k in kinds if k.coordinate == ELAPSED)])
+    return _Smooth(kinds, most, drift, cause)
 
 
 def _said(line: Leftover) -> str:
@@ -176,7 +201,7 @@ def _same(one: Leftover, others: Sequence[Leftover]) -> list[Leftover]:
     return [k for k in others if (k.channel, k.coordinate) == (one.channel, one.coordinate)]
 
 
-def _smooth(candidate: Candidate, family: int) -> Leftover:
+def _by_itself(candidate: Candidate, family: int) -> Leftover:
     """A family of the discrepancy by itself."""
     frame, of = candidate.frame, candidate.frame.families[family]
     best = max((frame.marginal(candidate.remainder, s, (family,)) for s in SCALES), key=lambda one: one.log)
