@@ -111,12 +111,14 @@ class _Smooth:
 
 def _smooth(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float], by_size: bool) -> _Smooth:
     """Families of the discrepancy, under the candidate's noise, or with their own beside them where none is seen so."""
-    kinds = [_by_itself(candidate, k) for k in range(len(candidate.frame.families))]
-    beside = [] if by_size or candidate.left > np.log(SURE) else _beside_noise(candidate, raw, stated)
-    kinds = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in kinds]
-    cause = _of_sensors(candidate, kinds)
-    if cause:
-        beside = _beside_noise(candidate, _without_drifts(candidate, raw, kinds), stated, drifts=False)
+    by_itself = [_by_itself(candidate, k) for k in range(len(candidate.frame.families))]
+    nothing = not by_size and candidate.left <= np.log(SURE)
+    beside = _beside_noise(candidate, raw, stated) if nothing or _drifts(by_itself) else []
+    kinds = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in by_itself]
+    drifting, cause = list(dict.fromkeys(kinds[k].channel for k in _drifts(kinds))), ""
+    if drifting and not _more_than_drifts(candidate, _drifts(by_itself)):
+        cause = "; ".join(f"{_plain(channel)}: {DRIFT}" for channel in drifting)
+        beside = [k for k in beside if k.channel not in drifting]  # that tells nothing of what is slow
     most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
     size = max(k.size for k in beside) if most > np.log(SURE) else 0.0
     if not cause or most > np.log(SURE):
@@ -156,40 +158,27 @@ def _share_of_sizes(
     return max(found)
 
 
-def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
-    """What the discrepancy is of sensors, where nothing is left beside it: zeros that drift."""
-    drifts = _drifts(smooth)
+def _more_than_drifts(candidate: Candidate, drifts: Sequence[int]) -> bool:
+    """Whether something is seen under a candidate's noise beside what of it are slow waves (numbers of families)."""
     if not drifts:
-        return ""
+        return candidate.left > np.log(SURE)
     frame, remainder = candidate.frame, candidate.remainder
     drift = max((frame.marginal(remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
     left = remainder.left - frame.explained(drift)
     beside = replace(candidate, remainder=replace(remainder, left=left, products=frame.products(left)))
-    if beside.left > np.log(SURE):
-        return ""
-    return "; ".join(f"{_plain(smooth[k].channel)}: {DRIFT}" for k in drifts)
+    return beside.left > np.log(SURE)
 
 
-def _beside_noise(
-    candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float], *, drifts: bool = True
-) -> list[Leftover]:
-    """Families of channels whose noise is learnt, over that noise alone; drifts: whether slow waves are asked, too.
+def _beside_noise(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float]) -> list[Leftover]:
+    """Families of channels whose noise is learnt, over that noise alone.
 
     Odds are less than they say where the noise is learnt (`SURE_WHERE_LEARNT`).
     """
     frame = candidate.frame
     known = {*stated, *(b.channel for b in frame.blocks if b.noise is not None)}
-    families = [f for f in frame.families if drifts or f.name != ELAPSED]
     learnt = [c for c in frame.channels if c not in known]
-    found = beside_noise(frame.blocks, families, raw, candidate.remainder.sizes, learnt)
+    found = beside_noise(frame.blocks, frame.families, raw, candidate.remainder.sizes, learnt)
     return [replace(k, log_odds=k.log_odds - SURE_WHERE_LEARNT + float(np.log(SURE))) for k in found]
-
-
-def _without_drifts(candidate: Candidate, raw: Sequence[np.ndarray], smooth: Sequence[Leftover]) -> list[np.ndarray]:
-    """What a model leaves [T] of every block, without the slow waves of sensors whose zeros drift."""
-    frame, drifts = candidate.frame, _drifts(smooth)
-    taken = max((frame.marginal(candidate.remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
-    return [r - a for r, a in zip(raw, frame.raw(taken.weights), strict=True)]
 
 
 def _drifts(smooth: Sequence[Leftover]) -> list[int]:
