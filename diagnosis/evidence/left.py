@@ -7,16 +7,17 @@ noise of a sensor.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from cable_envs.diagnosis.evidence.beside import beside_noise
 from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
-from cable_envs.diagnosis.model.verdict import SURE
+from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 
 STATED = 0.025
 """Share by which a standard deviation that is stated, or was seen at rest, may be off."""
@@ -73,7 +74,7 @@ def _left(
 ) -> tuple[Left, list[Leftover]]:  # fmt: skip
     """(what is left, the tones of sensors in it)."""
     frame, raw = candidate.frame, joint.raw(candidate.peak)
-    smooth = [_smooth(candidate, k) for k in range(len(frame.families))]
+    smooth = _smooth(candidate, raw, stated, compared.by_size)
     white = frame.whitener.flat(frame.blocks, raw)
     known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
     spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white, taken))
@@ -82,14 +83,48 @@ def _left(
     if compared.by_size:
         share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)
     else:
-        share = _share(compared, bare, before, max([0.0, *(k.size for k in of_rig if k.log_odds > 0.0)]))
-    cause = _of_sensors(candidate, smooth)
-    physics = any_of(of_rig) if cause else float(np.logaddexp(candidate.left, any_of(of_rig)))
-    kinds = tuple(sorted([*smooth, *seen], key=lambda k: -k.log_odds))
+        share = _share(compared, bare, before, max([smooth.size, *(k.size for k in of_rig if k.log_odds > 0.0)]))
+    physics = float(np.logaddexp(smooth.of_rig, any_of(of_rig)))
+    kinds = tuple(sorted([*smooth.kinds, *seen], key=lambda k: -k.log_odds))
     sure = [k for k in of_sensors if k.log_odds - float(np.log(len(seen))) > np.log(SURE)]
-    if cause and candidate.left > max(physics, 0.0):
-        return Left(candidate.left, share, kinds, cause), sure
+    if smooth.drift > max(physics, 0.0):
+        return Left(smooth.drift, share, kinds, smooth.cause), sure
     return Left(physics, share, kinds), sure
+
+
+@dataclass(frozen=True)
+class _Smooth:
+    """What of the smooth discrepancy is left.
+
+    kinds         | every family by itself
+    of_rig, drift | log odds of what may be of the rig, and of zeros that drift
+    cause         | that they do, in words; empty where something else is left, too
+    size          | what the noise alone would have taken in, as a fall of half the sum of squares
+    """
+
+    kinds: list[Leftover]
+    of_rig: float
+    drift: float = -np.inf
+    cause: str = ""
+    size: float = 0.0
+
+
+def _smooth(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float], by_size: bool) -> _Smooth:
+    """Families of the discrepancy, under the candidate's noise, or with their own beside them where none is seen so."""
+    by_itself = [_by_itself(candidate, k) for k in range(len(candidate.frame.families))]
+    nothing = not by_size and candidate.left <= np.log(SURE)
+    beside = _beside_noise(candidate, raw, stated) if nothing or _drifts(by_itself) else []
+    kinds = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in by_itself]
+    drifting, cause = list(dict.fromkeys(kinds[k].channel for k in _drifts(kinds))), ""
+    if drifting and not _more_than_drifts(candidate, _drifts(by_itself)):
+        cause = "; ".join(f"{_plain(channel)}: {DRIFT}" for channel in drifting)
+        beside = [k for k in beside if k.channel not in drifting]  # that tells nothing of what is slow
+    most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
+    size = max(k.size for k in beside) if most > np.log(SURE) else 0.0
+    if not cause or most > np.log(SURE):
+        return _Smooth(kinds, max(candidate.left, most), size=size)
+    drift = max([candidate.left, *(k.log_odds for k in kinds if k.coordinate == ELAPSED)])
+    return _Smooth(kinds, most, drift, cause)
 
 
 def _said(line: Leftover) -> str:
@@ -123,21 +158,39 @@ def _share_of_sizes(
     return max(found)
 
 
-def _of_sensors(candidate: Candidate, smooth: Sequence[Leftover]) -> str:
-    """What the discrepancy is of sensors, where nothing is left beside it: zeros that drift."""
-    drifts = [k for k, kind in enumerate(smooth) if kind.coordinate == ELAPSED and kind.log_odds > np.log(SURE)]
+def _more_than_drifts(candidate: Candidate, drifts: Sequence[int]) -> bool:
+    """Whether something is seen under a candidate's noise beside what of it are slow waves (numbers of families)."""
     if not drifts:
-        return ""
+        return candidate.left > np.log(SURE)
     frame, remainder = candidate.frame, candidate.remainder
     drift = max((frame.marginal(remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
     left = remainder.left - frame.explained(drift)
     beside = replace(candidate, remainder=replace(remainder, left=left, products=frame.products(left)))
-    if beside.left > np.log(SURE):
-        return ""
-    return "; ".join(f"{_plain(smooth[k].channel)}: {DRIFT}" for k in drifts)
+    return beside.left > np.log(SURE)
 
 
-def _smooth(candidate: Candidate, family: int) -> Leftover:
+def _beside_noise(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str, float]) -> list[Leftover]:
+    """Families of channels whose noise is learnt, over that noise alone.
+
+    Odds are less than they say where the noise is learnt (`SURE_WHERE_LEARNT`).
+    """
+    frame = candidate.frame
+    known = {*stated, *(b.channel for b in frame.blocks if b.noise is not None)}
+    learnt = [c for c in frame.channels if c not in known]
+    found = beside_noise(frame.blocks, frame.families, raw, candidate.remainder.sizes, learnt)
+    return [replace(k, log_odds=k.log_odds - SURE_WHERE_LEARNT + float(np.log(SURE))) for k in found]
+
+
+def _drifts(smooth: Sequence[Leftover]) -> list[int]:
+    """Numbers of the families that are slow waves, and surely there."""
+    return [k for k, kind in enumerate(smooth) if kind.coordinate == ELAPSED and kind.log_odds > np.log(SURE)]
+
+
+def _same(one: Leftover, others: Sequence[Leftover]) -> list[Leftover]:
+    return [k for k in others if (k.channel, k.coordinate) == (one.channel, one.coordinate)]
+
+
+def _by_itself(candidate: Candidate, family: int) -> Leftover:
     """A family of the discrepancy by itself."""
     frame, of = candidate.frame, candidate.frame.families[family]
     best = max((frame.marginal(candidate.remainder, s, (family,)) for s in SCALES), key=lambda one: one.log)

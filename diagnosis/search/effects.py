@@ -34,7 +34,7 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
-from cable_envs.diagnosis.model.verdict import SURE
+from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, smaller, unresolved
 from cable_envs.diagnosis.search.starts import from_about
@@ -52,9 +52,6 @@ SEVERAL = 2
 """Effects from which a model is refitted from several starts before the search goes on."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
-SURE_WHERE_LEARNT = 8.0
-"""Log odds from which one model is preferred where the noise is learnt from what is left, and not `SURE`: of effects
-with 3 to 10 on logs of generator A (`cable_envs.proof.logs`, seed 5) 1 of 7 was right, of those with more 14 of 16."""
 MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
 FORMULATION = 0.01
