@@ -272,7 +272,7 @@ def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
     write_data_set(data, tmp_path / "series", chosen=["Tool_4_Maryland_L_4_??"])
     whole = diagnosed(load(tmp_path / "series"))
     there = inside(whole.diagnosis.steps)
-    assert {"coulomb_friction", "load_dependent_friction", "presliding_hysteresis", "cable_elongation"} <= set(there)
+    assert {"stribeck_friction", "load_dependent_friction", "presliding_hysteresis", "cable_elongation"} <= set(there)
     rows = ablations(whole)
     assert len(rows) >= 4
     assert all(row["in_class"] for row in rows), [(row["removed"], row["found"]) for row in rows]
