@@ -98,13 +98,21 @@ def _over(alone: _Explained, family: Family, raw: Sequence[np.ndarray], sizes: M
     size = both.likelihood(counts) - alone.likelihood(counts)
     assert both.family is not None
     odds = size * _trusted(both.explained, both.left - both.explained) + both.family.volume - float(np.log(len(SCALES)))
-    if not family.at or odds <= 0.0:
-        return Leftover(family.channel, family.name, family.unit, odds, size)
-    rest = _remainder(both.frame, both.left, sizes)
-    height, error = both.frame.map_of(rest, both.family, 0)
-    return Leftover(
-        family.channel, family.name, family.unit, odds, size, "", family.at, tuple(height), tuple(error)
-    )  # fmt: skip
+    return as_leftover(both.frame, _remainder(both.frame, both.left, sizes), both.family, 0, (odds, size))
+
+
+def most_probable(frame: Frame, model: Remainder, chosen: Collection[int]) -> Marginal:
+    """The marginal likelihood with families of a discrepancy, of the scale that makes it largest."""
+    return max((frame.marginal(model, scale, chosen) for scale in SCALES), key=lambda one: one.log)
+
+
+def as_leftover(frame: Frame, model: Remainder, one: Marginal, family: int, found: tuple[float, float]) -> Leftover:
+    """A family (its number) of a marginal likelihood, with its log odds and size, and its map where it is sure."""
+    of, (odds, size) = frame.families[family], found
+    if not of.at or odds <= 0.0:
+        return Leftover(of.channel, of.name, of.unit, odds, size)
+    height, error = frame.map_of(model, one, family)
+    return Leftover(of.channel, of.name, of.unit, odds, size, "", of.at, tuple(height), tuple(error))
 
 
 def _trusted(signal: np.ndarray, left: np.ndarray) -> float:
@@ -127,8 +135,7 @@ def _under(
 
 def _with(one: _Explained, sizes: Mapping[str, float]) -> _Explained:
     """The same with its family at the most probable scale."""
-    rest = _remainder(one.frame, one.left, sizes)
-    return replace(one, family=max((one.frame.marginal(rest, s, (0,)) for s in SCALES), key=lambda m: m.log))
+    return replace(one, family=most_probable(one.frame, _remainder(one.frame, one.left, sizes), (0,)))
 
 
 def _remainder(frame: Frame, left: np.ndarray, sizes: Mapping[str, float]) -> Remainder:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.beside import beside_noise
+from cable_envs.diagnosis.evidence.beside import as_leftover, beside_noise, most_probable
 from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
@@ -163,8 +163,7 @@ def _more_than_drifts(candidate: Candidate, drifts: Sequence[int]) -> bool:
     if not drifts:
         return candidate.left > np.log(SURE)
     frame, remainder = candidate.frame, candidate.remainder
-    drift = max((frame.marginal(remainder, s, drifts) for s in SCALES), key=lambda one: one.log)
-    left = remainder.left - frame.explained(drift)
+    left = remainder.left - frame.explained(most_probable(frame, remainder, drifts))
     beside = replace(candidate, remainder=replace(remainder, left=left, products=frame.products(left)))
     return beside.left > np.log(SURE)
 
@@ -192,14 +191,10 @@ def _same(one: Leftover, others: Sequence[Leftover]) -> list[Leftover]:
 
 def _by_itself(candidate: Candidate, family: int) -> Leftover:
     """A family of the discrepancy by itself."""
-    frame, of = candidate.frame, candidate.frame.families[family]
-    best = max((frame.marginal(candidate.remainder, s, (family,)) for s in SCALES), key=lambda one: one.log)
+    frame, model = candidate.frame, candidate.remainder
+    best = most_probable(frame, model, (family,))
     odds = candidate.over_none(best) - float(np.log(len(SCALES)))
-    size = best.fit - candidate.plain.fit
-    if not of.at or odds <= 0.0:
-        return Leftover(of.channel, of.name, of.unit, odds, size)
-    height, error = frame.map_of(candidate.remainder, best, family)
-    return Leftover(of.channel, of.name, of.unit, odds, size, "", of.at, tuple(height), tuple(error))
+    return as_leftover(frame, model, best, family, (odds, best.fit - candidate.plain.fit))
 
 
 def _over_noise(candidate: Candidate, white: np.ndarray, channel: str, stated: bool) -> Leftover | None:
