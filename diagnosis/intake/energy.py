@@ -19,29 +19,16 @@ sum x dy / sum v_x v_y  s, not early.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import pairwise
 
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import DRIVEN, LAG, PASSED_ON, WORKS, Found, Track
+from cable_envs.diagnosis.intake.tracks import DRIVEN, LAG, PASSED_ON, WORKS, Found, Track, closed_ways
 
-_BAND = 0.1
-"""Of a position's range about its middle, that noise does not cross."""
 FEWEST = 2
 """Closed ways that say anything."""
 _SURE = 5.0
 """Standard deviations of a sum of noise."""
-
-
-def closed_ways(place: np.ndarray) -> list[tuple[int, int]]:
-    """(first, last) row of every way from the middle of a position [T], crossed upwards, to the next such crossing."""
-    middle, band = float(np.median(place)), _BAND * float(np.ptp(place))
-    side = np.where(place > middle + band, 1, np.where(place < middle - band, -1, 0))
-    rows = np.flatnonzero(side)
-    up = np.flatnonzero((side[rows[:-1]] < 0) & (side[rows[1:]] > 0))
-    crossed = [int(rows[k] + np.argmax(place[rows[k] : rows[k + 1] + 1] >= middle)) for k in up]
-    return list(pairwise(crossed))
 
 
 def against_nature(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
@@ -90,7 +77,7 @@ def _gains(tracks: Sequence[Track], drive: tuple[str, str], end: tuple[str, str]
 
 def works(track: Track, effort: str, place: str, along: str) -> np.ndarray:
     """Work of an effort on its position over every closed way of the position ``along``, J."""
-    f, v = track.channels[effort], track.speed(place)
+    f, v = track.channels[effort], track.speed(place, along)
     ways = closed_ways(track.channels[along])
     return np.array([track.period * float((f[a:b] - np.mean(f[a:b])) @ v[a:b]) for a, b in ways])
 
@@ -150,7 +137,7 @@ def _leads(tracks: Sequence[Track], drive: str, driven: str) -> Iterator[Found]:
 def lags(track: Track, drive: str, driven: str) -> np.ndarray:
     """s by which the driven end is late, of every closed way of the drive."""
     x = track.channels[drive]
-    v, w = track.speed(drive), track.speed(driven)
+    v, w = track.speed(drive), track.speed(driven, along=drive)
     found = []
     for first, last in closed_ways(x):
         way = slice(first, last)

@@ -2,13 +2,14 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.systems.common import smooth_speed
+from cable_envs.diagnosis.systems.common import SMOOTHED, smooth_speed
 from cable_envs.diagnosis.systems.units import series_of
 
 WORKS = {
@@ -92,9 +93,32 @@ class Track:
         at = self.time[0] + (sample - 0.5) * self.period
         return min(int(np.searchsorted(self.time, at)), len(self.time) - 1) + 1
 
-    def speed(self, place: str) -> np.ndarray:
-        """Slope of a position over time [T]."""
-        return smooth_speed(self.channels[place], self.period)
+    def speed(self, place: str, along: str = "") -> np.ndarray:
+        """Slope of a position over time [T], smoothed over no more than a part of a closed way.
+
+        A slope over a span W turns the sign of an oscillation of more than 1.43 / W Hz (4.493 = tan 4.493 = pi f W).
+        along : str
+            Position whose closed ways count, so that two speeds that are compared are smoothed alike; itself if empty.
+        """
+        ways = closed_ways(self.channels[along or place])
+        lasts = self.period * float(np.median([b - a for a, b in ways])) if ways else np.inf
+        return smooth_speed(self.channels[place], self.period, min(SMOOTHED, _PART * lasts))
+
+
+_BAND = 0.1
+"""Of a position's range about its middle, that noise does not cross."""
+_PART = 0.25
+"""Of a closed way, over which its speed is smoothed."""
+
+
+def closed_ways(place: np.ndarray) -> list[tuple[int, int]]:
+    """(first, last) row of every way from the middle of a position [T], crossed upwards, to the next such crossing."""
+    middle, band = float(np.median(place)), _BAND * float(np.ptp(place))
+    side = np.where(place > middle + band, 1, np.where(place < middle - band, -1, 0))
+    rows = np.flatnonzero(side)
+    up = np.flatnonzero((side[rows[:-1]] < 0) & (side[rows[1:]] > 0))
+    crossed = [int(rows[k] + np.argmax(place[rows[k] : rows[k + 1] + 1] >= middle)) for k in up]
+    return list(pairwise(crossed))
 
 
 def track_of(record: Record) -> Track:

@@ -24,8 +24,8 @@ REST = 0.02
 """Speeds below this share of the record's 95 % quantile count as rest: no direction, no reversal."""
 SOFTER = (0.05, 0.3, 1.5)
 """Probed compliances beyond the claimed one, over that."""
-_SMOOTHED = 0.15
-"""s over which a speed is taken from a recorded position, for coordinates only."""
+SMOOTHED = 0.15
+"""s over which a speed is taken from a recorded position, for coordinates and checks of the data only."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ LEFT = 0.03
 """Share of a record's range of positions by which it must have left its first place."""
 
 
-def smooth_speed(position: np.ndarray, period: float, seconds: float = _SMOOTHED) -> np.ndarray:
+def smooth_speed(position: np.ndarray, period: float, seconds: float = SMOOTHED) -> np.ndarray:
     """Speed [T] from positions [T], by quadratics over ``seconds`` (Savitzky and Golay, Anal. Chem. 36 (1964) 1627)."""
     width = min(2 * max(round(0.5 * seconds / period), 2) + 1, 2 * ((len(position) - 1) // 2) + 1)
     if width < 5:
