@@ -30,7 +30,7 @@ from cable_envs.proof.rigs import CLOCK, TrueRig, observe, random_rig
 from cable_envs.proof.scoring import judge, limits
 from cable_envs.proof.sensors import quantise, stamps
 
-EXACT, CLASS = "exact", "class"
+EXACT, CLASS, REFUSED = "exact", "class", "refused"
 SHOWN_IN = {"mm": 1e3, "mm/s": 1e3}
 BEGIN, END = "<!-- begin: python -m benchmarks.experiments -->", "<!-- end: experiments -->"
 
@@ -57,7 +57,10 @@ def tried(case: Case) -> dict[str, Any]:
         except ConfigurationError as error:
             return {**line, "after": first.outcome, "motion": "", "refused": str(error)}
         added(folder, case, key, motion)
-        second = judge(key, diagnose(folder).as_json())
+        try:
+            second = judge(key, diagnose(folder).as_json())
+        except ConfigurationError as error:
+            return {**line, "after": REFUSED, "motion": motion.family, "refused": str(error)}
         return {**line, "after": second.outcome, "motion": motion.family, "expected": motion.least,
                 "rivals": list(motion.rivals), "named_after": list(second.answer)}  # fmt: skip
 
