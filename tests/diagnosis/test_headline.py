@@ -57,6 +57,7 @@ BEATEN["test"]["worse_than_claim"] = True
 EITHER = effect("backlash", 0.9, ("slack",))
 CLOCK = "the logger's clock is off by +0.12 %"
 DRIFTS = "load position: its zero drifts"
+TONE = "drive tension: a steady tone of 7.17 Hz in this sensor"
 CASES = {
     "named": answer("named", 0.3, [ONE]),
     "named, and more is left": answer("named", 88.0, [ONE]),
@@ -81,10 +82,15 @@ CASES = {
     "unknown, and the data have a fault": answer("unknown", 27.0, cause=CLOCK, share=None, cause_left=""),
     "data": answer("data_fault", 40.0, cause=DRIFTS),
     "data, and a little more": answer("data_fault", 12.0, cause=CLOCK, cause_left=""),
+    "data, a tone": answer("data_fault", 40.0, cause=TONE),
     "data, with what helps": answer("data_fault", 40.0, cause=DRIFTS, suspected=[TWO]),
     "nothing": answer("no_detectable_mismatch", 0.7),
     "nothing, beside the rig's own effects": answer("no_detectable_mismatch", 12.0),
 }
+
+
+def test_a_tone_of_one_sensor_may_be_of_the_rig():
+    assert "shakes the rig" in headline(CASES["data, a tone"]) and "shakes" not in headline(CASES["data"])
 
 
 def text_of(page):
