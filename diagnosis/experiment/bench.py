@@ -1,7 +1,8 @@
 """What rivals predict of motions that were not run: the records' own model, given records that are only planned.
 
-A planned record has the motion in the channel that drives the simulator. Its other channels hold still at what they
-began with in a record that was run: their values are not used, but for the start from which a model solves.
+A planned record has the motion in the channel that drives the simulator. Its sensors have been read for the first
+moment alone, as in a record that was run, from which a model solves for where it starts. So nothing is fitted to
+readings that are not there; constants that every record has for itself take out of the predictions what they can.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +18,7 @@ from cable_envs.diagnosis.experiment.motions import Limits
 from cable_envs.diagnosis.experiment.rivals import Rival
 from cable_envs.diagnosis.experiment.worth import Told
 from cable_envs.diagnosis.fit.refit import STEP
+from cable_envs.diagnosis.model.constants import constants_of, with_constants
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.systems import driven_by, prepare
 from cable_envs.diagnosis.systems.common import smoothed
@@ -26,6 +28,8 @@ AT_ONCE = 12
 """Motions in one call of the simulator, for the memory that their slopes take."""
 FIRST = 0.05
 """s over which what a channel begins with is averaged."""
+RESOLVED = 20
+"""Samples of a wave of the fastest sine that is planned."""
 BEYOND = 0.25
 """Share of the range that a channel has shown by which it may leave it."""
 
@@ -77,6 +81,7 @@ class Bench:
         self.run = [r for r in recording.records if r.use != "rest"]
         self.is_rate = self.unit.endswith("/s")
         self._substeps = getattr(question.fit, "substeps", None)
+        self._read = {b.channel for b in question.fit.blocks}
         self._whitener: Whitener = rivals[0].candidate.frame.whitener
         self._fitted = tuple(replace(r, use="fit") for r in self.run)
 
@@ -90,7 +95,7 @@ class Bench:
         return np.concatenate([[0.0], np.cumsum(0.5 * self.period * (values[1:] + values[:-1]))])
 
     def shown(self) -> Limits:
-        """What the drive has done in the records."""
+        """What the drive has done in the records, and how fast a sine their samples resolve."""
         low, high, speed, acceleration = np.inf, -np.inf, 0.0, 0.0
         for record in self.run:
             place = self.place(record)
@@ -98,7 +103,7 @@ class Bench:
             low, high = min(low, float(place.min())), max(high, float(place.max()))
             speed = max(speed, float(np.quantile(np.abs(rate), 0.999)))
             acceleration = max(acceleration, float(np.quantile(np.abs(np.gradient(rate, self.period)), 0.999)))
-        return Limits(low, high, speed, acceleration)
+        return Limits(low, high, speed, acceleration, 1.0 / (RESOLVED * self.period))
 
     def input(self, place: np.ndarray) -> np.ndarray:
         """The channel that drives, of a place [T]."""
@@ -118,6 +123,10 @@ class Bench:
         with np.errstate(over="ignore", invalid="ignore"):
             series = model.predict(np.column_stack(columns))
         found: list[list[Told] | None] = []
+        constants, block = {}, 0
+        for changes, known in constants_of(model):
+            constants[model.blocks[block].record] = (changes, known)
+            block += changes.shape[1]
         for one in planned:
             own = [j for j, b in enumerate(model.blocks) if b.record == one.name]
             if not all(self._allowed(model.blocks[j].channel, series[j][:, [s[0] for s in spans]]) for j in own):
@@ -125,6 +134,8 @@ class Bench:
                 continue
             blocks = [replace(model.blocks[j], good=np.isfinite(series[j]).all(axis=1)) for j in own]
             flat = self._whitener.flat(blocks, [series[j] for j in own])
+            if one.name in constants:
+                flat = with_constants(blocks, [constants[one.name]], self._whitener, flat)
             found.append([self._of(rival, flat, span) for rival, span in zip(self.rivals, spans, strict=True)])
         return found
 
@@ -163,6 +174,8 @@ class Bench:
             if name != "time":
                 seen = one.like.data[name][one.like.usable(name)]
                 data[name] = np.full(len(time), float(np.mean(seen[:first])) if len(seen) else 0.0)
+                if name in self._read:
+                    data[name][first:] = np.nan
         data[self.channel] = self.input(one.place)
         return replace(one.like, name=one.name, use="heldout", data=data, quality=(), over=0.0)
 

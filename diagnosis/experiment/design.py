@@ -67,7 +67,7 @@ def next_experiment(
         Length of the motion; by default that of the recording's longest record, 120 s at the most.
     limits : Mapping of str to float, optional
         "low", "high", "speed", "acceleration" of the drive, in the SI unit of its place; by default those that the
-        records have shown.
+        records have shown. And "frequency", Hz of the fastest sine; by default 20 samples resolve its wave.
     seed : int
         Of the motions that are drawn.
     tell : callable
@@ -84,7 +84,7 @@ def next_experiment(
         Where the answer leaves nothing open, for unknown names, limits that no motion can keep to, and recordings whose
         simulator is not driven by a command or a position alone.
     """
-    require_known("limit", limits or {}, ("low", "high", "speed", "acceleration"))
+    require_known("limit", limits or {}, ("low", "high", "speed", "acceleration", "frequency"))
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"seconds: expected a length above 0 s, got {seconds!r}")
     recording, _ = averaged_if_long(on_one_clock(recording)[0])
@@ -100,10 +100,10 @@ def next_experiment(
     run = _worth(bench, [Planned(f"{r.name}, again", bench.place(r), r) for r in bench.run], [None] * len(bench.run))
     rng = np.random.default_rng(seed)
     tried = _search(bench, allowed, seconds, rng)
-    if not tried:
+    if not tried and (limits or seconds or not run):
         raise ConfigurationError(
             "no motion within the limits could be simulated with all channels where they have been: state limits that "
-            "are narrower (low, high, speed, acceleration)"
+            "are narrower (low, high, speed, acceleration, frequency)"
         )
     best = max([*tried, *(() if limits or seconds else run)], key=lambda t: t.worth)
     again = max(run, key=lambda t: t.worth, default=best)

@@ -27,18 +27,22 @@ class Limits:
         Range of the channel's place.
     speed, acceleration : float
         Largest magnitudes of its first and second derivative.
+    frequency : float
+        Hz of its fastest sine.
     """
 
     low: float
     high: float
     speed: float
     acceleration: float
+    frequency: float = np.inf
 
     def __post_init__(self) -> None:
-        if not self.high > self.low or not self.speed > 0.0 or not self.acceleration > 0.0:
+        rates = {"speed": self.speed, "acceleration": self.acceleration, "frequency": self.frequency}
+        if not self.high > self.low or not min(rates.values()) > 0.0:
             raise ConfigurationError(
-                "limits of a motion: expected low < high, and a speed and an acceleration above 0; got "
-                f"low {self.low:g}, high {self.high:g}, speed {self.speed:g}, acceleration {self.acceleration:g}"
+                "limits of a motion: expected low < high, and a speed, an acceleration and a frequency above 0; got "
+                f"low {self.low:g}, high {self.high:g}, " + ", ".join(f"{n} {v:g}" for n, v in rates.items())
             )
 
     @property
@@ -111,11 +115,11 @@ def _rounded(shape: np.ndarray, period: float, limits: Limits) -> np.ndarray:
 
 
 def _highest(limits: Limits, size: float, moving: float) -> float:
-    """Hz at which a sine of this size meets the limit of speed or acceleration."""
+    """Hz at which a sine of this size meets the limit of speed, acceleration or frequency."""
     amplitude = 0.5 * size * limits.span
     turn = 2.0 * np.pi * amplitude
     by_speed, by_force = limits.speed / turn, np.sqrt(limits.acceleration / (2.0 * np.pi * turn))
-    return float(max(min(by_speed, by_force), 2.0 / moving))
+    return float(max(min(by_speed, by_force, limits.frequency), 2.0 / moving))
 
 
 def _rate(numbers: np.ndarray, limits: Limits, size: float, moving: float) -> float:
@@ -154,7 +158,7 @@ def _chirp(at: np.ndarray, moving: float, numbers: np.ndarray, limits: Limits, s
 def _tones(at: np.ndarray, moving: float, numbers: np.ndarray, limits: Limits, size: float) -> np.ndarray:
     """A slow and a fast sine together; number 2: how much faster, number 3: how large the fast one is."""
     slow = _rate(numbers, limits, size, moving)
-    fast = slow * _between(2.0, 20.0, float(numbers[2]))
+    fast = min(slow * _between(2.0, 20.0, float(numbers[2])), max(limits.frequency, slow))
     share = _between(0.02, 0.5, float(numbers[3]))
     waves = np.sin(2.0 * np.pi * slow * moving * at) + share * np.sin(2.0 * np.pi * fast * moving * at)
     return waves / (1.0 + share)

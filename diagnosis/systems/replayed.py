@@ -319,8 +319,11 @@ def _late_at_first(series: np.ndarray, steps: np.ndarray, first: int) -> np.ndar
 
 def _constants(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -> np.ndarray:
     """Constants [constants, n] by which predictions [T, blocks, n] fit the record best, by the channels' noise."""
-    matrix, right = _beforehand(run, responses.shape[2], begins), 0.0
+    matrix = _beforehand(run, responses.shape[2], begins)
+    right = np.zeros((responses.shape[2], out.shape[2]))
     for j, block in enumerate(run.blocks):
+        if not block.good.any():
+            continue
         weighed = responses[:, j] * (block.good / jitter(block.measured[block.good], block.step) ** 2)[:, None]
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])

@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +13,14 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.joined import joined
 from cable_envs.diagnosis.data.recording import Recording, load_recording
 from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.experiment.bench import Bench, Planned
 from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
 from cable_envs.diagnosis.experiment.worth import Told, divergence, narrowing
 from cable_envs.diagnosis.search.known_noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
+from cable_envs.proof.cases import Case, make
 
 ROOT = Path(__file__).parents[2]
 
@@ -72,6 +75,17 @@ def test_motions_keep_to_the_limits_and_begin_and_end_at_rest(family):
         assert np.max(np.abs(np.diff(place, 2))) / period**2 <= limits.acceleration * (1 + 1e-9)
         travels.append(np.ptp(place))
     assert max(travels) > 0.3 * limits.span and min(travels) < 0.1 * limits.span
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_wave_is_faster_than_the_samples_resolve(family):
+    """Of a small and quick motion within wide limits; the next is 40 times as quick where no frequency is stated."""
+    slow, quick = (Limits(-1.0, 1.0, 1e3, 1e5, frequency) for frequency in (5.0, np.inf))
+    motion = Motion(family, np.array([0.0, 1.0, 1.0, 1.0]))
+    waves = [
+        np.sum(np.diff(np.signbit(motion.samples(limits, 0.0, 1e-3, 12_000))) != 0) / 2.0 for limits in (slow, quick)
+    ]
+    assert waves[0] <= 5.0 * 12.0 + 1.0 and waves[1] > 3.0 * waves[0]
 
 
 def test_limits_that_nothing_can_keep_to_are_refused():
@@ -139,6 +153,29 @@ def test_odds_of_rivals_come_out_as_was_expected(bench):
     lead, other = rivals(question, [(n,) for n in between], {})
     assert lead.name == "actuator_lag"
     assert other.behind == pytest.approx(plan.expected[0, 1], rel=0.5)
+
+
+def test_sensors_that_read_exactly_nothing_at_first_are_planned_with(tmp_path):
+    """Readings that a planned record does not have fit no constant, whatever the first of them are."""
+    make(Case("plain", 4711, "cable_hole", "nothing"), tmp_path)
+    recording = load_recording(tmp_path)
+    shown = []
+    for begins in (None, 0.0):
+        records = list(recording.records)
+        if begins is not None:
+            data = {n: v.copy() for n, v in records[0].data.items()}
+            data["drive_velocity"][:20] = begins
+            records[0] = replace(records[0], data=data)
+        given = replace(recording, records=tuple(records))
+        request = request_of(given)
+        question = ask(given, request)
+        planning = Bench(given, request, question, rivals(question, [("coulomb_friction",)], {}))
+        first = planning.run[0]
+        (told,) = planning.told([Planned("next", planning.place(first), first)])
+        assert told is not None
+        shown.append(told[0].values)
+    # predictions in standard deviations of noise: where the record began does not make them others
+    np.testing.assert_allclose(shown[0], shown[1], atol=0.5)
 
 
 def test_a_plan_is_written_in_the_unit_of_the_recording_and_says_what_to_expect(bench, tmp_path):

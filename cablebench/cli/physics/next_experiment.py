@@ -22,7 +22,7 @@ def next_experiment(
     seconds: Annotated[float | None, typer.Option(help="Length of the motion, s; default: the longest record.")] = None,
     limit: Annotated[
         list[str] | None,
-        typer.Option(help="low=, high=, speed=, acceleration= of the drive, SI; default: as recorded."),
+        typer.Option(help="low=, high=, speed=, acceleration=, frequency= of the drive, SI; default: as recorded."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the motions that are drawn.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="The experiment as JSON on standard output.")] = False,
