@@ -22,7 +22,7 @@ from cable_envs.diagnosis.data.clock import odds_of_lines, with_sure_times
 from cable_envs.diagnosis.data.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
-from cable_envs.diagnosis.evidence.candidates import Joint
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged

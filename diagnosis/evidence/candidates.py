@@ -6,14 +6,14 @@ from functools import cached_property
 
 import numpy as np
 
+from cable_envs.diagnosis.evidence.joint import Joint, noise_of, sizes_of
 from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Remainder
-from cable_envs.diagnosis.fit.likelihood import raw_residuals
+from cable_envs.diagnosis.evidence.optima import nested, peaks
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
-from cable_envs.diagnosis.model.constants import constants_of, with_constants
 from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener, learn_whitener, of_all_records, white_noise
+from cable_envs.diagnosis.model.model import Block, Model, Whitener
 
 SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
@@ -23,11 +23,6 @@ SHAPES = float(np.log(3.0))
 """Standard deviation of the prior of what only shapes an effect: of its logarithm, about where it begins."""
 ITERATIONS = 5
 """Of a refit from where the last one ended, at most."""
-FARTHER, MORE = 1.0, 3
-"""Half the fall of the sum of squares that a step on all records promises beside the refit of some of them, from which
-their own optimum is looked for, and the iterations to that."""
-TOGETHER = 6
-"""Models whose optima of all records are looked for at a time: their slopes take memory twice."""
 CALIBRATED = (-4.65, 1.40)
 """Where the noise is learnt from what is left: logit of the share of right names, constant and slope over the logarithm
 of their log odds. By maximum likelihood from 42 effects that were named on 126 logs of generator A
@@ -35,35 +30,6 @@ of their log odds. By maximum likelihood from 42 effects that were named on 126 
 DOMINANT = 1.0
 """RMS of a discrepancy over that of the noise from which it is no stationary noise that limits: each channel then
 counts by the size of all that is left of it and by its effective sample size (`cable_envs.diagnosis.fit.weights`)."""
-
-
-class Joint:
-    """Fitted and held-out records as one model: what a refit leaves in both, and with what slopes."""
-
-    def __init__(self, fit: Model, heldout: Model):
-        self._models = (fit, heldout)
-        self.parameters: list[Free] = list(fit.parameters)
-        known = {p.name for p in heldout.parameters}
-        self._rows = [j for j, p in enumerate(self.parameters) if p.name in known]
-        self.blocks = of_all_records(fit, heldout)
-        self._constants = [*constants_of(fit), *constants_of(heldout)]
-
-    def predict(self, values: np.ndarray) -> list[np.ndarray]:
-        """As `cable_envs.diagnosis.model.model.Model`."""
-        fit, heldout = self._models
-        return [*fit.predict(values), *heldout.predict(values[self._rows])]
-
-    def with_constants(self, whitener: Whitener, left: np.ndarray) -> np.ndarray:
-        """What a fit leaves, or its slopes, whitened [N] or [N, n], with each record's constants as this noise has."""
-        return with_constants(self.blocks, self._constants, whitener, left)
-
-    def left_by(self, fit: Fit) -> dict[str, float]:
-        """RMS of what a refit leaves, channel by channel."""
-        return sizes_of(self.blocks, self.raw(fit))
-
-    def raw(self, fit: Fit) -> list[np.ndarray]:
-        """Measured less predicted [T] of every block, in the channels' units."""
-        return raw_residuals(self, fit)
 
 
 @dataclass(frozen=True)
@@ -272,11 +238,11 @@ def under_one_noise(
     whitener = weigh(joint.blocks, raw) if by_size else whitener
     frame = Frame(joint.blocks, whitener, leading.frame.families) if by_size else leading.frame
     starts = [Start("", old.free, old.values) for _, old in fits]
-    again = _nested(fit, whitener, refit(fit, whitener, starts, ITERATIONS, central=False))
+    again = nested(fit, whitener, refit(fit, whitener, starts, ITERATIONS, central=False))
     again = [new.outline for new in again]
-    found, peaks = [], _peaks(joint, whitener, again)[::-1]
+    found, ends = [], peaks(joint, whitener, again)[::-1]
     for (e, _), new in zip(fits, again, strict=True):  # the slopes of many models take more memory than all else
-        peak = peaks.pop()
+        peak = ends.pop()
         left = remainder(joint, frame, e, peak, sizes)
         found.append(Candidate(e, new, peak.outline if e else peak, frame, left, by_size))
     return found
@@ -318,72 +284,10 @@ def _dominant(blocks: Sequence[Block], apart: Sequence[np.ndarray], raw: Sequenc
     return any(off[channel] > DOMINANT * noise[channel] for channel in off)
 
 
-def _nested(model: Model, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
-    """Refits of which none is worse than a larger model that holds it makes it: such a one may have left a valley."""
-    found, of, starts = list(fits), [], []
-    for k, own in enumerate(fits):
-        larger = [other for other in fits if set(own.free) < set(other.free)]
-        if larger:
-            best = min(larger, key=lambda other: other.cost)
-            of.append(k)
-            starts.append(Start(own.label, own.free, {n: best.values[n] for n in own.free}))
-    for k, new in zip(of, refit(model, whitener, starts, MORE, central=False) if starts else (), strict=True):
-        found[k] = new if new.cost < found[k].cost else found[k]
-    return found
-
-
-def _peaks(joint: Joint, whitener: Whitener, fits: Sequence[Fit]) -> list[Fit]:
-    """Refits of some records, expanded about the optimum of all of them where that is elsewhere."""
-    found: list[Fit] = []
-    for first in range(0, len(fits), TOGETHER):
-        starts = [Start("", f.free, f.values) for f in fits[first : first + TOGETHER]]
-        some = refit(joint, whitener, starts, 0, central=False)
-        far = [k for k, f in enumerate(some) if _promised(joint, f) > FARTHER]
-        moved = refit(joint, whitener, [starts[k] for k in far], MORE, central=False) if far else []
-        for k, new in zip(far, moved, strict=True):
-            some[k] = new if new.cost < some[k].cost else some[k]
-        found += some
-    return _nested(joint, whitener, found)
-
-
 def with_central_slopes(joint: Joint, candidate: Candidate) -> Candidate:
     """The same with the slopes that intervals need: those of the comparison are from one side."""
     peak = candidate.peak
     return replace(candidate, peak=refit(joint, candidate.frame.whitener, [Start("", peak.free, peak.values)], 0)[0])
-
-
-def _promised(joint: Joint, fit: Fit) -> float:
-    """Half the fall of the cost that a Gauss-Newton step promises."""
-    gradient = _gradient(joint, fit)
-    return 0.5 * float(gradient @ fit.covariance @ gradient)
-
-
-def _gradient(joint: Joint, fit: Fit) -> np.ndarray:
-    """Of half the cost, with priors, downhill [free]."""
-    rows = {p.name: p for p in joint.parameters}
-    gradient = fit.jacobian.T @ fit.residual
-    for k, name in enumerate(fit.free):
-        p = rows[name]
-        if p.std:
-            gradient[k] -= (fit.values[name] - p.start) / p.std**2
-    return gradient
-
-
-def sizes_of(blocks: Sequence[Block], left: Sequence[np.ndarray]) -> dict[str, float]:
-    """RMS of what a model leaves [T] of every block, channel by channel."""
-    found = {}
-    for channel in dict.fromkeys(b.channel for b in blocks):
-        parts = [r[b.good] for r, b in zip(left, blocks, strict=True) if b.channel == channel]
-        found[channel] = float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-    return found
-
-
-def noise_of(blocks: Sequence[Block], left: Sequence[np.ndarray], stated: Mapping[str, float]) -> Whitener:
-    """The noise of what is left [T] of every block: learnt; white and of the size that is stated, where one is."""
-    noise = dict(learn_whitener(blocks, left).noise)
-    for channel in noise.keys() & stated.keys():
-        noise[channel] = white_noise(blocks, channel, stated[channel])
-    return Whitener(noise)
 
 
 def remainder(

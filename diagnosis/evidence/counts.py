@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import Joint
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.model.rest import COARSE
 
 HARMONICS = 8

@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cable_envs.diagnosis.evidence.beside import as_leftover, beside_noise, most_probable
-from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, Joint, sizes_of, under_its_noise
+from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, under_its_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
+from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover

@@ -21,7 +21,8 @@ from scipy.ndimage import median_filter
 from scipy.special import hyp2f1, i0e, logsumexp
 from scipy.stats import chi2, f
 
-from cable_envs.diagnosis.evidence.candidates import SCALES, Joint, sizes_of
+from cable_envs.diagnosis.evidence.candidates import SCALES
+from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
 from cable_envs.diagnosis.intake.tracks import RATES
 from cable_envs.diagnosis.model.features import families
 from cable_envs.diagnosis.model.leftover import ALL, Leftover

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.evidence.candidates import Candidate, Joint, log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import Candidate, log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.experiment.plan import GONE
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, look, refit

@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from cable_envs.diagnosis.engine import Examined
-from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import under_one_noise
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.fit.weights import reweighted_refit

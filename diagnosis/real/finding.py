@@ -8,7 +8,8 @@ from typing import Any
 
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.engine import Examined, examine
-from cable_envs.diagnosis.evidence.candidates import Joint, log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.weights import rmse
 from cable_envs.diagnosis.model.verdict import Diagnosis, EffectGain, Trace
 from cable_envs.diagnosis.search.comparison import refits

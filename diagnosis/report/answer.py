@@ -9,7 +9,8 @@ import numpy as np
 import cable_envs
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.evidence.bands import Averaged
-from cable_envs.diagnosis.evidence.candidates import WIDE, Joint
+from cable_envs.diagnosis.evidence.candidates import WIDE
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score

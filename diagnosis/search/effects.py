@@ -21,13 +21,12 @@ import numpy as np
 from cable_envs.diagnosis.evidence.candidates import (
     WIDE,
     Candidate,
-    Joint,
     agreement,
     log_odds,
-    sizes_of,
     under_one_noise,
     with_central_slopes,
 )
+from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
 from cable_envs.diagnosis.evidence.marginal import Frame
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit

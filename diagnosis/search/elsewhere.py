@@ -20,7 +20,8 @@ import numpy as np
 
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.evidence.candidates import Candidate, Joint, priors
+from cable_envs.diagnosis.evidence.candidates import Candidate, priors
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.evidence.marginal import Frame
 from cable_envs.diagnosis.fit.refit import Fit, Start, look, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time

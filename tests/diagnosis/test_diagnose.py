@@ -12,7 +12,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import engine
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import diagnose, kept_back
-from cable_envs.diagnosis.evidence.candidates import Joint
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit import locate
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.gate import _still, gate

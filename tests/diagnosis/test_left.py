@@ -9,8 +9,9 @@ import pytest
 from scipy.signal import lfilter, savgol_filter
 from scipy.special import i0e
 
-from cable_envs.diagnosis.evidence.candidates import Joint, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import under_one_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
+from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.evidence.left import left_by
 from cable_envs.diagnosis.evidence.shared import (
     bayes_bound,
