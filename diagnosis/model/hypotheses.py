@@ -83,6 +83,23 @@ class Hypothesis:
         """The freed parameters."""
         return tuple(p.name for p in self.free)
 
+    @cached_property
+    def parts(self) -> tuple["Hypothesis", ...]:
+        """The same effect in one of several places alone, friction in the contact or at the load, if it has several.
+
+        A place in which nothing is missing costs the evidence of the others its own parameter.
+        """
+        if len(self.nulls) < 2:
+            return ()
+        found = []
+        for name in self.nulls:
+            gone = self.nulls.keys() - {name}
+            probes = tuple(p for p in self.probes if not any(gone & direction.keys() for direction in p))
+            if probes:
+                free = tuple(p for p in self.free if p.name not in gone)
+                found.append(replace(self, free=free, probes=probes, nulls={name: self.nulls[name]}))
+        return tuple(found) if len(found) > 1 else ()
+
     @property
     def proportional(self) -> bool:
         """Whether twice the size is twice the change of every signal."""

@@ -5,7 +5,7 @@ Hypotheses are ranked by the fall of the deviance less a charge for every furthe
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -96,6 +96,24 @@ def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | 
         for j in judge(model, *refit(model, whitener, again, _LAST, central=False))
     ]
     return _ranked(found, list(scored.best))
+
+
+def in_one_place(model: Model, base: Fit, found: Sequence[Refitted]) -> list[Refitted]:
+    """Refits of effects that may be in several places, in each of them alone (`Hypothesis.parts`).
+
+    base: on top of which they are; found: their refits in all places together, with the noise that these leave.
+    """
+    again = []
+    for one in found:
+        whitener = one.judged.whitener
+        for part in one.hypothesis.parts:
+            free = (*base.free, *(n for n in part.names if n not in base.free))
+            start = Start(part.name, free, {n: one.judged.fit.values[n] for n in free})
+            (fit,) = refit(model, whitener, [start], central=False)
+            if not bounded(part, fit):
+                judged = Judged(fit, tuple(raw_residuals(model, fit)), whitener, 0.0)
+                again.append(replace(one, hypothesis=part, judged=judged))
+    return again
 
 
 def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:

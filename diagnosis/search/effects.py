@@ -7,14 +7,15 @@
 4. Each effect of the last model is left out, and exchanged for every other, given the rest. The best model stays.
    Exchanges that are not behind by `SURE` to one are alternatives.
 
+An effect that may be in several places (`Hypothesis.parts`) is compared in each alone, and in all; the best counts.
 An effect that ends smaller than the records can tell (`Hypothesis.least`) is not taken. Refits move it, and so every
 model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -35,11 +36,12 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, smaller, unresolved
+from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, in_one_place, smaller, unresolved
 from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
 Keep = Callable[[str, Callable[[], Any]], Any]
+Key = TypeVar("Key", bound=Hashable)
 
 MOST = 8
 """Effects at the most."""
@@ -156,7 +158,7 @@ class Search:
         """effects that a last model had, smaller than the records can tell"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
         self._sure = float(np.log(SURE)) if known else SURE_WHERE_LEARNT
-        self._prior = -float(np.log(max(len(self._hypotheses), 1)))
+        self._prior = -float(np.log(max(sum(1 + len(h.parts) for h in self._hypotheses), 1)))
         self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
         """names of effects -> refit with them, and the best refits of one more on top"""
         self._weights: Whitener | None = None
@@ -223,6 +225,7 @@ class Search:
             current, *others = under_one_noise(
                 self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
             )  # fmt: skip
+            others = list(_best((c.effects[-1].name, c) for c in others).values())
             stuck |= {h.name: why for c in others if (why := smaller(h := c.effects[-1], c.fit))}
             others = [c for c in others if c.effects[-1].name not in stuck]
             if not on_top or on_top[0][0][-1].name not in stuck:
@@ -299,7 +302,8 @@ class Search:
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
                 break
-        return [((*effects, c.hypothesis), c.judged.fit.outline) for c in sound[:RIVALS]], scored, stuck
+        found = [*sound[:RIVALS], *in_one_place(self.fit, base.fit, sound[:RIVALS])]
+        return [((*effects, c.hypothesis), c.judged.fit.outline) for c in found], scored, stuck
 
     def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:
         """What speaks against a refit, whatever it gains."""
@@ -353,7 +357,7 @@ class Search:
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
         sure = self._from(best)
-        for (name, other), model in zip(of, models, strict=True):
+        for (name, other), model in _best(zip(of, models, strict=True)).items():
             odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
                 new = model.effects[-1]
@@ -378,6 +382,15 @@ def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> floa
     size = abs(one.peak.values[p.name] - h.nulls[p.name])
     found, most = agreement(one, other, WIDE * p.scale / max(size, 1e-300))
     return min(odds, found) if found < np.log(SURE) < most else odds
+
+
+def _best(found: Iterable[tuple[Key, Candidate]]) -> dict[Key, Candidate]:
+    """Of candidates with one key, which differ by where their effect is, that with the most evidence."""
+    best: dict[Key, Candidate] = {}
+    for key, candidate in found:
+        if key not in best or log_odds(candidate, best[key]) > 0.0:
+            best[key] = candidate
+    return best
 
 
 def _names(effects: Effects) -> frozenset[str]:

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.clock import sample_period
 from cable_envs.diagnosis.data.recording import Record, load_recording
+from cable_envs.diagnosis.engine import diagnose
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.common import (
     augmented_rig,
@@ -202,6 +203,31 @@ def test_an_effect_at_its_true_size_leaves_only_noise(tmp_path):
     assert max(with_it.values()) < 1.05
     assert max(_over_noise(question.fit, key).values()) > 1.2
     assert "load_dependent_friction" in {h.name for h in question.hypotheses}
+
+
+def test_an_effect_in_several_places_is_asked_in_each_of_them_alone(made):
+    """Friction of a hole may be in its contact or at its load; other effects have one place."""
+    question = prepare(load_recording(made["cable_hole"][0]))
+    parts = {h.name: h.parts for h in question.hypotheses if h.parts}
+    assert set(parts) == {"asymmetric_friction", "stribeck_friction"}
+    difference, contact = parts["asymmetric_friction"]
+    assert difference.names == ("asymmetric_friction.difference",) and contact.names == ("asymmetric_friction.contact",)
+    assert {n for p in contact.probes for d in p for n in d} == set(contact.names)
+    excess, dip = parts["stribeck_friction"]
+    assert excess.names == ("stribeck_friction.excess", "stribeck_friction.velocity")
+    assert dip.names == ("stribeck_friction.contact", "stribeck_friction.velocity") and dip.parts == ()
+
+
+@pytest.mark.slow
+def test_a_contact_whose_friction_depends_on_the_direction_is_like_a_tension_that_is_read_off(tmp_path):
+    """Tensions T exp(+-mu a) with two mu are those with one, times a scale: the right one is at least in the class."""
+    key = make(Case("skew", 1318, "cable_hole", "single", ("asymmetric_friction",), ">10"), tmp_path)
+    found = diagnose(tmp_path).as_json()
+    (effect,) = found["effects"]
+    assert "asymmetric_friction" in (effect["name"], *effect["alternatives"])
+    if effect["name"] == "asymmetric_friction":
+        true = key["effects"][0]["changes"]["asymmetric_friction.difference"]
+        assert effect["parameters"]["contact"]["value"] == pytest.approx(true, rel=0.3)
 
 
 def _edited(folder: Path, target: Path, change) -> Path:
