@@ -19,7 +19,8 @@ from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
 from cable_envs.diagnosis.model.model import Model, residuals
 from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.real.finding import inside
-from cable_envs.diagnosis.search.effects import Found, Search
+from cable_envs.diagnosis.search.effects import Search
+from cable_envs.diagnosis.search.selection import Found
 from cable_envs.diagnosis.systems.transmission import models
 from cable_envs.diagnosis.systems.transmission_effects import LIMITS, candidates
 

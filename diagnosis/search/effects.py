@@ -3,7 +3,7 @@
 1. The nominal parameters are refitted.
 2. Every effect is scored against what is left (`fit.score_tests`), the best are refitted on top (`search.comparison`),
    and compared under one noise (`evidence.candidates`). The best is taken if its odds are above `SURE` to one.
-3. Again on top of it, up to `MOST` effects.
+3. Again on top of it, up to `MOST` effects. Where none is sure and something is left, two are asked together.
 4. Each effect of the last model is left out, and exchanged for every other, given the rest. The best model stays.
    Exchanges that are not behind by `SURE` to one are alternatives.
 
@@ -13,7 +13,7 @@ model is asked that is compared: it is neither taken nor an alternative, and one
 """
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -37,6 +37,7 @@ from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, in_one_place, smaller, unresolved
+from cable_envs.diagnosis.search.selection import Found, Round
 from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
@@ -51,6 +52,8 @@ AGAIN = 3
 """Comparisons at the most where all that led are refused: what was given up because of them is compared again."""
 SEVERAL = 2
 """Effects from which a model is refitted from several starts before the search goes on."""
+AHEAD = 2
+"""Effects that are not sure alone, on top of which a second one is asked."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
 MARGIN = 1.0
@@ -60,62 +63,6 @@ FORMULATION = 0.01
 A further effect may explain its square of the sum of squares that the others do, and be nothing but that."""
 NOTHING = 1.0
 """Half the fall of the sum of squares that a number brings by chance in one recording of six."""
-
-
-@dataclass(frozen=True)
-class Round:
-    """A step forward: the model on which it stands, and the log odds over it of those with one effect more."""
-
-    base: Candidate
-    odds: Mapping[str, float]
-    score_tests: ScoreTests | None
-    bounded: Mapping[str, str]
-    """hypothesis -> what speaks against it"""
-    others: Sequence[Candidate] = ()
-    """of the first step: those with one effect more; they are compared under the noise of the first"""
-
-
-@dataclass(frozen=True)
-class Found:
-    """The last model, with the odds that an answer needs.
-
-    Parameters
-    ----------
-    null : Judged
-        The refit of the nominal parameters.
-    bare, best : Candidate
-        Without effects, and with those that are found, under one noise.
-    rounds : tuple of Round
-        Every step forward; the last one is of the step that found nothing.
-    without : Mapping of str to float
-        Effect -> log odds of the best model over the same without it.
-    rivals : Mapping of str to Mapping
-        Effect -> other hypotheses -> log odds of the best model over them in its place.
-    sure : float
-        Log odds from which one model is preferred.
-    """
-
-    null: Judged
-    bare: Candidate
-    best: Candidate
-    rounds: tuple[Round, ...]
-    without: Mapping[str, float] = field(default_factory=dict)
-    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    sure: float = float(np.log(SURE))
-
-    @property
-    def learnt(self) -> bool:
-        """Whether the noise is learnt from what the best model leaves: odds are then less than they say."""
-        return self.sure > np.log(SURE)
-
-    def alternatives(self, name: str) -> tuple[str, ...]:
-        """Hypotheses that the records do not tell from an effect."""
-        return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < self.sure)
-
-    def against(self, name: str) -> list[float]:
-        """Log odds of the best model over all that have neither an effect nor one of its alternatives."""
-        clear = [odds for odds in self.rivals.get(name, {}).values() if odds >= self.sure]
-        return [self.without[name], *clear]
 
 
 class Search:
@@ -176,16 +123,8 @@ class Search:
             null = self._keep("null", partial(refit_nominals, self.fit, self._nominals))
         self._bare = self.joint.raw(null.fit)
         self._sizes = self._lacking or sizes_of(self.joint.blocks, self._bare)
-        rounds: list[Round] = []
-        base, effects = null, Effects()
-        while True:
-            turn, best = self._forward(base, effects)
-            if len(rounds) > 1:  # of those between the first and the last only the odds are asked for
-                rounds[-1] = replace(rounds[-1], base=rounds[-1].base.outline)
-            rounds.append(turn if not rounds else replace(turn, others=()))
-            if best is None:
-                break
-            effects, base = best.effects, self._refitted(best)
+        rounds, effects, base = self._path(null)
+        turn = rounds[-1]
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self._from(turn.base))
         if len(rounds) == 2 and rounds[0].others[0].effects == effects:
@@ -202,6 +141,43 @@ class Search:
                 return Found(null, better, better, tuple(rounds), sure=self._from(better))
             self._given_up |= small
             effects, base = better.effects, self._refitted(better)
+
+    def _path(self, null: Judged) -> tuple[list[Round], Effects, Judged]:
+        """(the steps forward, the last one of which found nothing; the effects of the last model, and its refit)."""
+        rounds: list[Round] = []
+        base, effects = null, Effects()
+        while True:
+            turn, best = self._forward(base, effects)
+            if len(rounds) > 1:  # of those between the first and the last only the odds are asked for
+                rounds[-1] = replace(rounds[-1], base=rounds[-1].base.outline)
+            rounds.append(turn if not rounds else replace(turn, others=()))
+            if best is None and not effects:
+                pair, best = self._pair(null, turn)
+                rounds += pair
+            if best is None:
+                return rounds, effects, base
+            effects, base = best.effects, self._refitted(best)
+
+    def _pair(self, null: Judged, turn: Round) -> tuple[list[Round], Candidate | None]:
+        """(the step between, the best model with two effects of which neither is sure alone), if that is sure.
+
+        A mismatch of two effects may be as much beside one of them as without: a function of the motion then explains
+        what is left as well as the effect does, until the other one is there, too.
+        """
+        if turn.base.left < self._from(turn.base):
+            return [], None
+        ahead = sorted(turn.others, key=lambda c: -turn.odds[c.effects[-1].name])[:AHEAD]
+        for first in ahead:
+            between, _ = self._forward(self._refitted(first), first.effects)
+            second = max(between.others, key=lambda c: between.odds[c.effects[-1].name], default=None)
+            if second is None:
+                continue
+            fits = [(second.effects, second.fit), ((), null.fit), (first.effects, first.fit)]
+            best, bare, one = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
+            charge, sure = self._charge(bare), self._from(best)
+            if log_odds(best, bare) + 2.0 * charge >= sure and log_odds(best, one) + charge >= sure:
+                return [replace(between, others=())], best
+        return [], None
 
     def _refitted(self, best: Candidate) -> Judged:
         """A model to go on from; with several effects refitted from about where it is, too."""

@@ -24,9 +24,9 @@ from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.model.verdict import NAMED, NOMINAL, SURE, EffectGain, Estimate
 from cable_envs.diagnosis.search import limit_cycles, stages
-from cable_envs.diagnosis.search.effects import Found, Round, Search
+from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.search.elsewhere import Group, asked_elsewhere, worse_than_claim
-from cable_envs.diagnosis.search.selection import Selection, confidence
+from cable_envs.diagnosis.search.selection import Found, Round, Selection, confidence
 
 BIAS = "sensor_bias"
 """Effect that is no constant, and nothing of the rig, where the sensor's zero drifts."""

@@ -1,4 +1,4 @@
-"""What a selection finds: the steps from the nominal refit to the last model, the odds, and what is left."""
+"""What a search finds, and the selection made of it: the steps to the last model, the odds, and what is left."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from cable_envs.diagnosis.evidence.bands import Bands
-from cable_envs.diagnosis.evidence.candidates import CALIBRATED
+from cable_envs.diagnosis.evidence.candidates import CALIBRATED, Candidate
 from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
@@ -21,6 +21,62 @@ REST = 0.05
 """Share of what was to be explained from which what is left is part of the answer."""
 MOST = 0.25
 """Share of it that may be left when something is named."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """A step forward: the model on which it stands, and the log odds over it of those with one effect more."""
+
+    base: Candidate
+    odds: Mapping[str, float]
+    score_tests: ScoreTests | None
+    bounded: Mapping[str, str]
+    """hypothesis -> what speaks against it"""
+    others: Sequence[Candidate] = ()
+    """of the first step: those with one effect more; they are compared under the noise of the first"""
+
+
+@dataclass(frozen=True)
+class Found:
+    """The last model, with the odds that an answer needs.
+
+    Parameters
+    ----------
+    null : Judged
+        The refit of the nominal parameters.
+    bare, best : Candidate
+        Without effects, and with those that are found, under one noise.
+    rounds : tuple of Round
+        Every step forward; the last one is of the step that found nothing.
+    without : Mapping of str to float
+        Effect -> log odds of the best model over the same without it.
+    rivals : Mapping of str to Mapping
+        Effect -> other hypotheses -> log odds of the best model over them in its place.
+    sure : float
+        Log odds from which one model is preferred.
+    """
+
+    null: Judged
+    bare: Candidate
+    best: Candidate
+    rounds: tuple[Round, ...]
+    without: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    sure: float = float(np.log(SURE))
+
+    @property
+    def learnt(self) -> bool:
+        """Whether the noise is learnt from what the best model leaves: odds are then less than they say."""
+        return self.sure > np.log(SURE)
+
+    def alternatives(self, name: str) -> tuple[str, ...]:
+        """Hypotheses that the records do not tell from an effect."""
+        return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < self.sure)
+
+    def against(self, name: str) -> list[float]:
+        """Log odds of the best model over all that have neither an effect nor one of its alternatives."""
+        clear = [odds for odds in self.rivals.get(name, {}).values() if odds >= self.sure]
+        return [self.without[name], *clear]
 
 
 @dataclass(frozen=True)
