@@ -2,11 +2,12 @@
 
 Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
 A tone in one sensor alone, what a coarse sensor rounds, and zeros that drift are nothing of the rig; tones and rounding
-are taken out before the rest is looked at. Spectra are asked only where noise limits: what a model is off by is no
-noise of a sensor.
+are taken out before the rest is looked at. A noise that is stated, or known from a record at rest, says that the sensor
+has neither tone nor drift beside it: they are then the rig's. Spectra are asked only where noise limits: what a model
+is off by is no noise of a sensor.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,6 +19,7 @@ from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
 from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
 from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
+from cable_envs.diagnosis.model.model import Block
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 
 STATED = 0.025
@@ -77,9 +79,10 @@ def _left(
     frame, raw = candidate.frame, joint.raw(candidate.peak)
     smooth = _smooth(candidate, raw, stated, compared.by_size)
     white = frame.whitener.flat(frame.blocks, raw)
-    known = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
+    over = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
     spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white, taken))
-    seen = [*spectra, *known]
+    known = _known(frame.blocks, stated)
+    seen = [*(replace(k, cause="") if k.channel in known else k for k in spectra), *over]
     of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
     if compared.by_size:
         share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)
@@ -117,7 +120,8 @@ def _smooth(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mapping[str
     beside = _beside_noise(candidate, raw, stated) if nothing or _drifts(by_itself) else []
     kinds = [max([k, *_same(k, beside)], key=lambda one: one.log_odds) for k in by_itself]
     drifting, cause = list(dict.fromkeys(kinds[k].channel for k in _drifts(kinds))), ""
-    if drifting and not _more_than_drifts(candidate, _drifts(by_itself)):
+    of_sensors = drifting and not _known(candidate.frame.blocks, stated) & set(drifting)
+    if of_sensors and not _more_than_drifts(candidate, _drifts(by_itself)):
         cause = "; ".join(f"{_plain(channel)}: {DRIFT}" for channel in drifting)
         beside = [k for k in beside if k.channel not in drifting]  # that tells nothing of what is slow
     most = max([k.log_odds - float(np.log(len(beside))) for k in beside], default=-np.inf)
@@ -174,11 +178,15 @@ def _beside_noise(candidate: Candidate, raw: Sequence[np.ndarray], stated: Mappi
 
     Odds are less than they say where the noise is learnt (`SURE_WHERE_LEARNT`).
     """
-    frame = candidate.frame
-    known = {*stated, *(b.channel for b in frame.blocks if b.noise is not None)}
+    frame, known = candidate.frame, _known(candidate.frame.blocks, stated)
     learnt = [c for c in frame.channels if c not in known]
     found = beside_noise(frame.blocks, frame.families, raw, candidate.remainder.sizes, learnt)
     return [replace(k, log_odds=k.log_odds - SURE_WHERE_LEARNT + float(np.log(SURE))) for k in found]
+
+
+def _known(blocks: Sequence[Block], stated: Collection[str]) -> set[str]:
+    """Channels whose noise is stated, or known from a record at rest: what is beside it is not the sensor's."""
+    return {*stated, *(b.channel for b in blocks if b.noise is not None)}
 
 
 def _drifts(smooth: Sequence[Leftover]) -> list[int]:

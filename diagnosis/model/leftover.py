@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from cable_envs.diagnosis.model.features import ELAPSED
+
 DRIFT = "its zero drifts"
 """How the cause ends of what is left of a sensor and changes with the elapsed time alone."""
 ALL = "all channels"
@@ -57,3 +59,13 @@ class Left:
     share: float
     kinds: tuple[Leftover, ...] = ()
     cause: str = ""
+
+    @property
+    def slow(self) -> str:
+        """That what is left is slow and could be of a sensor, were its noise not known; empty where it is not."""
+        if self.cause or not self.kinds or self.kinds[0].coordinate != ELAPSED:
+            return ""
+        return (
+            f"what is left is slow, most of all in {self.kinds[0].channel.replace('_', ' ')}: a zero of that sensor "
+            f"that drifts would look the same; it counts as the rig's where its noise is stated or known from rest"
+        )

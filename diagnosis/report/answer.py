@@ -107,7 +107,8 @@ def _faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[S
     said = [*(one.text for one in seen), *map(in_words, faults)]
     if selection.after.cause and selection.more:
         said.append(selection.after.cause)
-    return [f"of the data, not of the rig: {text}" for text in said]
+    slow = selection.after.slow if selection.more else ""
+    return [*(f"of the data, not of the rig: {text}" for text in said), *([slow] if slow else [])]
 
 
 def in_words(fault: EffectGain) -> str:
