@@ -1,8 +1,9 @@
 """Models with effects as candidates: refitted under one noise, with what they leave, ready to compare."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 
@@ -14,6 +15,8 @@ from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
 from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Model, Whitener
+
+Key = TypeVar("Key", bound=Hashable)
 
 SCALES = (0.01, 0.03, 0.1, 0.3, 1.0)
 """Standard deviations of a discrepancy that are tried, over the RMS of what the nominal refit leaves of its channel."""
@@ -166,6 +169,15 @@ def log_odds(one: Candidate, other: Candidate) -> float:
         fit = 0.5 * float(count @ np.log(other.squares / one.squares))
         return fit + one.remainder.occam - other.remainder.occam
     return ratio(one.frame, (one.remainder, one.best), (other.remainder, other.best))
+
+
+def best_of(found: Iterable[tuple[Key, Candidate]]) -> dict[Key, Candidate]:
+    """Of candidates with one key, which differ by where their effect is, that with the most evidence."""
+    best: dict[Key, Candidate] = {}
+    for key, candidate in found:
+        if key not in best or log_odds(candidate, best[key]) > 0.0:
+            best[key] = candidate
+    return best
 
 
 def agreement(one: Candidate, other: Candidate, spread: float) -> tuple[float, float]:

@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.evidence.candidates import Candidate, log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import Candidate, best_of, log_odds, under_one_noise
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.experiment.plan import GONE
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
@@ -81,7 +82,7 @@ def rivals(
     stated: Mapping[str, float],
     tell: Callable[[str], None] = lambda text: None,
 ) -> list[Rival]:
-    """The models, refitted to all records and compared under one noise.
+    """The models, refitted to all records and compared under one noise; of effects in several places the best counts.
 
     Parameters
     ----------
@@ -114,12 +115,13 @@ def rivals(
     fits = []
     for names in models:
         tell(f"refitting {' + '.join(names)}")
-        effects = tuple(known[n] for n in names)
-        fits.append((effects, _refitted(question.fit, null.whitener, null.fit, effects)))
+        several = product(*((known[n], *known[n].parts) for n in names))
+        fits += [(effects, _refitted(question.fit, null.whitener, null.fit, effects)) for effects in several]
     leader = int(np.argmin([fit.cost for _, fit in fits]))
     candidates = under_one_noise(question.fit, joint, fits, leader, stated, joint.left_by(null.fit))
     best = max(candidates, key=lambda c: log_odds(c, candidates[0]))
-    found = [Rival(" + ".join(h.name for h in c.effects), c, log_odds(best, c)) for c in candidates]
+    named = best_of((" + ".join(h.name for h in c.effects), c) for c in candidates)
+    found = [Rival(name, c, log_odds(best, c)) for name, c in named.items()]
     return sorted(found, key=lambda r: r.behind)
 
 

@@ -12,10 +12,10 @@ An effect that ends smaller than the records can tell (`Hypothesis.least`) is no
 model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
 """
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from cable_envs.diagnosis.evidence.candidates import (
     WIDE,
     Candidate,
     agreement,
+    best_of,
     log_odds,
     under_one_noise,
     with_central_slopes,
@@ -42,7 +43,6 @@ from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
 Keep = Callable[[str, Callable[[], Any]], Any]
-Key = TypeVar("Key", bound=Hashable)
 
 MOST = 8
 """Effects at the most."""
@@ -201,7 +201,7 @@ class Search:
             current, *others = under_one_noise(
                 self.fit, self.joint, fits, min(1, len(fits) - 1), self._stated, self._sizes
             )  # fmt: skip
-            others = list(_best((c.effects[-1].name, c) for c in others).values())
+            others = list(best_of((c.effects[-1].name, c) for c in others).values())
             stuck |= {h.name: why for c in others if (why := smaller(h := c.effects[-1], c.fit))}
             others = [c for c in others if c.effects[-1].name not in stuck]
             if not on_top or on_top[0][0][-1].name not in stuck:
@@ -333,7 +333,7 @@ class Search:
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
         sure = self._from(best)
-        for (name, other), model in _best(zip(of, models, strict=True)).items():
+        for (name, other), model in best_of(zip(of, models, strict=True)).items():
             odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
                 new = model.effects[-1]
@@ -358,15 +358,6 @@ def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> floa
     size = abs(one.peak.values[p.name] - h.nulls[p.name])
     found, most = agreement(one, other, WIDE * p.scale / max(size, 1e-300))
     return min(odds, found) if found < np.log(SURE) < most else odds
-
-
-def _best(found: Iterable[tuple[Key, Candidate]]) -> dict[Key, Candidate]:
-    """Of candidates with one key, which differ by where their effect is, that with the most evidence."""
-    best: dict[Key, Candidate] = {}
-    for key, candidate in found:
-        if key not in best or log_odds(candidate, best[key]) > 0.0:
-            best[key] = candidate
-    return best
 
 
 def _names(effects: Effects) -> frozenset[str]:

@@ -155,6 +155,17 @@ def test_odds_of_rivals_come_out_as_was_expected(bench):
     assert other.behind == pytest.approx(plan.expected[0, 1], rel=0.5)
 
 
+def test_a_rival_that_may_be_in_several_places_is_compared_in_the_best_of_them(tmp_path):
+    """As the search compares it: a place in which nothing is missing costs it no parameter."""
+    make(Case("skew", 1318, "cable_hole", "single", ("asymmetric_friction",), ">10"), tmp_path)
+    recording = load_recording(tmp_path)
+    question = told_at_rest(recording, ask(recording, request_of(recording)))
+    found = rivals(question, [("asymmetric_friction",), ("sensor_scale.drive_tension",)], {})
+    assert {rival.name for rival in found} == {"asymmetric_friction", "sensor_scale.drive_tension"}
+    (own,) = (r.candidate.effects[0] for r in found if r.name == "asymmetric_friction")
+    assert own.names == ("asymmetric_friction.contact",)
+
+
 def test_sensors_that_read_exactly_nothing_at_first_are_planned_with(tmp_path):
     """Readings that a planned record does not have fit no constant, whatever the first of them are."""
     make(Case("plain", 4711, "cable_hole", "nothing"), tmp_path)
