@@ -15,7 +15,6 @@ VERDICT = {
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
 
 
-_SHAKEN = " Something that shakes the rig where this sensor alone shows it would look the same."
 EVEN = 0.5
 """Confidence below which an effect is rather not there than there."""
 _MOST_DIGITS = 7
@@ -106,10 +105,12 @@ def headline(record: Mapping[str, Any]) -> str:
         beside = f"No effect is missing, but {rest}: too little beside what the rig's own effects explain."
         return (beside if rest else alone) + itself
     if verdict == "data_fault":
-        besides = (_SHAKEN if "a steady tone" in cause else "") + (f" Besides, {rest}." if rest else "")
+        besides = f" Besides, {rest}." if rest else ""
         if record["suspected"]:
             helps = f"The fit improves with {_suspects(record)}, of which nothing can be told before that is mended."
             return f"Your data before your physics: {cause}. {helps}{besides}"
+        if "a steady tone" in cause:
+            return f"Your data, or something that shakes the rig where one sensor alone shows it: {cause}.{besides}"
         return f"Your data, not your physics: nothing of the rig is missing, but {cause}.{besides}"
     if verdict == "unknown":
         return _unknown(record, rest)
