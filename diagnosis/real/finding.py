@@ -122,7 +122,7 @@ def _alone(found: Examined) -> tuple[EffectGain, ...]:
     null = selection.null.fit
     known = {h.name: h for h in question.hypotheses}
     joint = Joint(question.fit, question.heldout)
-    fits = list(refits(question.fit, null, selection.score_tests, None).items())
+    fits = list(refits(question.fit, null, selection.score_tests, question.nominals).items())
     best = max(range(len(fits)), key=lambda k: -fits[k][1].cost)
     models = [((), null), *(((known[name],), fit) for name, fit in fits)]
     bare, *others = under_one_noise(question.fit, joint, models, best + 1, {}, joint.left_by(null))

@@ -4,7 +4,7 @@ Hypotheses are ranked by the fall of the deviance less a charge for every furthe
 (Burnham, Anderson, Model Selection and Multimodel Inference, 2002); those that fall behind are given up early.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -54,7 +54,9 @@ class Refitted(EffectGain):
         return self.gain - CHARGE * (len(self.hypothesis.free) - 1)
 
 
-def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | None = None) -> list[Refitted]:
+def compare(
+    model: Model, base: Judged, scored: ScoreTests, nominals: Collection[str], weights: Whitener | None = None
+) -> list[Refitted]:
     """Refit the best-scored hypotheses on top of a model and rank them.
 
     Parameters
@@ -65,6 +67,8 @@ def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | 
         The model on top of which they are refitted.
     scored : ScoreTests
         Their scores around ``base``, and the noise under which these hold.
+    nominals : collection of str
+        Parameters of which the recording states a value.
     weights : Whitener, optional
         Of the refits; by default the noise that the best of them leaves.
 
@@ -78,7 +82,7 @@ def compare(model: Model, base: Judged, scored: ScoreTests, weights: Whitener | 
     most = chosen[0].gain if chosen else 0.0
     least = LEAST if weights is None else 0.0
     chosen = [s for s in chosen if s.gain >= max(OF_BEST * most, least)]
-    starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
+    starts = [start for score in chosen for start in _starts(model, base.fit, score, scored, nominals)]
     if not starts:
         return []
     first = _best_of(look(model, scored.whitener, starts, _GLANCE))
@@ -162,13 +166,13 @@ def _ranked(found: Sequence[Refitted], library: Sequence[str]) -> list[Refitted]
     return ranked
 
 
-def refits(model: Model, base: Fit, scored: ScoreTests, most: int | None = RIVALS) -> dict[str, Fit]:
-    """The best refit of each of the ``most`` best-scored hypotheses (None: of all) on top of ``base``, by name.
+def refits(model: Model, base: Fit, scored: ScoreTests, nominals: Collection[str]) -> dict[str, Fit]:
+    """The best refit of each hypothesis on top of ``base``, by name.
 
     Starts are those of `compare` and the best-scored probes as they are: a gap behind a spring has its own minimum.
     """
-    chosen = sorted(scored.best.values(), key=lambda s: -s.gain)[:most]
-    starts = [start for score in chosen for start in _starts(model, base, score, scored)]
+    chosen = sorted(scored.best.values(), key=lambda s: -s.gain)
+    starts = [start for score in chosen for start in _starts(model, base, score, scored, nominals)]
     for score in chosen:
         free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
         own = sorted((s for s in scored.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
@@ -186,7 +190,7 @@ def _best_of(fits: Sequence[AnyFit]) -> dict[str, AnyFit]:
     return best
 
 
-def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[Start]:
+def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests, nominals: Collection[str]) -> list[Start]:
     """Starts of a refit: the best probes of a hypothesis at the size that their scores suggest."""
     hypothesis = score.hypothesis
     free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
@@ -198,17 +202,20 @@ def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[S
         if values is not None and values not in found and len(found) < STARTS:
             found.append(values)
     starts = [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
-    believed = _believed(model, base)
+    believed = _believed(model, base, nominals)
     if believed:  # the refit has moved them to imitate what is missing: from there the way back is long
         starts += [Start(hypothesis.name, free, {**start.values, **believed}) for start in starts]
     return starts
 
 
-def _believed(model: Model, base: Fit) -> dict[str, float]:
-    """Nominal parameters at what the recording believes, where the refit has moved one far from it; else none."""
-    known = {p.name: p for p in model.parameters if p.name in base.free and p.std}
-    far = any(p.std is not None and abs(base.values[name] - p.start) > FAR * p.std for name, p in known.items())
-    return {name: p.start for name, p in known.items()} if far else {}
+def _believed(model: Model, base: Fit, nominals: Collection[str]) -> dict[str, float]:
+    """Nominal parameters at what the recording believes, where the refit has moved one far from it; else none.
+
+    Of one without a prior a size at which it matters is far.
+    """
+    known = [p for p in model.parameters if p.name in nominals and p.name in base.free]
+    far = any(abs(base.values[p.name] - p.start) > (FAR * p.std if p.std else p.scale) for p in known)
+    return {p.name: p.start for p in known} if far else {}
 
 
 def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:

@@ -273,7 +273,7 @@ class Search:
         stuck: dict[str, str] = {}
         for _ in range(AGAIN):
             among = replace(scored, best={n: s for n, s in scored.best.items() if n not in stuck})
-            ranked = self._keep("comparison", partial(compare, self.fit, base, among, self._weights))
+            ranked = self._keep("comparison", partial(compare, self.fit, base, among, self._nominals, self._weights))
             stuck |= {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
