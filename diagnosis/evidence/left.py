@@ -3,8 +3,9 @@
 Each is one way in which a model may be incomplete; the odds that something is left are those of all of them together.
 A tone in one sensor alone, what a coarse sensor rounds, and zeros that drift are nothing of the rig; tones and rounding
 are taken out before the rest is looked at. A noise that is stated, or known from a record at rest, says that the sensor
-has neither tone nor drift beside it: they are then the rig's. Spectra are asked only where noise limits: what a model
-is off by is no noise of a sensor.
+has neither tone nor drift beside it: they are then the rig's, but for mains. A tone that the record at rest shows is
+noise.
+Spectra are asked only where noise limits: what a model is off by is no noise of a sensor.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -16,9 +17,10 @@ from cable_envs.diagnosis.evidence.beside import as_leftover, beside_noise, most
 from cable_envs.diagnosis.evidence.candidates import DOMINANT, SCALES, Candidate, under_its_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
-from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences, tones, without_tones
+from cable_envs.diagnosis.evidence.shared import any_of, by_block, coherences
+from cable_envs.diagnosis.evidence.tones import tones, without_tones
 from cable_envs.diagnosis.model.features import ELAPSED
-from cable_envs.diagnosis.model.leftover import DRIFT, Left, Leftover
+from cable_envs.diagnosis.model.leftover import AT_REST, DRIFT, Left, Leftover
 from cable_envs.diagnosis.model.model import Block
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 
@@ -60,8 +62,9 @@ def left_by(joint: Joint, compared: Candidate, bare: Candidate, before: float, s
         taken += lines
         joint = without_tones(joint, joint.raw(candidate.peak), lines)
         candidate = _again(joint, compared, stated)
-    if taken and not (left.log_odds > np.log(SURE) and not left.cause):
-        worst, why = max((line.log_odds, _said(line)) for line in taken)
+    of_data = [line for line in taken if line.known != AT_REST]
+    if of_data and not (left.log_odds > np.log(SURE) and not left.cause):
+        worst, why = max((line.log_odds, _said(line)) for line in of_data)
         return replace(left, log_odds=worst, cause=why) if worst > left.log_odds else left
     return left
 
@@ -82,7 +85,7 @@ def _left(
     over = [k for c in frame.channels if (k := _over_noise(candidate, white, c, c in stated)) is not None]
     spectra = () if compared.by_size else (*coherences(frame.blocks, white), *tones(frame.blocks, raw, white, taken))
     known = _known(frame.blocks, stated)
-    seen = [*(replace(k, cause="") if k.channel in known else k for k in spectra), *over]
+    seen = [*(replace(k, cause="") if k.channel in known and not k.known else k for k in spectra), *over]
     of_rig, of_sensors = ([k for k in seen if bool(k.cause) is sensor] for sensor in (False, True))
     if compared.by_size:
         share = np.inf if compared is bare else _share_of_sizes(joint, candidate, compared, bare, stated)

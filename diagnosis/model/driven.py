@@ -14,7 +14,7 @@ of the sensor itself it whitens the output, as a noise known from a record at re
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -215,4 +215,4 @@ def with_input(own: float | RestNoise, passed: np.ndarray) -> RestNoise:
         covariance += own.covariance
     else:
         covariance[0] += own**2
-    return known_by(covariance)
+    return replace(known_by(covariance), lines=own.lines if isinstance(own, RestNoise) else ())

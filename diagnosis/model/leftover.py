@@ -6,6 +6,8 @@ from cable_envs.diagnosis.model.features import ELAPSED
 
 DRIFT = "its zero drifts"
 """How the cause ends of what is left of a sensor and changes with the elapsed time alone."""
+AT_REST, MAINS = "at rest", "mains"
+"""What may be known of a tone; either is of the sensor, whatever its noise is stated to be."""
 ALL = "all channels"
 """Channel of what several have together."""
 
@@ -26,6 +28,8 @@ class Leftover:
         What it is of the sensor or logger, where it can be nothing of the rig; else empty.
     at, height, error : tuple of float
         The smooth map: places along the coordinate, what is left there and its standard error; a frequency's place.
+    known : str
+        Of a tone: `AT_REST` if the record at rest shows it, too, `MAINS` if it has a frequency of mains; else empty.
     """
 
     channel: str
@@ -37,6 +41,7 @@ class Leftover:
     at: tuple[float, ...] = ()
     height: tuple[float, ...] = ()
     error: tuple[float, ...] = ()
+    known: str = ""
 
 
 @dataclass(frozen=True)

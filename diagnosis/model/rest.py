@@ -17,6 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import median_filter
 from scipy.optimize import minimize
 from scipy.signal import lfilter, oaconvolve
 
@@ -32,6 +33,10 @@ COARSE = 2.0
 """Standard deviations at rest that a sensor's step may have: what a larger one adds depends on the motion."""
 SHORT = 6
 """Coefficients of the autoregression, at most."""
+ABOUT = 40
+"""Powers to either side of a line that it is held against."""
+LINE = 1e-3
+"""Chance of a line where there is none."""
 _BANDS = 60
 _GRID = 2**17
 
@@ -44,6 +49,7 @@ class RestNoise:
     taps       | [order + 1] filter of all later ones
     covariance | [order + 1] of lags 0 and up, at rest
     std        | standard deviation over that at rest
+    lines      | frequencies of steady tones at rest, cycles per sample: hum
     """
 
     start: np.ndarray
@@ -52,6 +58,7 @@ class RestNoise:
     std: float = 1.0
     numbers: int = 0
     mean_deviance: float = 0.0
+    lines: tuple[float, ...] = ()
 
     @property
     def floor(self) -> float:
@@ -120,10 +127,24 @@ def noise_at_rest(values: np.ndarray, step: float = 0.0, longest: int | None = N
     f = np.maximum(np.arange(_GRID // 2 + 1) / _GRID, 0.5 / min(longest or len(values), len(values)))
     slow = _spectrum(power)
     first = _known(slow(f))
+    lines = lines_of(own, power)
     hum = learn_noise([first.whiten(moved)], SHORT)
     if not len(hum.short):
-        return first
-    return _known(_spectrum(power / _response(own, hum))(f) * _response(f, hum))
+        return replace(first, lines=lines)
+    return replace(_known(_spectrum(power / _response(own, hum))(f) * _response(f, hum)), lines=lines)
+
+
+def lines_of(f: np.ndarray, power: np.ndarray) -> tuple[float, ...]:
+    """Frequencies of the lines in a periodogram [n] at frequencies f [n] above 0, in the unit of these.
+
+    A power is held against the median of those about it. Under noise it is exponential, whatever the colour, and the
+    largest of n passes `LINE` once in 1 / `LINE` rests.
+    """
+    if len(power) <= 2 * ABOUT:
+        return ()
+    over = power * np.log(2.0) / np.maximum(median_filter(power, 2 * ABOUT + 1, mode="reflect"), 1e-300)
+    k = ABOUT + np.flatnonzero(over[ABOUT:] > np.log(len(power) / LINE))  # below, a colour's slope is steep
+    return tuple(f[k].tolist())
 
 
 def _known(density: np.ndarray) -> RestNoise:

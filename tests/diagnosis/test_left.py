@@ -13,18 +13,13 @@ from cable_envs.diagnosis.evidence.candidates import under_one_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.evidence.left import left_by
-from cable_envs.diagnosis.evidence.shared import (
-    bayes_bound,
-    coherence_evidence,
-    coherences,
-    one_phase,
-    tones,
-    without_tones,
-)
+from cable_envs.diagnosis.evidence.shared import bayes_bound, coherence_evidence, coherences
+from cable_envs.diagnosis.evidence.tones import of_mains, one_phase, tones, without_tones
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.leftover import ALL, Leftover
 from cable_envs.diagnosis.model.model import Block, Coordinate, learn_whitener
+from cable_envs.diagnosis.model.rest import noise_at_rest
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, Moving, Toy, along
 
 SURE = float(np.log(20.0))
@@ -169,6 +164,34 @@ def test_hum_in_each_sensor_is_of_the_sensors_and_a_vibration_is_not():
     assert shaken.log_odds > SURE and not shaken.cause
     line = next(k for k in shaken.kinds if k.coordinate == "frequency" and " and " not in k.channel)
     assert line.at[0] == pytest.approx(7.3, abs=0.1)
+
+
+def test_a_tone_that_the_record_at_rest_shows_is_noise():
+    """The phase differs from record to record, as it does between records and rest."""
+    rng = np.random.default_rng(6)
+    at_rest = rng.standard_normal(6000) + 2.0 * _hum(rng, 0.01 * np.arange(6000), 0)
+
+    def left(known):
+        models = [Sensors(4, own=_hum, memory=0.0, records=2), Sensors(504, own=_hum, memory=0.0, records=1)]
+        for model in models:
+            model.blocks[:] = [replace(b, noise=known) for b in model.blocks]
+        return _left(*models)
+
+    quiet = noise_at_rest(0.5 * rng.standard_normal(6000))
+    humming = noise_at_rest(0.5 * at_rest)
+    assert not quiet.lines and any(abs(f - 0.073) < 2e-4 for f in humming.lines)
+    assert left(humming).log_odds < SURE and not left(humming).cause
+    beside = left(quiet)  # the sensor had no tone: it is the rig's
+    assert beside.log_odds > SURE and not beside.cause
+
+
+def test_mains_are_of_the_sensors_with_one_phase_too_and_as_sampling_folds_them():
+    model = Sensors(4)
+    blocks = [replace(b, time=b.time * (1.0 / 92.0) / 0.01) for b in model.blocks]
+    assert [of_mains(f, blocks) for f in (42.0, 8.0, 34.0, 32.0, 28.0, 4.0, 20.0, 38.0)] == [True] * 6 + [False] * 2
+
+    shaken = _seen_by(4, seen=lambda t, y, v: 0.4 * np.sin(2.0 * np.pi * 40.0 * t))  # 60 Hz, read at 100 Hz
+    assert shaken.log_odds > SURE and "a steady tone of 40" in shaken.cause
 
 
 def test_zeros_that_drift_are_of_the_sensors_if_nothing_is_left_beside_them():

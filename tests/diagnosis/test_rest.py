@@ -58,6 +58,18 @@ def test_noise_known_from_rest_is_white_at_every_frequency_and_from_the_first_sa
     assert np.std(starts) == pytest.approx(1.0, abs=0.12)
 
 
+def test_a_line_at_rest_is_told_and_none_where_there_is_none():
+    rng, turn = np.random.default_rng(5), 2.0 * np.pi * np.arange(12_000)
+    colours = ("white", "marked", "flicker")
+    for kind in colours:
+        hum = 0.2 * np.sqrt(2.0) * (np.sin(0.0831 * turn) + np.sin(0.3712 * turn + 1.0))
+        lines = np.array(noise_at_rest(KINDS[kind](rng, 12_000) + hum).lines)
+        assert all(np.min(np.abs(lines - f)) < 1e-4 for f in (0.0831, 0.3712))
+        assert all(min(abs(f - 0.0831), abs(f - 0.3712)) < 3e-4 for f in lines)
+    found = [noise_at_rest(KINDS[kind](rng, 4000)).lines for kind in colours for _ in range(8)]
+    assert sum(map(len, found)) <= 1  # 1 rest of 1000
+
+
 def test_a_mean_wanders_no_more_from_record_to_record_than_within_one():
     """Flicker has no mean; a sensor that is zeroed before every record has one, within what its slowest wave does."""
     still = KINDS["flicker"](np.random.default_rng(7), 12_000)
