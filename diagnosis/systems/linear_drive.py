@@ -36,6 +36,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     GAINS,
     HOLD,
     OFFSET,
+    READ,
     SOFT,
     DriveModel,
     effort_of,
@@ -96,8 +97,10 @@ def prepare(recording: Recording, request: Request) -> Question:
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
             "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
         )
-    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()]
-    control = [*control, Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD)] if closed else []
+    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()] if closed else []
+    if closed:  # a controller is no slower than its log: what is read is on average half a sample old, at most
+        control.append(Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD))
+        control.append(Free(READ, 0.0, 0.0, 0.5 * period, 0.5 * period))
     candidates = _candidates(plant, recording, values, nominals, request, closed, period)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
     steps = _substeps(values, period, {h.name for h in candidates.asked})
@@ -118,7 +121,7 @@ def prepare(recording: Recording, request: Request) -> Question:
         )
     return Question(
         "linear_drive", made["fit"], made["heldout"], tuple(f.name for f in (*nominals, *control)),
-        (*GAINS, HOLD, OFFSET), candidates.asked, {f.name: _unit(plant, f.name) for f in free.values()},
+        (*GAINS, HOLD, READ, OFFSET), candidates.asked, {f.name: _unit(plant, f.name) for f in free.values()},
         lambda found, accepted: _rig(plant, {**values, **found, **limits}, accepted), tuple(notes), at_rest=closed,
         not_asked=candidates.not_asked,
     )  # fmt: skip
@@ -157,7 +160,7 @@ def _acts(name: str, recording: Recording) -> bool:
 
 
 def _unit(plant: Plant, name: str) -> str:
-    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", HOLD: "s", OFFSET: "N"}
+    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", HOLD: "s", READ: "s", OFFSET: "N"}
     return own[name] if name in own else plant.table[name].unit
 
 

@@ -38,6 +38,8 @@ column takes 7 ms so, and 11 to 14 with 32 or 64 of them."""
 GAINS = ("control.kp", "control.kv", "control.kd")
 HOLD = "control.hold"
 """s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
+READ = "control.read"
+"""s: who logs a held output between two steps of the controller reads it as old as it is; that is no sensor's delay."""
 OFFSET = "force_offset"
 SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
@@ -186,6 +188,7 @@ class DriveModel:
             effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
             if np.any(behind):
                 effort = effort - behind * np.gradient(v, self.period, axis=0)
+            effort = delayed(effort, shown[READ] / self.period)
             signals = {"position": y, "velocity": v, self.effort: effort, "motor_position": motor}
             return self._seen(columns, signals, first)
 
