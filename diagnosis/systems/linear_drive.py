@@ -55,6 +55,9 @@ REFITTED = ("mass",)
 """Refitted unless known."""
 LONGEST_HOLD = 7e-4
 """Drives are controlled at 1 kHz or faster, and compute a while; what is later than this is a lag."""
+IN_STEP = 0.2, 0.15
+"""Samples by which a held effort is read late, and their standard deviation: none of a log in step with its controller,
+none to a half of any other."""
 DAMPING = "belt_damping"
 _DAMPED = 0.2
 """Damping ratio at which a belt is looked for."""
@@ -100,7 +103,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()] if closed else []
     if closed:  # a controller is no slower than its log: what is read is on average half a sample old, at most
         control.append(Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD))
-        control.append(Free(READ, 0.0, 0.0, 0.5 * period, 0.5 * period))
+        control.append(Free(READ, IN_STEP[0] * period, 0.0, 0.5 * period, 0.5 * period, IN_STEP[1] * period))
     candidates = _candidates(plant, recording, values, nominals, request, closed, period)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
     steps = _substeps(values, period, {h.name for h in candidates.asked})

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clock import odds_of_lines
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES, with_logger
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.systems.question import Question
+from tests.support import drive_recording as drive
 
 PERIOD, COUNT, NOISE = 0.01, 3000, 0.005
 SHARES = (0.7, 2.3, 6.1, 13.0)
@@ -146,3 +148,19 @@ def test_a_filtered_speed_is_told_with_its_time_constant():
     values = found(filtered, "m/s")
     assert list(values) == [f"{FILTER}.place"]
     assert values[f"{FILTER}.place"] == pytest.approx(0.02, rel=0.05)
+
+
+@pytest.mark.parametrize(("late", "named"), [(0.003, False), (0.015, True)])
+def test_an_effort_that_is_read_less_than_half_a_sample_late_has_no_delay(tmp_path, late, named):
+    """Of a controller whose output is held, read by a logger that is not in step with it; samples are 10 ms apart."""
+
+    def read_late(_, table):
+        table[:, 4] = np.interp(table[:, 0] - late, table[:, 0], table[:, 4])
+        return table
+
+    drive.write(tmp_path, change=read_late)
+    found = diagnose(tmp_path, effects=["sensor_delay", "viscous_friction"])
+    assert [one.name for one in found.effects] == ["sensor_delay"] * named
+    for one in found.effects:
+        estimate = one.parameters["force"]
+        assert estimate.low < late < estimate.high < 0.03

@@ -176,7 +176,7 @@ def test_a_model_averages_what_it_predicts(long):
     fewer = thinning.thinned(clean, how(clean))
     asked = prepare(fewer, request_of(fewer, effects=["position_dependent_load"]))
     values = {p.name: p.start for p in asked.fit.parameters}
-    values |= {"viscous": VISCOUS, "load_stiffness": STIFFNESS, "control.hold": 1e-6}
+    values |= {"viscous": VISCOUS, "load_stiffness": STIFFNESS, "control.hold": 1e-6, "control.read": 0.0}
     values |= {"control.kp": KP, "control.kv": KV, "control.kd": KD}
     assert "load_stiffness" in values or "position_dependent_load.stiffness" in values
     values |= {n: STIFFNESS for n in values if n.endswith("load.stiffness") or n == "load_stiffness"}
