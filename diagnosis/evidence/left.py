@@ -4,8 +4,7 @@ Each is one way in which a model may be incomplete; the odds that something is l
 A tone in one sensor alone, what a coarse sensor rounds, and zeros that drift are nothing of the rig; tones and rounding
 are taken out before the rest is looked at. A noise that is stated, or known from a record at rest, says that the sensor
 has neither tone nor drift beside it: they are then the rig's, but for mains. A tone that the record at rest shows is
-noise.
-Spectra are asked only where noise limits: what a model is off by is no noise of a sensor.
+noise. Spectra are asked only where noise limits: what a model is off by is no noise of a sensor.
 """
 
 from collections.abc import Collection, Mapping, Sequence
