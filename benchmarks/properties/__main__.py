@@ -130,7 +130,7 @@ def _joined(found: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.
 def _convergence(where: tuple[str, ...], error: np.ndarray, sure: np.ndarray) -> Iterator[tuple[str, ...]]:
     if sure.any():
         late = int((error[sure] > MOST).sum())
-        what = f"difference to {FINER} times shorter steps" + (f" ({late} above 1 %)" if late else "")
+        what = "step error" + (f" ({late} above 1 %)" if late else "")
         yield (*where, what, f"{int(sure.sum())}", *_shown(error[sure]))
     if not sure.all():
         yield (*where, "rigs that do not determine their motion", f"{int((~sure).sum())} of {len(sure)}", "", "", "")
@@ -185,11 +185,12 @@ more than 10 000 are refused.
 | stiff cable | the stiffness of the cable, from a third of the shipped rig's to 1e9 N/m (circuit: 1e9 N) |
 | 20 g, 0.5 kg | the mass of the load is that |
 
-Differences are root mean squares of the worst signal, to steps that are {finer} times shorter: of positions relative to
-how much they move, of tensions and torques relative to those at the drive, of a servo's torque relative to itself.
-Encoders have no steps here: which step an encoder shows jumps, whatever the integration does.
+The *step error* is the difference to a run whose integration steps are {finer} times shorter: the root mean square of
+the worst signal, of positions relative to how much they move, of tensions and torques relative to those at the drive,
+of a servo's torque relative to itself. Encoders have no steps here: which step an encoder shows jumps, whatever the
+integration does.
 
-A rig *does not determine its motion* where the difference is above 1 %, and one whose parameters are 1e-4 larger or
+A rig *does not determine its motion* where the step error is above 1 %, and one whose parameters are 1e-4 larger or
 smaller moves more than 1 % differently too, in one of eight random directions (or of four with changes of 1e-6 and
 1e-9, which move what is chaotic). That is so for limit cycles of an unstable loop, and for loads at the edge of
 breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.

@@ -71,7 +71,7 @@ def main() -> None:
         append_images=frames[1:],
         duration=round(1000 * FRAME_SECONDS),
         loop=0,
-        quality=15,
+        quality=10,
         method=6,
     )
     print(f"wrote {FILE}: {len(frames)} frames, {FILE.stat().st_size / 1e6:.2f} MB")
