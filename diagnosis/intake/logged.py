@@ -1,4 +1,7 @@
-"""What a logger may do to its records: a clock that is not exact, speeds that it has filtered, a change of its clock.
+"""What a logger may do to its records: a clock that is not exact, speeds it has derived or filtered, a change of clock.
+
+A speed that is the difference of two places over the time between two samples is the mean over it, and late by half of
+it. That half has no size that could be chosen, and so it explains such a lateness better than a delay of any size.
 
 An export whose samples were taken on one clock and brought to another by straight lines has lost of every frequency f
 what a triangle of half the width P takes, the period of the first clock: sinc(f P)^2.
@@ -21,12 +24,15 @@ from cable_envs.diagnosis.model.model import Block, Free, Model
 from cable_envs.diagnosis.model.spikes import spikes
 from cable_envs.diagnosis.systems.question import Question
 
-CLOCK, FILTER, LINES = f"{LOGGER}clock", f"{LOGGER}filter", f"{LOGGER}lines"
-"""Names of the hypotheses; that of a filter goes on with the channel's."""
+CLOCK, LINES = f"{LOGGER}clock", f"{LOGGER}lines"
+DIFFERENCE, FILTER = f"{LOGGER}difference", f"{LOGGER}filter"
+"""Names of the hypotheses; those of what is done to a speed go on with the channel's."""
 STEP, MOST = 1e-4, 1e-2
 """Share by which times are made longer for the slope, and its bound."""
 SLOWEST, TYPICAL = 0.2, 0.01
 """s of a filter's time constant: its bound, and what is usual."""
+UNFILTERED = 0.1
+"""Time constant over the time between samples of a filter that does nothing to them."""
 SPEEDS = ("m/s", "rad/s")
 SHORTEST, LONGEST = OTHERS
 """Samples' distance of an earlier clock over that of the recording: what is told of it, and the bound."""
@@ -44,7 +50,7 @@ SEEN = 1e-9
 
 
 class Logged:
-    """A model with further parameters: the logger's clock, filters of speeds, and the period of an earlier clock.
+    """A model with further parameters: the logger's clock, what it does to speeds, and the period of an earlier clock.
 
     Predictions are linear in the clock; filters are of the first order.
 
@@ -55,14 +61,14 @@ class Logged:
     slopes : sequence of ndarray
         By block [T]: change of the prediction less what was measured for times that are longer by a share of
         themselves, over that share; empty where the clock is not asked.
-    filters : sequence of str
-        Channels whose filters are asked.
+    speeds : sequence of str
+        Channels of which differences and filters are asked.
     """
 
-    def __init__(self, model: Model, slopes: Sequence[np.ndarray], filters: Sequence[str]):
-        self._model, self._slopes, self._filters = model, list(slopes), list(filters)
+    def __init__(self, model: Model, slopes: Sequence[np.ndarray], speeds: Sequence[str]):
+        self._model, self._slopes, self._speeds = model, list(slopes), list(speeds)
         more = [_clock()] if self._slopes else []
-        more += [_filter(channel) for channel in self._filters]
+        more += [of(channel) for channel in self._speeds for of in (_difference, _filter)]
         more.append(_lines(self._period(model)))
         self.parameters: Sequence[Free] = [*model.parameters, *more]
         self._own = len(model.parameters)
@@ -89,17 +95,22 @@ class Logged:
         earlier = rest.pop()
         if np.any(earlier > 0.0):
             found = [_in_lines(p, b.time, earlier) for p, b in zip(found, self.blocks, strict=True)]
-        for channel, seconds in zip(self._filters, rest, strict=True):
-            if np.any(seconds > 0.0):
-                found = [
-                    filtered(p, b.time, seconds) if b.channel == channel else p
-                    for p, b in zip(found, self.blocks, strict=True)
-                ]
+        for channel, behind, seconds in zip(self._speeds, rest[::2], rest[1::2], strict=True):
+            for k, block in enumerate(self.blocks):
+                if block.channel == channel and np.any(behind > 0.0):
+                    found[k] = _derived(found[k], block.time, behind)
+                if block.channel == channel and np.any(seconds > 0.0):
+                    found[k] = filtered(found[k], block.time, seconds)
         return found
 
 
 def _clock() -> Free:
     return Free(CLOCK, 0.0, -MOST, MOST, 1e-3)
+
+
+def _difference(channel: str) -> Free:
+    """Time constant of the filter behind a difference: far shorter than a sample it is none, at 0 no difference."""
+    return Free(f"{DIFFERENCE}.{channel}", 0.0, 0.0, SLOWEST, TYPICAL)
 
 
 def _filter(channel: str) -> Free:
@@ -108,6 +119,22 @@ def _filter(channel: str) -> Free:
 
 def _lines(period: float) -> Free:
     return Free(LINES, 0.0, 0.0, LONGEST * period, period)
+
+
+def _derived(series: np.ndarray, time: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Series [T, n] as the differences of a logger that filters them with time constants [n], where these are not 0.
+
+    A difference is the mean since the sample before, here of cubics through four samples; the first sample is as it is.
+    The filter knows the samples alone, as in software, y_k = y_(k-1) + (1 - exp(-P/tau)) (x_k - y_(k-1)).
+    """
+    period, found = float(np.median(np.diff(time))), series.copy()
+    for k in np.flatnonzero(seconds > 0.0):
+        padded = np.concatenate([series[:1, k], series[:1, k], series[:, k], series[-1:, k]])
+        mean = (13.0 * (padded[1:-2] + padded[2:-1]) - padded[:-3] - padded[3:]) / 24.0
+        mean[0] = series[0, k]
+        keep = float(np.exp(-period / seconds[k]))
+        found[:, k], _ = lfilter([1.0 - keep], [1.0, -keep], mean, zi=[keep * mean[0]])
+    return found
 
 
 def _in_lines(series: np.ndarray, time: np.ndarray, period: np.ndarray) -> np.ndarray:
@@ -162,19 +189,17 @@ def with_logger(question: Question, stretched: Question | None, of_lines: float 
     """
     slopes = [] if stretched is None else _slopes(question, stretched)
     speeds = dict.fromkeys(b.channel for b in question.fit.blocks if b.unit in SPEEDS)
+    period = float(np.median(np.diff(question.fit.blocks[0].time)))
     hypotheses, units = [], {}
     if slopes:
         clock = _hypothesis(CLOCK, _clock(), (1e-3, -1e-3), "t -> (1 + c) t", "time a minute by a good clock")
         hypotheses.append(replace(clock, alike=True))
         units[CLOCK] = "1"
     for channel in speeds:
-        free = _filter(channel)
-        law = "tau dv'/dt = v - v'"
-        hypotheses.append(
-            _hypothesis(free.name, free, (0.5 * TYPICAL, 2.0 * TYPICAL), law, "log the position and derive it")
-        )
-        units[free.name] = "s"
-    lines = _lines(float(np.median(np.diff(question.fit.blocks[0].time))))
+        for one in _of_speed(channel, period):
+            hypotheses.append(one)
+            units[one.name] = "s"
+    lines = _lines(period)
     law = "x(f) -> sinc(f P)^2 x(f)"
     earlier = _hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken")
     refused = {} if slopes else {CLOCK: UNSEEN}
@@ -213,6 +238,17 @@ def _of_rig(values: Mapping[str, float]) -> dict[str, float]:
 
 def _hypothesis(name: str, free: Free, sizes: Sequence[float], law: str, experiment: str) -> Hypothesis:
     return Hypothesis(name, (free,), tuple(({free.name: s},) for s in sizes), law, experiment, nulls={free.name: 0.0})
+
+
+def _of_speed(channel: str, period: float) -> list[Hypothesis]:
+    """That a speed is a difference of places ``period`` apart, or was filtered."""
+    experiment, usual = "log the position and derive it", (0.5 * TYPICAL, 2.0 * TYPICAL)
+    difference, slow = _difference(channel), _filter(channel)
+    law = "v'_k = (x_k - x_(k-1)) / T, y_k = y_(k-1) + (1 - exp(-T/tau)) (v'_k - y_(k-1))"
+    return [
+        _hypothesis(difference.name, difference, (UNFILTERED * period, *usual), law, experiment),
+        _hypothesis(slow.name, slow, usual, "tau dv'/dt = v - v'", experiment),
+    ]
 
 
 def _slopes(question: Question, stretched: Question) -> list[list[np.ndarray]]:

@@ -16,7 +16,7 @@ from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
 from cable_envs.diagnosis.intake.after import Suspicion, after_fit
 from cable_envs.diagnosis.intake.gate import Quality
-from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES
+from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
@@ -118,11 +118,15 @@ def in_words(fault: EffectGain) -> str:
         return f"the logger's clock is off by {100.0 * estimate.value:+.3g} %"
     if fault.hypothesis.name == LINES:
         return f"all channels were brought from another clock, of {1e3 * estimate.value:.3g} ms, by straight lines"
+    kind, _, channel = fault.hypothesis.name.removeprefix(LOGGER).partition(".")
+    channel = channel.replace("_", " ")
     if not fault.hypothesis.of_logger:  # the bias of a sensor that drifts
-        channel = fault.hypothesis.name.partition(".")[2].replace("_", " ")
         return f"{channel}: its zero is off by {estimate.value:.3g} {estimate.unit} on average, and drifts"
-    channel = fault.hypothesis.name.removeprefix(f"{FILTER}.").replace("_", " ")
-    return f"{channel} was filtered with a time constant of {1e3 * estimate.value:.3g} ms"
+    filtered = f"was filtered with a time constant of {1e3 * estimate.value:.3g} ms"
+    if LOGGER + kind == DIFFERENCE:
+        late = f"{channel} is the difference of two places one sample apart, and so half a sample late"
+        return f"{late}, and {filtered}" if estimate.low > 0.0 else late
+    return f"{channel} {filtered}"
 
 
 def _unpredicted(selection: Selection) -> list[str]:

@@ -1,5 +1,6 @@
 """What a logger does to its records is found beside the effects of a rig: against signals that were logged so."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.signal import lfilter
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clock import odds_of_lines
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.logged import CLOCK, FILTER, LINES, with_logger
+from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, FILTER, LINES, with_logger
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.systems.question import Question
@@ -164,3 +165,37 @@ def test_an_effort_that_is_read_less_than_half_a_sample_late_has_no_delay(tmp_pa
     for one in found.effects:
         estimate = one.parameters["force"]
         assert estimate.low < late < estimate.high < 0.03
+
+
+def _derived(corner):
+    """A change of a drive's table: its speed is the difference of its own places, and filtered if there is a corner."""
+
+    def change(_, table):
+        keep = np.exp(-2.0 * np.pi * corner * PERIOD) if corner else 0.0
+        raw = np.diff(table[:, 2], prepend=2.0 * table[0, 2] - table[1, 2]) / PERIOD
+        table[:, 3], _ = lfilter([1.0 - keep], [1.0, -keep], raw, zi=[keep * raw[0]])
+        return table
+
+    return change
+
+
+@pytest.mark.parametrize("corner", [0.0, 30.0])
+def test_a_speed_that_is_the_difference_of_two_places_has_no_delay(tmp_path, corner):
+    drive.write(tmp_path, change=_derived(corner))
+    stated = tmp_path / "recording.yaml"
+    stated.write_text(re.sub(r"(column: v\n.*\n)\s+noise_std: .*\n", r"\1", stated.read_text()))
+    found = diagnose(tmp_path)
+    assert (found.verdict, found.effects) == ("data_fault", ())
+    assert [fault.name for fault in found.faults] == [f"{DIFFERENCE}.velocity"]
+    assert any("velocity is the difference of two places one sample apart" in note for note in found.notes)
+    (slow,) = found.faults[0].parameters.values()
+    assert slow.value == pytest.approx(1.0 / (2.0 * np.pi * corner), rel=0.1) if corner else slow.value < 0.2 * PERIOD
+
+
+def test_a_speed_that_is_late_by_less_than_a_difference_makes_it_is_none(tmp_path):
+    def late(_, table):
+        table[:, 3] = np.interp(table[:, 0] - 0.3 * PERIOD, table[:, 0], table[:, 3])
+        return table
+
+    drive.write(tmp_path, change=late)
+    assert not [f.name for f in diagnose(tmp_path).faults if DIFFERENCE in f.name]
