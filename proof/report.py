@@ -8,7 +8,7 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
 from cable_envs.core.text import markdown_code, markdown_text
-from cable_envs.proof.logs.by_kind import LABORATORY, outcomes
+from cable_envs.proof.logs.by_kind import LABORATORY, headline, outcomes
 from cable_envs.proof.scoring import LIMITS, Result, Row, calibration, confusion, failures, restored, table
 
 SCHEMA = "cable-proof/1"
@@ -118,7 +118,7 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
     lines += ["", *(f"- *{word}*: {meaning}" for word, meaning in WORDS.items())]
     lines += ["", SMALL_PRINT, "", limits_kept(first, broken)]
     if any(r.noise not in LABORATORY for r in results.get(first, ())):
-        lines += ["", "## By kind of log", "", outcomes(results[first])]
+        lines += ["", "## In short", "", headline(results[first]), "## By kind of log", "", outcomes(results[first])]
     return "\n".join(lines) + "\n"
 
 

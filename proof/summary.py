@@ -8,8 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.core.files import read_json
+from cable_envs.proof.logs.by_kind import LABORATORY, headline
 from cable_envs.proof.report import cell, wanted
-from cable_envs.proof.scoring import Row
+from cable_envs.proof.scoring import Row, restored
 
 LINES = (
     "effect adds more than 10 %: exact name",
@@ -33,6 +34,9 @@ METHODS = {"diagnose": "`diagnose`", "no refit": "without refit", "sparse regres
 def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> str:
     """The headline figures of a proof as a Markdown table.
 
+    A proof with logs as rigs make them has a table by kind of log, of the first method
+    (`cable_envs.proof.logs.by_kind.headline`).
+
     Exact names, and names or classes, are lines of their own: an answer that gives several effects which the recording
     cannot tell apart, the right one among them, counts in the second only.
 
@@ -53,8 +57,11 @@ def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> 
     KeyError
         Where the record lacks a method or a row.
     """
-    rows = {method: {row["name"]: row for row in record["methods"][method]["rows"]} for method in methods}
     first, *others = methods
+    own = [restored(case) for case in record["methods"][first]["cases"]]
+    if any(r.noise not in LABORATORY for r in own):
+        return headline(own)
+    rows = {method: {row["name"]: row for row in record["methods"][method]["rows"]} for method in methods}
     lines = [
         "| in the recording | wanted | " + " | ".join(methods.values()) + " |",
         "|---|--:|" + "--:|" * len(methods),

@@ -2,16 +2,107 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from typing import NamedTuple
 
-from cable_envs.proof.scoring import BANDS, Result
+from cable_envs.proof.scoring import BANDS, Result, calibration
 
-LABORATORY = ("white", "coloured")
+LABORATORY = ("white", "ar1", "flicker", "coloured")
 """Noises of generator A's proof, which knows no other kinds of logs."""
 WORDS = {
     "none": "no mismatch", "data": "fault of the data", "exact": "exact name", "class": "class that holds it",
     "partly": "one of two", "unknown": "unknown", "wrong": "wrong name", "failed": "no answer",
 }  # fmt: skip
 """Outcomes as columns are headed, in this order."""
+
+
+class Line(NamedTuple):
+    """A row of `headline`: recordings of these kinds and bands that have one of these outcomes."""
+
+    name: str
+    wanted: str
+    kinds: tuple[str, ...]
+    bands: tuple[str, ...]
+    outcomes: tuple[str, ...]
+
+
+_RIGHT, _ALL = ("exact", "class"), tuple(BANDS)
+HEADLINE = (
+    Line("effect adds more than 10 %: exact name", "", ("single",), (">10",), ("exact",)),
+    Line(
+        "effect adds more than 10 %: exact name or class", "95 %; 85 % of logs as rigs make them", ("single",),
+        (">10",), _RIGHT,
+    ),
+    Line("effect adds more than 10 %: wrong name", "at most 3 %", ("single",), (">10",), ("wrong",)),
+    Line("effect adds 3 to 10 %: exact name", "", ("single",), ("3-10",), ("exact",)),
+    Line("effect adds 3 to 10 %: exact name or class", "", ("single",), ("3-10",), _RIGHT),
+    Line("effect adds 1 to 3 %: exact name", "", ("single",), ("1-3",), ("exact",)),
+    Line("effect adds 1 to 3 %: exact name or class", "", ("single",), ("1-3",), _RIGHT),
+    Line("effect of any size: wrong name", "", ("single",), _ALL, ("wrong",)),
+    Line("two effects at once: exact names of both", "", ("pair",), (), ("exact",)),
+    Line("two effects at once: exact names or class of both", "", ("pair",), (), _RIGHT),
+    Line(
+        'physics outside the library: "unknown"', "85 %; 70 % of logs as rigs make them", ("strange",), (),
+        ("unknown",),
+    ),
+    Line("nothing missing: an effect is named", "at most 5 %", ("nothing",), (), ("wrong",)),
+    Line('nothing missing: "unknown"', "at most 10 %", ("nothing",), (), ("unknown",)),
+    Line("nothing missing: a fault of the data", "", ("nothing",), (), ("data",)),
+    Line("nothing missing: no answer", "", ("nothing",), (), ("failed",)),
+    Line("only parameters wrong: an effect is named", "at most 5 %", ("decoy",), (), ("wrong",)),
+    Line('only parameters wrong: "unknown"', "at most 10 %", ("decoy",), (), ("unknown",)),
+)  # fmt: skip
+"""Rows of `headline`; without bands, recordings with whatever is added."""
+SURE = 0.95
+"""Stated confidence of which `headline` says how often it is right."""
+
+
+def headline(results: Sequence[Result]) -> str:
+    """What a proof with logs as rigs make them says in a dozen lines.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        Of one method.
+
+    Returns
+    -------
+    str
+        A table with counts of all recordings, of those with white noise that is stated, of those with a record at rest,
+        and of all other logs, and a sentence on the stated confidences.
+    """
+    groups = {
+        "all": list(results),
+        "white": [r for r in results if r.noise == "white"],
+        "at rest": [r for r in results if r.noise == "rest"],
+        "as rigs make them": [r for r in results if r.noise not in ("white", "rest")],
+    }
+    lines = [f"| in the recording | wanted | {' | '.join(groups)} |", f"|---|---|{'--:|' * len(groups)}"]
+    for line in HEADLINE:
+        cells = [_share([r.outcome in line.outcomes for r in own if _of(line, r)]) for own in groups.values()]
+        lines.append(f"| {line.name} | {line.wanted} | {' | '.join(cells)} |")
+    cells = [_share([hit for r in own for _, hit in r.intervals]) for own in groups.values()]
+    lines.append(f"| 95 % intervals of parameters that contain the true value | 90 to 99 % | {' | '.join(cells)} |")
+    return "\n".join([*lines, "", _confidences(results)]) + "\n"
+
+
+def _of(line: Line, result: Result) -> bool:
+    return result.kind in line.kinds and (not line.bands or result.band in line.bands)
+
+
+def _share(hits: Sequence[bool]) -> str:
+    return f"{sum(hits)} of {len(hits)}" if hits else "–"
+
+
+def _confidences(results: Sequence[Result]) -> str:
+    claims = [claim for r in results for claim in r.claims]
+    if not claims:
+        return "No confidence is stated."
+    sure = [right for stated, right in claims if stated >= SURE]
+    off = sum(b["answers"] * abs(b["stated"] - b["share"]) for b in calibration(results)) / len(claims)
+    return (
+        f"The confidences of {len(claims)} named effects are off by {off:.3f} on average (expected calibration error; "
+        f"at most 0.03 was wanted): of {len(sure)} of {SURE:g} and more, {sum(sure)} are right."
+    )
 
 
 def outcomes(results: Sequence[Result]) -> str:
