@@ -13,8 +13,10 @@ import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.engine import Examined, examine
-from cable_envs.diagnosis.fit.likelihood import refit_and_learn
-from cable_envs.diagnosis.fit.refit import Fit, Start
+from cable_envs.diagnosis.evidence.candidates import under_one_noise
+from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
+from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
+from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import reweighted_refit, rmse
 from cable_envs.diagnosis.model.model import Model, residuals
 from cable_envs.diagnosis.model.verdict import EffectGain
@@ -135,10 +137,18 @@ def parameters(fit: Fit, samples: float) -> dict[str, dict[str, Any]]:
 
 
 def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str, Any]]:
-    """Each of `ABLATED` taken out of the full model, all else refitted, and the rest diagnosed."""
+    """Each of `ABLATED` taken out of the full model, all else refitted, and the rest diagnosed.
+
+    What is left is judged as that of a rig with effects, and refitted with the weights of the full model: a discrepancy
+    is counted in what a model without any leaves.
+    """
     fit, heldout, whole_steps = whole.question.fit, whole.question.heldout, whole.diagnosis.steps
     full, there = whole.selection.final.fit, inside(whole_steps)
     known = {h.name: h for h in candidates().asked}
+    joint = Joint(fit, heldout)
+    bare = sizes_of(joint.blocks, joint.raw(whole.selection.null.fit))
+    (model,) = under_one_noise(fit, joint, [((), full)], 0, {}, bare)
+    weights = model.frame.whitener
     rows = []
     for name in (n for n in ABLATED if n in there):
         gone = known[name].names
@@ -147,9 +157,10 @@ def ablations(whole: Examined, tell: Tell = lambda text: None) -> list[dict[str,
         free = tuple(n for n in full.free if n not in gone)
         start = Start("", free, {**full.values, **{n: LIMITS[n].null for n in gone}})
         missing = [h for h in candidates().asked if not set(h.names) & set(free)]
-        null = refit_and_learn(fit, [start])
-        found = Search(fit, heldout, (), missing, np.random.default_rng(0), most=1).run(null)
-        rows.append(_ablated(name, whole, null.fit, found))
+        alone = refit(fit, weights, [start])[0]
+        null = Judged(alone, tuple(raw_residuals(fit, alone)), weights, 0.0)
+        found = Search(fit, heldout, (), missing, np.random.default_rng(0), without=bare, most=1).run(null)
+        rows.append(_ablated(name, whole, alone, found))
         tell(f"without {name}: {rows[-1]['found'] or 'nothing'} ({rows[-1]['log_odds']:.1f})")
     return rows
 
