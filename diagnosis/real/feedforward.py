@@ -18,6 +18,7 @@ from cable_envs.diagnosis.systems.common import smooth_speed
 from cable_envs.diagnosis.systems.transmission import Run, TransmissionModel, driven, zero_of
 from cable_envs.plants.transmission.plant import PLANT
 
+GAP = "backlash.gap"
 MOVING = 0.25
 """rad/s of the jaw from which a sample counts as moving."""
 ROUNDS = 40
@@ -34,7 +35,8 @@ def command(run: Run, values: Mapping[str, float], wish: np.ndarray, load: np.nd
     """Drive angle and torque with which the plant does as wished.
 
     Friction turns round with the jaw: a command may jump across its band, so the part of it that sticks is taken by the
-    sign of the motion (pre-sliding's share 0). Sensors are not late in what is commanded.
+    sign of the motion (pre-sliding's share 0). So is the gap: its drive is at the edge in that direction, and does not
+    cross it for the noise of a measured wish. Sensors are not late in what is commanded.
 
     Parameters
     ----------
@@ -56,12 +58,13 @@ def command(run: Run, values: Mapping[str, float], wish: np.ndarray, load: np.nd
         Where the plant cannot do as wished.
     """
     taken = {k: v for k, v in values.items() if k in PLANT.table}
-    taken |= {"presliding_hysteresis.share": 0.0, "sensor_delay.output_angle": 0.0}
+    lost = 0.5 * taken.get(GAP, 0.0)
+    taken |= {"presliding_hysteresis.share": 0.0, "sensor_delay.output_angle": 0.0, GAP: 0.0}
     columns = np.repeat(PLANT.table.pack(taken)[:, None], 3, axis=1)
     period = float(np.median(np.diff(run.blocks[0].time)))
     _, way = since_reversal(wish)
     ratio = values["ratio"]
-    path = wish - values[zero_of(run.group)]
+    path = wish - values[zero_of(run.group)] + lost * way
     asked = Run(path, load, smooth_speed(path / ratio, period), way, run.group, run.blocks)
     aim = np.stack([path, load], axis=1)
     x, torque = (path + BEYOND * way) / ratio, load * ratio + BEYOND * way

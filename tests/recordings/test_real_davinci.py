@@ -187,6 +187,18 @@ def test_feedforward_undoes_the_transmission():
     np.testing.assert_allclose(torque[turned], run.torque[turned], atol=1e-6)
 
 
+def test_feedforward_takes_a_gap_up_in_the_direction_of_motion_and_not_for_the_noise_of_the_wish():
+    gap, ratio = 0.03, 0.9
+    run = made(0.12, 0.2, "made", ratio=ratio)
+    wish = ratio * run.x + 2e-4 * np.random.default_rng(0).standard_normal(len(TIME))
+    values = {**NULLS, "ratio": ratio, "backlash.gap": gap, "zero.all": 0.0, "torque_zero": 0.0}
+    x, _ = command(run, values, wish, run.torque / ratio)
+    ahead = ratio * x - wish
+    np.testing.assert_allclose(np.abs(ahead), 0.5 * gap, atol=1e-9)
+    moving = np.abs(np.gradient(run.x, PERIOD)) > 0.2 * np.abs(np.gradient(run.x, PERIOD)).max()
+    np.testing.assert_array_equal(np.sign(ahead[moving]), np.sign(np.gradient(run.x, PERIOD)[moving]))
+
+
 def test_hypotheses_of_the_command_line():
     assert [h.name for h in candidates(Request(only=("backlash",))).asked] == ["backlash"]
     assert "sensor_scale.output_torque" not in [h.name for h in candidates(Request(without=("sensor_scale",))).asked]
