@@ -283,12 +283,13 @@ def table(results: Sequence[Result]) -> list[Row]:
 
 
 def _by_noise(name: str, results: Sequence[Result], outcomes: Sequence[str]) -> list[Row]:
-    """White noise, which recordings state, and coloured noise, of which they have a record at rest."""
+    """White noise, which recordings state, and all other, of which those of generator A have a record at rest."""
     white = [r for r in results if r.noise == "white"]
-    coloured = [r for r in results if r.noise != "white"]
+    others = [r for r in results if r.noise != "white"]
+    at_rest = all(r.noise in ("ar1", "flicker") for r in others)
     return [
         _row(f"{name} (white noise, stated)", _in(white, outcomes)),
-        _row(f"{name} (coloured noise, recorded at rest)", _in(coloured, outcomes)),
+        _row(f"{name} ({'coloured noise, recorded at rest' if at_rest else 'all other logs'})", _in(others, outcomes)),
     ]
 
 
