@@ -105,7 +105,10 @@ def rivals(
     ConfigurationError
         For names that are no hypotheses of this recording.
     """
-    known = {h.name: h for h in question.hypotheses}
+    known: dict[str, list[Hypothesis]] = {}
+    for h in question.hypotheses:  # an answer's alternatives have the effect's name alone, whichever sensor they are of
+        for name in dict.fromkeys((h.name, h.canonical)):
+            known.setdefault(name, []).append(h)
     for names in models:
         require_known("effect", names, sorted(known))
     if not models:
@@ -115,7 +118,7 @@ def rivals(
     fits = []
     for names in models:
         tell(f"refitting {' + '.join(names)}")
-        several = product(*((known[n], *known[n].parts) for n in names))
+        several = product(*([one for h in known[n] for one in (h, *h.parts)] for n in names))
         fits += [(effects, _refitted(question.fit, null.whitener, null.fit, effects)) for effects in several]
     leader = int(np.argmin([fit.cost for _, fit in fits]))
     candidates = under_one_noise(question.fit, joint, fits, leader, stated, joint.left_by(null.fit))

@@ -164,6 +164,10 @@ def test_a_rival_that_may_be_in_several_places_is_compared_in_the_best_of_them(t
     assert {rival.name for rival in found} == {"asymmetric_friction", "sensor_scale.drive_tension"}
     (own,) = (r.candidate.effects[0] for r in found if r.name == "asymmetric_friction")
     assert own.names == ("asymmetric_friction.contact",)
+    # an answer names its alternatives without their sensors: each that it may be of is a rival
+    asked = {h.name for h in question.hypotheses if h.canonical == "sensor_scale"}
+    every = rivals(question, [("asymmetric_friction",), ("sensor_scale",)], {})
+    assert {rival.name for rival in every} == {"asymmetric_friction", *asked}
 
 
 def test_sensors_that_read_exactly_nothing_at_first_are_planned_with(tmp_path):
