@@ -65,3 +65,13 @@ def test_a_proof_with_such_logs_has_the_table_in_its_page_and_summary():
     assert summary(record({"diagnose": CASES}, about)) == table
     with pytest.raises(KeyError, match="no such method"):
         summary(record({"diagnose": CASES}, about), {"no such method": ""})
+
+
+def test_a_proof_of_laboratory_logs_has_a_column_for_each_method():
+    own = [_case("single", "white", outcome, ">10") for outcome in ("exact", "class", "wrong")]
+    other = [_case("single", "white", "wrong", ">10") for _ in own]
+    about = {"command": "cablebench blind-test", "cases_total": 3}
+    text = summary(record({"diagnose": own, "no refit": other, "sparse regression": other}, about))
+    assert text.startswith("| in the recording | wanted | `diagnose` | without refit | SINDy |")
+    (exact, known, _) = [line for line in text.splitlines() if "more than 10 %" in line] + [""]
+    assert exact.endswith("1/3 | 0 of 3 | 0 of 3 |") and known.endswith("2/3 | 0 of 3 | 0 of 3 |")
