@@ -67,8 +67,27 @@ def headline(results: Sequence[Result]) -> str:
     Returns
     -------
     str
-        A table with counts of all recordings, of those with white noise that is stated, of those with a record at rest,
-        and of all other logs, and a sentence on the stated confidences.
+        `headline_rows` as a Markdown table, and `confidences`.
+    """
+    head, *rows = headline_rows(results)
+    lines = [f"| {' | '.join(head)} |", f"|---|---|{'--:|' * (len(head) - 2)}"]
+    lines += [f"| {' | '.join(row)} |" for row in rows]
+    return "\n".join([*lines, "", confidences(results)]) + "\n"
+
+
+def headline_rows(results: Sequence[Result]) -> list[tuple[str, ...]]:
+    """The head and the rows of `headline`.
+
+    Parameters
+    ----------
+    results : sequence of Result
+        Of one method.
+
+    Returns
+    -------
+    list of tuple of str
+        What is counted, what was wanted, and counts of all recordings, of those with white noise that is stated, of
+        those with a record at rest, and of all other logs.
     """
     groups = {
         "all": list(results),
@@ -76,13 +95,12 @@ def headline(results: Sequence[Result]) -> str:
         "at rest": [r for r in results if r.noise == "rest"],
         "as rigs make them": [r for r in results if r.noise not in ("white", "rest")],
     }
-    lines = [f"| in the recording | wanted | {' | '.join(groups)} |", f"|---|---|{'--:|' * len(groups)}"]
+    rows = [("in the recording", "wanted", *groups)]
     for line in HEADLINE:
         cells = [_share([r.outcome in line.outcomes for r in own if _of(line, r)]) for own in groups.values()]
-        lines.append(f"| {line.name} | {line.wanted} | {' | '.join(cells)} |")
+        rows.append((line.name, line.wanted, *cells))
     cells = [_share([hit for r in own for _, hit in r.intervals]) for own in groups.values()]
-    lines.append(f"| 95 % intervals of parameters that contain the true value | 90 to 99 % | {' | '.join(cells)} |")
-    return "\n".join([*lines, "", _confidences(results)]) + "\n"
+    return [*rows, ("95 % intervals of parameters that contain the true value", "90 to 99 %", *cells)]
 
 
 def _of(line: Line, result: Result) -> bool:
@@ -93,7 +111,8 @@ def _share(hits: Sequence[bool]) -> str:
     return f"{sum(hits)} of {len(hits)}" if hits else "–"
 
 
-def _confidences(results: Sequence[Result]) -> str:
+def confidences(results: Sequence[Result]) -> str:
+    """A sentence: how far stated confidences are from the share that is right, and how often the surest are."""
     claims = [claim for r in results for claim in r.claims]
     if not claims:
         return "No confidence is stated."

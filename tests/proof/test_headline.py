@@ -6,6 +6,7 @@ from cable_envs.proof.logs.by_kind import headline
 from cable_envs.proof.report import markdown, record
 from cable_envs.proof.scoring import Result
 from cable_envs.proof.summary import summary
+from cablebench.pages.proof import render
 
 
 def _case(kind, noise, outcome, band="", claims=(), intervals=()):
@@ -61,6 +62,9 @@ def test_how_far_confidences_are_off_is_the_expected_calibration_error():
 def test_a_proof_with_such_logs_has_the_table_in_its_page_and_summary():
     about = {"command": "cablebench blind-test", "cases_total": len(CASES)}
     table = headline(CASES)
+    page = render({**record({"diagnose": CASES}, {**about, "command": "; ".join(["cablebench blind-test"] * 20)})})
+    assert "<td>3 of 4</td>" in page and "of 4 named effects are off by" in page
+    assert page.count("Limits exceeded by diagnose") == 1 and "<summary>The commands of its parts</summary>" in page
     assert table in markdown({"diagnose": CASES}, about)
     assert summary(record({"diagnose": CASES}, about)) == table
     with pytest.raises(KeyError, match="no such method"):
