@@ -8,8 +8,18 @@ from typing import Any
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
 from cable_envs.core.text import markdown_code, markdown_text
-from cable_envs.proof.logs.by_kind import LABORATORY, headline, outcomes
-from cable_envs.proof.scoring import LIMITS, Result, Row, calibration, confusion, failures, restored, table
+from cable_envs.proof.logs.by_kind import headline, outcomes
+from cable_envs.proof.scoring import (
+    LIMITS,
+    Result,
+    Row,
+    calibration,
+    confusion,
+    failures,
+    of_laboratory,
+    restored,
+    table,
+)
 
 SCHEMA = "cable-proof/1"
 
@@ -117,7 +127,7 @@ def markdown(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) 
         lines += ["", "This is a sample: a limit counts as exceeded where the 95 % interval of the share is beyond it."]
     lines += ["", *(f"- *{word}*: {meaning}" for word, meaning in WORDS.items())]
     lines += ["", SMALL_PRINT, "", limits_kept(first, broken)]
-    if any(r.noise not in LABORATORY for r in results.get(first, ())):
+    if not of_laboratory(results.get(first, ())):
         lines += ["", "## In short", "", headline(results[first]), "## By kind of log", "", outcomes(results[first])]
     return "\n".join(lines) + "\n"
 

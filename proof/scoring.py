@@ -22,6 +22,8 @@ SEEN = 100.0
 
 BANDS = {">10": "more than 10 %", "3-10": "3 to 10 %", "1-3": "1 to 3 %"}
 """What a concealed effect adds to the RMS of the residual, in words."""
+LABORATORY = ("white", "ar1", "flicker", "coloured")
+"""Noises of proofs without logs as rigs make them: stated, or known from a record at rest."""
 LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
 """Most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
 
@@ -282,11 +284,16 @@ def table(results: Sequence[Result]) -> list[Row]:
     return rows
 
 
+def of_laboratory(results: Iterable[Result]) -> bool:
+    """Whether no recording has a log as rigs make them."""
+    return all(r.noise in LABORATORY for r in results)
+
+
 def _by_noise(name: str, results: Sequence[Result], outcomes: Sequence[str]) -> list[Row]:
     """White noise, which recordings state, and all other, of which those of generator A have a record at rest."""
     white = [r for r in results if r.noise == "white"]
     others = [r for r in results if r.noise != "white"]
-    at_rest = all(r.noise in ("ar1", "flicker") for r in others)
+    at_rest = of_laboratory(others)
     return [
         _row(f"{name} (white noise, stated)", _in(white, outcomes)),
         _row(f"{name} ({'coloured noise, recorded at rest' if at_rest else 'all other logs'})", _in(others, outcomes)),

@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.core.files import read_json
-from cable_envs.proof.logs.by_kind import LABORATORY, headline
+from cable_envs.proof.logs.by_kind import headline
 from cable_envs.proof.report import cell, wanted
-from cable_envs.proof.scoring import Row, restored
+from cable_envs.proof.scoring import Row, of_laboratory, restored
 
 LINES = (
     "effect adds more than 10 %: exact name",
@@ -59,7 +59,7 @@ def summary(record: Mapping[str, Any], methods: Mapping[str, str] = METHODS) -> 
     """
     first, *others = methods
     own = [restored(case) for case in record["methods"][first]["cases"]]
-    if any(r.noise not in LABORATORY for r in own):
+    if not of_laboratory(own):
         return headline(own)
     rows = {method: {row["name"]: row for row in record["methods"][method]["rows"]} for method in methods}
     lines = [

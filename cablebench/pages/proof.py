@@ -5,9 +5,9 @@ from typing import Any
 
 from cable_envs.drawing import pages
 from cable_envs.drawing.charts import BLUE, GRID, INK, SOFT, svg
-from cable_envs.proof.logs.by_kind import LABORATORY, confidences, headline_rows
+from cable_envs.proof.logs.by_kind import confidences, headline_rows
 from cable_envs.proof.report import SMALL_PRINT, WORDS, limits_kept, missing_words, wanted
-from cable_envs.proof.scoring import restored
+from cable_envs.proof.scoring import of_laboratory, restored
 
 
 def render(record: Mapping[str, Any]) -> str:
@@ -27,8 +27,7 @@ def render(record: Mapping[str, Any]) -> str:
     content |= {"broken": record["broken_rules"], "missing": missing_words(record), "small_print": SMALL_PRINT}
     content |= {"limits_kept": limits_kept(next(iter(methods), "nobody"), record["broken_rules"])}
     own = [restored(case) for case in next(iter(methods.values()), {"cases": []})["cases"]]
-    of_rigs = any(r.noise not in LABORATORY for r in own)
-    content |= {"headline": headline_rows(own) if of_rigs else (), "confidences": confidences(own)}
+    content |= {"headline": () if of_laboratory(own) else headline_rows(own), "confidences": confidences(own)}
     return pages.render("cablebench.pages", "templates/proof.html.j2", content)
 
 

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from cable_envs.proof.scoring import BANDS, Result, calibration
 
-LABORATORY = ("white", "ar1", "flicker", "coloured")
-"""Noises of generator A's proof, which knows no other kinds of logs."""
 WORDS = {
     "none": "no mismatch", "data": "fault of the data", "exact": "exact name", "class": "class that holds it",
     "partly": "one of two", "unknown": "unknown", "wrong": "wrong name", "failed": "no answer",
