@@ -280,7 +280,7 @@ def test_a_rig_that_noise_does_not_limit_is_answered_with_what_is_left(jaw):
 @needs_jaw
 @pytest.mark.slow
 def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
-    """All but friction that grows with the load: a torque sensor's scale of 0.73 takes its place, and 0.93 is right.
+    """Friction that grows with the load is not yet: a torque sensor's scale of 0.73 takes its place, else 0.93.
 
     The full model is better than that by log odds of 180, but in another valley than a refit from there ends in.
     """
@@ -291,9 +291,10 @@ def test_effects_taken_out_of_the_real_jaw_are_found_again(tmp_path):
     assert {"stribeck_friction", "load_dependent_friction", "presliding_hysteresis", "cable_elongation"} <= set(there)
     rows = ablations(whole)
     assert len(rows) >= 4
-    again = {row["removed"] for row in rows if row["in_class"]}
-    assert again >= {row["removed"] for row in rows} - {"load_dependent_friction"}
-    assert not any(row["found"] for row in rows if row["removed"] not in again)  # nor is another name given for it
+    lacking = {row["removed"]: row["found"] for row in rows if not row["in_class"]}
+    if lacking == {"load_dependent_friction": ""}:
+        pytest.xfail("a torque sensor's scale takes the place of friction that grows with the load")
+    assert lacking == {}
 
 
 @needs_jaw
