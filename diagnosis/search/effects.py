@@ -38,7 +38,7 @@ from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, in_one_place, smaller, unresolved
-from cable_envs.diagnosis.search.selection import Found, Round
+from cable_envs.diagnosis.search.selection import FORMULATION, Found, Round
 from cable_envs.diagnosis.search.starts import from_about
 
 Effects = tuple[Hypothesis, ...]
@@ -58,9 +58,8 @@ EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
 MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
-FORMULATION = 0.01
-"""Share of what effects change by which two formulations of one law differ: steps of integration, how friction begins.
-A further effect may explain its square of the sum of squares that the others do, and be nothing but that."""
+TWICE = 2.0
+"""Times `FORMULATION` by which no formulation differs."""
 NOTHING = 1.0
 """Half the fall of the sum of squares that a number brings by chance in one recording of six."""
 
@@ -108,6 +107,8 @@ class Search:
         self._prior = -float(np.log(max(sum(1 + len(h.parts) for h in self._hypotheses), 1)))
         self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
         """names of effects -> refit with them, and the best refits of one more on top"""
+        self._parts: dict[frozenset[str], Fit] = {}
+        """names of what is the logger's -> refit with it alone"""
         self._weights: Whitener | None = None
         """of refits, where what a model may be off by is more than the noise"""
 
@@ -174,8 +175,8 @@ class Search:
                 continue
             fits = [(second.effects, second.fit), ((), null.fit), (first.effects, first.fit)]
             best, bare, one = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
-            charge, sure = self._charge(bare), self._from(best)
-            if log_odds(best, bare) + 2.0 * charge >= sure and log_odds(best, one) + charge >= sure:
+            sure = self._from(best)
+            if self._odds(best, bare) + self._prior >= sure and self._odds(best, one) >= sure:
                 return [replace(between, others=())], best
         return [], None
 
@@ -208,10 +209,7 @@ class Search:
                 break
             on_top = on_top[1:]  # it led: the noise was what it leaves
         self._weights = current.frame.whitener if current.by_size else None
-        charge = self._charge(current)
-        odds = {
-            c.effects[-1].name: _alike(c.effects[-1], c, current, log_odds(c, current) + charge) for c in others
-        }  # fmt: skip
+        odds = {c.effects[-1].name: _alike(c.effects[-1], c, current, self._odds(c, current)) for c in others}
         best = self._taken(others, odds, self._from(current))
         return Round(current, odds, scored, stuck, others), best
 
@@ -225,11 +223,11 @@ class Search:
         if best is None or of(best) < sure:
             return None
         held = (c for c in others if of(c) >= sure and holds(best.effects[-1], c.effects[-1]))
-        return max((c for c in held if of(best) - of(c) + self._charge(c) < sure), key=of, default=best)
+        return max((c for c in held if self._odds(best, c) < sure), key=of, default=best)
 
-    def _charge(self, candidate: Candidate) -> float:
-        """What the log odds of a further effect lose: one of many would do, and laws may be formulated otherwise."""
-        return self._prior - self._formulation(candidate)
+    def _odds(self, fuller: Candidate, rest: Candidate) -> float:
+        """Log odds of a further effect: one of many would do, and laws may be formulated otherwise."""
+        return log_odds(fuller, rest) + self._prior - self._formulation(fuller, rest)
 
     def known(self, effects: Effects) -> Fit | None:
         """The refit with these effects, where the search has come by it."""
@@ -237,10 +235,24 @@ class Search:
         return None if done is None else done[0]
 
     def explained(self, candidate: Candidate) -> float:
-        """What effects explain, those of the rig too: half the fall of the whitened sum of squares."""
-        frame = candidate.frame
-        bare = frame.whitener.flat(frame.blocks, self._bare)
-        return max(candidate.plain.fit + 0.5 * float(bare @ bare), 0.0) + self.of_the_rig(frame)
+        """What effects explain, the rig's too, the logger's not: half the fall of the whitened sum of squares."""
+        frame, bare = candidate.frame, self._bare
+        loggers = tuple(h for h in candidate.effects if h.of_logger)
+        if loggers and self._bare:
+            bare = self.joint.raw(self._only(loggers, candidate))
+        rest = frame.whitener.flat(frame.blocks, bare)
+        return max(candidate.plain.fit + 0.5 * float(rest @ rest), 0.0) + self.of_the_rig(frame)
+
+    def _only(self, effects: Effects, candidate: Candidate) -> Fit:
+        """The refit with some of a candidate's effects, where the search has none."""
+        if (done := self.known(effects)) is not None:
+            return done
+        if _names(effects) not in self._parts:
+            gone = {n for h in candidate.effects if h not in effects for n in h.names}
+            free = tuple(n for n in candidate.fit.free if n not in gone)
+            start = Start("", free, {n: v for n, v in candidate.fit.values.items() if n in free})
+            self._parts[_names(effects)] = refit(self.fit, candidate.frame.whitener, [start])[0].outline
+        return self._parts[_names(effects)]
 
     def of_the_rig(self, frame: Frame) -> float:
         """The same of the effects that a rig has already; floors stand for noise that these would have had."""
@@ -251,9 +263,17 @@ class Search:
                 found += 0.5 * count * max(size**2 - left[channel] ** 2, 0.0) / frame.whitener.noise[channel].floor ** 2
         return found
 
-    def _formulation(self, candidate: Candidate) -> float:
-        """Half the fall of the sum of squares that may be nothing but how a model's effects are formulated."""
-        return 0.0 if candidate.by_size else FORMULATION**2 * self.explained(candidate)
+    def _formulation(self, fuller: Candidate, rest: Candidate) -> float:
+        """Log odds that an effect may have and be how those beside it are formulated; less if it gains more."""
+        if rest.by_size:
+            return 0.0
+        gain = max(fuller.plain.fit - rest.plain.fit, 0.0)
+        return max(FORMULATION**2 * self.explained(rest) - gain / TWICE**2, 0.0)
+
+    def _over_formulation(self, fuller: Candidate, rest: Candidate) -> float:
+        """Log odds that what an effect explains is more than how the others are formulated: normal, of that share."""
+        most = self._formulation(fuller, rest)
+        return 0.5 * max(log_odds(fuller, rest), 0.0) / most if most > 0.0 else np.inf
 
     def _judged(self, fit: Fit, whitener: Whitener) -> Judged:
         return Judged(fit, tuple(raw_residuals(self.fit, fit)), whitener, 0.0)
@@ -298,7 +318,7 @@ class Search:
         name = best.effects[0].name
         others = (c for c in first.others if c is not best and not _ends_as(c, best))
         rivals = {c.effects[0].name: log_odds(best, c) for c in others if not holds(c.effects[0], best.effects[0])}
-        odds = log_odds(best, first.base) + self._charge(first.base)
+        odds = self._odds(best, first.base)
         return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self._from(best))
 
     def _without(
@@ -330,6 +350,7 @@ class Search:
             of += [(h.name, ""), *((h.name, other[-1].name) for other, _ in swapped)]
         best, bare, *models = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
         without: dict[str, float] = {}
+        apart: dict[str, float] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
         sure = self._from(best)
@@ -337,16 +358,17 @@ class Search:
             odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
                 new = model.effects[-1]
-                more = holds(new, own) and self._charge(best) - odds < sure
+                more = holds(new, own) and self._odds(model, best) < sure
                 if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
                 rivals[name][other] = odds
-                odds += self._charge(model) - sure if holds(own, new) else MARGIN
+                odds = self._odds(best, model) - sure if holds(own, new) else odds + MARGIN
             else:
-                odds = without[name] = _alike(own, best, model, odds + self._charge(model))
+                odds = without[name] = _alike(own, best, model, self._odds(best, model))
+                apart[name] = self._over_formulation(best, model)
             behind.append((not smaller(own, best.fit), odds, model))
         kept, odds, better = min(behind, key=lambda one: one[:2])
-        found = Found(null, bare, best, rounds, without, rivals, sure)
+        found = Found(null, bare, best, rounds, without, rivals, sure, apart)
         return found, better if odds < 0.0 or not kept else None
 
 

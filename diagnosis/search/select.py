@@ -161,7 +161,7 @@ def _gain(h: Hypothesis, found: Found) -> EffectGain:
     margin = min(against)
     return EffectGain(
         h, float(found.without[h.name]), 0.0, float(margin), found.alternatives(h.name),
-        confidence=confidence(against, found.learnt),
+        confidence=confidence(against, found.learnt, found.over_formulation.get(h.name, np.inf)),
         rivals={name: float(odds) for name, odds in rivals.items()},
     )  # fmt: skip
 

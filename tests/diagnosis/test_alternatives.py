@@ -7,16 +7,18 @@ import pytest
 
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Free
 from cable_envs.diagnosis.report.answer import answered_interval
 from cable_envs.diagnosis.search.comparison import holds
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.search.select import select
+from cable_envs.diagnosis.search.selection import confidence
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)
 EXCESS, VELOCITY = Free("excess", 0.0, 0.0, 100.0, 1.0), Free("velocity", 0.02, 1e-3, 1e3, 0.02)
+TOLD_APART = [h for h in HYPOTHESES if h.name != "difference_effect"]  # beside Coulomb's friction it is a bias
 LAWS = [
     Hypothesis(
         "coulomb_friction", (COULOMB,), (({"coulomb": 1.0},),), confusable=("stribeck_friction",),
@@ -95,3 +97,45 @@ def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monke
     base = refit_and_learn(search.fit, [Start("", (*NOMINALS, "stiffness"), {})])
     last, better = search._settled(found.null, tuple(small), base, found.rounds)
     assert last.without["stiffness_effect"] > last.sure and better is not None and not better.effects
+
+
+@pytest.mark.parametrize(("bias", "beside"), [(0.25, False), (1.0, True)])
+def test_what_explains_less_than_laws_may_be_formulated_otherwise_is_no_further_effect(bias, beside):
+    """A spring's 3.2 N RMS beside the mass: a further 8 % of them may be how springs are formulated; 31 % are not."""
+
+    def names(truth):
+        found = select(
+            Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, TOLD_APART, np.random.default_rng(0), stated={"force": 0.3}
+        )
+        return {a.hypothesis.name: a for a in found.accepted}
+
+    assert set(names({"bias": bias})) == {"bias_effect"}
+    found = names({"stiffness": 100.0, "bias": bias})
+    assert set(found) == ({"stiffness_effect", "bias_effect"} if beside else {"stiffness_effect"})
+
+
+@pytest.mark.parametrize("spring", [20.0, 100.0])
+@pytest.mark.parametrize("bias", [1.0, 1.5])
+def test_an_effect_that_gains_much_is_taken_although_a_function_of_the_motion_does_as_well(spring, bias):
+    """A constant force is one: its odds over that are 40 to 140, and the sum of squares falls by far more."""
+    truth = {"stiffness": spring, "bias": bias}
+    found = select(
+        Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, TOLD_APART, np.random.default_rng(0), stated={"force": 0.3}
+    )
+    assert {a.hypothesis.name for a in found.accepted} == {"stiffness_effect", "bias_effect"}
+
+
+def test_what_may_be_how_others_are_formulated_is_less_sure():
+    assert confidence([50.0, 60.0]) == 0.98
+    assert confidence([50.0, 60.0], over_formulation=1.0) == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
+
+
+def test_what_a_logger_did_is_no_law_that_may_be_formulated_otherwise():
+    """The fault explains a hundred times as much as the effect, which is taken nevertheless."""
+    faulty = [replace(h, name=f"{LOGGER}fault") if h.name == "stiffness_effect" else h for h in TOLD_APART]
+    truth = {"stiffness": 100.0, "bias": 0.25}
+    search = Search(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, faulty, np.random.default_rng(0))
+    best = search.run().best
+    assert {h.name for h in best.effects} == {f"{LOGGER}fault", "bias_effect"}
+    of_bias = 0.5 * 4500 * (0.25 / 0.3) ** 2
+    assert search.explained(best) == pytest.approx(of_bias, rel=0.2)
