@@ -234,11 +234,11 @@ class Search:
         done = self._done.get(_names(effects))
         return None if done is None else done[0]
 
-    def explained(self, candidate: Candidate) -> float:
-        """What effects explain, the rig's too, the logger's not: half the fall of the whitened sum of squares."""
+    def explained(self, candidate: Candidate, laws: bool = True) -> float:
+        """What effects explain, the rig's too: half the fall of the whitened sum of squares; ``laws``: no logger's."""
         frame, bare = candidate.frame, self._bare
         loggers = tuple(h for h in candidate.effects if h.of_logger)
-        if loggers and self._bare:
+        if laws and loggers:
             bare = self.joint.raw(self._only(loggers, candidate))
         rest = frame.whitener.flat(frame.blocks, bare)
         return max(candidate.plain.fit + 0.5 * float(rest @ rest), 0.0) + self.of_the_rig(frame)
@@ -267,8 +267,9 @@ class Search:
         """Log odds that an effect may have and be how those beside it are formulated; less if it gains more."""
         if rest.by_size:
             return 0.0
+        laws = not any(h.of_logger for h in fuller.effects if h not in rest.effects)
         gain = max(fuller.plain.fit - rest.plain.fit, 0.0)
-        return max(FORMULATION**2 * self.explained(rest) - gain / TWICE**2, 0.0)
+        return max(FORMULATION**2 * self.explained(rest, laws) - gain / TWICE**2, 0.0)
 
     def _over_formulation(self, fuller: Candidate, rest: Candidate) -> float:
         """Log odds that what an effect explains is more than how the others are formulated: normal, of that share."""
