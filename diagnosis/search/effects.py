@@ -60,6 +60,9 @@ MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
 TWICE = 2.0
 """Times `FORMULATION` by which no formulation differs."""
+CLEAR = 100.0
+"""Log odds from which no formulation is asked for: on recordings of generator A no effect that had more was wrong, of
+51 (see `SUREST`)."""
 NOTHING = 1.0
 """Half the fall of the sum of squares that a number brings by chance in one recording of six."""
 
@@ -269,7 +272,7 @@ class Search:
             return 0.0
         laws = not any(h.of_logger for h in fuller.effects if h not in rest.effects)
         gain = max(fuller.plain.fit - rest.plain.fit, 0.0)
-        return max(FORMULATION**2 * self.explained(rest, laws) - gain / TWICE**2, 0.0)
+        return min(max(FORMULATION**2 * self.explained(rest, laws) - gain / TWICE**2, 0.0), CLEAR)
 
     def _over_formulation(self, fuller: Candidate, rest: Candidate) -> float:
         """Log odds that what an effect explains is more than how the others are formulated: normal, of that share."""

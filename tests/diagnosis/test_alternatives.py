@@ -125,6 +125,14 @@ def test_an_effect_that_gains_much_is_taken_although_a_function_of_the_motion_do
     assert {a.hypothesis.name for a in found.accepted} == {"stiffness_effect", "bias_effect"}
 
 
+def test_a_small_effect_that_is_clear_enough_is_taken_whatever_the_others_explain():
+    """Its 8 % of a spring are refused where the noise is 0.3 N, and have log odds of a thousand where it is 0.01 N."""
+    truth, clean = {"stiffness": 100.0, "bias": 0.25}, {"force": 0.01}
+    fit, held_out = Toy(truth, 1, std=0.01), Toy(truth, 51, 1, std=0.01)
+    best = Search(fit, held_out, NOMINALS, TOLD_APART, np.random.default_rng(0), stated=clean).run().best
+    assert {h.name for h in best.effects} == {"stiffness_effect", "bias_effect"}
+
+
 def test_what_may_be_how_others_are_formulated_is_less_sure():
     assert confidence([50.0, 60.0]) == 0.98
     assert confidence([50.0, 60.0], over_formulation=1.0) == pytest.approx(1.0 / (1.0 + np.exp(-1.0)))
