@@ -41,6 +41,8 @@ class Record:
         Spans of time that are no measurements.
     over : float
         s around each sample of which it is the mean (`cable_envs.diagnosis.data.thinning`); 0: it is of the moment.
+    repeated : tuple of int
+        Rows of the table that are the row before once more, its time included; they are not in the data.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Record:
     quality: tuple[Doubt, ...] = ()
     over: float = 0.0
     units: Mapping[str, str] = field(default_factory=dict)
+    repeated: tuple[int, ...] = ()
 
     @property
     def time(self) -> np.ndarray:
@@ -89,18 +92,33 @@ def read_record(entry: Any, index: int, channels: Mapping[str, Channel], read: R
         raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
     raw = read(name, channels)
     data = {n: channel.to_si(raw[n]) for n, channel in channels.items()}
+    again = _again(data)
     offsets = read_offsets(entry.get("offsets"), channels, where)
     conditions, units = read_conditions(entry.get("conditions"), where)
     quality = read_doubts(entry.get("quality"), channels, where)
-    _check_samples(data, name, channels)
-    for n, offset in offsets.items():
-        data[n] = data[n] + offset
-    return Record(name, use, data, conditions, offsets, quality, units=units)
+    _check_samples(data, name, channels, again)
+    data = {n: values[~again] + offsets.get(n, 0.0) for n, values in data.items()}
+    repeated = tuple(int(k) + 1 for k in np.flatnonzero(again))
+    return Record(name, use, data, conditions, offsets, quality, units=units, repeated=repeated)
 
 
-def _check_samples(data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel]) -> None:
-    """ConfigurationError for times that are missing or do not increase, and for a channel without a value."""
-    _check_time(data["time"], _place(name, channels["time"]))
+def _again(data: Mapping[str, np.ndarray]) -> np.ndarray:
+    """Whether each row is the row before once more, its time included: a logger wrote it twice [samples]."""
+    again = ~np.isnan(data["time"])
+    again[:1] = False
+    for values in data.values():
+        again[1:] &= (values[1:] == values[:-1]) | (np.isnan(values[1:]) & np.isnan(values[:-1]))
+    return again
+
+
+def _check_samples(
+    data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel], again: np.ndarray | None = None
+) -> None:
+    """ConfigurationError for times that are missing or do not increase, and for a channel without a value.
+
+    ``again``: rows that are the row before once more.
+    """
+    _check_time(data["time"], _place(name, channels["time"]), again)
     for n, values in data.items():
         if np.isnan(values).all():
             raise ConfigurationError(f"{_place(name, channels[n])}: no values")
@@ -118,12 +136,12 @@ def _place(record: str, channel: Channel) -> str:
     return f"{record.rpartition('/')[2]}, channel {channel.name}{column}"
 
 
-def _check_time(time: np.ndarray, where: str) -> None:
+def _check_time(time: np.ndarray, where: str, again: np.ndarray | None) -> None:
     if len(time) < 2:
         raise ConfigurationError(f"{where}: a record needs at least two samples, found {len(time)}")
     if np.isnan(time).any():
         raise ConfigurationError(f"{where}, row {1 + int(np.argmax(np.isnan(time)))}: no time")
-    falling = np.diff(time) <= 0
+    falling = np.diff(time) <= 0 if again is None else (np.diff(time) <= 0) & ~again[1:]
     if falling.any():
         row = 2 + int(np.argmax(falling))
         raise ConfigurationError(
@@ -147,7 +165,7 @@ def cut(record: Record, after: float, channels: Mapping[str, Channel]) -> tuple[
     first = replace(record, data={n: values[~later] for n, values in record.data.items()})
     rest = replace(
         record, name=f"{record.name}_after", use="heldout", data={n: v[later] for n, v in record.data.items()},
-        conditions={**record.conditions, "continues": record.name},
+        conditions={**record.conditions, "continues": record.name}, repeated=(),
     )  # fmt: skip
     for part in (first, rest):
         _check_samples(part.data, part.name, channels)

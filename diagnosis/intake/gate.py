@@ -216,6 +216,9 @@ def _clock(record: Record) -> list[Fault]:
         return [Fault(record.name, "time", len(record.time), f"{len(record.time)} samples; {fewest} are the least")]
     steps = np.diff(record.time)
     period, found = float(np.median(steps)), []
+    if record.repeated:
+        text = f"{len(record.repeated)} rows are the row before once more and left out; rows are counted without them"
+        found.append(Fault(record.name, "time", record.repeated[0], text, fatal=False))
     late = np.flatnonzero(steps > (LONGEST_GAP + 0.5) * period)
     if len(late):
         text = f"a gap of {steps[late[0]]:.3g} s ({len(late)} of them); cut the record there into two"

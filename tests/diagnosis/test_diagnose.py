@@ -265,6 +265,15 @@ def test_single_empty_cells_are_left_out_and_noted(tmp_path):
     assert quality.visited["motion"] == "position" and quality.visited["reversals"] > 5
 
 
+def test_rows_that_stand_twice_are_left_out_and_noted(tmp_path):
+    def twice(k, table):
+        return table[[0, 0, *range(1, len(table)), -1]] if k == 0 else table
+
+    notes = gate(load_recording(drive.write(tmp_path / "recording", change=twice))).notes
+    text = "2 rows are the row before once more and left out; rows are counted without them"
+    assert notes == (f"run_1.csv, channel time, row 2: {text}",)
+
+
 def test_too_many_samples_are_refused_by_name(tmp_path, monkeypatch):
     monkeypatch.setattr("cable_envs.diagnosis.intake.gate.MOST", 2000)
     with pytest.raises(ConfigurationError, match=r"run_3.csv, channel time, row 800: 2400 rows make 2400 samples"):

@@ -80,6 +80,17 @@ def test_every_system_has_channels_and_parameters(system):
     assert "time" in channels_of(system) and len(parameters_of(system)) > 5
 
 
+def test_a_row_that_a_logger_wrote_twice_is_left_out(tmp_path):
+    """It is the row before once more, its time and its empty cells included; other rows at one time are refused."""
+    table = "t,x,F\n0,0,49\n10,2,\n10,2,\n20,4,51\n20,4,51\n20,4,51\n30,4,51\n"
+    record = load_recording(write(tmp_path, table)).records[0]
+    assert record.repeated == (3, 5, 6) and len(record.time) == 4
+    np.testing.assert_allclose(record.time, [0.0, 0.01, 0.02, 0.03])
+    np.testing.assert_allclose(record.data["drive_tension"], [49.0, np.nan, 51.0, 51.0])
+    with pytest.raises(ConfigurationError, match="row 5: time must increase"):
+        load_recording(write(tmp_path, table.replace("20,4,51\n20,4,51\n20,4,51", "20,4,51\n20,5,51")))
+
+
 CHANGES = [
     ({"schema": "cable-recording/2"}, "'schema' must be 'cable-recording/1'"),
     ({"system": "cablehole"}, "unknown system 'cablehole'; did you mean 'cable_hole'"),
