@@ -1,4 +1,8 @@
-"""A measurement comes late."""
+"""A measurement comes late.
+
+A force that is seen d late looks like viscous friction at one frequency w: of a mass m that moves as sin(w t) it is
+-m w^2 sin(w t - w d), which is m a cos(w d) + m w sin(w d) v. Motions of several frequencies tell the two apart.
+"""
 
 import numpy as np
 
@@ -13,7 +17,7 @@ EFFECT = Effect(
     parameters=(EffectParameter("signal", "s", 0.0, 0.0, 1.0, "delay of this sensor", 0.02),),
     validity="whole and fractional control steps; until the delay has passed, the sensor shows the first value",
     experiment="Command a chirp, and a step that two sensors see. A delay shifts the step, and a lag smears it",
-    confusable=("actuator_lag",),
+    confusable=("actuator_lag", "viscous_friction"),
     each_sensor=True,
 )
 
