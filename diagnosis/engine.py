@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,11 +27,17 @@ from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
-from cable_envs.diagnosis.intake.logged import longer, with_logger, without_spikes
+from cable_envs.diagnosis.intake.logged import (
+    longer,
+    spare_speeds,
+    with_logger,
+    without_channels,
+    without_spikes,
+)
 from cable_envs.diagnosis.model.remembered import Remembered
 from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.model.verdict import Diagnosis
-from cable_envs.diagnosis.report.answer import answer
+from cable_envs.diagnosis.report.answer import answer, with_estimates
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.elsewhere import groups_of
 from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_drive
@@ -164,22 +170,18 @@ def examine(
         request = request_at_ports(
             simulator, effects, without, {"an effect file": effect_file, "a rig": rig, "a variant": variant or None}
         )
-    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, of_lines)))))
-    Quality(tuple(off_claims(recording, question))).require_usable()
-    question = with_noise_of_drive(recording, with_sure_samples(question))
-    rng = np.random.default_rng(seed)
     taken = request.rig and sorted(request.rig.items())
     own = None if simulator is None else simulator.digest()
-    options = (request.only, request.without, taken, effect_file, variant, own, seed)
-    steps = Steps(None if out is None else Path(out), digest(recording, options), question.hypotheses, rng)
-    added = simulator is not None and bool(simulator.terms)
-    bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
-    white = {b.channel for b in question.fit.blocks if b.noise is None or question.at_rest}
-    selection = select(
-        question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
-        groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
-        stated={n: std for n, std in recording.noise.items() if n in white}, tell=tell, keep=steps,
-    )  # fmt: skip
+    keep = _Keep(None if out is None else Path(out), (request.only, request.without, taken, effect_file, variant, own))
+    one = _searched(recording, request, of_lines, seed, keep, tell)
+    spoilt = [fault for fault in one.selection.faults if fault.hypothesis.spoils]
+    left_out = tuple(with_estimates(fault, one.question, one.selection) for fault in spoilt)
+    if spoilt:
+        channels = {fault.hypothesis.spoils for fault in spoilt}
+        tell(f"leaving out {', '.join(sorted(channels))}, which the logger has made")
+        recording = without_channels(recording, channels)
+        one = _searched(recording, request, of_lines, seed, keep, tell)
+    question, selection = one.question, replace(one.selection, left_out=left_out)
     tell(stages.LOCATING)
     about = {
         "recording": recording.path.name, "system": recording.system, "seed": seed,
@@ -188,11 +190,47 @@ def examine(
         "rig": _name_of(rig), "variant": variant or None, "averaged": averaged,
         **({} if simulator is None else about_simulator(recording, simulator)),
     }  # fmt: skip
-    found = answer(recording, question, selection, quality, rng, about)
-    steps.forget()
+    found = answer(recording, question, selection, quality, one.rng, about)
+    one.steps.forget()
     notes = (*filter(None, (averaged and averaged["why"], brought)), *timed, *found.notes)
     found = replace(found, notes=notes, about={**found.about, "seconds": round(clock.monotonic() - started, 1)})
     return Examined(question, selection, found)
+
+
+class _Keep(NamedTuple):
+    """Where finished steps are kept, and what they depend on beside the recording and the seed."""
+
+    out: Path | None
+    options: tuple[Any, ...]
+
+
+class _Searched(NamedTuple):
+    """A question with the model that was selected, and what draws and keeps steps for it."""
+
+    question: Question
+    selection: Selection
+    rng: np.random.Generator
+    steps: Steps
+
+
+def _searched(
+    recording: Recording, request: Request, of_lines: float, seed: int, keep: _Keep, tell: Callable[[str], None]
+) -> _Searched:
+    """The question of a recording as it is asked, and the model with the largest evidence."""
+    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, of_lines)))))
+    Quality(tuple(off_claims(recording, question))).require_usable()
+    question = with_noise_of_drive(recording, with_sure_samples(question))
+    rng = np.random.default_rng(seed)
+    steps = Steps(keep.out, digest(recording, (*keep.options, seed)), question.hypotheses, rng)
+    added = request.simulator is not None and bool(request.simulator.terms)
+    bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
+    white = {b.channel for b in question.fit.blocks if b.noise is None or question.at_rest}
+    selection = select(
+        question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
+        groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
+        stated={n: std for n, std in recording.noise.items() if n in white}, tell=tell, keep=steps,
+    )  # fmt: skip
+    return _Searched(question, selection, rng, steps)
 
 
 def _with_logger(recording: Recording, request: Request, of_lines: float) -> Question:
@@ -204,7 +242,7 @@ def _with_logger(recording: Recording, request: Request, of_lines: float) -> Que
         stretched = ask(longer(recording), request)
     except ConfigurationError:
         stretched = None
-    return with_logger(question, stretched, of_lines)
+    return with_logger(question, stretched, of_lines, spare_speeds(recording))
 
 
 def _tried(question: Question) -> Question:

@@ -6,10 +6,14 @@ it. That half has no size that could be chosen, and so it explains such a latene
 An export whose samples were taken on one clock and brought to another by straight lines has lost of every frequency f
 what a triangle of half the width P takes, the period of the first clock: sinc(f P)^2.
 
+A speed that the logger has derived or filtered holds nothing that the recorded place does not, and the form of a filter
+is not known to the last digit: what a model is off by there may hide what is missing of the rig, or be taken for it.
+Such a speed is left out, and the rest is asked again (`without_channels`).
+
 They are hypotheses like effects of the rig and compete with them, but they are of the data: no rig file has them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +22,7 @@ from scipy.signal import lfilter
 
 from cable_envs.diagnosis.data.clock import OTHERS, SURE
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.intake import tracks
 from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free, Model
@@ -174,7 +179,24 @@ def longer(recording: Recording) -> Recording:
     return replace(recording, records=tuple(stretched(r) for r in recording.records))
 
 
-def with_logger(question: Question, stretched: Question | None, of_lines: float = 0.0) -> Question:
+def spare_speeds(recording: Recording) -> frozenset[str]:
+    """Speeds of which the places are recorded, too."""
+    return frozenset(speed for place, speed in tracks.SPEEDS.items() if {place, speed} <= recording.channels.keys())
+
+
+def without_channels(recording: Recording, channels: Collection[str]) -> Recording:
+    """The recording as if these channels had not been recorded."""
+
+    def rest(of: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: one for name, one in of.items() if name not in channels}
+
+    records = tuple(replace(record, data=rest(record.data)) for record in recording.records)
+    return replace(recording, channels=rest(recording.channels), records=records)
+
+
+def with_logger(
+    question: Question, stretched: Question | None, of_lines: float = 0.0, spare: Collection[str] = ()
+) -> Question:
     """The question with a logger's faults among its hypotheses.
 
     Parameters
@@ -186,6 +208,8 @@ def with_logger(question: Question, stretched: Question | None, of_lines: float 
     of_lines : float
         Log odds, by their noise, that samples came from another clock by straight lines
         (`cable_envs.diagnosis.data.clock.odds_of_lines`).
+    spare : collection of str
+        Channels that are left out where they turn out to be derived or filtered.
     """
     slopes = [] if stretched is None else _slopes(question, stretched)
     speeds = dict.fromkeys(b.channel for b in question.fit.blocks if b.unit in SPEEDS)
@@ -197,7 +221,7 @@ def with_logger(question: Question, stretched: Question | None, of_lines: float 
         units[CLOCK] = "1"
     for channel in speeds:
         for one in _of_speed(channel, period):
-            hypotheses.append(one)
+            hypotheses.append(replace(one, spoils=channel if channel in spare else ""))
             units[one.name] = "s"
     lines = _lines(period)
     law = "x(f) -> sinc(f P)^2 x(f)"

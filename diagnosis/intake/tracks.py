@@ -23,6 +23,11 @@ PASSED_ON = {
 """Effort and position of a drive -> those of the end that it drives."""
 RATES = {"position": "velocity", "drive_position": "drive_velocity"}
 """Position -> its speed."""
+SPEEDS = {
+    **RATES, "load_position": "load_velocity", "motor_position": "motor_velocity",
+    "drive_angle": "drive_velocity", "output_angle": "output_velocity",
+}  # fmt: skip
+"""Channel of a place -> channel or signal of its speed."""
 DRIVEN = {"drive_position": "load_position", "drive_angle": "output_angle", "motor_position": "position"}
 """Position of a drive -> the position that it moves."""
 ASKED = {

@@ -51,6 +51,8 @@ class Hypothesis:
         Size, SI, below which its parameter says nothing of it.
     alike : bool
         Whether it is done to all channels alike, which is to be seen in them.
+    spoils : str
+        Channel that holds nothing that another does not, and is better left out, where this was done to it.
     """
 
     name: str
@@ -63,6 +65,7 @@ class Hypothesis:
     effect: Effect | None = None
     least: float = 0.0
     alike: bool = False
+    spoils: str = ""
 
     def __post_init__(self) -> None:
         if self.effect is None:

@@ -49,8 +49,8 @@ def answer(
 
     Where the last model brings to light that the data are to be mended first, nothing is named either.
     """
-    found = tuple(_found(a, question, selection) for a in selection.accepted)
-    faults = tuple(_found(a, question, selection) for a in selection.faults)
+    found = tuple(with_estimates(a, question, selection) for a in selection.accepted)
+    faults = (*selection.left_out, *(with_estimates(a, question, selection) for a in selection.faults))
     seen = () if selection.bands else after_fit(question, selection.final.fit, selection.null.fit)
     to_mend = [one for one in seen if one.fatal]
     verdict = "data_fault" if to_mend else selection.verdict
@@ -104,7 +104,8 @@ def answer(
 
 def _faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[Suspicion]) -> list[str]:
     """What is wrong with the data, in words."""
-    said = [*(one.text for one in seen), *map(in_words, faults)]
+    gone = "; it is left out, for the recorded place holds what it does"
+    said = [*(one.text for one in seen), *(in_words(f) + (gone if f in selection.left_out else "") for f in faults)]
     if selection.after.cause and selection.more:
         said.append(selection.after.cause)
     slow = selection.after.slow if selection.more else ""
@@ -192,7 +193,7 @@ def parameter_name(row: str, hypothesis: Hypothesis) -> str:
     return row.partition(".")[2] or row
 
 
-def _found(accepted: EffectGain, question: Question, selection: Selection) -> EffectGain:
+def with_estimates(accepted: EffectGain, question: Question, selection: Selection) -> EffectGain:
     """An accepted effect with its parameters and the names of its alternatives."""
     h, fit = accepted.hypothesis, selection.final.fit
     parameters = {}

@@ -10,18 +10,13 @@ from typing import Any
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import RATES, is_told, track_of
+from cable_envs.diagnosis.intake.tracks import SPEEDS, is_told, track_of
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import OUT_OF_RANGE
 
 MARGIN = 0.05
 """Of a range's width, on either side: sensors' noise, and what the same command does next time."""
 SOURCE = "the fitted records"
-SPEEDS = {
-    **RATES, "load_position": "load_velocity", "motor_position": "motor_velocity",
-    "drive_angle": "drive_velocity", "output_angle": "output_velocity",
-}  # fmt: skip
-"""Channel of a place -> signal of its speed."""
 FOLLOWED = {"transmission": ("drive_angle",)}
 """Plant -> channels that drive its simulator as they were recorded."""
 

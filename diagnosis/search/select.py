@@ -97,7 +97,8 @@ def select(
         smooth = replace(
             smooth, accepted=tuple(replace(a, elsewhere=told.get(a.hypothesis.name, {})) for a in smooth.accepted)
         )
-    if by_itself or (smooth.accepted and smooth.verdict != "unknown"):
+    spoilt = any(fault.hypothesis.spoils for fault in smooth.faults)
+    if by_itself or spoilt or (smooth.accepted and smooth.verdict != "unknown"):
         return smooth
     tell(stages.SPECTRA)
     asked = (spectra, Spectra(heldout, stated), found.null.fit, hypotheses, rng)

@@ -116,6 +116,8 @@ class Selection:
         Whether the last model predicts unseen records worse than the model as it was claimed.
     as_claimed : bool
         Whether the refit of the nominals did, so that ``null`` is the claim.
+    left_out : tuple of EffectGain
+        Faults of channels that an earlier selection has found, and without which this one is made.
     bands : Bands, optional
         Spectra of the last model, where it was compared by these (`cable_envs.diagnosis.search.limit_cycles`).
     """
@@ -134,6 +136,7 @@ class Selection:
     unpredicted: tuple[str, ...] = ()
     worse: bool = False
     as_claimed: bool = False
+    left_out: tuple[EffectGain, ...] = ()
     bands: Bands | None = None
 
     @property
@@ -158,7 +161,8 @@ class Selection:
     def _without_effects(self, of_rig: bool) -> str:
         if of_rig and self.after.share > REST:
             return "unknown"
-        return "data_fault" if self.faults or (self.more and self.after.cause) else "no_detectable_mismatch"
+        faulty = self.faults or self.left_out or (self.more and self.after.cause)
+        return "data_fault" if faulty else "no_detectable_mismatch"
 
     def _drifts_more(self) -> bool:
         """Whether a sensor's drift is surer than every effect: what is slow is then no sure sign of any."""

@@ -199,3 +199,34 @@ def test_a_speed_that_is_late_by_less_than_a_difference_makes_it_is_none(tmp_pat
 
     drive.write(tmp_path, change=late)
     assert not [f.name for f in diagnose(tmp_path).faults if DIFFERENCE in f.name]
+
+
+def _smoothed(_, table):
+    """A speed as few know it: central differences of counted places through a filter of the second order."""
+    counts = 2e-5 * np.round(table[:, 2] / 2e-5)
+    keep = np.exp(-PERIOD / 0.012)
+    slow = np.gradient(counts, PERIOD)
+    for _ in range(2):
+        slow, _ = lfilter([1.0 - keep], [1.0, -keep], slow, zi=[keep * slow[0]])
+    table[:, 2], table[:, 3] = counts, slow
+    return table
+
+
+def test_a_speed_that_the_logger_has_made_is_left_out_and_the_rest_is_asked_again(tmp_path):
+    """Its filter is none that is known here; what is missing of the rig is named by the place and the force."""
+    drive.write(tmp_path, load=_stiff, change=_smoothed)
+    stated = tmp_path / "recording.yaml"
+    stated.write_text(re.sub(r"\s+noise_std: .*\n", "\n", stated.read_text()))
+    told = []
+    found = diagnose(tmp_path, tell=told.append)
+    assert found.verdict == "named" and [e.name for e in found.effects] == ["position_dependent_load"]
+    assert [fault.name for fault in found.faults] == [f"{FILTER}.velocity"]
+    assert "leaving out velocity, which the logger has made" in told
+    assert any(note.endswith("it is left out, for the recorded place holds what it does") for note in found.notes)
+    assert set(found.fit) == {"position", "force"}
+    (effect,) = found.effects
+    assert effect.parameters["stiffness"].value == pytest.approx(20.0, rel=0.3)
+
+
+def _stiff(y, v, t):
+    return 20.0 * y
