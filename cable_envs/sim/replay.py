@@ -367,9 +367,10 @@ def distort(
             continue
         e = SENSE.over(p[row:])
         scale, bias, cut, late = e.sensor_scale, e.sensor_bias, e.sensor_rectification, e.sensor_delay
-        if np.any((scale != 1.0) | (bias != 0.0) | (cut != 0.0) | (late != 0.0)):
+        some = np.flatnonzero((scale != 1.0) | (bias != 0.0) | (cut != 0.0) | (late != 0.0))
+        if len(some):
             shown = shown.copy() if shown is out else shown
-            series = np.concatenate([first[None, k], out[:, k]]) * scale + bias
-            series = series - cut * np.minimum(series, 0.0)
-            shown[:, k] = delayed(series, late / period)[1:]
+            series = np.concatenate([first[None, k, some], out[:, k, some]]) * scale[some] + bias[some]
+            series = series - cut[some] * np.minimum(series, 0.0)
+            shown[:, k, some] = delayed(series, late[some] / period)[1:]
     return shown

@@ -217,7 +217,7 @@ def _clock(record: Record) -> list[Fault]:
     steps = np.diff(record.time)
     period, found = float(np.median(steps)), []
     if record.repeated:
-        text = f"{len(record.repeated)} rows are the row before once more and left out; rows are counted without them"
+        text = f"rows that repeat the one before are left out ({len(record.repeated)}); row numbers leave them out"
         found.append(Fault(record.name, "time", record.repeated[0], text, fatal=False))
     late = np.flatnonzero(steps > (LONGEST_GAP + 0.5) * period)
     if len(late):

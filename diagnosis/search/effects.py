@@ -355,6 +355,7 @@ class Search:
         best, bare, *models = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
         without: dict[str, float] = {}
         apart: dict[str, float] = {}
+        left_out: dict[str, Candidate] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
         sure = self._from(best)
@@ -370,10 +371,14 @@ class Search:
             else:
                 odds = without[name] = _alike(own, best, model, self._odds(best, model))
                 apart[name] = self._over_formulation(best, model)
+                left_out[name] = model
             behind.append((not smaller(own, best.fit), odds, model))
         kept, odds, better = min(behind, key=lambda one: one[:2])
+        if odds >= 0.0 and kept:  # nothing is better; what is not sure beside the rest is given up nevertheless
+            least = min(without, key=lambda name: without[name])
+            better = left_out[least] if without[least] < sure else None
         found = Found(null, bare, best, rounds, without, rivals, sure, apart)
-        return found, better if odds < 0.0 or not kept else None
+        return found, better
 
 
 def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float:

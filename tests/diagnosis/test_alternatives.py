@@ -99,6 +99,18 @@ def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monke
     assert last.without["stiffness_effect"] > last.sure and better is not None and not better.effects
 
 
+def test_an_effect_that_is_not_sure_beside_the_rest_is_given_up_at_the_end():
+    """It was taken when less stood beside it; where the noise is learnt, log odds of 7 are not enough to be named."""
+    search = Search(Toy({"stiffness": 15.0, "bias": 0.08}, 1), Toy({"stiffness": 15.0, "bias": 0.08}, 51, 1), NOMINALS,
+                    TOLD_APART, np.random.default_rng(0))  # fmt: skip
+    found = search.run()
+    both = tuple(h for h in TOLD_APART if h.name in ("stiffness_effect", "bias_effect"))
+    base = refit_and_learn(search.fit, [Start("", (*NOMINALS, "stiffness", "bias"), {})])
+    last, better = search._settled(found.null, both, base, found.rounds)
+    assert 0.0 < last.without["bias_effect"] < last.sure < last.without["stiffness_effect"]
+    assert better is not None and [h.name for h in better.effects] == ["stiffness_effect"]
+
+
 @pytest.mark.parametrize(("bias", "beside"), [(0.25, False), (1.0, True)])
 def test_what_explains_less_than_laws_may_be_formulated_otherwise_is_no_further_effect(bias, beside):
     """A spring's 3.2 N RMS beside the mass: a further 8 % of them may be how springs are formulated; 31 % are not."""

@@ -270,7 +270,7 @@ def test_rows_that_stand_twice_are_left_out_and_noted(tmp_path):
         return table[[0, 0, *range(1, len(table)), -1]] if k == 0 else table
 
     notes = gate(load_recording(drive.write(tmp_path / "recording", change=twice))).notes
-    text = "2 rows are the row before once more and left out; rows are counted without them"
+    text = "rows that repeat the one before are left out (2); row numbers leave them out"
     assert notes == (f"run_1.csv, channel time, row 2: {text}",)
 
 
