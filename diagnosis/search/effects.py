@@ -373,12 +373,12 @@ class Search:
                 apart[name] = self._over_formulation(best, model)
                 left_out[name] = model
             behind.append((not smaller(own, best.fit), odds, model))
-        kept, odds, better = min(behind, key=lambda one: one[:2])
-        if odds >= 0.0 and kept:  # nothing is better; what is not sure beside the rest is given up nevertheless
-            least = min(without, key=lambda name: without[name])
-            better = left_out[least] if without[least] < sure else None
         found = Found(null, bare, best, rounds, without, rivals, sure, apart)
-        return found, better
+        kept, odds, better = min(behind, key=lambda one: one[:2])
+        if odds < 0.0 or not kept:
+            return found, better
+        least = min(without, key=lambda name: without[name])
+        return found, left_out[least] if without[least] < sure else None  # not sure beside the rest: given up, too
 
 
 def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float:
