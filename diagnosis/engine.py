@@ -29,7 +29,7 @@ from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import (
     longer,
-    spare_speeds,
+    redundant_speeds,
     with_logger,
     without_channels,
     without_spikes,
@@ -174,10 +174,9 @@ def examine(
     own = None if simulator is None else simulator.digest()
     keep = _Keep(None if out is None else Path(out), (request.only, request.without, taken, effect_file, variant, own))
     one = _searched(recording, request, of_lines, seed, keep, tell)
-    spoilt = [fault for fault in one.selection.faults if fault.hypothesis.spoils]
-    left_out = tuple(with_estimates(fault, one.question, one.selection) for fault in spoilt)
-    if spoilt:
-        channels = {fault.hypothesis.spoils for fault in spoilt}
+    left_out = tuple(with_estimates(fault, one.question, one.selection) for fault in one.selection.redundant)
+    if left_out:
+        channels = {fault.hypothesis.redundant for fault in left_out}
         tell(f"leaving out {', '.join(sorted(channels))}, which the logger has made")
         recording = without_channels(recording, channels)
         one = _searched(recording, request, of_lines, seed, keep, tell)
@@ -242,7 +241,7 @@ def _with_logger(recording: Recording, request: Request, of_lines: float) -> Que
         stretched = ask(longer(recording), request)
     except ConfigurationError:
         stretched = None
-    return with_logger(question, stretched, of_lines, spare_speeds(recording))
+    return with_logger(question, stretched, of_lines, redundant_speeds(recording))
 
 
 def _tried(question: Question) -> Question:

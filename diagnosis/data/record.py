@@ -92,11 +92,10 @@ def read_record(entry: Any, index: int, channels: Mapping[str, Channel], read: R
         raise ConfigurationError(f"{where}: use '{use}' is unknown; {nearest(use, USES)}")
     raw = read(name, channels)
     data = {n: channel.to_si(raw[n]) for n, channel in channels.items()}
-    again = _again(data)
     offsets = read_offsets(entry.get("offsets"), channels, where)
     conditions, units = read_conditions(entry.get("conditions"), where)
     quality = read_doubts(entry.get("quality"), channels, where)
-    _check_samples(data, name, channels, again)
+    again = _check_samples(data, name, channels)
     data = {n: values[~again] + offsets.get(n, 0.0) for n, values in data.items()}
     repeated = tuple(int(k) + 1 for k in np.flatnonzero(again))
     return Record(name, use, data, conditions, offsets, quality, units=units, repeated=repeated)
@@ -111,13 +110,12 @@ def _again(data: Mapping[str, np.ndarray]) -> np.ndarray:
     return again
 
 
-def _check_samples(
-    data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel], again: np.ndarray | None = None
-) -> None:
-    """ConfigurationError for times that are missing or do not increase, and for a channel without a value.
+def _check_samples(data: Mapping[str, np.ndarray], name: str, channels: Mapping[str, Channel]) -> np.ndarray:
+    """Which rows are the row before once more [samples].
 
-    ``again``: rows that are the row before once more.
+    Raises ConfigurationError for times that are missing or do not increase, and for a channel without a value.
     """
+    again = _again(data)
     _check_time(data["time"], _place(name, channels["time"]), again)
     for n, values in data.items():
         if np.isnan(values).all():
@@ -128,6 +126,7 @@ def _check_samples(
             raise ConfigurationError(
                 f"{_place(name, channels[n])}, row {row + 1}: {values[row]:g} in SI units is no measurement"
             )
+    return again
 
 
 def _place(record: str, channel: Channel) -> str:
@@ -136,12 +135,12 @@ def _place(record: str, channel: Channel) -> str:
     return f"{record.rpartition('/')[2]}, channel {channel.name}{column}"
 
 
-def _check_time(time: np.ndarray, where: str, again: np.ndarray | None) -> None:
+def _check_time(time: np.ndarray, where: str, again: np.ndarray) -> None:
     if len(time) < 2:
         raise ConfigurationError(f"{where}: a record needs at least two samples, found {len(time)}")
     if np.isnan(time).any():
         raise ConfigurationError(f"{where}, row {1 + int(np.argmax(np.isnan(time)))}: no time")
-    falling = np.diff(time) <= 0 if again is None else (np.diff(time) <= 0) & ~again[1:]
+    falling = (np.diff(time) <= 0) & ~again[1:]
     if falling.any():
         row = 2 + int(np.argmax(falling))
         raise ConfigurationError(

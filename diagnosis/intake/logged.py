@@ -179,7 +179,7 @@ def longer(recording: Recording) -> Recording:
     return replace(recording, records=tuple(stretched(r) for r in recording.records))
 
 
-def spare_speeds(recording: Recording) -> frozenset[str]:
+def redundant_speeds(recording: Recording) -> frozenset[str]:
     """Speeds of which the places are recorded, too."""
     return frozenset(speed for place, speed in tracks.SPEEDS.items() if {place, speed} <= recording.channels.keys())
 
@@ -195,7 +195,7 @@ def without_channels(recording: Recording, channels: Collection[str]) -> Recordi
 
 
 def with_logger(
-    question: Question, stretched: Question | None, of_lines: float = 0.0, spare: Collection[str] = ()
+    question: Question, stretched: Question | None, of_lines: float = 0.0, redundant: Collection[str] = ()
 ) -> Question:
     """The question with a logger's faults among its hypotheses.
 
@@ -208,7 +208,7 @@ def with_logger(
     of_lines : float
         Log odds, by their noise, that samples came from another clock by straight lines
         (`cable_envs.diagnosis.data.clock.odds_of_lines`).
-    spare : collection of str
+    redundant : collection of str
         Channels that are left out where they turn out to be derived or filtered.
     """
     slopes = [] if stretched is None else _slopes(question, stretched)
@@ -221,7 +221,7 @@ def with_logger(
         units[CLOCK] = "1"
     for channel in speeds:
         for one in _of_speed(channel, period):
-            hypotheses.append(replace(one, spoils=channel if channel in spare else ""))
+            hypotheses.append(replace(one, redundant=channel if channel in redundant else ""))
             units[one.name] = "s"
     lines = _lines(period)
     law = "x(f) -> sinc(f P)^2 x(f)"

@@ -51,8 +51,8 @@ class Hypothesis:
         Size, SI, below which its parameter says nothing of it.
     alike : bool
         Whether it is done to all channels alike, which is to be seen in them.
-    spoils : str
-        Channel that holds nothing that another does not, and is better left out, where this was done to it.
+    redundant : str
+        Channel that is left out where this was done to it: it holds nothing that another does not; "": none.
     """
 
     name: str
@@ -65,7 +65,7 @@ class Hypothesis:
     effect: Effect | None = None
     least: float = 0.0
     alike: bool = False
-    spoils: str = ""
+    redundant: str = ""
 
     def __post_init__(self) -> None:
         if self.effect is None:

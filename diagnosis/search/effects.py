@@ -197,7 +197,7 @@ class Search:
 
     def _forward(self, base: Judged, effects: Effects) -> tuple[Round, Candidate | None]:
         """(the step, the best model with one effect more if its odds are good enough)."""
-        full = len(effects) >= self._most or any(h.spoils for h in effects)
+        full = len(effects) >= self._most or any(h.redundant for h in effects)
         on_top, scored, stuck = self._on_top(effects, base, self._hypotheses if full else effects)
         self._done[_names(effects)] = (base.fit.outline, on_top)
         while True:

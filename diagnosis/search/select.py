@@ -97,8 +97,7 @@ def select(
         smooth = replace(
             smooth, accepted=tuple(replace(a, elsewhere=told.get(a.hypothesis.name, {})) for a in smooth.accepted)
         )
-    spoilt = any(fault.hypothesis.spoils for fault in smooth.faults)
-    if by_itself or spoilt or (smooth.accepted and smooth.verdict != "unknown"):
+    if by_itself or smooth.redundant or (smooth.accepted and smooth.verdict != "unknown"):
         return smooth
     tell(stages.SPECTRA)
     asked = (spectra, Spectra(heldout, stated), found.null.fit, hypotheses, rng)

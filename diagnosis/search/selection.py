@@ -140,6 +140,11 @@ class Selection:
     bands: Bands | None = None
 
     @property
+    def redundant(self) -> tuple[EffectGain, ...]:
+        """Faults of channels that are left out, so that the rest is asked again."""
+        return tuple(fault for fault in self.faults if fault.hypothesis.redundant)
+
+    @property
     def more(self) -> bool:
         """Whether something is left beyond noise."""
         return self.after.log_odds > np.log(SURE)
