@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import gymnasium as gym
+import numpy as np
 import pytest
 
 from cablebench.board.board import build_board
@@ -42,8 +44,23 @@ def test_every_policy_of_a_board_is_there_or_made_by_its_commands_and_was_charge
             assert trained_here == ("tuning_trials" in r["charged"]) and r["charged"].get("tuning_trials", 1) > 0
 
 
+class _Rounded:
+    """A controller whose every command is off by a millionth, as sums in another order are."""
+
+    def __init__(self, controller, draw: int):
+        self._controller, self._rng = controller, np.random.default_rng(draw)
+
+    def __getattr__(self, name):
+        return getattr(self._controller, name)
+
+    def act(self, *seen):
+        return self._controller.act(*seen) * (1.0 + 1e-6 * self._rng.standard_normal())
+
+
 @pytest.mark.parametrize("entrant", ["ppo", "sac", "residual-ppo", "mrac-g22-tuned"])
 def test_a_row_scores_as_recorded(entrant):
+    """Equal to the last digit on the processor that made the record. Others round matrix products otherwise, and a
+    command that chatters turns this into much: how much is measured on episodes whose commands are rounded further."""
     from cablebench.cli.shared.policies import policy_entrant
     from cablebench.entrants.named import named_entrant
     from cablebench.protocol.metrics import measure
@@ -57,20 +74,22 @@ def test_a_row_scores_as_recorded(entrant):
         if (r["entrant"], r["env_id"], r["track"], r["seed"]) == (entrant, cell.task.env, "randomised", seed)
         and r["training_seed"] in (None, 0)
     )  # fmt: skip
-    if recorded["training_seed"] is None:
-        made = named_entrant(entrant)
-    else:
+    policy = recorded["training_seed"] is not None
+    if policy:
         made = policy_entrant(str(BOARDS / "quick" / "policies" / f"{entrant}-{cell.task.short}-0.zip"))
-    import gymnasium as gym
+        options = {**cell.environment_options(), **made.needs(cell.task.env, None)}
+    else:
+        made = named_entrant(entrant)
+        options = {**cell.environment_options(), "observe": recorded["options"]["observe"]}
 
-    options = (
-        {**cell.environment_options(), **made.needs(cell.task.env, None)}
-        if recorded["training_seed"] is not None
-        else {**cell.environment_options(), "observe": recorded["options"]["observe"]}
-    )
-    env = gym.make(cell.task.env, disable_env_checker=True, **options)
-    metrics = measure(run_episode(env, made.make(env.unwrapped.setup), seed))
+    def metrics(draw: int | None = None):
+        env = gym.make(cell.task.env, disable_env_checker=True, **options)
+        controller = made.make(env.unwrapped.setup)
+        return measure(run_episode(env, controller if draw is None else _Rounded(controller, draw), seed))
+
+    again, rounded = metrics(), [metrics(draw) for draw in range(4 if policy else 0)]
     for key, value in recorded["metrics"].items():
         if key not in TIMED and value is not None:
-            # equal to the last digit on the processor that made the record; others round matrix products otherwise
-            assert metrics[key] == pytest.approx(value, rel=1e-3, abs=1e-9), key
+            rounding = max((abs(r[key] - again[key]) for r in rounded), default=0.0)
+            assert rounding <= 0.02 * abs(value) + 1e-9, key  # else the comparison would say nothing
+            assert again[key] == pytest.approx(value, rel=1e-6, abs=1e-9 + 10.0 * rounding), key
