@@ -11,7 +11,9 @@ import pytest
 import typer
 import yaml
 
+from cable_envs.core.errors import ConfigurationError
 from cablebench.cli.app import app
+from cablebench.cli.shared.arguments import parse_options, resolve_env
 from cablebench.entrants.named import named_entrant
 from cablebench.protocol.metrics import measure
 from cablebench.run.evaluation import run_episode
@@ -93,6 +95,28 @@ def test_the_check_notices_what_does_not_exist():
     assert offences("cablebench run X --controller", True) == ["--controller without its value"]
     assert offences("cablebench run X -o rig=gu-steel-2mm --seed=3  # quick", True) == []
     assert len([c for p in TUTORIALS for c in written(ROOT / "docs" / p)]) > 20
+
+
+def settings(command: str) -> tuple[str, list[str]]:
+    """(environment that a command names, its settings as they are written)."""
+    words = shlex.split(command, comments=True)
+    env = words[words.index("--env") + 1] if "--env" in words else words[2]
+    return env, [words[k + 1] for k, word in enumerate(words) if word == "-o"]
+
+
+def test_settings_in_the_docs_make_an_environment():
+    """Of whole commands whose files come with the project: an option may exist, and not take what a page gives it."""
+    made = 0
+    for page in PAGES:
+        for command, whole in written(page):
+            if whole and " -o " in command and "effect_file=" not in command:
+                env, given = settings(command)
+                known = {k: v for k, v in parse_options(given).items() if k != "split"}  # of the suite's tasks
+                gym.make(resolve_env(env), disable_env_checker=True, **known).close()
+                made += 1
+    assert made >= 6
+    with pytest.raises(ConfigurationError, match="sensor_delay"):
+        gym.make(resolve_env("CableHole-Position-Sine"), **parse_options(["sensor_delay={load_position: 0.02}"]))
 
 
 def test_every_command_is_on_the_page_of_commands():
