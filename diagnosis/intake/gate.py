@@ -268,8 +268,8 @@ def _stop(record: Record, channel: str, fault: Fault) -> int:
     """Samples for which a position stands still because the rig does; 0 where a sensor was held.
 
     At a stop no other channel moves, and the motion goes on from there. Where it turns round, friction holds it while
-    efforts go on. A sensor that was held takes it up where it has gone meanwhile, farther than the rig starts in one
-    sample.
+    efforts go on, and one end of a rig while the other stretches what is between them: then no other place moves. A
+    sensor that was held takes it up where it has gone meanwhile, farther than the rig starts in one sample.
     """
     if channel not in POSITIONS:
         return 0
@@ -278,10 +278,12 @@ def _stop(record: Record, channel: str, fault: Fault) -> int:
     length = int(np.argmax(np.r_[values[first:] != values[first], True]))
     fastest = float(np.max(np.abs(np.gradient(track.even(channel)))))
     behind = values[first + length : first + length + 1] - values[first]
+    if np.any(np.abs(behind) > _RESUMES * fastest):
+        return 0
     turns = len(behind) > 0 and first > 0 and (values[first - 1] - values[first]) * behind[0] > 0.0
-    kinematic = (*POSITIONS, *RATES.values()) if turns else None
-    stops = bool(np.all(np.abs(behind) <= _RESUMES * fastest)) and not moves(track, channel, first, length, kinematic)
-    return length if stops else 0
+    ends = any(name in POSITIONS for name in track.channels if name != channel)
+    kinematic = POSITIONS if ends else (*POSITIONS, *RATES.values()) if turns else None
+    return 0 if moves(track, channel, first, length, kinematic) else length
 
 
 def _counted(record: Record, channel: str, fault: Fault) -> bool:

@@ -422,6 +422,29 @@ def test_friction_holds_a_position_where_it_turns_while_the_force_goes_on():
     assert any("saturated" in str(fault) for fault in _fatal(recording(cut)))  # the speed goes on
 
 
+def test_friction_holds_a_load_while_its_drive_starts_and_a_sensor_that_is_held_there_jumps():
+    """The cable stretches by 0.3 mm before the load breaks loose; the load's sensor has noise in motion only."""
+    rng = np.random.default_rng(9)
+    t = PERIOD * np.arange(ROWS)
+    since = np.mod(t, 5.0) - 0.5
+    drive = 0.02 + 0.01 * np.where(since > 0.0, 1.0 - np.cos(2.0 * np.pi * np.clip(since, 0.0, None) / 4.5), 0.0)
+    load = np.full(ROWS, 0.02)
+    for k in range(1, ROWS):
+        stretch = drive[k] - load[k - 1]
+        load[k] = load[k - 1] + (stretch - np.sign(stretch) * 3e-4 if abs(stretch) > 3e-4 else 0.0)
+    noise = 2e-5 * rng.standard_normal(ROWS) * (np.gradient(load) != 0.0)
+
+    def recording(place):
+        table = {"time": t, "drive_position": drive + 1e-6 * rng.standard_normal(ROWS), "load_position": place}
+        table["drive_tension"] = 50.0 + 6e4 * (drive - place) + 0.1 * rng.standard_normal(ROWS)
+        return Recording.from_arrays("cable_hole", table)
+
+    assert [f for f in _fatal(recording(load + noise)) if f.channel == "load_position"] == []
+    held = load + noise
+    held[520:580] = held[520]  # at rest, and for 0.3 s on
+    assert any("samples in a row" in f.text for f in _fatal(recording(held)) if f.channel == "load_position")
+
+
 def test_a_torque_in_another_unit_is_told_by_the_simulator_as_stated(tmp_path):
     make(Case("one", 12, "pulley_circuit", "nothing", noise="white, unstated"), tmp_path)
     good = load_recording(tmp_path)
