@@ -219,11 +219,11 @@ def _clock(record: Record) -> list[Fault]:
     if record.repeated:
         text = f"rows that repeat the one before are left out ({len(record.repeated)}); row numbers leave them out"
         found.append(Fault(record.name, "time", record.repeated[0], text, fatal=False))
-    late = np.flatnonzero(steps > (LONGEST_GAP + 0.5) * period)
+    late = np.flatnonzero(steps > (LONGEST_GAP + 1.5) * period)
     if len(late):
         text = f"a gap of {steps[late[0]]:.3g} s ({len(late)} of them); cut the record there into two"
         found.append(Fault(record.name, "time", int(late[0]) + 2, text))
-    short = np.flatnonzero((steps > 1.5 * period) & (steps <= (LONGEST_GAP + 0.5) * period))
+    short = np.flatnonzero((steps > 1.5 * period) & (steps <= (LONGEST_GAP + 1.5) * period))
     if len(short):
         text = f"{len(short)} short gaps, the first of {steps[short[0]]:.3g} s, are left out"
         found.append(Fault(record.name, "time", int(short[0]) + 2, text, fatal=False))

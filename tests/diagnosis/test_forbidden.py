@@ -344,6 +344,15 @@ def test_a_rig_at_rest_is_no_held_sensor():
     assert _found(held, _drive(change=rest)) == []
 
 
+@pytest.mark.parametrize("lost", [5, 6])
+def test_five_samples_in_a_row_may_be_missing_and_not_six(lost):
+    whole = _drive()
+    first, *others = whole.records
+    data = {name: np.delete(values, slice(300, 300 + lost)) for name, values in first.data.items()}
+    found = gate(replace(whole, records=(replace(first, data=data), *others))).faults
+    assert [f.fatal for f in found if "gap" in f.text] == [lost == 6]
+
+
 def test_a_rig_that_stops_for_a_while_is_not_refused_and_one_whose_sensor_stops_is():
     rng = np.random.default_rng(5)
     t = PERIOD * np.arange(ROWS)
