@@ -112,7 +112,7 @@ def told_apart(parts: Sequence[Path], done: Collection[str]) -> Iterator[dict[st
             odds = rivals_in_b(cases[result["name"]])
             least = min(odds, key=lambda name: odds[name])
             yield {
-                "separable": separable(odds), "case": result["name"], "outcome": result["outcome"],
+                "separable": bool(separable(odds)), "case": result["name"], "outcome": result["outcome"],
                 "truth": result["truth"], "nearest": least, "least": odds[least],
             }  # fmt: skip
 

@@ -3,6 +3,9 @@
 import json
 import lzma
 
+import numpy as np
+
+from benchmarks import misses
 from benchmarks.misses import _laws, missed, table
 
 
@@ -36,3 +39,14 @@ def test_the_table_has_the_odds_of_both_and_why_there_are_none():
     ).splitlines()[2:]
     assert found[0] == "| case-1 | hum | backlash | 12.3 % | named: slack | 31.2 | 12.0 |"
     assert found[1].endswith("| unknown | 1.0 | – |") and found[2].endswith("| a parameter does the same | – |")
+
+
+def test_what_a_recording_tells_is_a_line_of_the_results(tmp_path, monkeypatch):
+    name = misses.plan_of_b(seed=1)[0].name
+    case = {"name": name, "kind": "single", "band": ">10", "outcome": "class", "truth": ["slack"]}
+    record = {"plan": {"generator": "b", "seed": 1}, "methods": {"diagnose": {"cases": [case]}}}
+    (tmp_path / "proof.json.xz").write_bytes(lzma.compress(json.dumps(record).encode()))
+    monkeypatch.setattr(misses, "rivals_in_b", lambda _: {"slack": np.float64(40.0), "backlash": np.float64(2.0)})
+    (line,) = (json.loads(json.dumps(one)) for one in misses.told_apart([tmp_path], ()))
+    assert line["nearest"] == "backlash" and line["separable"] is False
+    assert list(misses.told_apart([tmp_path], (name,))) == []
