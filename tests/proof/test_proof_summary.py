@@ -21,7 +21,7 @@ def test_exact_names_and_classes_are_counted_from_the_cases(record):
     cells = {line.split("|")[1].strip(): line.split("|")[3].strip() for line in summary(record).splitlines()[2:-2]}
     own = [r for r in together([record])["diagnose"] if r.kind == "single" and r.band == ">10"]
     exact, known = sum(r.outcome == "exact" for r in own), sum(r.outcome in ("exact", "class") for r in own)
-    assert (len(own), exact, known) == (72, 48, 56)
+    assert (len(own), exact, known) == (44, 36, 40)
     assert cells["effect adds more than 10 %: exact name"] == f"{exact} of {len(own)}"
     assert cells["effect adds more than 10 %: exact name or class"] == f"{known} of {len(own)}"
 
