@@ -18,7 +18,8 @@ def compact_svg(svg: str) -> str:
 
     Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, numbers of other places are rounded
     to it, a style that several elements have becomes a class, and of a list of fonts the first and the kind are kept;
-    ids that nothing refers to, groups that say nothing, comments and space between elements are left out.
+    ids that nothing refers to, turns by nothing, groups that say nothing, comments and space between elements are left
+    out.
 
     Parameters
     ----------
@@ -36,8 +37,9 @@ def compact_svg(svg: str) -> str:
     '<svg><path d="M0 0l10.3 5 0 .5"/></svg>'
     """
     svg = re.sub(r'\bd="([^"]*)"', lambda found: f'd="{compact_path(found[1])}"', svg)
-    svg = re.sub(r'\b(x|y)="(-?\d+\.\d+)"', lambda found: f'{found[1]}="{_short(float(found[2]))}"', svg)
-    svg = re.sub(r"\btranslate\(([^)]*)\)", lambda found: f"translate({_rounded(found[1])})", svg)
+    svg = re.sub(r'\b(x|y|width|height)="(-?\d+\.\d+)"', lambda f: f'{f[1]}="{_short(float(f[2]))}"', svg)
+    svg = re.sub(r' transform="rotate\(-?0(?:\.0*)? [^)]*\)"', "", svg)
+    svg = re.sub(r"\b(translate|rotate)\(([^)]*)\)", lambda f: f"{f[1]}({_rounded(f[2])})", svg)
     svg = re.sub(r'\bstyle="[^"]*"', lambda found: re.sub(r"([:;]) +", r"\1", found[0]), svg)
     svg = _FAMILIES.sub(r"font-family:\1,\2", svg)
     used = set(re.findall(r'href="#([^"]+)"', svg)) | set(re.findall(r"url\(#([^)]+)\)", svg))

@@ -69,6 +69,12 @@ def test_what_is_compact_comes_back_as_it_is(drawn):
     assert compact_svg(small) == small
 
 
+def test_a_turn_by_nothing_says_nothing():
+    text = '<svg><text x="1.04" transform="rotate(-{} 1.04 2)">a</text></svg>'
+    assert compact_svg(text.format("0")) == '<svg><text x="1">a</text></svg>'
+    assert compact_svg(text.format("90")) == '<svg><text x="1" transform="rotate(-90 1 2)">a</text></svg>'
+
+
 @pytest.mark.parametrize(
     ("data", "wanted"),
     [
