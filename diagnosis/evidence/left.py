@@ -203,7 +203,7 @@ def _same(one: Leftover, others: Sequence[Leftover]) -> list[Leftover]:
 def _by_itself(candidate: Candidate, family: int) -> Leftover:
     """A family of the discrepancy by itself."""
     frame, model = candidate.frame, candidate.remainder
-    best = most_probable(frame, model, (family,))
+    best = max((frame.marginal(model, scale, (family,)) for scale in SCALES), key=candidate.over_none)
     odds = candidate.over_none(best) - float(np.log(len(SCALES)))
     return as_leftover(frame, model, best, family, (odds, best.fit - candidate.plain.fit))
 

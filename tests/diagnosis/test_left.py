@@ -208,6 +208,17 @@ def test_zeros_that_drift_are_of_the_sensors_if_nothing_is_left_beside_them():
     assert found.log_odds > SURE and not found.cause
 
 
+def test_a_zero_that_walks_a_little_beside_one_that_walks_far_drifts_too():
+    """The most probable size of a slow wave is not always the one whose odds may be trusted most."""
+
+    def walk(rng, t, k):
+        return (0.36, 0.12)[k] * (rng.normal() + np.cumsum(rng.normal(size=len(t))) / np.sqrt(len(t)))
+
+    model, heldout = (Sensors(seed, own=walk, memory=0.0, records=k) for seed, k in ((17, 2), (517, 1)))
+    found = _left(model, heldout)
+    assert found.log_odds > SURE and found.cause == "force 0: its zero drifts; force 1: its zero drifts"
+
+
 def test_what_a_coarse_sensor_rounds_is_no_tone_of_the_rig():
     """Slow triangles, counted in steps of seven standard deviations of the noise: tones of v / q and its multiples."""
     rng, step, noise = np.random.default_rng(5), 4e-5, 5.6e-6
