@@ -49,7 +49,7 @@ from cable_envs.diagnosis.simulators.base import Simulator
 from cable_envs.diagnosis.simulators.question import about_simulator, look_of, request_at_ports, require_fits
 from cable_envs.diagnosis.simulators.question import prepare as prepare_at_ports
 from cable_envs.diagnosis.systems import looked_at, plant_of, prepare, require_model
-from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.question import Question, Request, stated_of
 from cable_envs.effects import Effect
 from cable_envs.plants import plant_for, variants
 from cable_envs.plants.own_effects import load_effect
@@ -223,11 +223,10 @@ def _searched(
     steps = Steps(keep.out, digest(recording, (*keep.options, seed)), question.hypotheses, rng)
     added = request.simulator is not None and bool(request.simulator.terms)
     bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
-    white = {b.channel for b in question.fit.blocks if b.noise is None or question.at_rest}
     selection = select(
         question.fit, question.heldout, question.nominals, question.hypotheses, rng, without=bare,
         groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
-        stated={n: std for n, std in recording.noise.items() if n in white}, tell=tell, keep=steps,
+        stated=stated_of(recording, question), tell=tell, keep=steps,
     )  # fmt: skip
     return _Searched(question, selection, rng, steps)
 

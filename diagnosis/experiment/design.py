@@ -17,6 +17,7 @@ from cable_envs.diagnosis.experiment.worth import Told, divergences, narrowing
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.search.known_noise import told_at_rest
+from cable_envs.diagnosis.systems.question import stated_of
 
 DRAWN = 48
 """Motions that are drawn, all families in turn."""
@@ -92,7 +93,7 @@ def next_experiment(
     question = converged(told_at_rest(recording, ask(recording, request)))
     models = [(name,) for name in between] if between else names_of(found)
     channels = {b.channel for b in question.fit.blocks}
-    stated = {n: s for n, s in recording.noise.items() if n in channels}
+    stated = {n: s for n, s in stated_of(recording, question).items() if n in channels}
     open_ones = rivals(question, models, stated, tell)
     bench = Bench(recording, request, question, open_ones)
     allowed = replace(bench.shown(), **(limits or {}))

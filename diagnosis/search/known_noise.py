@@ -32,6 +32,10 @@ NOISE_IS_LEARNT = (
     "the noise is estimated from the residual, so that a slow or small mismatch may be taken for noise; two minutes in "
     "which nothing moves, as a record with 'use: rest', or a stated noise_std show more"
 )
+STATED_IS_NOT_ALL = (
+    "the stated noise is that of the sensors, and a recorded signal, noise and all, drives the simulator: what noise "
+    "makes of the predictions is estimated from the residual"
+)
 
 
 def told_at_rest(recording: Recording, question: Question) -> Question:
@@ -69,8 +73,10 @@ def with_noise_of_drive(recording: Recording, question: Question) -> Question:
     """
     drives = drives_of(question.fit)
     own = {b.channel: recording.noise.get(b.channel, b.noise) for b in question.fit.blocks}
-    if not drives or all(noise is None for noise in own.values()):
+    if all(noise is None for noise in own.values()):
         return question
+    if not drives:
+        return question if question.at_rest else replace(question, notes=(*question.notes, STATED_IS_NOT_ALL))
     channel = drives[0].channel
     rest = next(iter(recording.used_for("rest")), None)
     size: float | np.ndarray = noise_of_samples([d.values for d in drives], recording.noise.get(channel))

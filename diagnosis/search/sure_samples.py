@@ -42,10 +42,14 @@ def _sure(block: Block) -> np.ndarray:
 
 
 def _told_better(question: Question) -> bool:
-    """Whether every parameter is told better by what is sure: all records to fit together, channel by channel."""
+    """Whether every parameter of the rig is told better by what is sure: all records to fit together, by channel.
+
+    Steps tell best how late they act, which is the logger's.
+    """
     model = question.fit
     friction = [n for h in question.hypotheses if h.canonical in FRICTION for n in h.names]
-    names = tuple(dict.fromkeys((*question.nominals, *friction)))
+    of_rig = [name for name in question.nominals if name not in question.nuisance]
+    names = tuple(dict.fromkeys((*of_rig, *friction)))
     values = np.array([[p.start] for p in model.parameters])
     left = [b.measured - p[:, 0] for b, p in zip(model.blocks, model.predict(values), strict=True)]
     fit = refit(model, learn_whitener(model.blocks, left, 0), [Start("", names, {})], central=False)[0]

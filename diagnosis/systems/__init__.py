@@ -26,6 +26,7 @@ from types import ModuleType
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.description import OWN
 from cable_envs.diagnosis.data.recording import Record, Recording
+from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.systems import general, transmission
 from cable_envs.diagnosis.systems.common import plant_values
 from cable_envs.diagnosis.systems.conditions import heeded, require_stated
@@ -149,8 +150,11 @@ def plant_of(recording: Recording) -> str:
 def _stated_is_white(recording: Recording, question: Question) -> None:
     """Channels whose noise the recording states are noisy from sample to sample: what lasts longer is no noise there.
 
-    Else a bias is an endless memory of the noise, a slow mismatch its colour, and each costs a few numbers only.
+    Else a bias is an endless memory of the noise, a slow mismatch its colour, and each costs a few numbers only. The
+    noise that a recorded effort passes on has a colour.
     """
+    if not question.at_rest and not drives_of(question.fit):
+        return
     for model in (question.fit, question.heldout):
         for k, block in enumerate(model.blocks):
             if block.channel in recording.noise:

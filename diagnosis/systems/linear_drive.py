@@ -104,6 +104,8 @@ def prepare(recording: Recording, request: Request) -> Question:
     if closed:  # a controller is no slower than its log: what is read is on average half a sample old, at most
         control.append(Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD))
         control.append(Free(READ, IN_STEP[0] * period, 0.0, 0.5 * period, 0.5 * period, IN_STEP[1] * period))
+    elif effort_of(recording) == "force":  # a command, held after it was read; a voltage is what acts
+        control.append(Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, 0.5 * period, 0.5 * period, IN_STEP[1] * period))
     candidates = _candidates(plant, recording, values, nominals, request, closed, period)
     free = {f.name: f for f in (*nominals, *control)} | {f.name: f for h in candidates.asked for f in h.free}
     steps = _substeps(values, period, {h.name for h in candidates.asked})

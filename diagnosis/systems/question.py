@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
 from cable_envs.effects import Effect
@@ -122,3 +123,8 @@ class Question:
     ways: tuple[str, str] = ("moving forward", "moving backward")
     not_asked: Mapping[str, str] = field(default_factory=dict)
     origins: tuple[Origin, ...] = ()
+
+
+def stated_of(recording: Recording, question: Question) -> dict[str, float]:
+    """Channel -> standard deviation of its noise as stated, SI, where that is all that a right model leaves."""
+    return dict(recording.noise) if question.at_rest else {}

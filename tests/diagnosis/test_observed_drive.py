@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 
-from cable_envs.diagnosis import Recording
+from cable_envs.diagnosis import Recording, diagnose, load_recording
+from cable_envs.diagnosis.intake.logged import without_channels
 from cable_envs.diagnosis.search.sure_samples import NOTE, with_sure_samples
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.common import Sampled
 from cable_envs.diagnosis.systems.drive.model import answer
 from cable_envs.diagnosis.systems.drive.unsure import unsure
+from cable_envs.proof.cases import Case, make
 
 MASS, MOTOR, VISCOUS = 4.0, 0.8, 15.0
 STEP, EVERY = 1e-4, 100
@@ -114,8 +116,8 @@ def _made(slope, size, every, seconds=5.0, step=1e-4):
 
 
 def _left(recording, **there):
-    """RMS that the observer leaves of the position, m, with what is there."""
-    model = prepare(recording).fit
+    """RMS that the observer leaves of the position, m, with what is there; the force acts as it is logged."""
+    model, there = prepare(recording).fit, {"control_hold": 0.0, **there}
     column = np.array([[there.get(p.name.replace(".", "_"), p.start)] for p in model.parameters])
     (predicted,) = model.predict(column)
     return np.sqrt(np.mean((model.blocks[0].measured - predicted[:, 0])[model.blocks[0].good] ** 2))
@@ -230,3 +232,13 @@ def test_what_steps_of_the_effort_move_does_not_count_where_other_samples_tell_m
     after = [int(b.good.sum()) for b in asked.fit.blocks]
     assert (NOTE in asked.notes) is left_out is (after[0] < before[0])
     assert after[1] == before[1]
+
+
+def test_the_stated_noise_is_not_all_that_a_recorded_force_leaves(tmp_path):
+    """The noise of the force moves the simulator; of a drive with nothing missing that was more than its sensors'."""
+    make(Case("case-1", 5, "linear_drive", "nothing", noise="white"), tmp_path / "drive")
+    recording = without_channels(load_recording(tmp_path / "drive"), {"position_reference"})
+    found = diagnose(recording, effects=["stribeck_friction", "asymmetric_friction"])
+    assert recording.noise["position"] > 0.0
+    assert found.verdict == "no_detectable_mismatch"
+    assert any("the stated noise is that of the sensors" in note for note in found.notes)

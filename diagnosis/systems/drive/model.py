@@ -7,6 +7,7 @@ reference goes between samples as a cubic, since straight lines would change the
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -19,6 +20,7 @@ from cable_envs.diagnosis.systems.common import (
     mean_over_samples,
     motion_coordinates,
     moving_command,
+    recorded_drive,
     resample,
     smooth_speed,
 )
@@ -100,6 +102,7 @@ class DriveModel:
         self.channels = wanted if closed else [c for c in wanted if c in ("position", "velocity", *ahead)]
         self.blocks: list[Block] = []
         self._runs: list[Driven] = []
+        self._place = partial(recorded_drive, recording, "position")
         for record in recording.used_for(use):
             self._add(record)
 
@@ -110,9 +113,7 @@ class DriveModel:
     def _add(self, record: Record) -> None:
         needs = {"position", *self.channels, "position_reference" if self.closed else self.effort}
         time, series = recorded(record, self.period, sorted(needs))
-        effort = None if self.closed else self.effort
-        own = given(record, self.plant)
-        self._runs.append(driven(time, series, self.period, effort, record.over > 0.0, own))
+        self._runs.append(self._driven(record, time, series))
         along = motion_coordinates(time, series["position"].values, "m", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
@@ -125,6 +126,14 @@ class DriveModel:
             self.blocks.append(
                 Block(record.name, channel, time, got.values, good, _UNIT[channel], along, step=got.step, unsure=unsure)
             )
+
+    def _driven(self, record: Record, time: np.ndarray, series: Mapping[str, Sampled]) -> Driven:
+        """A record's input. Our servo follows the recorded place without its noise, whose rate would shake friction."""
+        own, mean = given(record, self.plant), record.over > 0.0
+        if self.closed:
+            return driven(time, series, self.period, None, mean, own)
+        followed = self._place(series["position"].values).smoothed(self.period)[0]
+        return driven(time, series, self.period, self.effort, mean, own, followed)
 
     def _unsure(
         self, record: Record, series: Mapping[str, Sampled], channel: str, along: Sequence[Coordinate]
@@ -198,6 +207,8 @@ class DriveModel:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
         scale, bias = self._of(columns, "sensor_scale.force"), self._of(columns, "sensor_bias.force")
         total = self._of(columns, "mass") + self._of(columns, "motor_mass")
+        columns = columns.copy()
+        columns[self.plant.table.index("actuator_lag.time")] += shown.get(HOLD, 0.0)
         force = (run.effort[:, None] * per_volt - bias) / scale - shown[OFFSET]
         asked, first = self._followed(columns, total * SOFT**2, 2.0 * DAMPING_RATIO * total * SOFT, run, force)
 
@@ -316,11 +327,14 @@ def middle(values: np.ndarray, period: float) -> tuple[np.ndarray, np.ndarray, n
 
 def driven(
     time: np.ndarray, series: Mapping[str, Sampled], period: float, effort: str | None, mean: bool,
-    own: Mapping[str, float],
+    own: Mapping[str, float], followed: np.ndarray | None = None,
 ) -> Driven:  # fmt: skip
-    """One record's input; effort: channel that drives, None: the position reference; own: its parameters."""
+    """One record's input; effort: channel that drives, None: the position reference; own: its parameters.
+
+    followed: positions [T] that our servo follows beside the effort.
+    """
     position = series["position"].values
-    samples = series["position_reference"].values if effort is None else position
+    samples = series["position_reference"].values if followed is None else followed
     path, rate, rates = middle(samples, period)
     pushed = np.zeros(len(path)) if effort is None else np.repeat(_halfway(series[effort].values), FINE)
     early = max(int(0.3 / period), 1)

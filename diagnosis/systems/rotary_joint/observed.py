@@ -10,6 +10,7 @@ refitted.
 """
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -25,15 +26,14 @@ from cable_envs.diagnosis.systems.common import (
     free_parameters,
     motion_coordinates,
     plant_values,
+    recorded_drive,
 )
-from cable_envs.diagnosis.systems.conditions import given
 from cable_envs.diagnosis.systems.drive.model import (
     DAMPING_RATIO,
     SOFT,
     DriveModel,
     Driven,
     Seen,
-    driven,
     recorded,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
@@ -164,13 +164,13 @@ class JointModel(DriveModel):
         self.channels = [name for name in _UNITS if name in recording.channels]
         self.blocks: list[Block] = []
         self._runs: list[Driven] = []
+        self._place = partial(recorded_drive, recording, "position")
         for record in recording.used_for(use):
             self._add(record)
 
     def _add(self, record: Record) -> None:
         time, series = recorded(record, self.period, sorted({"position", *self.channels, self.effort}))
-        own = given(record, self.plant)
-        self._runs.append(driven(time, series, self.period, self.effort, record.over > 0.0, own))
+        self._runs.append(self._driven(record, time, series))
         along = motion_coordinates(time, series["position"].values, "rad", "position")
         late = ~at_first(time, series["position"].values)
         for channel in self.channels:
