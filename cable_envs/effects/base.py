@@ -17,6 +17,8 @@ PROBES = (0.1, 1.0)
 """Sizes at which a search first tries an effect, over the typical one, where its parameter names no others."""
 CONSTANT, DRIFT = "constant", "drift"
 """What `Effect.over_time` may say."""
+PLACE, FORCE = "place", "force"
+"""What `Effect.offsets` may say."""
 
 
 @dataclass(frozen=True)
@@ -175,6 +177,9 @@ class Effect:
     over_time : str
         `CONSTANT`: what changes with the elapsed time is not this effect. `DRIFT`: it changes with nothing else. Empty:
         neither.
+    offsets : tuple of str
+        Kinds of signal, `PLACE` or `FORCE`, of which other formulations of the law have a constant more: as a bias of
+        the sensor has.
     wave : tuple of two str, optional
         Names of its period and its phase, where it is a sine along the position.
     plants : tuple of str
@@ -197,7 +202,7 @@ class Effect:
     Raises
     ------
     ConfigurationError
-        For an unknown seam, and for another value of ``over_time``.
+        For an unknown seam, and for other values of ``over_time`` and ``offsets``.
     """
 
     name: str
@@ -211,6 +216,7 @@ class Effect:
     each_sensor: bool = False
     proportional: bool = False
     over_time: str = ""
+    offsets: tuple[str, ...] = ()
     wave: tuple[str, str] | None = None
     plants: tuple[str, ...] = ()
     hooks: Mapping[str, Callable[..., float]] = field(default_factory=dict)
@@ -230,6 +236,8 @@ class Effect:
         if self.over_time not in ("", CONSTANT, DRIFT):
             known = f"{CONSTANT}, {DRIFT}"
             raise ConfigurationError(f"effect '{self.name}': over_time '{self.over_time}' is none of {known}")
+        if wrong := [kind for kind in self.offsets if kind not in (PLACE, FORCE)]:
+            raise ConfigurationError(f"effect '{self.name}': offsets '{wrong[0]}' is none of {PLACE}, {FORCE}")
 
     def row(self, p: EffectParameter) -> str:
         """Name of a parameter in a plant's table: the plant's own where ``alias`` says so, else "effect.parameter"."""

@@ -1,6 +1,6 @@
 """A stiff cable lifts off at both ends of the hole's edge, most at low tension, and so has less friction."""
 
-from cable_envs.effects.base import Effect, EffectParameter
+from cable_envs.effects.base import FORCE, Effect, EffectParameter
 
 EFFECT = Effect(
     name="bending_stiffness",
@@ -15,4 +15,5 @@ EFFECT = Effect(
     validity="free spans l with l sqrt(T / B) > 1.83",
     experiment="Measure the tension ratio at four tensions and with two cable diameters",
     confusable=("coulomb_friction", "load_dependent_friction"),
+    offsets=(FORCE,),  # T2 - B / (2 R^2) = (T1 - B / (2 R^2)) e^(mu theta): Stuart, Brit. J. Appl. Phys. 12 (1961) 559
 )  # fmt: skip

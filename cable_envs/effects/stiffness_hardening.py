@@ -1,7 +1,7 @@
 """The stiffness of a rope grows with its tension, because strands and braids settle."""
 
 from cable_envs.core.kernels import inline, sqrt
-from cable_envs.effects.base import Effect, EffectParameter
+from cable_envs.effects.base import PLACE, Effect, EffectParameter
 
 EFFECT = Effect(
     name="stiffness_hardening",
@@ -17,6 +17,7 @@ EFFECT = Effect(
     validity="first order in the tension; the chain takes the secant stiffness of each span from the step before",
     experiment="Lock the output, and ramp the force over the whole range. The curve of drive motion over tension bends",
     confusable=("cable_elongation", "slack"),
+    offsets=(PLACE,),  # strands that settle below the tensions of use leave the cable longer: Feyrer, ch. 3
 )  # fmt: skip
 
 

@@ -61,7 +61,7 @@ def answer(
     floors = _floors(recording, selection)
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
-    accepted = [a.hypothesis.name for a in selection.accepted] if named else []
+    accepted = [a.hypothesis.name for a in (*selection.accepted, *selection.constants)] if named else []
     rig = question.rig(final.fit.values, accepted)
     rig = untorn(recording, rig) if "plant" in rig else rig
     valid = fitted_range(recording, rig["plant"]) if "plant" in rig else {}
@@ -83,6 +83,7 @@ def answer(
             *quality.notes,
             *_oscillating(selection),
             *_faulty(selection, faults, seen),
+            *_constant(question, selection),
             *_unpredicted(selection),
             *on_bounds(question, final.fit),
             *_unseen(selection),
@@ -128,6 +129,19 @@ def in_words(fault: EffectGain) -> str:
         late = f"{channel} is the difference of two places one sample apart, and so half a sample late"
         return f"{late}, and {filtered}" if estimate.low > 0.0 else late
     return f"{channel} {filtered}"
+
+
+def _constant(question: Question, selection: Selection) -> list[str]:
+    """Biases of sensors that may be how an effect is formulated, in words."""
+    if selection.verdict not in NAMED:
+        return []
+    biases = [with_estimates(a, question, selection).parameters for a in selection.constants]
+    return [
+        f"{channel.replace('_', ' ')} is off by {size.value:.3g} {size.unit}, by its sensor or because what is missing "
+        "has another formulation: no bias is named"
+        for parameters in biases
+        for channel, size in parameters.items()
+    ]
 
 
 def _unpredicted(selection: Selection) -> list[str]:
@@ -208,7 +222,7 @@ def _products(question: Question, selection: Selection) -> list[dict[str, Any]]:
     """What the last model knows as products only, of all records; not of one that was compared by spectra."""
     if selection.bands is not None:
         return []
-    effects = [e.hypothesis for e in (*selection.accepted, *selection.faults)]
+    effects = [e.hypothesis for e in selection.taken]
     nulls = {name: null for h in effects for name, null in h.nulls.items() if name not in h.inverse}
     phases = [h.wave[1] for h in effects if h.wave]
     joint, final = Joint(question.fit, question.heldout), selection.final
@@ -344,7 +358,7 @@ def _probed(score: Score, row: str) -> float:
 
 def _tried(question: Question, selection: Selection, verdict: str) -> tuple[dict[str, Any], ...]:
     """Every hypothesis: the log odds of the model with it, and what came of it."""
-    taken = {a.hypothesis.name: a for a in (*selection.accepted, *selection.faults)}
+    taken = {a.hypothesis.name: a for a in selection.taken}
     first = selection.score_tests
     rows = []
     for h in question.hypotheses:

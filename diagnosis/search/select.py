@@ -27,9 +27,12 @@ from cable_envs.diagnosis.search import limit_cycles, stages
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.search.elsewhere import Group, asked_elsewhere, worse_than_claim
 from cable_envs.diagnosis.search.selection import Found, Round, Selection, confidence
+from cable_envs.effects.base import FORCE, PLACE
 
 BIAS = "sensor_bias"
 """Effect that is no constant, and nothing of the rig, where the sensor's zero drifts."""
+KINDS = {"m": PLACE, "rad": PLACE, "N": FORCE, "N m": FORCE}
+"""Unit of a channel -> what it is of."""
 WORSE = 1.05
 """RMS of a channel's error over its standard deviation from which its own mean would have predicted it better."""
 
@@ -120,8 +123,11 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
         f"sensor_bias.{k.channel}" for k in after.kinds if k.coordinate == ELAPSED and k.log_odds > np.log(SURE)
     }
 
+    constants = _constants(best.effects, {b.channel: b.unit for b in search.fit.blocks}) - drifting
+
     def gains(of_data: bool) -> tuple[EffectGain, ...]:
-        return tuple(_gain(h, found) for h in best.effects if (h.of_logger or h.name in drifting) is of_data)
+        there = (h for h in best.effects if h.name not in constants)
+        return tuple(_gain(h, found) for h in there if (h.of_logger or h.name in drifting) is of_data)
 
     return Selection(
         _judged(search.fit, bare, found.null), _judged(search.fit, best, found.null),
@@ -129,7 +135,18 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
         {**last.odds, **first.odds}, dict(last.odds), {**last.bounded, **first.bounded},
         tuple(_steps(found, search.fit, heldout)),
         tuple(_unpredicted(heldout, best.fit)) if best.effects else (),
+        constants=tuple(_gain(h, found) for h in best.effects if h.name in constants),
     )  # fmt: skip
+
+
+def _constants(effects: Sequence[Hypothesis], units: Mapping[str, str]) -> set[str]:
+    """Names of biases of sensors beside a law to which other formulations add such a constant.
+
+    effects: of a model; units: of the channels.
+    """
+    beside = {kind for h in effects if h.effect is not None for kind in h.effect.offsets}
+    biases = {h.name: units.get(h.name.removeprefix(f"{BIAS}."), "") for h in effects if h.canonical == BIAS}
+    return {name for name, unit in biases.items() if KINDS.get(unit) in beside}
 
 
 def _unseen(selection: Selection, found: Found, search: Search) -> Selection:

@@ -116,6 +116,8 @@ class Selection:
         Whether the last model predicts unseen records worse than the model as it was claimed.
     as_claimed : bool
         Whether the refit of the nominals did, so that ``null`` is the claim.
+    constants : tuple of EffectGain
+        Biases of sensors that the last model has, and that may be how an effect beside them is formulated.
     left_out : tuple of EffectGain
         Faults of channels that an earlier selection has found, and without which this one is made.
     bands : Bands, optional
@@ -136,8 +138,14 @@ class Selection:
     unpredicted: tuple[str, ...] = ()
     worse: bool = False
     as_claimed: bool = False
+    constants: tuple[EffectGain, ...] = ()
     left_out: tuple[EffectGain, ...] = ()
     bands: Bands | None = None
+
+    @property
+    def taken(self) -> tuple[EffectGain, ...]:
+        """All that the last model has more than the nominal one."""
+        return (*self.accepted, *self.faults, *self.constants)
 
     @property
     def redundant(self) -> tuple[EffectGain, ...]:

@@ -14,6 +14,8 @@ from cable_envs.diagnosis.search.comparison import holds
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import confidence
+from cable_envs.effects import EFFECTS
+from cable_envs.effects.base import FORCE, PLACE
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
 
 COULOMB = Free("coulomb", 0.0, 0.0, 1e3, 5.0)
@@ -38,6 +40,7 @@ def _selected(truth, hypotheses, **own):
         model = Toy({"coulomb": 0.0, **truth}, seed, records)
         mine = {"coulomb": COULOMB, "velocity": VELOCITY, **own}
         model.parameters = tuple(mine.get(p.name, p) for p in PARAMETERS)
+        model.blocks = [replace(b, unit="N") for b in model.blocks]
         models.append(model)
     return select(*models, ("mass", "viscous"), hypotheses, np.random.default_rng(0), stated={"force": 0.3})
 
@@ -52,6 +55,18 @@ def test_a_fuller_law_that_ended_in_a_simpler_one_is_no_alternative():
 def test_a_law_whose_shape_shows_is_named_itself():
     (only,) = _selected({"excess": 2.0, "velocity": 0.05}, LAWS).accepted
     assert only.hypothesis.name == "stribeck_friction" and only.alternatives == ()
+
+
+@pytest.mark.parametrize(("offsets", "named"), [((), 2), ((PLACE,), 2), ((FORCE,), 1)])
+def test_a_bias_beside_a_law_that_others_write_with_a_constant_is_not_named(offsets, named):
+    law = replace(LAWS[1], effect=replace(EFFECTS["stribeck_friction"], offsets=offsets))
+    bias = Hypothesis(
+        "sensor_bias.force", (Free("bias", 0.0, -9.0, 9.0, 0.5),), (({"bias": 0.5},),), nulls={"bias": 0.0}
+    )
+    found = _selected({"excess": 2.0, "velocity": 0.05, "bias": 0.5}, [law, bias])
+    assert found.verdict == "named" and len(found.accepted) == named
+    assert [a.hypothesis.name for a in found.constants] == (["sensor_bias.force"] if named == 1 else [])
+    assert found.final.fit.values["bias"] == pytest.approx(0.5, abs=0.1)  # the model keeps it
 
 
 @pytest.mark.parametrize(
