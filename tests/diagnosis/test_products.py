@@ -148,7 +148,7 @@ def test_the_answer_says_what_is_known_as_a_product_only(bands):
     model, held = Excess(std=0.3), Excess(std=0.3)
     judged = refit_and_learn(model, [Start("", FREE, {})])
     effect = SimpleNamespace(hypothesis=Hypothesis("gain", (model.parameters[1],), (), nulls={"gain": 1.0}))
-    selection = SimpleNamespace(bands=bands, accepted=(effect,), faults=(), final=judged)
+    selection = SimpleNamespace(bands=bands, accepted=(effect,), taken=(effect,), final=judged)
     question = SimpleNamespace(fit=model, heldout=held, nuisance=("offset",), units={"stiffness": "N/m", "gain": "1"})
     found = answer._products(question, selection)
     if bands:
