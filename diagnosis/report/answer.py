@@ -16,12 +16,12 @@ from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.fit.score_tests import Score
 from cable_envs.diagnosis.intake.after import Suspicion, after_fit
 from cable_envs.diagnosis.intake.gate import Quality
-from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
 from cable_envs.diagnosis.model.verdict import NAMED, SURE, Diagnosis, EffectGain, Estimate, Trace
 from cable_envs.diagnosis.report.fitted_range import fitted_range
+from cable_envs.diagnosis.report.notes import constant, faulty, in_words, on_bounds, oscillating, unpredicted, unseen
 from cable_envs.diagnosis.report.products import products
 from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
@@ -61,7 +61,8 @@ def answer(
     floors = _floors(recording, selection)
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
-    accepted = [a.hypothesis.name for a in (*selection.accepted, *selection.constants)] if named else []
+    constants = [with_estimates(a, question, selection) for a in selection.constants] if named else []
+    accepted = [a.hypothesis.name for a in (*selection.accepted, *constants)] if named else []
     rig = question.rig(final.fit.values, accepted)
     rig = untorn(recording, rig) if "plant" in rig else rig
     valid = fitted_range(recording, rig["plant"]) if "plant" in rig else {}
@@ -81,12 +82,12 @@ def answer(
         (
             *question.notes,
             *quality.notes,
-            *_oscillating(selection),
-            *_faulty(selection, faults, seen),
-            *_constant(question, selection),
-            *_unpredicted(selection),
+            *oscillating(selection),
+            *faulty(selection, faults, seen),
+            *constant(constants),
+            *unpredicted(selection),
             *on_bounds(question, final.fit),
-            *_unseen(selection),
+            *unseen(selection),
         ),
         {
             **about,
@@ -101,94 +102,6 @@ def answer(
         not_asked=dict(question.not_asked),
         parameters=tuple(vars(origin) for origin in question.origins),
     )
-
-
-def _faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[Suspicion]) -> list[str]:
-    """What is wrong with the data, in words."""
-    gone = "; it is left out, for the recorded place holds what it does"
-    said = [*(one.text for one in seen), *(in_words(f) + (gone if f in selection.left_out else "") for f in faults)]
-    if selection.after.cause and selection.more:
-        said.append(selection.after.cause)
-    slow = selection.after.slow if selection.more else ""
-    return [*(f"of the data, not of the rig: {text}" for text in said), *([slow] if slow else [])]
-
-
-def in_words(fault: EffectGain) -> str:
-    """A logger's fault, in a sentence."""
-    (estimate,) = fault.parameters.values()
-    if fault.hypothesis.name == CLOCK:
-        return f"the logger's clock is off by {100.0 * estimate.value:+.3g} %"
-    if fault.hypothesis.name == LINES:
-        return f"all channels were brought from another clock, of {1e3 * estimate.value:.3g} ms, by straight lines"
-    kind, _, channel = fault.hypothesis.name.removeprefix(LOGGER).partition(".")
-    channel = channel.replace("_", " ")
-    if not fault.hypothesis.of_logger:  # the bias of a sensor that drifts
-        return f"{channel}: its zero is off by {estimate.value:.3g} {estimate.unit} on average, and drifts"
-    filtered = f"was filtered with a time constant of {1e3 * estimate.value:.3g} ms"
-    if LOGGER + kind == DIFFERENCE:
-        late = f"{channel} is the difference of two places one sample apart, and so half a sample late"
-        return f"{late}, and {filtered}" if estimate.low > 0.0 else late
-    return f"{channel} {filtered}"
-
-
-def _constant(question: Question, selection: Selection) -> list[str]:
-    """Biases of sensors that may be how an effect is formulated, in words."""
-    if selection.verdict not in NAMED:
-        return []
-    biases = [with_estimates(a, question, selection).parameters for a in selection.constants]
-    return [
-        f"{channel.replace('_', ' ')} is off by {size.value:.3g} {size.unit}, by its sensor or because what is missing "
-        "has another formulation: no bias is named"
-        for parameters in biases
-        for channel, size in parameters.items()
-    ]
-
-
-def _unpredicted(selection: Selection) -> list[str]:
-    """Channels for which nothing may be named."""
-    return [
-        f"{channel.replace('_', ' ')} is predicted worse than by its own mean, so that nothing is named"
-        for channel in selection.unpredicted
-    ]
-
-
-def on_bounds(question: Question, fit: Fit) -> list[str]:
-    """Parameters that cannot be zero or unlimited, and that the refit drove to an end of what it tries."""
-    found = []
-    for p in question.fit.parameters:
-        if p.name not in question.nominals or p.name in question.nuisance or p.low <= 0.0:
-            continue
-        end = next((e for e in (p.low, p.high) if np.isclose(fit.values[p.name], e, rtol=1e-6)), None)
-        if end is not None and not np.isclose(p.start, end, rtol=1e-6):
-            found.append(
-                f"{p.name.replace('_', ' ')} ended at {end:.3g} {question.units.get(p.name, '')}, the "
-                f"{'least' if end == p.low else 'largest'} value that is tried: more may be missing than is named, and "
-                "the corrected rig may be one that cannot be simulated"
-            )
-    return found
-
-
-def _unseen(selection: Selection) -> list[str]:
-    """What was given up because the claim predicts unseen records better."""
-    found = []
-    if selection.worse:
-        found.append("held-out records are predicted better by the model as it was claimed, so that nothing is named")
-    if selection.as_claimed:
-        found.append(
-            "the nominal parameters are left as they were claimed: refitted, they predict held-out records worse"
-        )
-    return found
-
-
-def _oscillating(selection: Selection) -> list[str]:
-    """How to read the errors of a model that oscillates by itself."""
-    if selection.bands is None:
-        return []
-    by = " with it" if selection.accepted else ""
-    return [
-        f"the simulation{by} oscillates by itself, with a phase that cannot be predicted; so spectra were compared, "
-        f"and the errors are those of the mean of {RUNS} runs, in which the oscillation averages out"
-    ]
 
 
 def _predictable(question: Question, selection: Selection) -> Question:

@@ -6,7 +6,7 @@ import pytest
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.model.model import Block
 from cable_envs.diagnosis.model.verdict import EffectGain, _read
-from cable_envs.diagnosis.report.answer import _unseen
+from cable_envs.diagnosis.report.notes import unseen
 from cable_envs.diagnosis.search.elsewhere import MOST, Group, groups_of
 from cable_envs.diagnosis.search.select import select
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, along, force
@@ -140,13 +140,13 @@ def test_a_refit_that_predicts_unseen_records_worse_goes_back_to_the_claim():
     fit, heldout = Deceived(("far0", "far1"), 3, 4.0), Deceived(("far2", "far3"), 4, 0.0)
     found = select(fit, heldout, NOMINALS, SPRING, np.random.default_rng(0), stated={"force": STD})
     assert found.as_claimed and found.null.fit.values["mass"] == 10.0
-    assert any("as they were claimed" in note for note in _unseen(found))
+    assert any("as they were claimed" in note for note in unseen(found))
     right = select(
         Deceived(("far0", "far1"), 3, 4.0), Deceived(("far2", "far3"), 4, 4.0), NOMINALS, SPRING,
         np.random.default_rng(0), stated={"force": STD},
     )  # fmt: skip
     assert not right.as_claimed and right.null.fit.values["mass"] == pytest.approx(14.0, abs=0.2)
-    assert _unseen(right) == []
+    assert unseen(right) == []
 
 
 class Sprung(Travels):
@@ -160,4 +160,4 @@ def test_an_effect_that_unseen_records_contradict_is_not_named():
     fit, heldout = Sprung(("far0", "far1", "far2"), 3, 60.0), Sprung(("far3",), 4, 0.0)
     found = select(fit, heldout, NOMINALS, SPRING, np.random.default_rng(0), stated={"force": STD})
     assert found.accepted and found.worse and found.verdict == "unknown"
-    assert any("nothing is named" in note for note in _unseen(found))
+    assert any("nothing is named" in note for note in unseen(found))

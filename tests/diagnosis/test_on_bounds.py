@@ -3,7 +3,7 @@
 from types import SimpleNamespace
 
 from cable_envs.diagnosis.model.model import Free
-from cable_envs.diagnosis.report.answer import on_bounds
+from cable_envs.diagnosis.report.notes import on_bounds
 
 INERTIA = Free("output_inertia", 2e-5, 1e-9, 10.0, 2e-5)
 DAMPING = Free("output_damping", 2e-4, 0.0, 10.0, 2e-4)
