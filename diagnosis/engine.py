@@ -18,8 +18,9 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clock import odds_of_lines, with_sure_times
-from cable_envs.diagnosis.data.one_clock import on_one_clock
+from cable_envs.diagnosis.data.clocks.lines import Lines, lines_of, without_lines_in_commands
+from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
+from cable_envs.diagnosis.data.clocks.sure_times import with_sure_times
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording
 from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.evidence.joint import Joint
@@ -28,6 +29,7 @@ from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import (
+    in_lines,
     longer,
     redundant_speeds,
     with_logger,
@@ -159,10 +161,11 @@ def examine(
     quality = gate(recording, look)
     quality.require_usable()
     recording, timed = with_sure_times(recording)
-    of_lines = odds_of_lines(recording)
+    lines = lines_of(recording)
     recording, brought = on_one_clock(recording)
     recording, averaged = averaged_if_long(recording)
     if averaged:
+        lines = replace(lines, ratio=0.0)
         tell(f"averaging {averaged['rows']} rows to {averaged['samples']} samples")
     if simulator is None:
         request = request_of(recording, effects, without, effect_file, rig, variant)
@@ -173,13 +176,13 @@ def examine(
     taken = request.rig and sorted(request.rig.items())
     own = None if simulator is None else simulator.digest()
     keep = _Keep(None if out is None else Path(out), (request.only, request.without, taken, effect_file, variant, own))
-    one = _searched(recording, request, of_lines, seed, keep, tell)
+    one = _searched(recording, request, lines, seed, keep, tell)
     left_out = tuple(with_estimates(fault, one.question, one.selection) for fault in one.selection.redundant)
     if left_out:
         channels = {fault.hypothesis.redundant for fault in left_out}
         tell(f"leaving out {', '.join(sorted(channels))}, which the logger has made")
         recording = without_channels(recording, channels)
-        one = _searched(recording, request, of_lines, seed, keep, tell)
+        one = _searched(recording, request, lines, seed, keep, tell)
     question, selection = one.question, replace(one.selection, left_out=left_out)
     tell(stages.LOCATING)
     about = {
@@ -213,10 +216,10 @@ class _Searched(NamedTuple):
 
 
 def _searched(
-    recording: Recording, request: Request, of_lines: float, seed: int, keep: _Keep, tell: Callable[[str], None]
+    recording: Recording, request: Request, lines: Lines, seed: int, keep: _Keep, tell: Callable[[str], None]
 ) -> _Searched:
     """The question of a recording as it is asked, and the model with the largest evidence."""
-    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, of_lines)))))
+    question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, lines)))))
     Quality(tuple(off_claims(recording, question))).require_usable()
     question = with_noise_of_drive(recording, with_sure_samples(question))
     rng = np.random.default_rng(seed)
@@ -231,16 +234,17 @@ def _searched(
     return _Searched(question, selection, rng, steps)
 
 
-def _with_logger(recording: Recording, request: Request, of_lines: float) -> Question:
+def _with_logger(recording: Recording, request: Request, lines: Lines) -> Question:
     """The question, with what a logger may have done to the data; not where the caller says what is looked for."""
-    question = ask(recording, request)
+    recording = without_lines_in_commands(recording, lines)
+    question = in_lines(ask(recording, request), lines)
     if request.only is not None:
         return question
     try:
-        stretched = ask(longer(recording), request)
+        stretched = in_lines(ask(longer(recording), request), lines)
     except ConfigurationError:
         stretched = None
-    return with_logger(question, stretched, of_lines, redundant_speeds(recording))
+    return with_logger(question, stretched, lines, redundant_speeds(recording))
 
 
 def _tried(question: Question) -> Question:

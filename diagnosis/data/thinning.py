@@ -15,7 +15,7 @@ from math import ceil, gcd
 import numpy as np
 from scipy.signal import periodogram
 
-from cable_envs.diagnosis.data.clock import sample_period, zero
+from cable_envs.diagnosis.data.clocks.even import sample_period, zero
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording

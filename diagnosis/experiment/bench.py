@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.experiment.motions import Limits

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.one_clock import on_one_clock
+from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
 from cable_envs.diagnosis.experiment.bench import Bench, Planned

@@ -20,11 +20,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from cable_envs.diagnosis.data.clock import OTHERS, SURE
+from cable_envs.diagnosis.data.clocks.lines import NO_LINES, OTHERS, SURE, Lines
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.intake import tracks
 from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
+from cable_envs.diagnosis.model.in_lines import InLines
 from cable_envs.diagnosis.model.model import Block, Free, Model
 from cable_envs.diagnosis.model.spikes import spikes
 from cable_envs.diagnosis.systems.question import Question
@@ -46,6 +47,7 @@ LOST_ALIKE = (
     "a recorded position drives the simulator: it has lost as much as all else, and what takes more away from the "
     "predictions takes its noise away"
 )
+KNOWN = "the noise of the samples tells that clock: predictions are taken by its straight lines"
 EVEN_NOISE = (
     "the noise of the samples is as large everywhere: straight lines between those of another clock would make it "
     "swell and fade as the two clocks beat"
@@ -194,8 +196,39 @@ def without_channels(recording: Recording, channels: Collection[str]) -> Recordi
     return replace(recording, channels=rest(recording.channels), records=records)
 
 
+def in_lines(question: Question, lines: Lines) -> Question:
+    """The question with predictions as an export has brought the records from another clock.
+
+    Parameters
+    ----------
+    question : Question
+        Of the recording, its commands without lines
+        (`cable_envs.diagnosis.data.clocks.lines.without_lines_in_commands`).
+    lines : Lines
+        That other clock.
+
+    Returns
+    -------
+    Question
+        The same where there is none, where the records are not even, and where a recorded position or effort drives
+        the simulator: all else has then lost as much as that.
+    """
+    if not lines.ratio or drives_of(question.fit):
+        return question
+    models = []
+    for model in (question.fit, question.heldout):
+        by = [lines.of(block.record, block.time) for block in model.blocks]
+        if any(one is None for one in by):
+            return question
+        models.append(InLines(model, by))
+    said = f"the samples came from another clock, of a period of {1e3 * lines.period:.4g} ms, by straight lines"
+    return replace(
+        question, fit=models[0], heldout=models[1], notes=(*question.notes, f"{said}: predictions go by the same lines")
+    )
+
+
 def with_logger(
-    question: Question, stretched: Question | None, of_lines: float = 0.0, redundant: Collection[str] = ()
+    question: Question, stretched: Question | None, lines: Lines = NO_LINES, redundant: Collection[str] = ()
 ) -> Question:
     """The question with a logger's faults among its hypotheses.
 
@@ -205,9 +238,8 @@ def with_logger(
         Of the recording as it is.
     stretched : Question, optional
         Of the recording that `longer` gives; None: the clock is not asked.
-    of_lines : float
-        Log odds, by their noise, that samples came from another clock by straight lines
-        (`cable_envs.diagnosis.data.clock.odds_of_lines`).
+    lines : Lines
+        Whether, by their noise, samples came from another clock by straight lines.
     redundant : collection of str
         Channels that are left out where they turn out to be derived or filtered.
     """
@@ -223,14 +255,15 @@ def with_logger(
         for one in _of_speed(channel, period):
             hypotheses.append(replace(one, redundant=channel if channel in redundant else ""))
             units[one.name] = "s"
-    lines = _lines(period)
+    free = _lines(period)
     law = "x(f) -> sinc(f P)^2 x(f)"
-    earlier = _hypothesis(LINES, lines, (lines.scale, 2.0 * lines.scale), law, "export the samples as taken")
+    earlier = _hypothesis(LINES, free, (free.scale, 2.0 * free.scale), law, "export the samples as taken")
     refused = {} if slopes else {CLOCK: UNSEEN}
-    if drives_of(question.fit) or of_lines < -SURE:
-        refused[LINES] = LOST_ALIKE if drives_of(question.fit) else EVEN_NOISE
+    known = KNOWN if isinstance(question.fit, InLines) else EVEN_NOISE if lines.odds < -SURE else ""
+    if drives_of(question.fit) or known:
+        refused[LINES] = known or LOST_ALIKE
     else:
-        hypotheses.append(replace(earlier, least=SHORTEST * lines.scale, alike=of_lines < SURE))
+        hypotheses.append(replace(earlier, least=SHORTEST * free.scale, alike=lines.odds < SURE))
         units[LINES] = "s"
     models = [
         Logged(m, own, list(speeds))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest
-from cable_envs.diagnosis.data.one_clock import means
+from cable_envs.diagnosis.data.clocks.one_clock import means
 from cable_envs.diagnosis.readers.base import Log
 
 HOLE_INTERVALS = 5.0

@@ -9,7 +9,7 @@ from typing import cast
 
 import numpy as np
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start

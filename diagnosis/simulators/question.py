@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.description import OWN
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free

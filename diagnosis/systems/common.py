@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import savgol_filter
 
-from cable_envs.diagnosis.data.clock import numbers, zero
+from cable_envs.diagnosis.data.clocks.even import numbers, zero
 from cable_envs.diagnosis.data.description import channels_of, told
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.driven import Recorded, best_width, by_cubics, noise_of_samples

@@ -16,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.model.hypotheses import REFITTED, Candidates, Hypothesis, hypotheses_for

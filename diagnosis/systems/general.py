@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Coordinate, Free

@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, Hypothesis, free_of, hypotheses_for
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import Candidates
 from cable_envs.diagnosis.model.model import Coordinate, Free

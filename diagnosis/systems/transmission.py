@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.first_look import FILTER_HZ, since_reversal
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free

@@ -9,7 +9,7 @@ import yaml
 from scipy.optimize import brentq
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, load_recording
 from cable_envs.diagnosis.engine import diagnose
 from cable_envs.diagnosis.systems import prepare

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import examine
 from cable_envs.diagnosis.evidence.bands import Averaged, Bands, Spectra

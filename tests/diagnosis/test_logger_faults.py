@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from cable_envs.diagnosis import diagnose
-from cable_envs.diagnosis.data.clock import odds_of_lines
+from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, FILTER, LINES, with_logger
 from cable_envs.diagnosis.model.model import Block, Free
@@ -57,9 +57,9 @@ def question(logged, unit="m", stretch=0.0, **others):
     return Question("", models[0], models[1], ("size",), (), (), {"size": ""}, lambda values, names: {})
 
 
-def found(logged, unit="m", stretched=False, of_lines=0.0, **others):
+def found(logged, unit="m", stretched=False, lines=NO_LINES, **others):
     late = question(logged, unit, 1e-4, **others) if stretched else None
-    asked = with_logger(question(logged, unit, **others), late, of_lines)
+    asked = with_logger(question(logged, unit, **others), late, lines)
     search = Search(asked.fit, asked.heldout, asked.nominals, asked.hypotheses, np.random.default_rng(0))
     best = search.run().best
     return {name: best.fit.values[name] for h in best.effects for name in h.names}
@@ -103,40 +103,13 @@ def test_a_clock_is_that_of_all_channels():
     assert found(late, stretched=True, force=unsure(signal, 1), angle=unsure(signal, 2)) == {}
 
 
-def _written(earlier, noise=NOISE):
-    """Two channels of two records whose noisy samples an export has brought from another clock, if it has a period."""
-    rng = np.random.default_rng(7)
-
-    def column(own):
-        time = PERIOD * np.arange(COUNT)
-        if not earlier:
-            return own(time) + noise * rng.standard_normal(COUNT)
-        knots = np.arange(0.0, time[-1] + 2.0 * earlier, earlier)
-        return np.interp(time, knots, own(knots) + noise * rng.standard_normal(len(knots)))
-
-    shapes = {"position": lambda t: np.sin(2 * np.pi * 0.3 * t), "force": lambda t: np.cos(2 * np.pi * 0.7 * t)}
-    records = [
-        {"time": PERIOD * np.arange(COUNT), **{name: column(shape) for name, shape in shapes.items()}} for _ in range(2)
-    ]
-    units = {"time": "s", "position": "m", "force": "N"}
-    return Recording.from_arrays("linear_drive", {"a": records[0], "b": records[1]}, units=units)
-
-
-@pytest.mark.parametrize("earlier", [0.0062, 0.0083, 0.0108, 0.0137, 0.021])
-def test_straight_lines_make_noise_swell_and_fade_as_two_clocks_beat(earlier):
-    assert odds_of_lines(_written(earlier)) > 20.0
-
-
-def test_noise_that_is_as_large_everywhere_was_not_brought_by_straight_lines():
-    assert odds_of_lines(_written(0.0)) < -20.0
-    assert odds_of_lines(_written(0.0, noise=0.0)) == 0.0  # nothing tells
-
+def test_straight_lines_are_not_asked_where_the_noise_is_as_large_everywhere():
     def smooth(time, earlier=0.014):
         knots = np.arange(time[0] - 3 * earlier, time[-1] + 3 * earlier, earlier)
         return np.interp(time, knots, signal(knots))
 
     assert list(found(smooth)) == [LINES]
-    assert found(smooth, of_lines=-20.0) == {}
+    assert found(smooth, lines=Lines(-20.0)) == {}
 
 
 def test_a_filtered_speed_is_told_with_its_time_constant():

@@ -6,7 +6,7 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording
-from cable_envs.diagnosis.data.one_clock import means, on_one_clock
+from cable_envs.diagnosis.data.clocks.one_clock import means, on_one_clock
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.intake.gate import gate

@@ -3,7 +3,7 @@
 import numpy as np
 
 from cable_envs.diagnosis import Recording
-from cable_envs.diagnosis.data.clock import with_sure_times
+from cable_envs.diagnosis.data.clocks.sure_times import with_sure_times
 from cable_envs.diagnosis.engine import ask, request_of
 
 PERIOD, ROWS, NOISE = 0.01, 1500, 2e-6

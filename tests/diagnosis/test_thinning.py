@@ -7,7 +7,7 @@ from scipy.signal import StateSpace, lsim
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording, diagnose
 from cable_envs.diagnosis.data import thinning
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.entries import Doubt
 from cable_envs.diagnosis.intake import gate
 from cable_envs.diagnosis.systems import prepare

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording

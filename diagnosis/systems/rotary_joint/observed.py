@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis.data.clock import sample_period
+from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, hypotheses_for
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE

@@ -1,0 +1,35 @@
+"""A model whose records came from another clock by straight lines: its predictions are taken by the same lines."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from cable_envs.diagnosis.model.model import Block, Model
+
+
+class InLines:
+    """A model of which every prediction goes from one clock to the other by straight lines.
+
+    Parameters
+    ----------
+    model : Model
+        Of the records as if their samples had been taken when their stamps say.
+    by : sequence of sparse array
+        What straight lines make of the samples of each block [T, T].
+    """
+
+    def __init__(self, model: Model, by: Sequence[Any]):
+        self._model, self._by = model, list(by)
+        self.parameters = model.parameters
+        self.blocks: list[Block] = model.blocks
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the model has."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._model, name)
+
+    def predict(self, values: np.ndarray) -> list[np.ndarray]:
+        """As `cable_envs.diagnosis.model.model.Model`."""
+        return [by @ p for by, p in zip(self._by, self._model.predict(values), strict=True)]
