@@ -18,7 +18,8 @@ import numpy as np
 
 from cable_envs.core.config import read_yaml
 from cable_envs.core.errors import ConfigurationError, require_known
-from cable_envs.diagnosis.data.clocks.lines import Lines, lines_of, without_lines_in_commands
+from cable_envs.diagnosis.data.clocks.beats import lines_of
+from cable_envs.diagnosis.data.clocks.lines import Lines, without_lines_in_commands
 from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
 from cable_envs.diagnosis.data.clocks.sure_times import with_sure_times
 from cable_envs.diagnosis.data.recording import Record, Recording, load_recording

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from cable_envs.diagnosis.data.clocks.lines import NO_LINES, OTHERS, SURE, Lines
+from cable_envs.diagnosis.data.clocks.beats import OTHERS, SURE
+from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.intake import tracks
 from cable_envs.diagnosis.model.driven import drives_of

@@ -1,10 +1,11 @@
-"""Exports that brought samples from another clock by straight lines: what tells that clock, and what is then predicted."""
+"""Exports that brought samples from another clock by straight lines: what tells that clock, and what is predicted."""
 
 import numpy as np
 import pytest
 
 from cable_envs.diagnosis import diagnose
-from cable_envs.diagnosis.data.clocks.lines import Lines, lines_of, without_lines_in_commands
+from cable_envs.diagnosis.data.clocks.beats import lines_of
+from cable_envs.diagnosis.data.clocks.lines import Lines, without_lines_in_commands
 from cable_envs.diagnosis.data.recording import Recording
 from tests.support import drive_recording as drive
 

@@ -9,7 +9,6 @@ from scipy.signal import lfilter
 
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
-from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, FILTER, LINES, with_logger
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search.effects import Search
