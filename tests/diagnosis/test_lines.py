@@ -5,7 +5,7 @@ import pytest
 
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clocks.beats import lines_of
-from cable_envs.diagnosis.data.clocks.lines import Lines, without_lines_in_commands
+from cable_envs.diagnosis.data.clocks.lines import Lines, near_jumps, without_lines_in_commands
 from cable_envs.diagnosis.data.recording import Recording
 from tests.support import drive_recording as drive
 
@@ -102,8 +102,19 @@ def test_a_command_that_is_held_is_not_changed_away_from_its_jumps():
         assert np.abs(record.data["position_reference"] - held)[np.abs(record.time - 13.0) > 0.15].max() < 1e-9
 
 
+def test_what_is_near_a_jump_is_not_told():
+    time = PERIOD * np.arange(COUNT)
+    noise = NOISE * np.random.default_rng(2).standard_normal(COUNT)
+    smooth = np.sin(2 * np.pi * 1.1 * time)
+    assert near_jumps(smooth + noise).mean() < 0.02
+    found = np.flatnonzero(near_jumps(smooth + noise + (time >= 13.0)))
+    assert set(range(1297, 1303)) <= set(found) and np.sum(np.abs(found - 1300) < 20) < 14
+    counts = 0.1 * np.round(10.0 * np.sin(2 * np.pi * 0.05 * time))
+    assert not near_jumps(counts).any() and not near_jumps(np.zeros(COUNT)).any()
+
+
 def test_a_drive_whose_export_came_from_another_clock_lacks_nothing(tmp_path):
-    """Without what lines do, a bent motion leaves 0.1 mm that beat, ten times the noise of the position."""
+    """Where lines are not known, its controller is not found, and the answer is unknown."""
 
     def exported(k, table):
         fine = drive._run(10 + k, _no_load, period=0.001, fine=1)[5 + k :: 13]

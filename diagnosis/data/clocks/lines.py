@@ -21,6 +21,10 @@ SMOOTH, CUBIC = 9, 3
 TAPS = 6
 """Samples of a prediction from which its value between them is taken."""
 
+BENT, JUMP, NEAR = 4, 5.0, 3
+"""Order of the differences by which a jump between samples is told, over their usual size, and how many samples before
+and behind it are not told between samples either."""
+
 
 @dataclass(frozen=True)
 class Lines:
@@ -76,6 +80,29 @@ def without_lines_in_commands(recording: Recording, lines: Lines) -> Recording:
     """
     names = [name for name in recording.channels if name != "time" and told(name)]
     return replace(recording, records=tuple(_with_commands(record, names, lines) for record in recording.records))
+
+
+def near_jumps(measured: np.ndarray) -> np.ndarray:
+    """Samples near jumps, as of a cable's tension where friction turns round.
+
+    A jump is at an instant between two samples that neither shows, and where the other clock took a sample beside it
+    the value is not told.
+
+    Parameters
+    ----------
+    measured : ndarray, shape (T,)
+        Even samples.
+
+    Returns
+    -------
+    ndarray of bool, shape (T,)
+    """
+    if len(measured) <= BENT:
+        return np.zeros(len(measured), dtype=bool)
+    bends = np.abs(np.diff(np.pad(measured, BENT // 2, mode="edge"), BENT))
+    usual = np.median(bends[bends > 0.0]) / 0.6745 if bends.any() else 0.0
+    jumps = bends > JUMP * usual if usual else np.zeros(len(measured), dtype=bool)
+    return np.convolve(jumps, np.ones(2 * NEAR + 1), "same") > 0.5
 
 
 def _with_commands(record: Record, names: Sequence[str], lines: Lines) -> Record:
