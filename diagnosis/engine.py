@@ -30,19 +30,20 @@ from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import (
-    in_lines,
     longer,
     redundant_speeds,
     with_logger,
     without_channels,
     without_spikes,
 )
+from cable_envs.diagnosis.model.in_lines import InLines
 from cable_envs.diagnosis.model.remembered import Remembered
 from cable_envs.diagnosis.model.trials import Trials
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer, with_estimates
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.elsewhere import groups_of
+from cable_envs.diagnosis.search.known_lines import in_lines, with_lines
 from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_drive
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
@@ -237,12 +238,15 @@ def _searched(
 
 def _with_logger(recording: Recording, request: Request, lines: Lines) -> Question:
     """The question, with what a logger may have done to the data; not where the caller says what is looked for."""
-    recording = without_lines_in_commands(recording, lines)
-    question = in_lines(ask(recording, request), lines)
+    restored = without_lines_in_commands(recording, lines)
+    question = ask(recording, request)
+    if lines.ratio:
+        question = with_lines(question, ask(restored, request), lines)
     if request.only is not None:
         return question
     try:
-        stretched = in_lines(ask(longer(recording), request), lines)
+        known = isinstance(question.fit, InLines)
+        stretched = in_lines(ask(longer(restored), request), lines) if known else ask(longer(recording), request)
     except ConfigurationError:
         stretched = None
     return with_logger(question, stretched, lines, redundant_speeds(recording))

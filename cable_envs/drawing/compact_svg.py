@@ -48,7 +48,7 @@ def compact_svg(svg: str) -> str:
 
 
 def _with_short_ids(svg: str) -> str:
-    """Numbers in the place of what follows the last hyphen of an id; before it is what tells figures of a page apart."""
+    """Numbers in the place of what follows the last hyphen of an id: before it is what tells a page's figures apart."""
     ids = dict.fromkeys(re.findall(r' id="([^"]*-[^"-]*)"', svg))
     short = {old: f"{old.rpartition('-')[0]}-{k}" for k, old in enumerate(ids)}
     return re.sub(r'(?<= id=")[^"]+|(?<=href="#)[^"]+|(?<=url\(#)[^)]+', lambda f: short.get(f[0], f[0]), svg)

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from cable_envs.diagnosis.data.clocks.beats import OTHERS, SURE
-from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines, near_jumps
+from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.intake import tracks
 from cable_envs.diagnosis.model.driven import drives_of
@@ -195,39 +195,6 @@ def without_channels(recording: Recording, channels: Collection[str]) -> Recordi
 
     records = tuple(replace(record, data=rest(record.data)) for record in recording.records)
     return replace(recording, channels=rest(recording.channels), records=records)
-
-
-def in_lines(question: Question, lines: Lines) -> Question:
-    """The question with predictions as an export has brought the records from another clock.
-
-    Parameters
-    ----------
-    question : Question
-        Of the recording, its commands without lines
-        (`cable_envs.diagnosis.data.clocks.lines.without_lines_in_commands`).
-    lines : Lines
-        That other clock.
-
-    Returns
-    -------
-    Question
-        The same where there is none, where the records are not even, and where a recorded position or effort drives
-        the simulator: all else has then lost as much as that. Samples near jumps do not count.
-    """
-    if not lines.ratio or drives_of(question.fit):
-        return question
-    models = []
-    for model in (question.fit, question.heldout):
-        by = [lines.of(block.record, block.time) for block in model.blocks]
-        if any(one is None for one in by):
-            return question
-        models.append(InLines(model, by))
-    for block in (*question.fit.blocks, *question.heldout.blocks):
-        block.good[near_jumps(block.measured)] = False
-    said = f"the samples came from another clock, of a period of {1e3 * lines.period:.4g} ms, by straight lines"
-    return replace(
-        question, fit=models[0], heldout=models[1], notes=(*question.notes, f"{said}: predictions go by the same lines")
-    )
 
 
 def with_logger(

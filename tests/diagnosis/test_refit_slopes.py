@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from cable_envs.diagnosis.fit import refit as refits
 from cable_envs.diagnosis.fit.refit import SETTLED, STEP, Start, look, refit
 from cable_envs.diagnosis.model.model import Block, Free, Whitener
 from cable_envs.diagnosis.model.noise import Noise
@@ -60,13 +59,20 @@ def test_a_refit_ends_where_another_optimiser_does():
     assert np.all(np.abs(found - other.x) < 0.3 * np.sqrt(np.diag(fit.covariance)))
 
 
-def test_slopes_that_are_carried_along_save_simulations(monkeypatch):
+def test_slopes_that_are_carried_along_save_simulations():
     carried, anew = rings(), rings()
-    one = refit(carried, WHITE, [Start("", NAMES, {})], central=False)[0]
-    monkeypatch.setattr(refits, "TRUSTED", np.inf)
-    other = refit(anew, WHITE, [Start("", NAMES, {})], central=False)[0]
+    (one,) = look(carried, WHITE, [Start("", NAMES, {})], 20, carried=True)
+    (other,) = look(anew, WHITE, [Start("", NAMES, {})], 20)
     assert abs(one.cost - other.cost) < SETTLED
     assert carried.columns < 0.8 * anew.columns
+
+
+def test_a_refit_at_its_end_tries_no_step():
+    model = rings()
+    fit = refit(model, WHITE, [Start("", NAMES, {})])[0]
+    model.columns = 0
+    again = refit(model, WHITE, [Start("", NAMES, fit.values)])[0]
+    assert again.values == fit.values and model.columns == 1 + 2 * len(NAMES)
 
 
 @pytest.mark.parametrize("central", [False, True])
@@ -82,12 +88,25 @@ def test_the_slopes_of_a_result_are_those_where_it_is(central):
         assert np.allclose(fit.jacobian[:, k], slope, rtol=0.0, atol=1e-8 * np.abs(slope).max())
 
 
-def test_where_carried_slopes_mislead_they_are_taken_anew():
+@pytest.mark.parametrize("carried", [False, True])
+def test_where_carried_slopes_mislead_they_are_taken_anew(carried):
     """Rosenbrock's valley is bent: a slope from a step ago points out of it."""
     x, y = Free("x", -1.2, -5.0, 5.0, 0.1), Free("y", 1.0, -5.0, 5.0, 0.1)
     model = Counted((x, y), lambda v: np.stack([10.0 * (v[1] - v[0] ** 2), v[0]]), np.array([0.0, 1.0]))
-    fit = refit(model, Whitener({"y": Noise(np.empty(0), 1e-3)}), [Start("", ("x", "y"), {})], 60)[0]
-    assert abs(fit.values["x"] - 1.0) < 1e-3 and abs(fit.values["y"] - 1.0) < 1e-3
+    start, white = Start("", ("x", "y"), {}), Whitener({"y": Noise(np.empty(0), 1e-3)})
+    (found,) = look(model, white, [start], 60, carried=carried)
+    assert abs(found.values["x"] - 1.0) < 1e-3 and abs(found.values["y"] - 1.0) < 1e-3
+
+
+def test_what_slopes_promise_beyond_a_bound_is_no_end():
+    """The best step leaves the bounds, and cut off it would be a loss: smaller ones are tried."""
+    a, b = Free("a", 0.0, -9.0, 0.05, 1.0), Free("b", 0.0, -9.0, 9.0, 1.0)
+    model = Counted(
+        (a, b), lambda v: np.stack([v[0] + 0.99 * v[1], v[0] + v[1], 0.1 * v[1]]), np.array([1.0, 1.0, -1.0])
+    )
+    fit = refit(model, Whitener({"y": Noise(np.empty(0), 1.0)}), [Start("", ("a", "b"), {})], 40)[0]
+    free = np.linalg.lstsq(np.array([[0.99], [1.0], [0.1]]), np.array([1.0 - 0.05, 1.0 - 0.05, -1.0]), rcond=None)[0][0]
+    assert fit.values["a"] == 0.05 and abs(fit.values["b"] - free) < 0.01
 
 
 def test_a_look_never_ends_worse_than_it_began():
