@@ -17,9 +17,9 @@ def compact_svg(svg: str) -> str:
     r"""The same picture in about a third of the characters.
 
     Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, numbers of other places are rounded
-    to it, a style that several elements have becomes a class, of a list of fonts the first and the kind are kept, and
-    behind its last hyphen an id is a number; ids that nothing refers to, turns by nothing, groups that say nothing,
-    comments and space between elements are left out.
+    to it, a style that several elements have becomes a class, of a list of fonts the first and the kind are kept,
+    references are those of SVG 2, and behind its last hyphen an id is a number; ids that nothing refers to, turns by
+    nothing, groups that say nothing, comments and space between elements are left out.
 
     Parameters
     ----------
@@ -42,6 +42,7 @@ def compact_svg(svg: str) -> str:
     svg = re.sub(r"\b(translate|rotate)\(([^)]*)\)", lambda f: f"{f[1]}({_rounded(f[2])})", svg)
     svg = re.sub(r'\bstyle="[^"]*"', lambda found: re.sub(r"([:;]) +", r"\1", found[0]), svg)
     svg = _FAMILIES.sub(r"font-family:\1,\2", svg)
+    svg = svg.replace(" xlink:href=", " href=").replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
     used = set(re.findall(r'href="#([^"]+)"', svg)) | set(re.findall(r"url\(#([^)]+)\)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
     return _with_classes(_without_idle_groups(_with_short_ids(svg)))

@@ -84,7 +84,7 @@ def test_pages_are_whole_and_need_no_network(made, pages):
         assert page.open == [] and page.loads == [], address
         assert not re.search(r"@import|url\((?!#)|https?://(?!www\.w3\.org)", text), address
         assert len(page.ids) == len(set(page.ids)), "two elements share an id"
-        references = set(re.findall(r'(?:xlink:href="#|url\(#)([^"$)]+)', text)) - {"panel-"}
+        references = set(re.findall(r'(?:<use[^>]* href="#|url\(#)([^"$)]+)', text)) - {"panel-"}
         assert references <= set(page.ids), "a figure refers to an element of another figure"
         assert made[0].configuration in text
     for part in ("score τ", "RMSE delay", "median episode", "factor on nominal", "effort ∫u² dt", "cablebench replay"):

@@ -70,12 +70,10 @@ def test_what_is_compact_comes_back_as_it_is(drawn):
 
 
 def test_ids_are_numbered_behind_what_tells_figures_apart():
-    text = (
-        '<svg><path id="f1-{0}"/><path id="f1-{1}"/><g clip-path="url(#f1-{1})"><use xlink:href="#f1-{0}"/></g></svg>'
-    )
+    text = '<svg><path id="f1-{0}"/><path id="f1-{1}"/><g clip-path="url(#f1-{1})"><use href="#f1-{0}"/></g></svg>'
     assert compact_svg(text.format("mdc5e06", "p16d03")) == text.format("0", "1")
     assert compact_svg(text.format("1", "0")) == text.format("0", "1")  # each is renamed once
-    plain = '<svg><path id="mdc5e06"/><use xlink:href="#mdc5e06"/></svg>'
+    plain = '<svg><path id="mdc5e06"/><use href="#mdc5e06"/></svg>'
     assert compact_svg(plain) == plain
 
 
