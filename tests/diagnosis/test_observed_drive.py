@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import Recording, diagnose, load_recording
+from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.logged import without_channels
 from cable_envs.diagnosis.search.sure_samples import NOTE, with_sure_samples
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.common import Sampled
-from cable_envs.diagnosis.systems.drive.model import answer
+from cable_envs.diagnosis.systems.drive.model import HOLD, answer
 from cable_envs.diagnosis.systems.drive.unsure import unsure
 from cable_envs.proof.cases import Case, make
 
@@ -232,6 +233,35 @@ def test_what_steps_of_the_effort_move_does_not_count_where_other_samples_tell_m
     after = [int(b.good.sum()) for b in asked.fit.blocks]
     assert (NOTE in asked.notes) is left_out is (after[0] < before[0])
     assert after[1] == before[1]
+
+
+def _held(every, seed, seconds=16.0):
+    """A carriage under a controller that holds its force for ``every`` half milliseconds, logged every 10 ms."""
+    rng, dt, rows = np.random.default_rng(seed), 5e-4, []
+    w, force = np.array([2.0, 5.3, 9.1]) * (1.0 + 0.1 * seed), 0.0
+    x, v = 0.0, np.sum(0.03 * np.sqrt(w))
+    for k in range(round(seconds / dt)):
+        if k % every == 0:
+            path, rate = (
+                np.sum(0.03 * part) for part in (np.sin(w * k * dt) / np.sqrt(w), np.sqrt(w) * np.cos(w * k * dt))
+            )
+            force = 6000.0 * (path - x) + 250.0 * (rate - v)
+        if k % 20 == 0:
+            rows.append(np.array([k * dt, x, v, force]) + np.array([0.0, 3e-9, 1e-7, 5e-5]) * rng.normal(size=4))
+        pushed = (force - VISCOUS * v) / MASS
+        x, v = x + dt * v + 0.5 * dt * dt * pushed, v + dt * pushed * (1.0 - 0.5 * dt * VISCOUS / MASS)
+    return dict(zip(("time", "position", "velocity", "force"), np.array(rows).T, strict=True))
+
+
+@pytest.mark.parametrize(("every", "late"), [(1, 0.25e-3), (10, 2.5e-3)])
+def test_a_recorded_force_that_a_controller_holds_acts_half_of_that_later(every, late):
+    runs = {f"{k}": _held(every, k) for k in range(3)}
+    stated = {"mass": {"value": MASS - 0.3, "std": 0.4}, "viscous": {"value": VISCOUS - 2.0, "std": 4.0}}
+    question = prepare(Recording.from_arrays("linear_drive", runs, heldout="2", nominal=stated))
+    assert HOLD in question.nominals and HOLD in question.nuisance
+    found = refit_nominals(question.fit, question.nominals).fit.values
+    assert found[HOLD] == pytest.approx(late, abs=0.2e-3)
+    assert found["mass"] == pytest.approx(MASS, rel=0.01)
 
 
 def test_the_stated_noise_is_not_all_that_a_recorded_force_leaves(tmp_path):
