@@ -23,12 +23,8 @@ from any start, where it now gains 60 to 90 of the 91 that its score promises.
 _DAMPINGS = (0.1, 1.0, 10.0)
 _TOGETHER = 1 << 25
 """Bytes of predictions at a time: refits of many models take slopes of a thousand columns, several copies of each."""
-TRUSTED = 0.75
-"""Share of the fall of the cost that a linear model promises, from which on a step's slope is used to update it."""
 SETTLED = 0.1
 """Fall of the whitened sum of squares below which a refit has ended; chance gives a parameter about 1."""
-FLAT = 1e-6
-"""The same of a fall that the slopes promise: no step is tried for it."""
 
 
 @dataclass(frozen=True)
@@ -92,26 +88,18 @@ class Look:
     cost: float
 
 
-def look(
-    model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int, *, carried: bool = False
-) -> list[Look]:
-    """A few iterations of `refit` with slopes from one side: enough to find out who leads, without intervals.
-
-    carried: slopes are carried along (Broyden) where the last step did as they promised, which saves most simulations
-    of many starts; from far away, along bent valleys, that leads elsewhere.
-    """
-    runs = _refitted(model, whitener, starts, iterations, central=False, carried=carried)
+def look(model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int) -> list[Look]:
+    """A few iterations of `refit` with slopes from one side: enough to find out who leads, without intervals."""
+    runs = _refitted(model, whitener, starts, iterations, central=False)
     return [Look(run.start.label, run.start.free, run.named(), run.cost) for run in runs]
 
 
 def _refitted(
-    model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int, central: bool, carried: bool = False
+    model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int, central: bool
 ) -> list["_Run"]:
-    runs = [_Run(model, start, carried) for start in starts]
+    runs = [_Run(model, start) for start in starts]
     for _ in rounds(iterations):
         _slopes(model, whitener, runs, central)
-        for run in runs:
-            run.done = run.done or run.ended()
         active = [run for run in runs if not run.done]
         if not active:
             break
@@ -141,8 +129,8 @@ def _at_a_time(model: Model, runs: Sequence["_Run"], columns: Sequence[int]) -> 
 class _Run:
     """The state of one refit."""
 
-    def __init__(self, model: Model, start: Start, carried: bool = False):
-        self.parameters, self.start, self._carried = list(model.parameters), start, carried
+    def __init__(self, model: Model, start: Start):
+        self.parameters, self.start = list(model.parameters), start
         names = [p.name for p in self.parameters]
         self.rows = [names.index(name) for name in start.free]
         given = {**{p.name: p.start for p in self.parameters}, **start.values}
@@ -152,9 +140,7 @@ class _Run:
         self.known = False
         """whether the residual is that of the values"""
         self.sloped = False
-        """whether the Jacobian may be used at the values"""
-        self.updated = False
-        """whether the Jacobian has come from one elsewhere, by Broyden's update"""
+        """whether the Jacobian is that of the values"""
 
     def prior(self, values: np.ndarray) -> float:
         """Sum of squared priors."""
@@ -230,38 +216,13 @@ class _Run:
         best = int(np.argmin(costs))
         gain = self.cost - costs[best]
         if gain > 0.0:
-            factor, values = trials[best]
-            kept = self._carried and gain >= TRUSTED * self.promised(values)
-            if kept:
-                self.update(values, white[:, best])
-            self.done = gain < SETTLED and not self.updated
-            self.sloped, self.updated = kept and gain >= SETTLED, kept
-            self.values, self.residual, self.known = values, white[:, best].copy(), True
+            factor, self.values = trials[best]
+            self.residual, self.known, self.sloped = white[:, best].copy(), True, False
             self.damping = max(self.damping * factor * 0.3, 1e-9)
-        elif self.updated:
-            self.sloped = False
+            self.done = gain < SETTLED
         else:
             self.damping *= 100.0
             self.done = self.damping > 1e4
-
-    def ended(self) -> bool:
-        """Whether slopes that were taken here promise next to nothing; at bounds they may promise a loss."""
-        return self.sloped and not self.updated and 0.0 <= self.promised(self.step(0.0)) < FLAT
-
-    def promised(self, values: np.ndarray) -> float:
-        """Fall of the cost on the way to other values, were the model linear."""
-        change = (values - self.values)[self.rows]
-        moved = self.residual - self.jacobian @ change
-        return self.cost - float(moved @ moved) - self.prior(values)
-
-    def update(self, values: np.ndarray, residual: np.ndarray) -> None:
-        """The Jacobian that has the slope which a step has shown, and else changes least (Broyden 1965)."""
-        change = (values - self.values)[self.rows]
-        size = np.sum(self.jacobian**2, axis=0) * change  # of columns in their own units
-        length = float(size @ change)
-        if length > 0.0:
-            missed = self.residual - residual - self.jacobian @ change
-            self.jacobian += np.outer(missed, size / length)
 
     def named(self) -> dict[str, float]:
         """The values by name."""
@@ -316,8 +277,7 @@ def _slopes_at_once(model: Model, whitener: Whitener, runs: Sequence[_Run], cent
         widths = np.array([columns[k, b] - columns[k, a] for k, (a, b) in zip(run.rows, pairs, strict=True)])
         run.residual, run.known = mine[:, 0].copy(), True
         slopes = (mine[:, low] - mine[:, high]) / np.where(widths == 0.0, 1e-300, widths)
-        run.jacobian = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0)
-        run.sloped, run.updated = True, False
+        run.jacobian, run.sloped = np.where(np.isfinite(slopes).all(axis=0), slopes, 0.0), True
         if not np.isfinite(run.residual).all():  # a simulation that runs away: this start leads nowhere
             run.residual, run.known, run.done, run.failed = np.zeros(len(mine)), False, True, True
 

@@ -85,9 +85,9 @@ def compare(
     starts = [start for score in chosen for start in _starts(model, base.fit, score, scored, nominals)]
     if not starts:
         return []
-    first = _best_of(look(model, scored.whitener, starts, _GLANCE, carried=True))
+    first = _best_of(look(model, scored.whitener, starts, _GLANCE))
     starts = [Start(name, one.free, one.values) for name, one in first.items()]
-    best = _best_of(look(model, scored.whitener, starts, _FIRST - _GLANCE, carried=True))
+    best = _best_of(look(model, scored.whitener, starts, _FIRST - _GLANCE))
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]
