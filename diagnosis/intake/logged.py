@@ -20,14 +20,15 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-from cable_envs.diagnosis.data.clocks.beats import OTHERS, SURE
+from cable_envs.diagnosis.data.clocks.beats import OTHERS
 from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
+from cable_envs.diagnosis.data.clocks.sure_times import SURE
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.intake import tracks
 from cable_envs.diagnosis.model.driven import drives_of
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.in_lines import InLines
-from cable_envs.diagnosis.model.model import Block, Free, Model
+from cable_envs.diagnosis.model.model import Around, Free, Model
 from cable_envs.diagnosis.model.spikes import spikes
 from cable_envs.diagnosis.systems.question import Question
 
@@ -57,7 +58,7 @@ SEEN = 1e-9
 """Of a channel's RMS, by which its prediction must change with the clock for that to be asked."""
 
 
-class Logged:
+class Logged(Around):
     """A model with further parameters: the logger's clock, what it does to speeds, and the period of an earlier clock.
 
     Predictions are linear in the clock; filters are of the first order.
@@ -74,23 +75,17 @@ class Logged:
     """
 
     def __init__(self, model: Model, slopes: Sequence[np.ndarray], speeds: Sequence[str]):
-        self._model, self._slopes, self._speeds = model, list(slopes), list(speeds)
+        super().__init__(model)
+        self._slopes, self._speeds = list(slopes), list(speeds)
         more = [_clock()] if self._slopes else []
         more += [of(channel) for channel in self._speeds for of in (_difference, _filter)]
         more.append(_lines(self._period(model)))
-        self.parameters: Sequence[Free] = [*model.parameters, *more]
+        self.parameters = [*model.parameters, *more]
         self._own = len(model.parameters)
-        self.blocks: list[Block] = model.blocks
 
     @staticmethod
     def _period(model: Model) -> float:
         return float(np.median(np.diff(model.blocks[0].time)))
-
-    def __getattr__(self, name: str) -> Any:
-        """What else the model has."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._model, name)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`."""
@@ -229,9 +224,10 @@ def with_logger(
     law = "x(f) -> sinc(f P)^2 x(f)"
     earlier = _hypothesis(LINES, free, (free.scale, 2.0 * free.scale), law, "export the samples as taken")
     refused = {} if slopes else {CLOCK: UNSEEN}
-    known = KNOWN if isinstance(question.fit, InLines) else EVEN_NOISE if lines.odds < -SURE else ""
-    if drives_of(question.fit) or known:
-        refused[LINES] = known or LOST_ALIKE
+    if drives_of(question.fit):
+        refused[LINES] = LOST_ALIKE
+    elif isinstance(question.fit, InLines) or lines.odds < -SURE:
+        refused[LINES] = EVEN_NOISE if lines.odds < -SURE else KNOWN
     else:
         hypotheses.append(replace(earlier, least=SHORTEST * free.scale, alike=lines.odds < SURE))
         units[LINES] = "s"

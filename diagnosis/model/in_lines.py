@@ -5,10 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from cable_envs.diagnosis.model.model import Block, Model
+from cable_envs.diagnosis.model.model import Around, Model
 
 
-class InLines:
+class InLines(Around):
     """A model of which every prediction goes from one clock to the other by straight lines.
 
     Parameters
@@ -20,15 +20,8 @@ class InLines:
     """
 
     def __init__(self, model: Model, by: Sequence[Any]):
-        self._model, self._by = model, list(by)
-        self.parameters = model.parameters
-        self.blocks: list[Block] = model.blocks
-
-    def __getattr__(self, name: str) -> Any:
-        """What else the model has."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._model, name)
+        super().__init__(model)
+        self._by = list(by)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -106,6 +106,27 @@ class Model(Protocol):
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""
         ...
+
+
+class Around:
+    """A model around another one: it has its parameters, its records, and what else that has.
+
+    Parameters
+    ----------
+    model : Model
+        The one inside.
+    """
+
+    def __init__(self, model: Model):
+        self._model = model
+        self.parameters: Sequence[Free] = model.parameters
+        self.blocks: list[Block] = model.blocks
+
+    def __getattr__(self, name: str) -> Any:
+        """What else the model has."""
+        if name.startswith("_"):
+            raise AttributeError(name)
+        return getattr(self._model, name)
 
 
 @dataclass(frozen=True)

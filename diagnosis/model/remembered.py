@@ -5,18 +5,17 @@ takes its slopes there with the same steps. A simulation knows nothing of noise,
 """
 
 from collections import OrderedDict
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from cable_envs.diagnosis.model.model import Block, Free, Model
+from cable_envs.diagnosis.model.model import Around, Model
 
 LIMIT = 1 << 27
 """Bytes of predictions that are kept, at the most: 350 columns of two minutes of four channels at 100 Hz."""
 
 
-class Remembered:
+class Remembered(Around):
     """A model that predicts each column of values once, as long as it is kept.
 
     What was asked for last is kept longest. Columns are the same where all their bytes are.
@@ -30,17 +29,9 @@ class Remembered:
     """
 
     def __init__(self, model: Model, limit: int = LIMIT):
-        self._model = model
-        self.parameters: Sequence[Free] = model.parameters
-        self.blocks: list[Block] = model.blocks
+        super().__init__(model)
         self._kept: OrderedDict[tuple[Any, bytes], np.ndarray] = OrderedDict()
         self._limit, self._size = limit, 0
-
-    def __getattr__(self, name: str) -> Any:
-        """What else the model has."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._model, name)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`; the arrays are the caller's own."""

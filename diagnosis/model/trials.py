@@ -4,16 +4,13 @@ The bounds of single parameters cannot exclude all that makes no rig (a pretensi
 breaks). What the plant refuses is predicted as NaN, as a simulation that runs away is, so that no refit goes there.
 """
 
-from collections.abc import Sequence
-from typing import Any
-
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis.model.model import Block, Free, Model
+from cable_envs.diagnosis.model.model import Around
 
 
-class Trials:
+class Trials(Around):
     """A model whose predictions are NaN for the columns that its plant refuses.
 
     Parameters
@@ -21,17 +18,6 @@ class Trials:
     model : Model
         Whose plant raises ConfigurationError for all columns where one of them makes no rig.
     """
-
-    def __init__(self, model: Model):
-        self._model = model
-        self.parameters: Sequence[Free] = model.parameters
-        self.blocks: list[Block] = model.blocks
-
-    def __getattr__(self, name: str) -> Any:
-        """What else the model has."""
-        if name.startswith("_"):
-            raise AttributeError(name)
-        return getattr(self._model, name)
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """As `cable_envs.diagnosis.model.model.Model`; where columns are refused, halves of them are asked apart."""
