@@ -63,6 +63,8 @@ TWICE = 2.0
 CLEAR = 100.0
 """Log odds from which no formulation is asked for: on recordings of generator A no effect that had more was wrong, of
 51 (see `SUREST`)."""
+UNLIKE = "channels ask for different sizes of it"
+"""What speaks against an effect that should be alike in all of them."""
 NOTHING = 1.0
 """Half the fall of the sum of squares that a number brings by chance in one recording of six."""
 
@@ -196,9 +198,26 @@ class Search:
         return float(np.log(SURE)) if candidate.by_size else self._sure
 
     def _forward(self, base: Judged, effects: Effects) -> tuple[Round, Candidate | None]:
-        """(the step, the best model with one effect more if its odds are good enough)."""
-        full = len(effects) >= self._most or any(h.redundant for h in effects)
-        on_top, scored, stuck = self._on_top(effects, base, self._hypotheses if full else effects)
+        """(the step, the best model with one effect more if its odds are good enough).
+
+        What led, should be alike in all channels and is not, is what they lack by another name: the rest is asked
+        again, without what was given up as behind it.
+        """
+        without = self._hypotheses if len(effects) >= self._most or any(h.redundant for h in effects) else effects
+        unlike: dict[str, str] = {}
+        while True:
+            turn = self._compared(base, effects, without)
+            leader = self._done[_names(effects)][1][:1]
+            first = leader[0][0][-1] if leader else None
+            if first is None or not first.alike or turn.odds.get(first.name, 0.0) >= 0.0:
+                break
+            without, unlike = (*without, first), {**unlike, first.name: UNLIKE}
+        turn = replace(turn, bounded={**turn.bounded, **unlike})
+        return turn, self._taken(turn.others, turn.odds, self._from(turn.base))
+
+    def _compared(self, base: Judged, effects: Effects, without: Effects) -> Round:
+        """A model beside those with one effect more, of all but some, under one noise."""
+        on_top, scored, stuck = self._on_top(effects, base, without)
         self._done[_names(effects)] = (base.fit.outline, on_top)
         while True:
             fits = [(effects, base.fit), *on_top]
@@ -213,8 +232,7 @@ class Search:
             on_top = on_top[1:]  # it led: the noise was what it leaves
         self._weights = current.frame.whitener if current.by_size else None
         odds = {c.effects[-1].name: _alike(c.effects[-1], c, current, self._odds(c, current)) for c in others}
-        best = self._taken(others, odds, self._from(current))
-        return Round(current, odds, scored, stuck, others), best
+        return Round(current, odds, scored, stuck, others)
 
     def _taken(self, others: Sequence[Candidate], odds: Mapping[str, float], sure: float) -> Candidate | None:
         """The best with one effect more, if that is sure; what it holds, if what it has beside that is not."""
