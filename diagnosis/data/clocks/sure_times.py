@@ -1,8 +1,8 @@
 """What samples say of their own times.
 
 All channels of a row are read at one moment. A time that is off by d moves each of them by its slope times d, more than
-their noise where the rig is fast. How far a stamp is from an even clock is known, so that the samples tell whether they
-were taken when their stamps say or evenly: which of the two leaves less of a smooth motion.
+their noise where the rig is fast. The samples tell whether they were taken when their stamps say, or evenly, or when a
+smooth command of the same row has the value that it has there: which of these leaves less of a smooth motion.
 """
 
 from collections.abc import Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from scipy.signal import savgol_filter
 
 from cable_envs.diagnosis.data.clocks.even import numbers, sample_period, zero
+from cable_envs.diagnosis.data.clocks.told_times import runs, told_times
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
@@ -22,6 +23,8 @@ SCATTER = 1e-6
 """Of a period, below which stamps are even."""
 FAST = 0.1
 """Of a channel's greatest slope, from which its samples tell their times."""
+PLACES = ("m", "rad")
+"""Of commands whose corners, in the slope, no rig follows: where a speed has corners, a drive that follows has them."""
 SURE = 3.0
 """Log odds (20 to 1) from which samples are believed, and not their stamps."""
 
@@ -37,19 +40,37 @@ def with_sure_times(recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     Returns
     -------
     Recording, tuple of str
-        Stamps that scatter where the samples do not are even; what was done, in sentences.
+        Rows as they are stamped, or evenly where their samples do not scatter as the stamps do, or where a smooth
+        command says that they were read and the samples confirm it; what was done, in sentences.
     """
     moving = [(r, sample_period([r])) for r in recording.records if r.use != "rest"]
     measured = [name for name in recording.channels if name != "time" and not told(name)]
-    if sum(_odds_of_even(moving, channel) for channel in measured) <= SURE:
+    stamped = [_scatter(record, period) for record, period in moving]
+
+    def odds(late: Sequence[np.ndarray], over: Sequence[np.ndarray]) -> float:
+        return sum(_odds(moving, channel, late, over) for channel in measured)
+
+    off, said = stamped, ""
+    even = [np.zeros(len(own)) for own in stamped]
+    if odds(even, off) > SURE:
+        off, said = even, f"stamps scatter by {_ms(stamped)} ms where the samples do not: these are taken as even"
+    for command in (c for c, about in recording.channels.items() if told(c) and about.si_unit in PLACES):
+        late = told_times(moving, command, stamped)
+        if late is not None and odds(late, off) > SURE:
+            where = f"rows were read {_ms(late)} ms beside an even clock, as {command.replace('_', ' ')} tells"
+            off, said = late, f"{where} and the other samples confirm: these times are taken"
+    if not said:
         return recording, ()
-    off = {record.name: _scatter(record, period) for record, period in moving}
+    moved = {r.name: now - before for (r, _), now, before in zip(moving, off, stamped, strict=True)}
     records = tuple(
-        replace(r, data={**r.data, "time": r.time - off[r.name]}) if r.name in off else r for r in recording.records
+        replace(r, data={**r.data, "time": r.time + moved[r.name]}) if r.name in moved else r for r in recording.records
     )
-    scatter = 1e3 * max(float(np.std(own)) for own in off.values())
-    said = f"stamps scatter by {scatter:.2g} ms where the samples do not: these are taken as even"
     return replace(recording, records=records), (said,)
+
+
+def _ms(late: Sequence[np.ndarray]) -> str:
+    """The scatter of the record in which it is largest."""
+    return f"{1e3 * max(float(np.std(own)) for own in late):.2g}"
 
 
 def _scatter(record: Record, period: float) -> np.ndarray:
@@ -57,25 +78,26 @@ def _scatter(record: Record, period: float) -> np.ndarray:
     return record.time - zero(record.time, period) - period * numbers(record.time, period)
 
 
-def _odds_of_even(records: Sequence[tuple[Record, float]], channel: str) -> float:
-    """Log odds by a channel that samples are even over that they are as stamped: of the sizes of what both leave."""
-    left = np.concatenate([np.zeros((0, 2)), *(_left(record, channel, period) for record, period in records)])
+def _odds(
+    records: Sequence[tuple[Record, float]], channel: str, late: Sequence[np.ndarray], over: Sequence[np.ndarray]
+) -> float:
+    """Log odds by a channel of times that are off an even clock so over others: of the sizes of what both leave."""
+    parts = [_left(record, channel, period, a, b) for (record, period), a, b in zip(records, late, over, strict=True)]
+    left = np.concatenate([np.zeros((0, 2)), *parts])
     if len(left) < NEAR:
         return 0.0
-    even, stamped = np.maximum(np.sum(left**2, axis=0), 1e-300)
-    return 0.5 * len(left) * float(np.log(stamped / even))
+    own, other = np.maximum(np.sum(left**2, axis=0), 1e-300)
+    return 0.5 * len(left) * float(np.log(other / own))
 
 
-def _left(record: Record, channel: str, period: float) -> np.ndarray:
-    """What a smooth motion leaves of samples that go fast, if they are even and if they are as stamped [n, 2]."""
-    off, values, good = _scatter(record, period), record.data[channel], record.usable(channel)
-    parts = [np.zeros((0, 3))]
-    if np.std(off) > SCATTER * period:
-        ends = np.flatnonzero((np.diff(numbers(record.time, period)) != 1.0) | ~good[1:] | ~good[:-1]) + 1
-        for rows in np.split(np.arange(len(values)), ends):
+def _left(record: Record, channel: str, period: float, late: np.ndarray, over: np.ndarray) -> np.ndarray:
+    """What a smooth motion leaves of samples that go fast, by either times [n, 2]."""
+    values, parts = record.data[channel], [np.zeros((0, 3))]
+    if np.std(late - over) > SCATTER * period:
+        for rows in runs(record, period, record.usable(channel)):
             if len(rows) > NEAR:
                 slope = savgol_filter(values[rows], NEAR, 2, deriv=1, delta=period)
-                both = np.column_stack([values[rows], values[rows] - slope * off[rows]])
+                both = values[rows, None] - slope[:, None] * np.column_stack([late[rows], over[rows]])
                 parts.append(np.column_stack([slope, both - savgol_filter(both, NEAR, 2, axis=0)]))
     table = np.concatenate(parts)
     size = np.abs(table[:, 0])
