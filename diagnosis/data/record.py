@@ -1,14 +1,15 @@
 """One record of a recording: its samples, and what is said of it alone."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, nearest, require_known
-from cable_envs.diagnosis.data.description import Channel
+from cable_envs.diagnosis.data.description import Channel, told
 from cable_envs.diagnosis.data.entries import UNUSABLE, Doubt, read_conditions, read_doubts, read_offsets
+from cable_envs.diagnosis.data.readings import Reading, resolution
 
 USES = ("fit", "heldout", "rest")
 _RECORD_KEYS = ("data", "use", "conditions", "offsets", "quality")
@@ -41,6 +42,8 @@ class Record:
         Spans of time that are no measurements.
     over : float
         s around each sample of which it is the mean (`cable_envs.diagnosis.data.thinning`); 0: it is of the moment.
+    counts : mapping of str to Reading
+        How the channels were read whose samples are means of readings.
     repeated : tuple of int
         Rows of the table that are the row before once more, its time included; they are not in the data.
     """
@@ -54,11 +57,21 @@ class Record:
     over: float = 0.0
     units: Mapping[str, str] = field(default_factory=dict)
     repeated: tuple[int, ...] = ()
+    counts: Mapping[str, Reading] = field(default_factory=dict)
 
     @property
     def time(self) -> np.ndarray:
         """s, strictly increasing [samples]."""
         return self.data["time"]
+
+    def reading(self, channel: str) -> Reading:
+        """How the samples of a channel were read."""
+        return self.counts.get(channel) or Reading(resolution(self.data[channel][self.usable(channel)]))
+
+    def read_as_means(self, channels: Iterable[str], rows: int) -> dict[str, Reading]:
+        """How means of so many rows of it will have been read, by channel; of those that are measured."""
+        read = {name: self.reading(name) for name in channels if name != "time" and not told(name)}
+        return {name: Reading(one.step, one.rows * rows) for name, one in read.items()}
 
     def usable(self, channel: str) -> np.ndarray:
         """Whether each sample of a channel is a measurement: neither empty nor stuck nor saturated [samples]."""

@@ -17,6 +17,7 @@ from scipy.signal import periodogram
 
 from cable_envs.diagnosis.data.clocks.even import sample_period, zero
 from cable_envs.diagnosis.data.description import told
+from cable_envs.diagnosis.data.readings import weights_of_mean
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
 
@@ -106,7 +107,7 @@ def thinned(recording: Recording, how: Thinning) -> Recording:
 
 def noise_left(every: int) -> float:
     """Standard deviation of the mean of so many rows over that of one, for noise that is white."""
-    weights = _weights(every)
+    weights = weights_of_mean(every)
     return float(np.sqrt(np.sum(weights**2)) / np.sum(weights))
 
 
@@ -121,14 +122,6 @@ def statement(before: Recording, after: Recording, how: Thinning) -> str:
         f"has all but {OF_MOTION:.2%} of its power below {how.fastest:.2g} Hz, and more samples take longer and show "
         "no more"
     )
-
-
-def _weights(every: int) -> np.ndarray:
-    """Of the rows of a mean, whose middle is its moment: of an even number, the two ends count half."""
-    weights = np.ones(2 * (every // 2) + 1)
-    if every % 2 == 0:
-        weights[[0, -1]] = 0.5
-    return weights
 
 
 def _fastest(time: np.ndarray, values: np.ndarray, good: np.ndarray, period: float) -> float:
@@ -190,7 +183,8 @@ def _averaged(record: Record, recording: Recording, how: Thinning) -> Record:
             data[name] = _read(record, name, time, how.period)
         else:
             data[name] = _means(record, name, counted, centres, how)
-    return replace(record, data=data, over=how.every * how.period)
+    counts = record.read_as_means(recording.channels, how.every)
+    return replace(record, data=data, over=how.every * how.period, counts=counts)
 
 
 def _acted(record: Record, channel: str, time: np.ndarray, how: Thinning) -> np.ndarray:
@@ -223,7 +217,7 @@ def _means(record: Record, channel: str, counted: np.ndarray, centres: np.ndarra
     late[counted] = record.time - zero(record.time, how.period) - how.period * counted
     good[counted[usable]] = True
     rows = centres[:, None] + np.arange(-half, half + 1)
-    weights = _weights(how.every) * good[rows]
+    weights = weights_of_mean(how.every) * good[rows]
     at = how.period * np.arange(-half, half + 1) + late[rows]
     total, mean = weights.sum(axis=1), np.zeros(len(centres))
     enough = total >= FULL * how.every

@@ -87,7 +87,7 @@ def beside_noise(
 def _over(alone: _Explained, family: Family, raw: Sequence[np.ndarray], sizes: Mapping[str, float]) -> Leftover:
     """A family over noise alone."""
     blocks = alone.frame.blocks
-    white = max(jitter(r[b.good], b.step) for b, r in zip(blocks, raw, strict=True))
+    white = max(jitter(r[b.good], b.reading.as_one) for b, r in zip(blocks, raw, strict=True))
     both = _with(_under(blocks, [family], raw, Whitener({family.channel: Noise(np.empty(0), white)})), sizes)
     for _ in range(TURNS):
         assert both.family is not None

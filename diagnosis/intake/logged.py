@@ -246,7 +246,7 @@ def without_spikes(question: Question) -> Question:
     """The question with single samples left out that no motion makes (`cable_envs.diagnosis.model.spikes`)."""
     counts: dict[str, int] = {}
     for block in (*question.fit.blocks, *question.heldout.blocks):
-        found = spikes(block.measured, block.good, block.step)
+        found = spikes(block.measured, block.good, block.reading.as_one)
         block.good[found] = False
         counts[block.channel] = counts.get(block.channel, 0) + int(found.sum())
     said = ", ".join(f"{count} of {channel.replace('_', ' ')}" for channel, count in counts.items() if count)

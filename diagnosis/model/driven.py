@@ -22,8 +22,9 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 from scipy.signal.windows import parzen
 
+from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.model.model import Block, Model
-from cable_envs.diagnosis.model.noise import jitter, resolution
+from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.model.rest import LONGEST, RestNoise, known_by
 
 WIDTHS = (5, 7, 9, 11, 15, 21, 31, 41)

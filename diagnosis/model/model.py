@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from cable_envs.diagnosis.data.readings import FINE, Reading
 from cable_envs.diagnosis.model.noise import Noise, learn_noise
 from cable_envs.diagnosis.model.rest import AnyNoise, RestNoise
 
@@ -73,8 +74,8 @@ class Block:
         acts on a noisy position puts its noise into the effort, a simulator that is driven by a recorded one into all.
     noise : RestNoise, optional
         Of its sensor, where a record at rest tells it; None: it is learnt from what a model leaves.
-    step : float
-        Of its readings, as they were recorded; 0 where they are fine.
+    reading : Reading
+        How its samples were read.
     unsure : ndarray, optional
         [T]: what steps of a recorded effort may have moved by more than noise does; None: nothing.
     """
@@ -89,7 +90,7 @@ class Block:
     memory: int | None = None
     sensor: str = ""
     noise: RestNoise | None = None
-    step: float = 0.0
+    reading: Reading = FINE
     unsure: np.ndarray | None = None
 
 
@@ -143,7 +144,7 @@ class Whitener:
 
 def white_noise(blocks: Sequence[Block], channel: str, std: float) -> Noise:
     """The white noise of a channel whose standard deviation is stated, with what the steps of its readings add."""
-    step = max(b.step for b in blocks if b.channel == channel)
+    step = max(b.reading.as_one for b in blocks if b.channel == channel)
     return Noise(np.empty(0), float(np.hypot(std, step / np.sqrt(12.0))))
 
 

@@ -15,6 +15,8 @@ from functools import cached_property
 import numpy as np
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis.data.readings import resolution
+
 MAX_ORDER = 8
 LONG = (16, 32, 64, 128)
 """Samples of the means; each comes with all shorter ones."""
@@ -22,8 +24,6 @@ PRICE = 3.0
 """Of a coefficient, in the deviance: Akaike's is 2. Schwarz's, ln(count), leaves slow noise in that is then physics."""
 WAVES, LOWER = 8, 2.0
 """Slowest waves of a record beside which its mean is held, and how much more power lies below them."""
-ROUNDING = 1e-12
-"""Of a value, by which computing with it may change it."""
 _RECORDS = 10
 """Memories that a record must hold for a mean to be used."""
 
@@ -143,17 +143,6 @@ def jitter(values: np.ndarray, step: float = 0.0) -> float:
     spread = float(np.median(np.abs(third))) / 0.6745 / np.sqrt(20.0) if len(third) else 0.0
     coarse = max(step, resolution(values)) / np.sqrt(12.0)
     return max(spread, coarse, 1e-9 * float(np.max(np.abs(values), initial=0.0)), 1e-300)
-
-
-def resolution(values: np.ndarray) -> float:
-    """Quantisation step of samples [T]: the least difference between values, where there are few of them; else 0.
-
-    Values that units or a clock have moved by the rounding of a computer are one.
-    """
-    levels = np.sort(values)
-    steps = np.diff(levels)
-    steps = steps[steps > ROUNDING * float(np.max(np.abs(levels), initial=0.0))]
-    return float(np.min(steps)) if 1 < len(steps) + 1 < 0.5 * len(values) else 0.0
 
 
 def memory(lengths: Sequence[int], max_order: int = MAX_ORDER) -> int:

@@ -10,6 +10,7 @@ from typing import cast
 import numpy as np
 
 from cable_envs.diagnosis.data.clocks.even import sample_period
+from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
@@ -23,7 +24,7 @@ from cable_envs.diagnosis.model.driven import (
     with_input,
 )
 from cable_envs.diagnosis.model.model import white_noise
-from cable_envs.diagnosis.model.noise import bridged, resolution
+from cable_envs.diagnosis.model.noise import bridged
 from cable_envs.diagnosis.model.rest import RestNoise, noise_at_rest
 from cable_envs.diagnosis.systems.common import resample
 from cable_envs.diagnosis.systems.question import Question

@@ -144,7 +144,7 @@ def _settled(run: Run, responses: np.ndarray, out: np.ndarray) -> np.ndarray:
     every = np.concatenate([responses, own], axis=2)
     if not every.shape[2]:
         return out
-    weights = np.stack([b.good / jitter(b.measured[b.good], b.step) ** 2 for b in run.blocks], axis=1)
+    weights = np.stack([b.good / jitter(b.measured[b.good], b.reading.as_one) ** 2 for b in run.blocks], axis=1)
     left = np.stack([b.measured for b in run.blocks], axis=1)[:, :, None] - out
     sound = np.isfinite(every).all(axis=(0, 1, 2)) & np.isfinite(left[weights > 0.0]).all(axis=0)
     every, found = np.where(sound, every, 0.0), out.copy()

@@ -194,7 +194,7 @@ def _run(recording: Recording, record: Record, d: Declaration, every: int, plant
             d.unit_of(n),
             along,
             sensor=n,
-            step=seen[n].step,
+            reading=seen[n].reading,
         )
         for n in predicted
     )

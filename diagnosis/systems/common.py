@@ -10,11 +10,11 @@ from scipy.signal import savgol_filter
 
 from cable_envs.diagnosis.data.clocks.even import numbers, zero
 from cable_envs.diagnosis.data.description import channels_of, told
+from cable_envs.diagnosis.data.readings import FINE, Reading
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.driven import Recorded, best_width, by_cubics, noise_of_samples
 from cable_envs.diagnosis.model.hypotheses import KNOWN, REFITTED, Candidates, Hypothesis, hypotheses_for
 from cable_envs.diagnosis.model.model import Block, Coordinate, Free
-from cable_envs.diagnosis.model.noise import resolution
 from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.question import Request
 from cable_envs.plants.base import Plant
@@ -30,11 +30,11 @@ SMOOTHED = 0.15
 
 @dataclass(frozen=True)
 class Sampled:
-    """A channel on an even clock: values (SI) and whether they are measurements, each [T]; the step of its readings."""
+    """A channel on an even clock: values (SI) and whether they are measurements, each [T]; how they were read."""
 
     values: np.ndarray
     good: np.ndarray
-    step: float = 0.0
+    reading: Reading = FINE
 
 
 def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np.ndarray, dict[str, Sampled]]:
@@ -63,7 +63,7 @@ def resample(record: Record, period: float, channels: Sequence[str]) -> tuple[np
         brought = np.interp(time, stamps, values)
         if not told(channel) and len(stamps) > 3 and np.all(np.diff(stamps) > 0.0):
             brought[good] = CubicSpline(stamps, values)(np.clip(time[good], stamps[0], stamps[-1]))
-        found[channel] = Sampled(brought, good, resolution(values))
+        found[channel] = Sampled(brought, good, record.reading(channel))
     return time, found
 
 
@@ -288,7 +288,7 @@ def blocks_of(
     return tuple(
         Block(
             record.name, name, time, seen[name].values, seen[name].good & ~early, units[name], along,
-            sensor=sensors.get(name, name), step=seen[name].step,
+            sensor=sensors.get(name, name), reading=seen[name].reading,
         )
         for name in names
     )  # fmt: skip

@@ -17,11 +17,12 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.clocks.even import sample_period
+from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.hypotheses import KNOWN, Candidates, Hypothesis, free_of, hypotheses_for
 from cable_envs.diagnosis.model.hypotheses import REFITTED as FREE
 from cable_envs.diagnosis.model.model import Free
-from cable_envs.diagnosis.model.noise import jitter, resolution
+from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.common import (
     augmented_rig,
     free_parameters,

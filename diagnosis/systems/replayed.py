@@ -324,7 +324,9 @@ def _constants(run: Run, responses: np.ndarray, out: np.ndarray, begins: bool) -
     for j, block in enumerate(run.blocks):
         if not block.good.any():
             continue
-        weighed = responses[:, j] * (block.good / jitter(block.measured[block.good], block.step) ** 2)[:, None]
+        weighed = (
+            responses[:, j] * (block.good / jitter(block.measured[block.good], block.reading.as_one) ** 2)[:, None]
+        )
         matrix = matrix + weighed.T @ responses[:, j]
         right = right + weighed.T @ (block.measured[:, None] - out[:, j])
     return np.linalg.pinv(matrix, hermitian=True) @ right

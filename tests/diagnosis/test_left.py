@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter, savgol_filter
 from scipy.special import i0e
 
+from cable_envs.diagnosis.data.readings import Reading
 from cable_envs.diagnosis.evidence.candidates import under_one_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.joint import Joint
@@ -219,23 +220,34 @@ def test_a_zero_that_walks_a_little_beside_one_that_walks_far_drifts_too():
     assert found.log_odds > SURE and found.cause == "force 0: its zero drifts; force 1: its zero drifts"
 
 
-def test_what_a_coarse_sensor_rounds_is_no_tone_of_the_rig():
-    """Slow triangles, counted in steps of seven standard deviations of the noise: tones of v / q and its multiples."""
+@pytest.mark.parametrize("rows", [1, 2, 3])
+def test_what_a_coarse_sensor_rounds_is_no_tone_of_the_rig(rows):
+    """Slow triangles, counted in steps of seven standard deviations of the noise: tones of v / q and its multiples.
+
+    Samples are readings, or means of so many of them about their time, the two ends of an even number counting half.
+    """
     rng, step, noise = np.random.default_rng(5), 4e-5, 5.6e-6
+    weights = np.r_[np.ones(rows), [0.0] * (1 - rows % 2)] / rows
+    if rows % 2 == 0:
+        weights[[0, -1]] = 0.5 / rows
     time, blocks, truths = 0.01 * np.arange(2500), [], []
+    times = time[:, None] + 0.01 / rows * (np.arange(len(weights)) - len(weights) // 2)
     for record, speed in (("a", 1.2e-3), ("b", 1.0e-3), ("c", 1.1e-3)):
-        place = speed * np.abs((time + rng.uniform()) % 8.0 - 4.0)
-        counted = step * np.round((place + noise * rng.standard_normal(len(time))) / step)
-        blocks.append(Block(record, "position", time, counted, np.ones(len(time), dtype=bool), "m", step=step))
-        truths.append(place + 3e-6)  # a model is off by a tenth of a step
+        begin = rng.uniform()
+        place = speed * np.abs((times + begin) % 8.0 - 4.0)
+        counted = step * np.round((place + noise * rng.standard_normal((2500, len(weights)))) / step)
+        good = np.ones(len(time), dtype=bool)
+        blocks.append(Block(record, "position", time, counted @ weights, good, "m", reading=Reading(step, rows)))
+        truths.append(place @ weights + 3e-6)  # a model is off by a tenth of a step
     raw = [b.measured - place for b, place in zip(blocks, truths, strict=True)]
     assert tones(blocks, raw, learn_whitener(blocks, raw).flat(blocks, raw))[0].log_odds > SURE
     fine = without_counts(SimpleNamespace(blocks=blocks), raw).blocks
     left = [b.measured - place for b, place in zip(fine, truths, strict=True)]
     assert tones(fine, left, learn_whitener(fine, left).flat(fine, left))[0].log_odds < SURE
-    # what is left is what noise before rounding makes of it: less than rounding alone
-    assert np.std(left) < step / np.sqrt(12.0) < np.std(raw)
-    blocks = [replace(b, step=0.5 * noise) for b in blocks]
+    assert np.std(left) < 0.95 * np.std(raw)
+    if rows == 1:  # what is left is what noise before rounding makes of it: less than rounding alone
+        assert np.std(left) < step / np.sqrt(12.0) < np.std(raw)
+    blocks = [replace(b, reading=Reading(0.5 * noise, rows)) for b in blocks]
     joint = SimpleNamespace(blocks=blocks)
     assert without_counts(joint, raw) is joint
 

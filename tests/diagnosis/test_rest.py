@@ -9,13 +9,14 @@ from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.model.model import learn_whitener
-from cable_envs.diagnosis.model.noise import Noise, bridged, resolution
+from cable_envs.diagnosis.model.noise import Noise, bridged
 from cable_envs.diagnosis.model.rest import LONGEST, noise_at_rest
 from cable_envs.diagnosis.search.known_noise import NOISE_IS_LEARNT, told_at_rest
 from cable_envs.diagnosis.search.select import select

@@ -92,7 +92,8 @@ def _averaged(record: Record, recording: Recording, own: float, period: float) -
             data[name] = np.where(_covered(at, time - own, time + own, own) > FULL, np.interp(time, at, values), np.nan)
         else:
             data[name] = means(at, values, time, period)
-    return replace(record, data=data, over=period)
+    counts = record.read_as_means(recording.channels, max(round(period / own), 1))
+    return replace(record, data=data, over=period, counts=counts)
 
 
 def means(at: np.ndarray, values: np.ndarray, time: np.ndarray, period: float) -> np.ndarray:

@@ -11,8 +11,8 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from cable_envs.diagnosis.data.clocks.even import numbers
+from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.data.record import Record
-from cable_envs.diagnosis.model.noise import resolution
 
 WIDTHS = (7, 9, 11, 15, 21, 31, 45, 65, 95)
 """Samples over which a command may be smoothed, by polynomials of the degree `DEGREE`."""

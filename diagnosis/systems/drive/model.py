@@ -124,7 +124,17 @@ class DriveModel:
                 self._runs[-1] = replace(self._runs[-1], beside=beside)
             unsure = None if self.closed else self._unsure(record, series, channel, along)
             self.blocks.append(
-                Block(record.name, channel, time, got.values, good, _UNIT[channel], along, step=got.step, unsure=unsure)
+                Block(
+                    record.name,
+                    channel,
+                    time,
+                    got.values,
+                    good,
+                    _UNIT[channel],
+                    along,
+                    reading=got.reading,
+                    unsure=unsure,
+                )
             )
 
     def _driven(self, record: Record, time: np.ndarray, series: Mapping[str, Sampled]) -> Driven:

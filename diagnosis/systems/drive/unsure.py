@@ -32,7 +32,7 @@ def unsure(
         (size a, pole p) of what an impulse of one unit of effort does to the channel: the real part of a exp(p t).
     """
     count, (size, pole) = len(effort.values), answer
-    own, noise = (jitter(s.values[s.good], s.step) for s in (effort, channel))
+    own, noise = (jitter(s.values[s.good], s.reading.as_one) for s in (effort, channel))
     third = np.diff(effort.values, 3, prepend=effort.values[[0, 0]], append=effort.values[-1])
     steps = np.where(np.abs(third) > own * np.sqrt(40.0 * np.log(count)), 0.5 * third, 0.0)
     added = abs(size) ** 2 * (steps * period) ** 2 / 12.0

@@ -178,7 +178,15 @@ class JointModel(DriveModel):
             unsure = self._unsure(record, series, channel, along)
             self.blocks.append(
                 Block(
-                    record.name, channel, time, got.values, good, _UNITS[channel], along, step=got.step, unsure=unsure
+                    record.name,
+                    channel,
+                    time,
+                    got.values,
+                    good,
+                    _UNITS[channel],
+                    along,
+                    reading=got.reading,
+                    unsure=unsure,
                 )
             )
 
