@@ -61,8 +61,13 @@ def tones(
         line = _line(blocks, raw, white, channel)
         own = _harmonic(blocks, line, [t for t in taken if t.channel == channel])
         line = replace(line, known=AT_REST if _at_rest(blocks, line) else MAINS if of_mains(line.at[0], blocks) else "")
-        if line.known == AT_REST or (_steady(blocks, raw, line) and (own or _enters_the_sensor(blocks, raw, line))):
+        of_rig = -np.inf
+        if line.known != AT_REST and not (own and _steady(blocks, raw, line)):
+            of_rig = _of_the_rig(blocks, raw, line)
+        if of_rig < -np.log(SURE):
             line = replace(line, cause=f"a steady tone of {line.at[0]:.3g} Hz in this sensor")
+        else:  # that it is there, and the rig's
+            line = replace(line, log_odds=line.log_odds - float(np.logaddexp(0.0, -of_rig)))
         found.append(line)
     return found
 
@@ -87,20 +92,27 @@ def _line(all_blocks, all_raw, white, channel) -> Leftover:
     return Leftover(channel, "frequency", "Hz", bayes_bound(p), 0.5 * power_there, at=(at,))
 
 
-def _enters_the_sensor(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
-    """Whether a line is the mains', or of one sensor alone, and is there whatever the rig does.
+def _of_the_rig(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> float:
+    """Log odds that a line is the rig's, over that it enters a sensor whatever the rig does.
 
     Mains enter several sensors with the same phases between them in every record, as what vibrates does.
     """
-    return (line.known == MAINS or not _passes_through(blocks, raw, line)) and not _of_motion(blocks, raw, line)
+    if not _steady(blocks, raw, line) or (line.known != MAINS and _passes_through(blocks, raw, line)):
+        return np.inf
+    return _of_motion(blocks, raw, line)
 
 
 def of_mains(frequency: float, blocks: Sequence[Block]) -> bool:
     """Whether a frequency, Hz, is that of mains or of a harmonic, as sampling folds it, as closely as records tell."""
-    rate = 1.0 / float(np.median(np.diff(blocks[0].time)))
     known = 1.0 / max(b.time[-1] - b.time[0] for b in blocks)
     multiples = [(n * base, n * MAINS_WANDER) for base in MAINS_HZ for n in range(1, HARMONICS + 1)]
-    return any(abs(frequency - abs(f - rate * round(f / rate))) < wide + known for f, wide in multiples)
+    return any(abs(frequency - _folded(f, blocks)) < wide + known for f, wide in multiples)
+
+
+def _folded(frequency: float, blocks: Sequence[Block]) -> float:
+    """Where samples show a frequency, Hz."""
+    rate = 1.0 / float(np.median(np.diff(blocks[0].time)))
+    return abs(frequency - rate * round(frequency / rate))
 
 
 def _at_rest(blocks: Sequence[Block], line: Leftover) -> bool:
@@ -130,25 +142,25 @@ def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) 
     return beside < SPREAD * line_power
 
 
-def _of_motion(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
-    """Whether a line is as large in each record as that record's motion makes it.
+def _of_motion(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> float:
+    """Log odds that a line is as large in each record as that record's motion makes it, over a hum.
 
     A hum has about one amplitude A in all records: that of a Fourier coefficient in noise has Rice's density. Against
-    it stand amplitudes of each record's own, by 20 to 1, and, unless it is more probable than that by as much, a
-    discrepancy along the motion (`model.features`), which makes lines at all multiples of a periodic one.
+    it stand amplitudes of each record's own, where these are 20 times as probable, and a discrepancy along the motion
+    (`model.features`), which makes lines at all multiples of a periodic one.
     """
     own = [k for k, b in enumerate(blocks) if b.channel == line.channel and b.good.any()]
     found = [_amplitude(blocks[k], raw[k], line.at[0]) for k in own]
     power = np.array([p for _, p in found if np.isfinite(p)])
     if len(power) < len(own):
-        return False
+        return -np.inf
     seen = np.array([x for x, _ in found])
     reach = np.array([0.5 * np.sum(_window(blocks[k])) for k in own])  # of a sine of amplitude 1
     size = max(sizes_of(blocks, raw)[line.channel], 1e-300)
     tried = size * np.geomspace(SMALLEST, 2.0, 60)[:, None]
     steady = _one_mean(_rice(seen, power, tried * reach, UNEVEN).sum(axis=1))
     if float(np.sum(_one_mean(_rice(seen, power, tried * reach)))) - steady > np.log(SURE):
-        return True
+        return np.inf
     mine, predicted = [blocks[k] for k in own], [blocks[k].measured - raw[k] for k in own]
     unit = max(float(np.sqrt(np.mean(np.concatenate(predicted) ** 2))), 1e-300)
     kinds = [[p[:, None] / unit for p in predicted]]
@@ -160,7 +172,7 @@ def _of_motion(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftove
             spread = np.diag(power) + (scale * size) ** 2 * made @ made.conj().T
             odds.append(-float(np.vdot(seen, np.linalg.solve(spread, seen)).real) - np.linalg.slogdet(spread)[1])
     along = _one_mean(np.array(odds)) - len(own) * np.log(np.pi)
-    return bool(steady - along < np.log(SURE))
+    return float(along - steady)
 
 
 def _rice(seen: np.ndarray, power: np.ndarray, height: np.ndarray, uneven: float = 0.0) -> np.ndarray:
@@ -176,10 +188,10 @@ def _one_mean(logs: np.ndarray) -> np.ndarray:
 
 
 def _harmonic(blocks: Sequence[Block], line: Leftover, taken: Sequence[Leftover]) -> bool:
-    """Whether a line is at a whole multiple of a tone, as closely as its records are long."""
-    longest = max(b.time[-1] - b.time[0] for b in blocks)
-    turns = [(line.at[0] / tone.at[0], tone.at[0]) for tone in taken]
-    return any(round(n) > 1 and abs(n - round(n)) * base < round(n) / longest for n, base in turns)
+    """Whether a line is at a whole multiple of a tone, as sampling folds it, as closely as its records are long."""
+    longest, at = max(b.time[-1] - b.time[0] for b in blocks), line.at[0]
+    multiples = ((n, tone.at[0]) for tone in taken for n in {*range(2, HARMONICS + 1), round(at / tone.at[0])} if n > 1)
+    return any(abs(_folded(n * base, blocks) - at) < n / longest for n, base in multiples)
 
 
 def _passes_through(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
