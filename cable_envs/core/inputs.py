@@ -10,5 +10,6 @@ that have one (`Plant.posture`), and the second command with its rate, on plants
 FOLLOW, IMPOSED, OBSERVED, RAMPED = 7, 8, 9, 10
 """Numbers for the row mode above those of the action modes, for replays of recordings. FOLLOW: the drive's position
 goes to `command` with the speed `command_rate` there (a cubic). IMPOSED: the drive's tension is `command`. OBSERVED
-(linear_drive): the motor's force is `disturbance` plus what the servo adds to hold the carriage to `command`. RAMPED is
-added to a number: the command goes there in a straight line over the control step instead of jumping."""
+(linear_drive): the motor's force is `disturbance` plus what the servo adds to hold the carriage to `command`, whose
+integral has the gain `second`. RAMPED is added to a number: the command goes there in a straight line over the control
+step instead of jumping."""

@@ -149,7 +149,8 @@ def replay(
         - "imposed": the command is the cable's tension at the drive (cable_hole), the torque (circuits) or the force
           (linear_drive).
         - "observed" (linear_drive): the motor's force is ``disturbance`` plus what the servo, feeling the carriage,
-          adds to hold it to the command. The signal "force" is then what the recorded motion takes.
+          adds to hold it to the command, with an integral of the gain ``second``, N/(m s). The signal "force" is then
+          what the recorded motion takes.
     signals : sequence of str
         Names of the signals that are returned.
     hold : str
@@ -161,7 +162,7 @@ def replay(
         Force (N) or torque (N m) on the load.
     second : array_like, shape (T,) or (T, n), optional
         The second command of a plant that has one (`ActionMode.second`); by default the one that holds the state from
-        which the replay begins at rest.
+        which the replay begins at rest. With "observed" as above; by default there is no integral.
     second_rate : array_like, shape (T,) or (T, n), optional
         Its speed over the step, as ``rate`` of the command.
     posture : array_like, shape (T,) or (T, n), optional
@@ -207,7 +208,7 @@ def replay(
     else:
         state, gone_on = _widened(state, idle), state
     held = _held(plant, drive, state)
-    if second is not None and held is None:
+    if second is not None and held is None and drive != "observed":
         raise ConfigurationError(f"{plant.name} has no second command; leave out 'second'")
     given = {
         "command": command, "rate": rate, "disturbance": disturbance, "posture": posture, "second": second,

@@ -2,12 +2,13 @@
 
 Where the recording has a position reference and a controller of the form
 
-    u = kp (reference - x) + kv reference' - kd x'          u: force, N, or voltage
+    u = kp (reference - x) + kv reference' - kd x' + ki integral of (reference - x)          u: force, N, or voltage
 
 explains the recorded effort, the whole loop is replayed from the reference: position, speed and effort are all
-predicted, and what the loop hides in the position shows in the effort. The three gains are no physics: every refit
-moves them. Otherwise the drive is given the recorded effort and is held to the recorded position by a soft servo of
-our own, and the position that it would rather take is what is predicted ("observed").
+predicted, and what the loop hides in the position shows in the effort. The gains are no physics: every refit moves
+them; a controller that needs no integral has none. Otherwise the drive is given the recorded effort and is held to the
+recorded position by a soft servo of our own, and the position that it would rather take is what is predicted
+("observed").
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -101,7 +102,8 @@ def prepare(recording: Recording, request: Request) -> Question:
             f"{recording.path}: no controller explains the effort, and the mass of the drive is not stated: a mass "
             "that may be anything hides every force. State it, e.g. nominal: {mass: {value: 2.5, std: 0.5, unit: kg}}"
         )
-    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items()] if closed else []
+    control = [Free(n, g, 0.0, 1e3 * abs(g) + 1.0, max(abs(g), 1e-6)) for n, g in gains.items() if g or n != GAINS[3]]
+    control = control if closed else []
     if closed:  # a controller is no slower than its log: what is read is on average half a sample old, at most
         control.append(Free(HOLD, 0.5 * LONGEST_HOLD, 1e-6, LONGEST_HOLD, LONGEST_HOLD))
         control.append(Free(READ, IN_STEP[0] * period, 0.0, 0.5 * period, 0.5 * period, IN_STEP[1] * period))
@@ -166,7 +168,15 @@ def _acts(name: str, recording: Recording) -> bool:
 
 
 def _unit(plant: Plant, name: str) -> str:
-    own = {"control.kp": "N/m", "control.kv": "N s/m", "control.kd": "N s/m", HOLD: "s", READ: "s", OFFSET: "N"}
+    own = {
+        "control.kp": "N/m",
+        "control.kv": "N s/m",
+        "control.kd": "N s/m",
+        "control.ki": "N/(m s)",
+        HOLD: "s",
+        READ: "s",
+        OFFSET: "N",
+    }
     return own[name] if name in own else plant.table[name].unit
 
 

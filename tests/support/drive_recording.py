@@ -8,6 +8,8 @@ import yaml
 KP, KV, KD = 4000.0, 150.0, 150.0
 NOISE = {"position": 1e-5, "velocity": 1e-3, "force": 0.05}
 MASS, VISCOUS = 2.5, 12.0
+HELD = 2.0
+"""N in the integral of a controller that has one, when a record begins."""
 
 
 @cache
@@ -23,27 +25,30 @@ def path(t, seed):
     return np.sum(a * np.sin(w * t + p)) - np.sum(a * np.sin(p)), np.sum(a * w * np.cos(w * t + p))
 
 
-def _slope(state, t, seed, load):
-    y, v = state
+def _slope(state, t, seed, load, ki):
+    y, v, summed = state
     r, rate = path(t, seed)
-    force = KP * (r - y) + KV * rate - KD * v
-    return np.array([v, (force - VISCOUS * v - load(y, v, t)) / MASS])
+    force = KP * (r - y) + KV * rate - KD * v + ki * summed
+    return np.array([v, (force - VISCOUS * v - load(y, v, t)) / MASS, r - y])
 
 
 @cache
-def _run(seed, load, seconds=8.0, period=0.01, fine=10):
-    """Columns time, position_reference, position, velocity, force [T] with white noise; ``load(y, v, t)`` N."""
-    h, state, rows = period / fine, np.array([0.0, path(0.0, seed)[1]]), []
+def _run(seed, load, ki=0.0, seconds=8.0, period=0.01, fine=10):
+    """Columns time, position_reference, position, velocity, force [T] with white noise; ``load(y, v, t)`` N.
+
+    ki: gain of the controller's integral, in which `HELD` is left when the record begins.
+    """
+    h, state, rows = period / fine, np.array([0.0, path(0.0, seed)[1], HELD / ki if ki else 0.0]), []
     for k in range(int(seconds / period)):
         t = k * period
         r, rate = path(t, seed)
-        rows.append((t, r, state[0], state[1], KP * (r - state[0]) + KV * rate - KD * state[1]))
+        rows.append((t, r, state[0], state[1], KP * (r - state[0]) + KV * rate - KD * state[1] + ki * state[2]))
         for j in range(fine):
             s = t + j * h
-            k1 = _slope(state, s, seed, load)
-            k2 = _slope(state + 0.5 * h * k1, s + 0.5 * h, seed, load)
-            k3 = _slope(state + 0.5 * h * k2, s + 0.5 * h, seed, load)
-            k4 = _slope(state + h * k3, s + h, seed, load)
+            k1 = _slope(state, s, seed, load, ki)
+            k2 = _slope(state + 0.5 * h * k1, s + 0.5 * h, seed, load, ki)
+            k3 = _slope(state + 0.5 * h * k2, s + 0.5 * h, seed, load, ki)
+            k4 = _slope(state + h * k3, s + h, seed, load, ki)
             state = state + h / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
     table = np.array(rows)
     rng = np.random.default_rng([seed, 1])
@@ -51,16 +56,16 @@ def _run(seed, load, seconds=8.0, period=0.01, fine=10):
     return table
 
 
-def run(seed, load):
+def run(seed, load, ki=0.0):
     """A table of one's own: of `_run`, which many tests ask for the same."""
-    return _run(seed, load).copy()
+    return _run(seed, load, ki).copy()
 
 
-def write(folder, load=lambda y, v, t: 0.0, uses=("fit", "fit", "heldout"), change=None):
+def write(folder, load=lambda y, v, t: 0.0, uses=("fit", "fit", "heldout"), change=None, ki=0.0):
     """The recording's folder; ``change(k, table)`` may damage the table of record k."""
     folder.mkdir(parents=True, exist_ok=True)
     for k, _ in enumerate(uses):
-        table = run(10 + k, load)
+        table = run(10 + k, load, ki)
         table = table if change is None else change(k, table)
         names = "t,r,x,v,f"
         np.savetxt(folder / f"run_{k + 1}.csv", table, delimiter=",", header=names, comments="", fmt="%.9g")

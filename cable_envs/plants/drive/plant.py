@@ -96,7 +96,8 @@ COEFFICIENTS = Lanes("Coefficients", [
 STEP_ROWS = Lanes("Step", [*STEP, "motor_speed_before", "elastic", "force_left", "force_late"])
 """Besides what all plants have: the motor's speed before a step, what the belt is stretched by, and for an observed
 drive what its amplifier's lag keeps over a step and the mean share of the old force."""
-# An observed drive keeps the force behind its lag and the speed of a step before in rows that a drive does not use.
+# An observed drive keeps the force behind its lag, the speed of a step before, and the integral of its servo, in rows
+# that a drive does not use; the gain of that integral is its input second.
 FORCE, POSITION, VOLTAGE = 0, 1, 2
 """Numbers of the action modes: their places in `PLANT`."""
 
@@ -118,7 +119,7 @@ def _motor_force(p, u, e, i, x, v):
 
 @inline
 def _observed_force(p, u, e, s, g, i, y, v, half):
-    """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves the lag on.
+    """Force of an observed drive in the middle of a step, behind the amplifier's lag; moves lag and integral on.
 
     The speed there goes on as it did in the step before: the servo is soft enough for that.
     """
@@ -126,6 +127,9 @@ def _observed_force(p, u, e, s, g, i, y, v, half):
     ahead = select(going, 0.5 * (v - s.pulley_angle[i]), 0.0)
     s.pulley_angle[i] = v
     wanted, _, _ = _motor_force(p, u, e, i, y + half * (v + 0.5 * ahead), v + ahead)
+    grown = half * u.second[i] * (u.command[i] - y - half * v)
+    wanted += s.second[i] + grown
+    s.second[i] += 2.0 * grown
     late = select(going, s.gap_position[i], wanted)
     s.gap_position[i] = lagged(late, wanted, g.force_left[i])
     return select(g.force_left[i] > 0.0, wanted + (late - wanted) * g.force_late[i], wanted)
@@ -208,6 +212,7 @@ def _report(x, p, u, e, s, g, i, v, v_new, dt):
         select(observed, x.position[i], x.motor_position[i]),
         select(observed, x.velocity[i], x.motor_velocity[i]),
     )
+    force = select(observed, force + s.second[i], force)
     pull, _, _ = _belt(p, e, s, g, i, x.motor_position[i] - x.position[i], x.motor_velocity[i] - x.velocity[i])
     resist, _, _ = _load(p, u, e, s, i, x.position[i], x.velocity[i])
     friction = select(v_new > 0.0, g.up[i], select(v_new < 0.0, -g.down[i], 0.0))

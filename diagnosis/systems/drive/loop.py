@@ -1,6 +1,7 @@
 """The controller of a recorded drive, where one of a known form explains what it did."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.model.noise import jitter
@@ -12,16 +13,21 @@ EXPLAINED = 3.0
 266 drives under such a controller 0.6 to 1.6: of coloured noise, the jitter between samples is the smaller part."""
 
 
+INTEGRAL = 0.02
+"""Share of the sum of squares that a controller leaves by which it must leave less with an integral, to have one."""
+
+
 def controller(recording: Recording, period: float) -> tuple[dict[str, float], float]:
     """(gains of `GAINS`, what they leave of the effort over what noise makes of it), of the fit records.
 
-    By least squares in two stages, the reference and its derivatives being the instruments (Wooldridge, Econometric
-    Analysis, 2010, ch. 5): plain ones take the noise of the measured position and speed for motion, and found half of
-    the damping or less.
+    By least squares in two stages, the reference and what follows from it being the instruments (Wooldridge,
+    Econometric Analysis, 2010, ch. 5): plain ones take the noise of the measured position and speed for motion, and
+    found half of the damping or less. The gain of the integral is 0 where the effort is not better told with one. What
+    it holds when a record begins is that record's own.
     """
     effort = effort_of(recording)
-    rows, told, target, noise = [], [], [], []
-    for record in recording.used_for("fit"):
+    records, rows, told, target, noise = recording.used_for("fit"), [], [], [], []
+    for k, record in enumerate(records):
         _, series = recorded(record, period, ("position", "position_reference", effort))
         reference, position = series["position_reference"].values, series["position"].values
         speed = smooth_speed(position, period, 0.05)
@@ -29,17 +35,42 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
             speed = resample(record, period, ("velocity",))[1]["velocity"].values
         good = series[effort].good & series["position"].good
         rate = middle(reference, period)[2]
-        rows.append(np.column_stack([reference - position, rate, -speed])[good])
-        told.append(np.column_stack([reference, *_following(rate, period)])[good])
+        begun = np.zeros((len(rate), len(records)))
+        begun[:, k] = 1.0
+        off = reference - position
+        rows.append(np.column_stack([off, rate, -speed, period * np.cumsum(off), begun])[good])
+        following = _following(rate, period)
+        summed = np.cumsum(np.column_stack([reference, *following]), axis=0)
+        told.append(np.column_stack([reference, *following, summed, begun])[good])
         target.append(series[effort].values[good])
         noise.append([jitter(series[effort].values), jitter(position), jitter(speed)])
     table, instruments, wanted = np.concatenate(rows), np.concatenate(told), np.concatenate(target)
+    plain = instruments[:, : 1 + len(following)]
+    gains, left = _by_instruments(table[:, :3], plain, wanted)
+    fuller, rest = _by_instruments(table, instruments, wanted)
+    if fuller[0] > 0.0 and fuller[3] > 0.0 and np.mean(rest**2) < (1.0 - INTEGRAL) * np.mean(left**2):
+        keep = 1.0 / (1.0 + fuller[3] / fuller[0] * period)
+        ends = np.cumsum([len(one) for one in rows])[:-1]
+        gains, left = fuller[:4], np.concatenate([_risen(one, keep) for one in np.split(rest, ends)])
+    from_noise = np.sqrt(np.mean(noise, axis=0) ** 2 @ np.array([1.0, gains[0] ** 2, gains[2] ** 2]))
+    found = dict(zip(GAINS, [*gains.tolist(), 0.0], strict=False))
+    return found, float(np.std(left)) / max(float(from_noise), 0.003 * float(np.std(wanted)))
+
+
+def _by_instruments(table: np.ndarray, instruments: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(gains [n] of the columns of a table [T, n], what they leave [T] of what is wanted)."""
     instruments = instruments / np.maximum(np.std(instruments, axis=0), 1e-300)
     moved = instruments @ np.linalg.lstsq(instruments, table, rcond=None)[0]
     gains = np.linalg.lstsq(moved, wanted, rcond=None)[0]
-    from_noise = np.sqrt(np.mean(noise, axis=0) ** 2 @ np.array([1.0, gains[0] ** 2, gains[2] ** 2]))
-    left = float(np.std(wanted - table @ gains))
-    return dict(zip(GAINS, gains.tolist(), strict=True)), left / max(float(from_noise), 0.003 * float(np.std(wanted)))
+    return gains, wanted - table @ gains
+
+
+def _risen(left: np.ndarray, keep: float) -> np.ndarray:
+    """What is left [T] through the high pass that makes of a proportional gain with its integral that gain alone.
+
+    The integral of the noise of a position wanders without bounds: behind this it is what the gain makes of the noise.
+    """
+    return lfilter([keep, -keep], [1.0, -keep], left - left[:1]) if len(left) else left
 
 
 _LAGS = (1, 2, 4, 8)

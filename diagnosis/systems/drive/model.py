@@ -6,7 +6,7 @@ reference goes between samples as a cubic, since straight lines would change the
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -37,12 +37,15 @@ had nothing wrong were answered with a Stribeck curve as wide as the motion (gai
 AT_ONCE = 24
 """Columns at a time: the inputs of a fine step are each column's own, 2.5 MB a column for 45 s at 100 Hz. A
 column takes 7 ms so, and 11 to 14 with 32 or 64 of them."""
-GAINS = ("control.kp", "control.kv", "control.kd")
+GAINS = ("control.kp", "control.kv", "control.kd", "control.ki")
+"""Of the position's error, the reference's speed, the drive's speed, and the integral of the error."""
 HOLD = "control.hold"
 """s: a digital controller holds its output, on average half a period late; that is no physics of the rig."""
 READ = "control.read"
 """s: who logs a held output between two steps of the controller reads it as old as it is; that is no sensor's delay."""
 OFFSET = "force_offset"
+BEGINS = 0.3
+"""s of a record's begin in which a controller's integral shows what it holds."""
 SOFT = 30.0
 """rad/s, the natural frequency of our own servo."""
 DAMPING_RATIO = 0.7
@@ -69,6 +72,9 @@ class Driven:
     """whether samples are means over the period around them"""
     given: Mapping[str, float]
     """parameters that only this record has, SI"""
+    begun: np.ndarray = field(default_factory=lambda: np.zeros(5))
+    """over the first samples the means of the effort, the position's error, the speeds of reference and carriage, and
+    the error's integral, of a drive under its own controller: what its integral holds when the record begins"""
     beside: tuple[np.ndarray, Sampled] | None = None
     """recorded places of the carriage and of the motor [T], where an observed drive is asked for the motor's; samples
     count as those of its block do"""
@@ -141,7 +147,8 @@ class DriveModel:
         """A record's input. Our servo follows the recorded place without its noise, whose rate would shake friction."""
         own, mean = given(record, self.plant), record.over > 0.0
         if self.closed:
-            return driven(time, series, self.period, None, mean, own)
+            run = driven(time, series, self.period, None, mean, own)
+            return replace(run, begun=_begun(series, self.effort, run.rates, self.period))
         followed = self._place(series["position"].values).smoothed(self.period)[0]
         return driven(time, series, self.period, self.effort, mean, own, followed)
 
@@ -191,7 +198,7 @@ class DriveModel:
 
     def _closed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> tuple[Asked, Seen]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
-        kp, kv, kd = (shown[name] for name in GAINS)
+        kp, kv, kd, ki = (shown.get(name, np.zeros(columns.shape[1])) for name in GAINS)
         scale, late = self._of(columns, "sensor_scale.position"), self._of(columns, "sensor_delay.position")
         # the controller feels scale x(t - late): kp (r - scale (x - late x' + late^2 x'' / 2)) + kv r' - kd x'
         stiff, damping = kp * scale, np.maximum(kd - kp * scale * late, 1e-9)
@@ -200,11 +207,18 @@ class DriveModel:
         behind = 0.5 * stiff * late**2  # acts as a mass that is not there
         columns[self.plant.table.index("motor_mass")] += behind * per_volt
         path, rate = run.path[:, None] / scale, run.rate[:, None] * (kv / damping)
-        asked, first = self._served(columns, path, rate, stiff * per_volt, damping * per_volt, run, -shown[OFFSET])
+        summing = ki * scale
+        held = run.begun @ np.stack([np.ones(len(ki)), -kp, -kv, kd, -ki]) * (ki > 0.0)
+        force = held * per_volt - shown[OFFSET]
+        asked, first = self._served(columns, path, rate, stiff * per_volt, damping * per_volt, run, force)
+        if np.any(ki):
+            asked = replace(asked, second=np.broadcast_to(summing * per_volt, (len(run.path), len(ki))))
 
         def seen(out: np.ndarray) -> dict[str, np.ndarray]:
             y, v, motor = self._sampled(out, first, run)
             effort = stiff * (run.samples[:, None] / scale - y) + kv * run.rates[:, None] - damping * v
+            if np.any(ki):
+                effort = effort + held + summing * self._summed(path, out, first, run)
             if np.any(behind):
                 effort = effort - behind * np.gradient(v, self.period, axis=0)
             effort = delayed(effort, shown[READ] / self.period)
@@ -212,6 +226,13 @@ class DriveModel:
             return self._seen(columns, signals, first)
 
         return asked, seen
+
+    def _summed(self, path: np.ndarray, out: np.ndarray, first: np.ndarray, run: Driven) -> np.ndarray:
+        """Integral of the path less the drive's place [T, n] at the samples, m s."""
+        place = np.concatenate([first[None, 0], out[:, 0]])
+        total = np.cumsum(path - 0.5 * (place[1:] + place[:-1]), axis=0) * (self.period / FINE)
+        whole = np.concatenate([np.zeros((FINE, place.shape[1])), total])
+        return mean_over_samples(whole, FINE) if run.mean else whole[FINE - 1 :: FINE]
 
     def _observed(self, columns: np.ndarray, shown: Mapping[str, np.ndarray], run: Driven) -> tuple[Asked, Seen]:
         per_volt = self._of(columns, "force_per_volt") if self.effort == "voltage" else 1.0
@@ -293,6 +314,15 @@ class DriveModel:
         return {**signals, **seen}
 
 
+def _begun(series: Mapping[str, Sampled], effort: str, rates: np.ndarray, period: float) -> np.ndarray:
+    """As `Driven.begun`; rates: of the reference [T]."""
+    position = series["position"].values
+    off, first = series["position_reference"].values - position, slice(max(int(BEGINS / period), 2))
+    means = [np.mean(one[first]) for one in (series[effort].values, off, rates)]
+    speed = np.polyfit(period * np.arange(len(position[first])), position[first], 1)[0]
+    return np.array([*means, speed, period * np.mean(np.cumsum(off[first]) - 0.5 * off[first])])
+
+
 def _beside(signals: Mapping[str, np.ndarray], carriage: np.ndarray, motor: Sampled) -> np.ndarray:
     """The motor's place [T, n] by the carriage's recorded one [T], and by how far the belt lets it run ahead of that.
 
@@ -347,7 +377,7 @@ def driven(
     samples = series["position_reference"].values if followed is None else followed
     path, rate, rates = middle(samples, period)
     pushed = np.zeros(len(path)) if effort is None else np.repeat(_halfway(series[effort].values), FINE)
-    early = max(int(0.3 / period), 1)
+    early = max(int(BEGINS / period), 1)
     first = position[:early]
     moving = smooth_speed(position, period)[0]
     still = abs(moving) * early * period < 4.0 * max(float(np.std(np.diff(first))) if early > 2 else 0.0, 1e-12)
