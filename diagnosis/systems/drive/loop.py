@@ -46,9 +46,13 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
         noise.append([jitter(series[effort].values), jitter(position), jitter(speed)])
     table, instruments, wanted = np.concatenate(rows), np.concatenate(told), np.concatenate(target)
     plain = instruments[:, : 1 + len(following)]
-    gains, left = _by_instruments(table[:, :3], plain, wanted)
+    gains = _by_instruments(table[:, :3], plain, wanted)[0]
+    left = wanted - table[:, :3] @ gains
+    missed = _by_instruments(np.delete(table, 3, axis=1), instruments, wanted)[1]
     fuller, rest = _by_instruments(table, instruments, wanted)
-    if fuller[0] > 0.0 and fuller[3] > 0.0 and np.mean(rest**2) < (1.0 - INTEGRAL) * np.mean(left**2):
+    shows = fuller[0] > 0.0 and fuller[3] * period * max(map(len, rows)) > fuller[0]  # within a record
+    if shows and np.mean(rest**2) < (1.0 - INTEGRAL) * np.mean(missed**2):
+        rest = wanted - table @ fuller
         keep = 1.0 / (1.0 + fuller[3] / fuller[0] * period)
         ends = np.cumsum([len(one) for one in rows])[:-1]
         gains, left = fuller[:4], np.concatenate([_risen(one, keep) for one in np.split(rest, ends)])
@@ -58,11 +62,14 @@ def controller(recording: Recording, period: float) -> tuple[dict[str, float], f
 
 
 def _by_instruments(table: np.ndarray, instruments: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(gains [n] of the columns of a table [T, n], what they leave [T] of what is wanted)."""
+    """(gains [n] of the columns of a table [T, n], what the instruments' part of these leaves [T] of what is wanted).
+
+    The noise in the columns, larger with larger gains, is not in that part.
+    """
     instruments = instruments / np.maximum(np.std(instruments, axis=0), 1e-300)
     moved = instruments @ np.linalg.lstsq(instruments, table, rcond=None)[0]
     gains = np.linalg.lstsq(moved, wanted, rcond=None)[0]
-    return gains, wanted - table @ gains
+    return gains, wanted - moved @ gains
 
 
 def _risen(left: np.ndarray, keep: float) -> np.ndarray:
