@@ -20,8 +20,8 @@ SHOWN = (
 """Environment, controller, and the part of its frame that is shown in pixels: left, upper, right, lower."""
 SECONDS = 12.5
 """Simulated time: one period of the circuit's reference, two of the hole's."""
-FRAMES = 12
-FRAME_SECONDS = 0.63
+FRAMES = 10
+FRAME_SECONDS = 0.75
 WIDTH = 1040
 """The whole width of the front page: its letters have ten pixels there."""
 
