@@ -33,7 +33,7 @@ def _slope(state, t, seed, load, ki):
 
 
 @cache
-def _run(seed, load, ki=0.0, seconds=8.0, period=0.01, fine=10):
+def _run(seed, load, seconds=8.0, period=0.01, fine=10, ki=0.0):
     """Columns time, position_reference, position, velocity, force [T] with white noise; ``load(y, v, t)`` N.
 
     ki: gain of the controller's integral, in which `HELD` is left when the record begins.
@@ -58,7 +58,7 @@ def _run(seed, load, ki=0.0, seconds=8.0, period=0.01, fine=10):
 
 def run(seed, load, ki=0.0):
     """A table of one's own: of `_run`, which many tests ask for the same."""
-    return _run(seed, load, ki).copy()
+    return _run(seed, load, ki=ki).copy()
 
 
 def write(folder, load=lambda y, v, t: 0.0, uses=("fit", "fit", "heldout"), change=None, ki=0.0):
