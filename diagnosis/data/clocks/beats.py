@@ -21,11 +21,10 @@ from cable_envs.diagnosis.data.clocks.even import numbers, sample_period, zero
 from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
 from cable_envs.diagnosis.data.clocks.sure_times import SURE
 from cable_envs.diagnosis.data.description import told
+from cable_envs.diagnosis.data.readings import ROUNDING
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
 
-ROUNDING = 1e-12
-"""Of a value, by which a computer may change it."""
 OTHERS = (0.5, 5.0)
 """Period of another clock from which straight lines may have brought samples, over that of the recording."""
 DIFFERENCES = (2, 3)

@@ -29,3 +29,9 @@ def zero(time: np.ndarray, period: float) -> float:
     counted = numbers(time, period)
     first = float(np.mean(time - period * counted)) if counted[-1] else float(time[0])
     return float(time[0]) if abs(first - time[0]) > period else first
+
+
+def runs(record: Record, period: float, good: np.ndarray) -> list[np.ndarray]:
+    """Rows of a record between which nothing was lost."""
+    ends = np.flatnonzero((np.diff(numbers(record.time, period)) != 1.0) | ~good[1:] | ~good[:-1]) + 1
+    return np.split(np.arange(len(good)), ends)

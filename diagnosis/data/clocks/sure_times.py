@@ -11,8 +11,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import savgol_filter
 
-from cable_envs.diagnosis.data.clocks.even import numbers, sample_period, zero
-from cable_envs.diagnosis.data.clocks.told_times import runs, told_times
+from cable_envs.diagnosis.data.clocks.even import numbers, runs, sample_period, zero
+from cable_envs.diagnosis.data.clocks.told_times import told_times
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from cable_envs.diagnosis.data.clocks.even import numbers
-from cable_envs.diagnosis.data.readings import resolution
+from cable_envs.diagnosis.data.clocks.even import runs
 from cable_envs.diagnosis.data.record import Record
 
 WIDTHS = (7, 9, 11, 15, 21, 31, 45, 65, 95)
@@ -70,7 +69,7 @@ class _Command:
         self._values = [record.data[channel] for record, _ in records]
         self._periods = [period for _, period in records]
         self._runs = [runs(record, period, record.usable(channel)) for record, period in records]
-        self._step = max(resolution(values) for values in self._values)
+        self._step = max(record.reading(channel).step for record, _ in records)
 
     def _taken(self, width: int, late: Sequence[np.ndarray]) -> list[np.ndarray]:
         """What a curve through the other samples is off by, of rows that are so late, and its slope [T, 2]."""
@@ -85,14 +84,18 @@ class _Command:
 
     def late(self, width: int, given: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """(how late rows are beyond what is given, s, of those where the command goes fast; which these are)."""
-        taken, slope = np.concatenate(self._taken(width, given)).T
+        return self._late(self._taken(width, given))
+
+    @staticmethod
+    def _late(parts: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+        taken, slope = np.concatenate(parts).T
         fast = np.abs(slope) > FAST * np.max(np.abs(slope))
         return taken[fast] / slope[fast], fast
 
     def beyond(self, width: int, given: Sequence[np.ndarray]) -> list[tuple[np.ndarray, np.ndarray]]:
         """(how late each row is beyond what is given [T], s, as likely as it is; where the command is smooth)."""
         parts, own = self._taken(width, given), _own(width)
-        spread = _spread(self.late(width, given)[0]) * np.sqrt(own)  # the rest is of the curve through the others
+        spread = _spread(self._late(parts)[0]) * np.sqrt(own)  # the rest is of the curve through the others
         taken, slope = np.concatenate(parts).T
         slow = _spread(taken[np.abs(slope) <= SLOW * np.max(np.abs(slope))])
         found = []
@@ -101,12 +104,6 @@ class _Command:
             rough = np.abs(taken) * np.sqrt(own) > CORNER * scale
             found.append((own * taken * slope * (spread / scale) ** 2, maximum_filter1d(rough.astype(int), width) == 0))
         return found
-
-
-def runs(record: Record, period: float, good: np.ndarray) -> list[np.ndarray]:
-    """Rows of a record between which nothing was lost."""
-    ends = np.flatnonzero((np.diff(numbers(record.time, period)) != 1.0) | ~good[1:] | ~good[:-1]) + 1
-    return np.split(np.arange(len(good)), ends)
 
 
 def _own(width: int) -> float:
