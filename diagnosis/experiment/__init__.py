@@ -6,6 +6,7 @@
 `bench`         what each rival predicts of motions that were not run
 `worth`         log odds and intervals to be expected of a motion, in closed form
 `motions`       families of motions within the limits of a drive
+`settings`      what of the rig can be set for it, besides the motion
 `plan`          the experiment as a reference file, with what to expect of it
 ==============  =========================================================================================
 

@@ -6,7 +6,7 @@ readings that are not there; constants that every record has for itself take out
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -46,11 +46,19 @@ class Planned:
         Of the drive, at every sample [T], in the SI unit of place of the channel that drives.
     like : Record
         Of which it has the conditions, and begins where that began.
+    settings : Mapping of str to float
+        Parameters of the rig that are set anew for it, SI.
     """
 
     name: str
     place: np.ndarray
     like: Record
+    settings: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def conditions(self) -> dict[str, Any]:
+        """Of the record to be."""
+        return {**self.like.conditions, **self.settings}
 
 
 class Bench:
@@ -84,6 +92,7 @@ class Bench:
         self._read = {b.channel for b in question.fit.blocks}
         self._whitener: Whitener = rivals[0].candidate.frame.whitener
         self._fitted = tuple(replace(r, use="fit") for r in self.run)
+        self._reaches: dict[frozenset[tuple[str, float]], dict[str, tuple[float, float]]] = {}
 
     def place(self, record: Record) -> np.ndarray:
         """Of the drive in a record that was run, on the even clock [T]: a recorded rate is integrated."""
@@ -110,7 +119,11 @@ class Bench:
         return np.gradient(place, self.period) if self.is_rate else place
 
     def told(self, planned: Sequence[Planned]) -> list[list[Told] | None]:
-        """What every rival predicts of every motion; None of one in which a channel leaves what it has shown."""
+        """What every rival predicts of every motion; None of one in which a channel leaves what it has shown.
+
+        Under settings that no record has, a channel has shown what the best rival predicts of the motions that were
+        run, too.
+        """
         found: list[list[Told] | None] = []
         for k in range(0, len(planned), AT_ONCE):
             found += self._told(planned[k : k + AT_ONCE])
@@ -129,7 +142,8 @@ class Bench:
             block += changes.shape[1]
         for one in planned:
             own = [j for j, b in enumerate(model.blocks) if b.record == one.name]
-            if not all(self._allowed(model.blocks[j].channel, series[j][:, [s[0] for s in spans]]) for j in own):
+            reach = self._reach(one.settings)
+            if not all(self._allowed(series[j][:, [s[0] for s in spans]], model.blocks[j].channel, reach) for j in own):
                 found.append(None)
                 continue
             blocks = [replace(model.blocks[j], good=np.isfinite(series[j]).all(axis=1)) for j in own]
@@ -177,7 +191,9 @@ class Bench:
                 if name in self._read:
                     data[name][first:] = np.nan
         data[self.channel] = self.input(one.place)
-        return replace(one.like, name=one.name, use="heldout", data=data, quality=(), over=0.0)
+        return replace(
+            one.like, name=one.name, use="heldout", data=data, quality=(), over=0.0, conditions=one.conditions
+        )
 
     def _columns(self, model: Model) -> tuple[list[np.ndarray], list[tuple[int, dict[str, tuple[int, float]]]]]:
         """(columns of all parameters, for every rival the number of its own and of each free one's, with the step)."""
@@ -212,11 +228,28 @@ class Bench:
                 slopes[:, k] = (flat[:, column] - flat[:, own]) / step
         return Told(flat[:, own], slopes, rival.candidate.covariance)
 
-    def _allowed(self, channel: str, values: np.ndarray) -> bool:
+    def _allowed(self, values: np.ndarray, channel: str, reach: Mapping[str, tuple[float, float]]) -> bool:
         """Whether predictions [T, rivals] of a channel stay where it has been, or nearly so."""
-        seen = np.concatenate([r.data[channel][r.usable(channel)] for r in self.run])
-        low, high = float(seen.min()), float(seen.max())
+        low, high = reach[channel]
         room = BEYOND * (high - low)
         moved = values - values[:1] if self.recording.channels[channel].offset_free else values
         low, high = (low - high, high - low) if self.recording.channels[channel].offset_free else (low, high)
         return bool(np.isfinite(values).all() and moved.min() >= low - room and moved.max() <= high + room)
+
+    def _reach(self, settings: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+        """Channel -> from where to where it has been; under settings of its own also by the best rival's prediction."""
+        key = frozenset(settings.items())
+        if key not in self._reaches:
+            seen = {name: [r.data[name][r.usable(name)] for r in self.run] for name in self.recording.channels}
+            if settings:
+                again = [Planned(f"{r.name}, set", self.place(r), r, settings) for r in self.run]
+                model = self._model(tuple(self._record(one) for one in again))
+                peak = self.rivals[0].candidate.peak
+                base = np.array([peak.values.get(p.name, p.start) for p in model.parameters])
+                for block, series in zip(model.blocks, model.predict(base[:, None]), strict=True):
+                    seen[block.channel].append(series[np.isfinite(series[:, 0]), 0])
+            self._reaches[key] = {
+                name: (min(float(s.min()) for s in parts if s.size), max(float(s.max()) for s in parts if s.size))
+                for name, parts in seen.items()
+            }
+        return self._reaches[key]

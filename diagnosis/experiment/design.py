@@ -2,17 +2,20 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
+from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
 from cable_envs.diagnosis.experiment.bench import Bench, Planned
-from cable_envs.diagnosis.experiment.motions import Limits, Motion, draw
+from cable_envs.diagnosis.experiment.motions import FAMILIES, Limits, Motion, draw
 from cable_envs.diagnosis.experiment.plan import Plan, least
 from cable_envs.diagnosis.experiment.rivals import Rival, compared, names_of, rivals
+from cable_envs.diagnosis.experiment.settings import AS_RECORDED, checked, with_units
 from cable_envs.diagnosis.experiment.worth import Told, divergences, narrowing
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.verdict import Diagnosis
@@ -46,6 +49,7 @@ def next_experiment(
     between: Sequence[str] | None = None,
     seconds: float | None = None,
     limits: Mapping[str, float] | None = None,
+    settings: Sequence[Mapping[str, float]] = (),
     seed: int = 0,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Plan:
@@ -69,6 +73,10 @@ def next_experiment(
     limits : Mapping of str to float, optional
         "low", "high", "speed", "acceleration" of the drive, in the SI unit of its place; by default those that the
         records have shown. And "frequency", Hz of the fastest sine; by default 20 samples resolve its wave.
+    settings : sequence of Mapping of str to float, optional
+        What else of the rig can be set before the motion is run, for example another pretension or weight: each a
+        parameter's name and its value, SI, of one or more parameters that are set together. The motion is simulated
+        under these, too.
     seed : int
         Of the motions that are drawn.
     tell : callable
@@ -77,19 +85,20 @@ def next_experiment(
     Returns
     -------
     Plan
-        The reference to run, and what to expect of its record.
+        The reference to run, the setting to run it under, and what to expect of its record.
 
     Raises
     ------
     ConfigurationError
-        Where the answer leaves nothing open, for unknown names, limits that no motion can keep to, and recordings whose
-        simulator is not driven by a command or a position alone.
+        Where the answer leaves nothing open, for unknown names, limits that no motion can keep to, settings that the
+        rig cannot have, and recordings whose simulator is not driven by a command or a position alone.
     """
     require_known("limit", limits or {}, ("low", "high", "speed", "acceleration", "frequency"))
     if seconds is not None and not seconds > 0.0:
         raise ConfigurationError(f"seconds: expected a length above 0 s, got {seconds!r}")
     recording, _ = averaged_if_long(on_one_clock(recording)[0])
     request = request_of(recording)
+    states = (AS_RECORDED, *checked(recording, request, settings))
     question = converged(told_at_rest(recording, ask(recording, request)))
     models = [(name,) for name in between] if between else names_of(found)
     channels = {b.channel for b in question.fit.blocks}
@@ -98,19 +107,19 @@ def next_experiment(
     bench = Bench(recording, request, question, open_ones)
     allowed = replace(bench.shown(), **(limits or {}))
     tell(f"simulating motions under {len(open_ones)} models")
-    run = _worth(bench, [Planned(f"{r.name}, again", bench.place(r), r) for r in bench.run], [None] * len(bench.run))
+    run, *elsewhere = (_again(bench, one) for one in states)
     rng = np.random.default_rng(seed)
-    tried = _search(bench, allowed, seconds, rng)
+    tried = _search(bench, allowed, seconds, states, rng)
     if not tried and (limits or seconds or not run):
         raise ConfigurationError(
             "no motion within the limits could be simulated with all channels where they have been: state limits that "
             "are narrower (low, high, speed, acceleration, frequency)"
         )
-    best = max([*tried, *(() if limits or seconds else run)], key=lambda t: t.worth)
+    best = max([*tried, *(() if limits or seconds else sum(elsewhere, run))], key=lambda t: t.worth)
     again = max(run, key=lambda t: t.worth, default=best)
     tell("rehearsing the experiment")
     expected, repeated = (_rehearsed(bench, open_ones, one, stated, rng) for one in (best, again))
-    return _plan(bench, open_ones, best, (expected, repeated), allowed, len(tried) + len(run))
+    return _plan(bench, open_ones, best, (expected, repeated), allowed, len(tried) + len(run) * len(states))
 
 
 def _rehearsed(
@@ -131,36 +140,45 @@ def _rehearsed(
     return found
 
 
-def _search(bench: Bench, limits: Limits, seconds: float | None, rng: np.random.Generator) -> list[_Tried]:
+def _again(bench: Bench, setting: Mapping[str, float]) -> list[_Tried]:
+    """The motions that were run, once more."""
+    planned = [Planned(f"{r.name}, again", bench.place(r), r, setting) for r in bench.run]
+    return _worth(bench, planned, [None] * len(planned))
+
+
+def _search(
+    bench: Bench, limits: Limits, seconds: float | None, states: Sequence[Mapping[str, float]],
+    rng: np.random.Generator,
+) -> list[_Tried]:  # fmt: skip
     """Motions that were drawn, and variants of the best."""
     longest = max(r.time[-1] - r.time[0] for r in bench.run)
     length = min(longest, LONGEST) if seconds is None else seconds
     count = max(int(length / bench.period) + 1, 2)
 
-    def simulated(motions: Sequence[Motion], like: Sequence[int], turn: int) -> list[_Tried]:
+    def simulated(
+        motions: Sequence[Motion], like: Sequence[tuple[Record, Mapping[str, float]]], turn: int
+    ) -> list[_Tried]:
         planned = []
-        for k, (motion, j) in enumerate(zip(motions, like, strict=True)):
-            record = bench.run[j]
+        for k, (motion, (record, setting)) in enumerate(zip(motions, like, strict=True)):
             start = float(np.clip(bench.place(record)[0], limits.low, limits.high))
             place = motion.samples(limits, start, bench.period, count)
-            planned.append(Planned(f"planned {turn}.{k}", place, record))
+            planned.append(Planned(f"planned {turn}.{k}", place, record, setting))
         return _worth(bench, planned, motions)
 
-    kinds = _kinds(bench)
-    found = simulated(draw(rng, DRAWN), [kinds[k // 6 % len(kinds)] for k in range(DRAWN)], 0)
+    kinds = list(product(_kinds(bench), states))
+    found = simulated(draw(rng, DRAWN), [kinds[k // len(FAMILIES) % len(kinds)] for k in range(DRAWN)], 0)
     for turn in range(1, ROUNDS + 1):
         best = sorted(found, key=lambda t: -t.worth)[:KEPT]
         near = [(t.motion.near(rng, SPREAD / 2 ** (turn - 1)), t) for t in best for _ in range(NEAR) if t.motion]
-        at = {r.name: k for k, r in enumerate(bench.run)}
-        found += simulated([m for m, _ in near], [at[t.planned.like.name] for _, t in near], turn)
+        found += simulated([m for m, _ in near], [(t.planned.like, t.planned.settings) for _, t in near], turn)
     return found
 
 
-def _kinds(bench: Bench) -> list[int]:
-    """One record of every set of conditions, by number."""
-    seen: dict[str, int] = {}
-    for k, record in enumerate(bench.run):
-        seen.setdefault(repr(sorted(record.conditions.items())), k)
+def _kinds(bench: Bench) -> list[Record]:
+    """One record of every set of conditions."""
+    seen: dict[str, Record] = {}
+    for record in bench.run:
+        seen.setdefault(repr(sorted(record.conditions.items())), record)
     return list(seen.values())
 
 
@@ -206,4 +224,5 @@ def _plan(
         narrowed, best.motion.family if best.motion else best.planned.name,
         bench.recording.channels[bench.channel], bench.period * np.arange(len(place)), bench.input(place), limits,
         best.planned.like.conditions, best.planned.like.name, count,
+        with_units(bench.recording, bench.request, best.planned.settings),
     )  # fmt: skip

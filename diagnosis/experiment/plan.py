@@ -51,6 +51,9 @@ class Plan:
         That record.
     tried : int
         Motions that were simulated.
+    settings : Mapping of str to tuple of (float, str)
+        What of the rig is to be set for it: parameter -> value, SI, and its unit. The new record has to state these
+        under its conditions.
     """
 
     purpose: str
@@ -67,6 +70,7 @@ class Plan:
     conditions: Mapping[str, Any] = field(default_factory=dict)
     like: str = ""
     tried: int = 0
+    settings: Mapping[str, tuple[float, str]] = field(default_factory=dict)
 
     @property
     def least(self) -> float:
@@ -93,6 +97,7 @@ class Plan:
             "motion": self.family, "channel": self.channel.name, "column": self.channel.column,
             "unit": self.channel.unit, "seconds": float(self.time[-1]),
             "limits": jsonable(vars(self.limits)), "conditions": jsonable(self.conditions), "like": self.like,
+            "settings": {n: {"value": value, "unit": unit} for n, (value, unit) in self.settings.items()},
             "motions_tried": self.tried, "reference": REFERENCE,
         }  # fmt: skip
 
@@ -110,6 +115,9 @@ class Plan:
         ]
         if self.conditions:
             said.append("Under " + ", ".join(f"{k} = {v}" for k, v in self.conditions.items()) + f", as {self.like}.")
+        if self.settings:
+            asked = ", ".join(f"{name} to {value:.6g} {unit}" for name, (value, unit) in self.settings.items())
+            said.append(f"Set {asked} for it, and state that under the conditions of the new record.")
         if self.purpose == "tell apart":
             said.append(f"It is to tell apart: {'; '.join(self.rivals)}.")
             gone = [r for r, odds in zip(self.rivals, self.behind, strict=True) if odds > GONE]
@@ -122,7 +130,8 @@ class Plan:
             if not self.settles:
                 said.append(
                     f"No motion of the {self.tried} that were simulated within these limits is expected to settle it: "
-                    "another load, a longer travel or a further sensor is needed."
+                    "another load or pretension (say with --set what can be set), a longer travel or a further sensor "
+                    "is needed."
                 )
         for name, (before, after) in self.narrowed.items():
             said.append(f"{name}: the standard deviation falls to {after / before:.0%} of what it is now.")

@@ -17,7 +17,8 @@ from cable_envs.diagnosis.experiment.bench import Bench, Planned
 from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
-from cable_envs.diagnosis.experiment.worth import Told, divergence, narrowing
+from cable_envs.diagnosis.experiment.settings import checked
+from cable_envs.diagnosis.experiment.worth import Told, divergence, divergences, narrowing
 from cable_envs.diagnosis.search.known_noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
 from cable_envs.proof.cases import Case, make
@@ -170,6 +171,35 @@ def test_a_rival_that_may_be_in_several_places_is_compared_in_the_best_of_them(t
     assert {rival.name for rival in every} == {"asymmetric_friction", *asked}
 
 
+def test_another_pretension_tells_friction_of_the_cable_from_that_of_the_joint(tmp_path):
+    """In a circuit the pretension holds the tension: no motion tells them apart, another pretension does."""
+    make(Case("slack", 2024, "pulley_circuit", "single", ("load_dependent_friction",), ">10"), tmp_path)
+    recording = load_recording(tmp_path)
+    request = request_of(recording)
+    question = told_at_rest(recording, ask(recording, request))
+    models = [("coulomb_friction",), ("load_dependent_friction",)]
+    planning = Bench(recording, request, question, rivals(question, models, {}))
+    first = planning.run[0]
+    (setting,) = checked(recording, request, [{"pretension_top": 120.0, "pretension_bottom": 120.0}])
+    planned = [Planned(f"next {k}", planning.place(first), first, own) for k, own in enumerate(({}, setting))]
+    assert planned[1].conditions == {**first.conditions, **setting}
+    as_it_is, tighter = (divergences(told) for told in planning.told(planned))
+    apart = ~np.eye(2, dtype=bool)
+    assert tighter[apart].min() > 20.0 > 4.0 * as_it_is[apart].min()
+
+
+def test_settings_that_a_rig_cannot_have_are_refused(bench):
+    first, _ = bench
+    request = request_of(first)
+    for wrong, why in (
+        ({"pretensoin_top": 9.0}, "pretension_top"),
+        ({"pretension_top": -1.0}, "pretension_top"),
+        ({}, "a parameter"),
+    ):
+        with pytest.raises(ConfigurationError, match=why):
+            checked(first, request, [wrong])
+
+
 def test_sensors_that_read_exactly_nothing_at_first_are_planned_with(tmp_path):
     """Readings that a planned record does not have fit no constant, whatever the first of them are."""
     make(Case("plain", 4711, "cable_hole", "nothing"), tmp_path)
@@ -202,6 +232,9 @@ def test_a_plan_is_written_in_the_unit_of_the_recording_and_says_what_to_expect(
     said = json.loads((tmp_path / "experiment.json").read_text())
     assert said["schema"] == "cable-experiment/1" and said["seconds"] == pytest.approx(3.0, abs=0.02)
     assert any("standard deviation falls to" in line for line in plan.lines())
+    tighter = replace(plan, settings={"pretension_top": (120.0, "N")})
+    assert tighter.as_json()["settings"] == {"pretension_top": {"value": 120.0, "unit": "N"}}
+    assert any(line.startswith("Set pretension_top to 120 N for it") for line in tighter.lines())
 
 
 def test_wrong_requests_are_refused(bench):

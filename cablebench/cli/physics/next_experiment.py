@@ -24,6 +24,12 @@ def next_experiment(
         list[str] | None,
         typer.Option(help="low=, high=, speed=, acceleration=, frequency= of the drive, SI; default: as recorded."),
     ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set", help="What of the rig can be set for it, SI: load_mass=8, or several at once with commas; repeat."
+        ),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the motions that are drawn.")] = 0,
     as_json: Annotated[bool, typer.Option("--json", help="The experiment as JSON on standard output.")] = False,
 ) -> None:
@@ -43,7 +49,8 @@ def next_experiment(
     with stages() as (tell, _):
         plan = design(
             load_recording(recording), found, between=None if between is None else _names(between), seconds=seconds,
-            limits=_limits(limit or []), seed=seed, tell=tell,
+            limits=_numbers("--limit", limit or [], "speed=0.05"), seed=seed, tell=tell,
+            settings=[_numbers("--set", _names(one), "load_mass=8") for one in set_ or []],
         )  # fmt: skip
     if out is not None:
         plan.write(out)
@@ -60,12 +67,12 @@ def _names(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _limits(given: list[str]) -> dict[str, float]:
+def _numbers(option: str, given: list[str], example: str) -> dict[str, float]:
     found = {}
     for entry in given:
         name, _, number = entry.partition("=")
         try:
             found[name.strip()] = float(number)
         except ValueError:
-            raise ConfigurationError(f"--limit {entry}: expected a name and a number, as speed=0.05") from None
+            raise ConfigurationError(f"{option} {entry}: expected a name and a number, as {example}") from None
     return found
