@@ -81,6 +81,19 @@ def test_a_bent_valley_is_followed():
     assert abs(found.values["x"] - 1.0) < 1e-3 and abs(found.values["y"] - 1.0) < 1e-3
 
 
+def test_steps_that_are_too_short_grow_longer():
+    """Kinks make slopes noisy, and a valley seem steeper along its floor than it is: full steps are too short."""
+    a, b = Free("a", 1.0, -9.0, 9.0, 1.0), Free("b", 1.0, -9.0, 9.0, 1.0)
+    kinks = np.random.default_rng(1).uniform(size=(400, 1))
+
+    def predicted(v):
+        return np.vstack([0.3 * np.floor((v[0] + v[1]) / 0.03 + kinks), 30.0 * v[0]])
+
+    model = Counted((a, b), predicted, predicted(np.array([[0.2], [1.8]]))[:, 0])
+    (found,) = look(model, Whitener({"y": Noise(np.empty(0), 1.0)}), [Start("", ("a", "b"), {})], 20)
+    assert abs(found.values["a"] - 0.2) < 0.07  # 0.12 with steps that are not longer
+
+
 def test_a_step_that_a_bound_cuts_off_is_no_end():
     """The best step leaves the bounds, and cut off it would be a loss: smaller ones are tried."""
     a, b = Free("a", 0.0, -9.0, 0.05, 1.0), Free("b", 0.0, -9.0, 9.0, 1.0)

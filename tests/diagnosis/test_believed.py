@@ -1,0 +1,54 @@
+"""Refits of effects also begin where the recording believes the rig to be, if the refit without them has gone far."""
+
+import numpy as np
+
+from cable_envs.diagnosis.fit.refit import Fit, Start
+from cable_envs.diagnosis.model.model import Block, Free, Whitener
+from cable_envs.diagnosis.model.noise import Noise
+from cable_envs.diagnosis.search import comparison
+
+PRETENSION = Free("pretension", 50.0, 1.0, 500.0, 50.0, std=5.0)
+GROWTH = Free("growth", 0.0, 0.0, 1.0, 0.01)
+MASS = Free("mass", 2.0, 0.1, 9.0, 1.0)
+
+
+class Cable:
+    """Pull and stiffness of a cable whose stiffness grows with its pretension; what a record asks of it is linear."""
+
+    parameters = (PRETENSION, GROWTH, MASS)
+
+    def __init__(self):
+        time = 0.01 * np.arange(200)
+        self.along = np.sin(3.0 * time)
+        self.blocks = [Block("one", "pull", time, self._pull(60.0, 0.02, 2.1), np.ones(200, dtype=bool))]
+
+    def _pull(self, pretension, growth, mass):
+        return (100.0 + pretension * (1.0 + growth * pretension)) * self.along + mass * self.along**2
+
+    def predict(self, values):
+        """As `cable_envs.diagnosis.model.model.Model`."""
+        return [np.stack([self._pull(*column) for column in values.T], axis=1)]
+
+
+def _without(pretension):
+    names = ("pretension", "mass")
+    return Fit("", names, {"pretension": pretension, "mass": 2.1}, 0.0, np.empty(0), np.empty((0, 2)), np.eye(2), (), 0)
+
+
+def test_starts_at_the_claims_are_added_where_the_refit_has_gone_far():
+    start = Start("growth", ("pretension", "mass", "growth"), {"pretension": 132.0, "mass": 2.1, "growth": 0.001})
+    (found,) = comparison._at_believed(Cable(), _without(132.0), [start], ["pretension"])
+    assert (found.label, found.free) == (start.label, start.free)
+    assert found.values == {"pretension": 50.0, "mass": 2.1, "growth": 0.001}
+    assert comparison._at_believed(Cable(), _without(54.0), [start], ["pretension"]) == []
+    assert comparison._at_believed(Cable(), _without(132.0), [start], ["mass"]) == []
+
+
+def test_each_hypothesis_goes_on_from_its_best_start():
+    model, whitener = Cable(), Whitener({"pull": Noise(np.empty(0), 0.1)})
+    free = ("pretension", "mass", "growth")
+    starts = [Start("growth", free, {"pretension": p, "mass": 2.0, "growth": 0.01}) for p in (300.0, 50.0)]
+    starts.append(Start("mass", ("mass",), {"pretension": 60.0, "growth": 0.02, "mass": 0.5}))
+    found = comparison._looked(model, whitener, starts, 6)
+    assert [one.label for one in found] == ["growth", "mass"]
+    assert all(one.cost < 6.0 for one in found)  # the prior of the true pretension is 4; from 300 it is 220
