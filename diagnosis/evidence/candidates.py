@@ -80,7 +80,8 @@ class Candidate:
         """With the discrepancy that the records ask for most, or with none where they ask for none.
 
         Of all families together, of one coordinate's in all channels, or of the elapsed time in one channel, as a
-        sensor's zero drifts. Half of the prior is on none.
+        sensor's zero drifts. Half of the prior is on none. All of the likelihood counts: what the records ask for is
+        not noise, however sure it is.
         """
         found, log = self.plain, self.plain.log
         for one in () if self.by_size else self._beside:
@@ -118,15 +119,32 @@ class Candidate:
         )
         return [replace(one, volume=one.volume + price) for one in tried]
 
-    @cached_property
+    @property
     def left(self) -> float:
         """Log odds that it is not all: of the discrepancy that is most probable over none."""
-        found = -np.inf
+        return self._likeliest[1]
+
+    @property
+    def sure(self) -> Marginal:
+        """With the discrepancy that is most probable as far as the likelihood may be trusted, or with none.
+
+        With this one it is compared with others. With `best`, all of the prior's volume would count against it and of
+        what that buys a share only.
+        """
+        one, odds = self._likeliest
+        return one if odds > 0.0 and not self.by_size else self.plain
+
+    @cached_property
+    def _likeliest(self) -> tuple[Marginal, float]:
+        """(the discrepancy that is most probable, its log odds over none)."""
+        found, odds = self.plain, -np.inf
         for one in sorted(self._beside, key=self._at_most, reverse=True):
-            if self._at_most(one) <= found:  # nor are those that follow
+            if self._at_most(one) <= odds:  # nor are those that follow
                 break
-            found = max(found, self.over_none(one))
-        return found if self._beside else 0.0
+            over = self.over_none(one)
+            if over > odds:
+                found, odds = one, over
+        return found, odds if self._beside else 0.0
 
     @cached_property
     def covariance(self) -> np.ndarray:
@@ -168,7 +186,7 @@ def log_odds(one: Candidate, other: Candidate) -> float:
         count = np.maximum(one.effective, other.effective)
         fit = 0.5 * float(count @ np.log(other.squares / one.squares))
         return fit + one.remainder.occam - other.remainder.occam
-    return ratio(one.frame, (one.remainder, one.best), (other.remainder, other.best))
+    return ratio(one.frame, (one.remainder, one.sure), (other.remainder, other.sure))
 
 
 def best_of(found: Iterable[tuple[Key, Candidate]]) -> dict[Key, Candidate]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from cable_envs.diagnosis.evidence.candidates import Candidate
+from cable_envs.diagnosis.evidence.candidates import Candidate, log_odds
 from cable_envs.diagnosis.evidence.marginal import Frame, Remainder
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.features import families
@@ -145,6 +145,24 @@ def test_the_surest_discrepancy_is_that_of_all_though_few_are_weighed():
     few = Counted((), fit, fit, frame, one.remainder)
     assert few.left == max(one.over_none(m) for m in one._beside) > 0.0
     assert 0 < len(weighed) < len(one._beside)
+
+
+def test_models_are_compared_with_discrepancies_that_are_sure():
+    """Slow errors ask for a discrepancy, which may not be trusted: its prior alone would count against the model."""
+    rng, frame = _frame(3000)
+    left = np.repeat(rng.standard_normal(frame.count // 50), 50)
+
+    def candidate(left):
+        fit = Fit("", (), {}, 0.0, left, np.empty((len(left), 0)), np.empty((0, 0)), (), 0)
+        return Candidate((), fit, fit, frame, _remainder(frame, left, {"a": 1.0, "b": 1.0}))
+
+    null, other = candidate(left), candidate(0.998 * left)
+    assert null.best.scale > 0.0 > null.left
+    assert null.sure == null.plain
+    gain = other.plain.fit - null.plain.fit
+    assert gain > 10.0 > log_odds(other, null) > 0.0
+    lasting = candidate(left + np.tile(np.sin(7.0 * 0.01 * np.arange(3000)), 4))
+    assert lasting.left > 0.0 and lasting.sure.scale > 0.0
 
 
 def test_a_discrepancy_of_one_family_is_that_of_its_own_functions():
