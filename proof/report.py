@@ -1,5 +1,6 @@
 """The proof as one JSON record and as a table in Markdown."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -86,6 +87,21 @@ def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
     if twice:
         raise ConfigurationError(f"in more than one part: {', '.join(twice[:3])}")
     return found
+
+
+def one_command(commands: Sequence[str]) -> str:
+    """Commands of parts as one text; those that differ by where they begin alone are said once.
+
+    Examples
+    --------
+    >>> one_command(["cablebench blind-test --first 5 --seed 1", "cablebench blind-test --first 5 --after 5 --seed 1"])
+    'cablebench blind-test --first 5 --seed 1 --after K, with K = 0, 5'
+    """
+    begins = [re.search(r" --after (\d+)", command) for command in commands]
+    alike = {re.sub(r" --after \d+", "", command) for command in commands}
+    if len(commands) < 2 or len(alike) > 1:
+        return "; ".join(commands)
+    return f"{alike.pop()} --after K, with K = {', '.join(b.group(1) if b else '0' for b in begins)}"
 
 
 def together(parts: Sequence[Mapping[str, Any]]) -> dict[str, list[Result]]:

@@ -192,11 +192,11 @@ def _joined(out: Path, parts: Sequence[Path], as_json: bool) -> list[str]:
 
     Raises ConfigurationError for what is no record of a proof, parts of several plans, and cases that are in two parts.
     """
-    from cable_envs.proof.report import parts_of, together
+    from cable_envs.proof.report import one_command, parts_of, together
     from cable_envs.proof.run import TOOL
 
     records = parts_of(parts)
-    about = {"command": "; ".join(record["command"] for record in records), "plan": records[0]["plan"]}
+    about = {"command": one_command([record["command"] for record in records]), "plan": records[0]["plan"]}
     about |= {"state": records[0]["state"]} if "state" in records[0] else {}
     killed: dict[str, dict[str, str]] = {}
     for record in records:
