@@ -158,7 +158,7 @@ def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
         if f"{line[0]}, {line[1]}" != title:
             title, above = f"{line[0]}, {line[1]}", ("", "", "")
             head = (*HEAD[2:5], "steps", *HEAD[5:])
-            yield f"\n## {title}\n\n| {' | '.join(head)} |\n|{'---|' * len(head)}\n"
+            yield f"\n## {title}\n\n|{'|'.join(head)}|\n|{'---|' * len(head)}\n"
         if line[5] == STEPS:
             steps = line[7] if line[7] == line[9] else f"{line[7]} to {line[9]}"
             continue
@@ -166,7 +166,7 @@ def _tables(lines: list[tuple[str, ...]]) -> Iterator[str]:
             continue
         told = tuple("" if now == before else now for now, before in zip(line[2:5], above, strict=True))
         above = line[2:5]
-        yield f"| {' | '.join((*told, steps, *line[5:]))} |\n"
+        yield f"|{'|'.join((*told, steps, *line[5:]))}|\n"
         steps = ""
 
 

@@ -160,6 +160,11 @@ def _replays(board: Board) -> list[str]:
     ]
 
 
+def _row(found: Sequence[str]) -> str:
+    """A row of a table, without spaces about its bars: a board has ten thousand of them."""
+    return f"|{'|'.join(found)}|"
+
+
 def render_markdown(board: Board) -> str:
     """The board as Markdown: every table, the legend, the replay commands and the provenance."""
     out = [f"# {board.protocol.title}", ""]
@@ -170,8 +175,8 @@ def render_markdown(board: Board) -> str:
         head, body = cells(table)
         out += ["", f"## {heading(table)}", ""]
         left = {"controller", "class"}
-        out += ["| " + " | ".join(head) + " |", "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
-        out += ["| " + " | ".join([line[0], markdown_text(line[1]), *line[2:]]) + " |" for line in body]
+        out += [_row(head), "|" + "|".join(":--" if h in left else "--:" for h in head) + "|"]
+        out += [_row([line[0], markdown_text(line[1]), *line[2:]]) for line in body]
         for remark in remarks(table):
             out += ["", markdown_text(remark)]
     out += ["", "## Replay", "", *_replays(board), "", "## Provenance", ""]
