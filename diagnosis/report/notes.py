@@ -10,6 +10,7 @@ from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER
 from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.search.limit_cycles import RUNS
+from cable_envs.diagnosis.search.select import BIAS
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.systems.question import Question
 
@@ -43,12 +44,21 @@ def in_words(fault: EffectGain) -> str:
 
 
 def constant(biases: Sequence[EffectGain]) -> list[str]:
-    """Biases of sensors that may be how an effect beside them is formulated, in words."""
+    """Biases of sensors, or what is like one, that may be how an effect beside them is formulated, in words."""
+    alike = [one.hypothesis.name for one in biases if one.hypothesis.canonical != BIAS]
     return [
-        f"{channel.replace('_', ' ')} is off by {size.value:.3g} {size.unit}, by its sensor or because what is missing "
-        "has another formulation: no bias is named"
-        for bias in biases
-        for channel, size in bias.parameters.items()
+        *(
+            f"{channel.replace('_', ' ')} is off by {size.value:.3g} {size.unit}, by its sensor or because what is "
+            "missing has another formulation: no bias is named"
+            for bias in biases
+            if bias.hypothesis.canonical == BIAS
+            for channel, size in bias.parameters.items()
+        ),
+        *(
+            f"{name} is not named: it is not told from a sensor's bias, by which another formulation of what is "
+            "missing may differ"
+            for name in alike
+        ),
     ]
 
 

@@ -123,7 +123,7 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
         f"sensor_bias.{k.channel}" for k in after.kinds if k.coordinate == ELAPSED and k.log_odds > np.log(SURE)
     }
 
-    constants = _constants(best.effects, {b.channel: b.unit for b in search.fit.blocks}) - drifting
+    constants = _constants(found, {b.channel: b.unit for b in search.fit.blocks}) - drifting
 
     def gains(of_data: bool) -> tuple[EffectGain, ...]:
         there = (h for h in best.effects if h.name not in constants)
@@ -139,14 +139,16 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
     )  # fmt: skip
 
 
-def _constants(effects: Sequence[Hypothesis], units: Mapping[str, str]) -> set[str]:
+def _constants(found: Found, units: Mapping[str, str]) -> set[str]:
     """Names of biases of sensors beside a law to which other formulations add such a constant.
 
-    effects: of a model; units: of the channels.
+    And of what the records do not tell from such a bias; units: of the channels.
     """
-    beside = {kind for h in effects if h.effect is not None for kind in h.effect.offsets}
-    biases = {h.name: units.get(h.name.removeprefix(f"{BIAS}."), "") for h in effects if h.canonical == BIAS}
-    return {name for name, unit in biases.items() if KINDS.get(unit) in beside}
+    laws = {h.name for h in found.best.effects if h.effect is not None and h.effect.offsets}
+    beside = {kind for h in found.best.effects if h.name in laws and h.effect is not None for kind in h.effect.offsets}
+    biases = {f"{BIAS}.{channel}" for channel, unit in units.items() if KINDS.get(unit) in beside}
+    others = [h.name for h in found.best.effects if h.name not in laws]
+    return {name for name in others if biases & {name, *found.alternatives(name)}}
 
 
 def _unseen(selection: Selection, found: Found, search: Search) -> Selection:

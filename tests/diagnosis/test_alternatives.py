@@ -1,6 +1,7 @@
 """Which names stand beside the best one, and which ends of a range are none of a search."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,11 +10,13 @@ from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Free
+from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.report.answer import answered_interval
+from cable_envs.diagnosis.report.notes import constant
 from cable_envs.diagnosis.search.comparison import holds
 from cable_envs.diagnosis.search.effects import Search
-from cable_envs.diagnosis.search.select import select
-from cable_envs.diagnosis.search.selection import confidence
+from cable_envs.diagnosis.search.select import _constants, select
+from cable_envs.diagnosis.search.selection import Found, confidence
 from cable_envs.effects import EFFECTS
 from cable_envs.effects.base import FORCE, PLACE
 from tests.support.diagnosis_toy import HYPOTHESES, NOMINALS, PARAMETERS, Toy
@@ -67,6 +70,24 @@ def test_a_bias_beside_a_law_that_others_write_with_a_constant_is_not_named(offs
     assert found.verdict == "named" and len(found.accepted) == named
     assert [a.hypothesis.name for a in found.constants] == (["sensor_bias.force"] if named == 1 else [])
     assert found.final.fit.values["bias"] == pytest.approx(0.5, abs=0.1)  # the model keeps it
+
+
+@pytest.mark.parametrize(
+    ("offsets", "alternatives", "left_out"),
+    [((FORCE,), ("sensor_bias.pull",), {"skew"}), ((FORCE,), ("sensor_bias.place",), set()), ((FORCE,), (), set()),
+     ((), ("sensor_bias.pull",), set())],
+)  # fmt: skip
+def test_nor_is_what_is_not_told_from_such_a_bias(offsets, alternatives, left_out):
+    """In a hole under a constant weight the difference of friction by direction is a constant of the tension."""
+    law = replace(LAWS[1], effect=replace(EFFECTS["stribeck_friction"], offsets=offsets))
+    skew = replace(LAWS[0], name="skew")
+    found = Found(
+        None, None, SimpleNamespace(effects=(law, skew)), (), {law.name: 90.0, "skew": 30.0},
+        {law.name: {"sensor_bias.pull": 0.1}, "skew": dict.fromkeys(alternatives, 0.2)},
+    )  # fmt: skip
+    assert _constants(found, {"pull": "N", "place": "m"}) == left_out
+    gain = EffectGain(skew, 30.0)
+    assert constant([gain])[0].startswith("skew is not named: it is not told from a sensor's bias")
 
 
 @pytest.mark.parametrize(
