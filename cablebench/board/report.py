@@ -161,7 +161,7 @@ def _replays(board: Board) -> list[str]:
 
 
 def _row(found: Sequence[str]) -> str:
-    """A row of a table, without spaces about its bars: a board has ten thousand of them."""
+    """A row of a table, without spaces about its bars: a board has thousands of cells."""
     return f"|{'|'.join(found)}|"
 
 

@@ -240,7 +240,7 @@ class Bench:
         """Channel -> from where to where it has been; under settings of its own also by the best rival's prediction."""
         key = frozenset(settings.items())
         if key not in self._reaches:
-            seen = {name: [r.data[name][r.usable(name)] for r in self.run] for name in self.recording.channels}
+            seen = {name: [r.data[name][r.usable(name)] for r in self.run] for name in self._read}
             if settings:
                 again = [Planned(f"{r.name}, set", self.place(r), r, settings) for r in self.run]
                 model = self._model(tuple(self._record(one) for one in again))

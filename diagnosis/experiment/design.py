@@ -107,7 +107,8 @@ def next_experiment(
     bench = Bench(recording, request, question, open_ones)
     allowed = replace(bench.shown(), **(limits or {}))
     tell(f"simulating motions under {len(open_ones)} models")
-    run, *elsewhere = (_again(bench, one) for one in states)
+    run = _again(bench, AS_RECORDED)
+    elsewhere = [] if limits or seconds else [t for one in states[1:] for t in _again(bench, one)]
     rng = np.random.default_rng(seed)
     tried = _search(bench, allowed, seconds, states, rng)
     if not tried and (limits or seconds or not run):
@@ -115,11 +116,11 @@ def next_experiment(
             "no motion within the limits could be simulated with all channels where they have been: state limits that "
             "are narrower (low, high, speed, acceleration, frequency)"
         )
-    best = max([*tried, *(() if limits or seconds else sum(elsewhere, run))], key=lambda t: t.worth)
+    best = max([*tried, *elsewhere, *(() if limits or seconds else run)], key=lambda t: t.worth)
     again = max(run, key=lambda t: t.worth, default=best)
     tell("rehearsing the experiment")
     expected, repeated = (_rehearsed(bench, open_ones, one, stated, rng) for one in (best, again))
-    return _plan(bench, open_ones, best, (expected, repeated), allowed, len(tried) + len(run) * len(states))
+    return _plan(bench, open_ones, best, (expected, repeated), allowed, len(tried) + len(run) + len(elsewhere))
 
 
 def _rehearsed(

@@ -22,7 +22,7 @@ from any start, where it now gains 60 to 90 of the 91 that its score promises.
 """
 _DAMPINGS = (0.1, 1.0, 10.0)
 _LONGER = (1.0, 2.0, 4.0)
-"""Multiples of the boldest step that are tried instead where the last one was too short."""
+"""Multiples of the boldest step that are tried instead, as many as dampings, where the last one was too short."""
 SHORT = 1.05
 """Fall of the cost over the one that the slopes promised, from which a step was too short.
 

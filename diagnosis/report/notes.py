@@ -55,8 +55,8 @@ def constant(biases: Sequence[EffectGain]) -> list[str]:
             for channel, size in bias.parameters.items()
         ),
         *(
-            f"{name} is not named: it is not told from a sensor's bias, by which another formulation of what is "
-            "missing may differ"
+            f"{name} is not named: it cannot be distinguished from a sensor's bias, by which another formulation of "
+            "what is missing may differ"
             for name in alike
         ),
     ]

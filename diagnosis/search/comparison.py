@@ -39,8 +39,8 @@ them is ahead would depend on the processor."""
 _GLANCE, _FIRST, _LAST = 2, 4, 4
 """Iterations after which the best start of each hypothesis goes on, after which those behind are given up, and further
 ones."""
-_WAY_BACK = 6
-"""Iterations after which starts are given up that begin where the recording believes the rig to be, far from where the
+_FROM_CLAIMS = 6
+"""Iterations after which starts are given up that begin at the claims of the recording, far from where the
 refit without the effect has moved it. Of a hardening cable, whose pretension was 60 % too large without it, the true
 model was worse than nothing after 4 and had half of its gain after 6."""
 AnyFit = TypeVar("AnyFit", Fit, Look)
@@ -91,7 +91,7 @@ def compare(
         return []
     best = _best_of(
         [*_looked(model, scored.whitener, starts, _FIRST),
-         *_looked(model, scored.whitener, _at_believed(model, base.fit, starts, nominals), _WAY_BACK)]
+         *_looked(model, scored.whitener, _at_claims(model, base.fit, starts, nominals), _FROM_CLAIMS)]
     )  # fmt: skip
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
@@ -178,7 +178,7 @@ def refits(model: Model, base: Fit, scored: ScoreTests, nominals: Collection[str
     """
     chosen = sorted(scored.best.values(), key=lambda s: -s.gain)
     starts = [start for score in chosen for start in _starts(model, base, score, scored)]
-    starts += _at_believed(model, base, starts, nominals)
+    starts += _at_claims(model, base, starts, nominals)
     for score in chosen:
         free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
         own = sorted((s for s in scored.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
@@ -217,8 +217,8 @@ def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[S
     return [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
 
 
-def _at_believed(model: Model, base: Fit, starts: Sequence[Start], nominals: Collection[str]) -> list[Start]:
-    """Starts with nominal parameters at what the recording believes, where the refit has moved one far from it.
+def _at_claims(model: Model, base: Fit, starts: Sequence[Start], nominals: Collection[str]) -> list[Start]:
+    """Starts with nominal parameters as the recording claims them, where the refit has moved one far from it.
 
     It has moved them to imitate what is missing, and from there the way back is long. Of one without a prior a size at
     which it matters is far.
@@ -226,8 +226,8 @@ def _at_believed(model: Model, base: Fit, starts: Sequence[Start], nominals: Col
     known = [p for p in model.parameters if p.name in nominals and p.name in base.free]
     if not any(abs(base.values[p.name] - p.start) > (FAR * p.std if p.std else p.scale) for p in known):
         return []
-    believed = {p.name: p.start for p in known}
-    return [Start(start.label, start.free, {**start.values, **believed}) for start in starts]
+    claims = {p.name: p.start for p in known}
+    return [Start(start.label, start.free, {**start.values, **claims}) for start in starts]
 
 
 def _suggested(model: Model, base: Fit, score: Score) -> Mapping[str, float]:

@@ -142,7 +142,7 @@ def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str
 def _constants(found: Found, units: Mapping[str, str]) -> set[str]:
     """Names of biases of sensors beside a law to which other formulations add such a constant.
 
-    And of what the records do not tell from such a bias; units: of the channels.
+    And of what the records cannot distinguish from such a bias; units: of the channels.
     """
     laws = {h.name for h in found.best.effects if h.effect is not None and h.effect.offsets}
     beside = {kind for h in found.best.effects if h.name in laws and h.effect is not None for kind in h.effect.offsets}

@@ -77,7 +77,7 @@ def test_a_bias_beside_a_law_that_others_write_with_a_constant_is_not_named(offs
     [((FORCE,), ("sensor_bias.pull",), {"skew"}), ((FORCE,), ("sensor_bias.place",), set()), ((FORCE,), (), set()),
      ((), ("sensor_bias.pull",), set())],
 )  # fmt: skip
-def test_nor_is_what_is_not_told_from_such_a_bias(offsets, alternatives, left_out):
+def test_nor_is_what_cannot_be_distinguished_from_such_a_bias(offsets, alternatives, left_out):
     """In a hole under a constant weight the difference of friction by direction is a constant of the tension."""
     law = replace(LAWS[1], effect=replace(EFFECTS["stribeck_friction"], offsets=offsets))
     skew = replace(LAWS[0], name="skew")
@@ -87,7 +87,7 @@ def test_nor_is_what_is_not_told_from_such_a_bias(offsets, alternatives, left_ou
     )  # fmt: skip
     assert _constants(found, {"pull": "N", "place": "m"}) == left_out
     gain = EffectGain(skew, 30.0)
-    assert constant([gain])[0].startswith("skew is not named: it is not told from a sensor's bias")
+    assert constant([gain])[0].startswith("skew is not named: it cannot be distinguished from a sensor's bias")
 
 
 @pytest.mark.parametrize(

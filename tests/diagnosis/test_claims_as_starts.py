@@ -1,4 +1,4 @@
-"""Refits of effects also begin where the recording believes the rig to be, if the refit without them has gone far."""
+"""Refits of effects also begin at the claims of the recording, if the refit without them has gone far from these."""
 
 import numpy as np
 
@@ -37,11 +37,11 @@ def _without(pretension):
 
 def test_starts_at_the_claims_are_added_where_the_refit_has_gone_far():
     start = Start("growth", ("pretension", "mass", "growth"), {"pretension": 132.0, "mass": 2.1, "growth": 0.001})
-    (found,) = comparison._at_believed(Cable(), _without(132.0), [start], ["pretension"])
+    (found,) = comparison._at_claims(Cable(), _without(132.0), [start], ["pretension"])
     assert (found.label, found.free) == (start.label, start.free)
     assert found.values == {"pretension": 50.0, "mass": 2.1, "growth": 0.001}
-    assert comparison._at_believed(Cable(), _without(54.0), [start], ["pretension"]) == []
-    assert comparison._at_believed(Cable(), _without(132.0), [start], ["mass"]) == []
+    assert comparison._at_claims(Cable(), _without(54.0), [start], ["pretension"]) == []
+    assert comparison._at_claims(Cable(), _without(132.0), [start], ["mass"]) == []
 
 
 def test_each_hypothesis_goes_on_from_its_best_start():
