@@ -10,6 +10,7 @@ calls, so this module offers
 * ``apart(h)``: the whole number h, of which the compiler does not know where it comes from. In a loop over rows h with
   one over columns inside, it then makes sure for each row by itself that the rows read and written do not overlap; for
   all rows at once they do, where a row takes something from the one before, and no vector code would run;
+* ``widest()``: the loops of the kernel that calls it may use the widest vectors of the processor;
 * ``exp``, ``expm1``, ``log``, ``power``, ``sqrt``, ``sine_cosine``: inlined polynomials with explicit fused
   multiply-adds. The scalar and the vector code round identically, so a batch is bit-equal to single runs. Accuracy
   against libm is tested: 2 ulp for ``exp`` and ``expm1`` on [-700, 700], 2 ulp or 1e-16 absolute for ``log`` on normal
@@ -84,6 +85,9 @@ if JIT_DISABLED:
 
     def apart(n):
         return n
+
+    def widest():
+        pass
 
     def _fma(a, b, c):
         return a * b + c
@@ -173,6 +177,16 @@ else:
             return builder.asm(kind, "", "=r,0", args, False)
 
         return n(n), codegen
+
+    @intrinsic
+    def widest(typingctx):
+        """With vectors of 512 bits LLVM takes half of them unless a function says otherwise; eight columns are one."""
+
+        def codegen(context, builder, signature, args):
+            set.add(builder.function.attributes, '"prefer-vector-width"="512"')  # llvmlite knows no names with values
+            return context.get_dummy_value()
+
+        return types.none(), codegen
 
     @intrinsic
     def _fma(typingctx, a, b, c):

@@ -14,7 +14,15 @@ from cable_envs.effects import Effect, Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import joined
 from cable_envs.plants.declarations import OUT_OF_RANGE, ActionMode, Range, SecondCommand, Signal, rows_of
-from cable_envs.plants.kernel import Rows, device_kernel, kernels
+from cable_envs.plants.kernel import (
+    Kernels,
+    Rows,
+    advance,
+    advance_with_effects,
+    device_kernel,
+    kernels,
+    replay_with_effects,
+)
 
 __all__ = ["OUT_OF_RANGE", "STEP_ROWS", "ActionMode", "Plant", "Range", "SecondCommand", "Signal", "rows_of"]
 
@@ -145,17 +153,36 @@ class Plant:
         return self.effects.table
 
     @cached_property
+    def _compiled(self) -> Kernels:
+        drive = "" if self.drive == "ideal" else f"_{self.drive}"
+        name = f"{self.name}{drive}_{self.version}_{len(self.signals)}"
+        return kernels(name, self.rows, self.solve, joined(self.effects.effects.values()))
+
+    @property
     def kernels(self) -> tuple[Callable[..., None], ...]:
         """Kernels (x, p, u, lo, hi, substeps, dt), as of `advance`, compiled on first use.
 
         `kernel_needed` has their numbers. Each gives those of the one behind it, to the bit, for what it can simulate.
         """
-        drive = "" if self.drive == "ideal" else f"_{self.drive}"
-        name = f"{self.name}{drive}_{self.version}_{len(self.signals)}"
-        made = kernels(name, self.rows, self.solve, joined(self.effects.effects.values()))
+        made = self._compiled.steps
         return made if self.plain else (made[1], *made[1:])
 
-    def device_kernel(self, needed: int, precision: str = "float64") -> Any:
+    def replay_kernel(self, needed: int) -> Callable[..., None]:
+        """What takes columns through a whole record, with the numbers of `kernels`, to the bit.
+
+        Parameters
+        ----------
+        needed : int
+            Number of the kernel, as of `kernel_needed`. It has effects always.
+
+        Returns
+        -------
+        function
+            (x, p, inputs, rows, substeps, dt, out, lo, hi), as `cable_envs.plants.kernel.replay_with_effects`.
+        """
+        return self._compiled.replays[max(needed - 1, 0)]
+
+    def device_kernel(self, needed: int, precision: str = "float64", *, replays: bool = False) -> Any:
         """One of the `kernels` for CUDA (`cable_envs.core.compiling.device`).
 
         Parameters
@@ -164,14 +191,17 @@ class Plant:
             Its number, as of `kernel_needed`.
         precision : str
             "float64" or "float32": what it computes with. Its arrays have double precision.
+        replays : bool
+            Whether it is that of `replay_kernel`.
 
         Returns
         -------
         function
-            A device function (x, p, u, lo, hi, substeps, dt).
+            A device function with the arguments of the kernel.
         """
-        number = needed if self.plain else max(needed, 1)
-        return device_kernel(self.rows, self.solve, joined(self.effects.effects.values()), number, precision)
+        shell = replay_with_effects if replays else advance_with_effects if needed or not self.plain else advance
+        hooks = joined(self.effects.effects.values())
+        return device_kernel(shell, self.rows, self.solve, hooks, needed > 1, precision)
 
     @property
     def rows(self) -> Rows:

@@ -12,7 +12,7 @@ import numpy as np
 from cable_envs.core.compiling import device
 from cable_envs.core.compiling.templates import instantiate, specialised
 from cable_envs.core.inputs import INPUTS
-from cable_envs.core.kernels import LANES, inline, load, store
+from cable_envs.core.kernels import LANES, inline, load, store, widest
 from cable_envs.core.lanes import Lanes
 from cable_envs.effects.bristles import deflection
 
@@ -27,6 +27,9 @@ step_tile: Any = None
 solve: Any = None
 SIGNALS = COEFFICIENTS = EFFECTS = 0
 
+BLOCK = 24
+"""Columns that go through a record before the next ones do: their numbers stay in the cache."""
+
 
 IN_SINGLE = {name: np.float32(value) for name, value in (
     ("EVEN", 1e-5), ("GRIP", 1.0 + 1e-5), ("LOOSE", 1e-6), ("SETTLED", 1e-6),
@@ -39,6 +42,12 @@ their tolerances: with those of double precision their iterations would not end.
 def together(left):
     """How many of the columns that are left go through the stages together."""
     return min(LANES, left)
+
+
+@inline
+def of_a_record(left):
+    """How many of the columns that are left go through a record together."""
+    return min(BLOCK, left)
 
 
 def _alone(left):
@@ -83,6 +92,41 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
         store(st.rows, x[SIGNALS:], first, lanes)
 
 
+def replay_with_effects(x, p, inputs, rows, substeps, dt, out, lo, hi):
+    """Move columns lo..hi through a whole record: their state and their effects stay in the tiles.
+
+    inputs [steps, rows, n], or [steps, rows, 1] for all columns; out [steps, k, n]: signals ``rows`` after every step.
+    """
+    widest()
+    xt, pt, ut, wt = signal_tile(), coefficient_tile(), input_tile(), scratch_tile()
+    et, st, gt = effect_tile(), state_tile(), step_tile()
+    for first in range(lo, hi, BLOCK):
+        lanes = of_a_record(hi - first)
+        load(xt.rows, x[:SIGNALS], first, lanes)
+        load(et.rows, p[COEFFICIENTS : COEFFICIENTS + EFFECTS], first, lanes)
+        load(st.rows, x[SIGNALS:], first, lanes)
+        for t in range(inputs.shape[0]):
+            load(pt.rows, p[:COEFFICIENTS], first, lanes)  # friction that has drifted changes them for a step
+            _take(ut.rows, inputs[t], first, lanes)
+            solve(xt, pt, ut, wt, et, st, gt, lanes, substeps, own_precision(dt))
+            for k in range(rows.shape[0]):
+                for i in range(lanes):
+                    out[t, k, first + i] = xt.rows[rows[k], i]
+        store(xt.rows, x[:SIGNALS], first, lanes)
+        store(st.rows, x[SIGNALS:], first, lanes)
+
+
+@inline
+def _take(tile_, inputs, first, lanes):
+    """The inputs of a step [rows, 1] for all columns, or [rows, n]."""
+    if inputs.shape[1] > 1:
+        load(tile_, inputs, first, lanes)
+    else:
+        for row in range(inputs.shape[0]):
+            for i in range(lanes):
+                tile_[row, i] = inputs[row, 0]
+
+
 @dataclass(frozen=True)
 class Rows:
     """The rows that a plant's kernel works on."""
@@ -104,25 +148,43 @@ class Rows:
         }  # fmt: skip
 
 
-def kernels(name: str, rows: Rows, solve: Callable, hooks: dict[str, Any]) -> tuple[Callable[..., None], ...]:
-    """The kernels (x, p, u, lo, hi, substeps, dt) of a plant, compiled on first use.
+@dataclass(frozen=True)
+class Kernels:
+    """What simulates a plant, compiled on first use."""
 
-    They are: without effects, with them, and with the friction that has bristles besides.
-    hooks: what takes the place of pieces at the seams (`cable_envs.effects.own`), by their names.
-    """
+    steps: tuple[Callable[..., None], ...]
+    """(x, p, u, lo, hi, substeps, dt): without effects, with them, and with the friction that has bristles besides"""
+    replays: tuple[Callable[..., None], ...]
+    """(x, p, inputs, rows, substeps, dt, out, lo, hi): with effects, and with bristles besides"""
+
+
+def kernels(name: str, rows: Rows, solve: Callable, hooks: dict[str, Any]) -> Kernels:
+    """A plant's kernels; hooks: what takes the place of pieces at the seams (`cable_envs.effects.own`), by name."""
     own = rows.named(lambda lanes: lanes.tile) | {"solve": specialised(solve, **hooks)}
-    plain, with_effects = (instantiate(f, f"{name}_{f.__name__}", **own) for f in (advance, advance_with_effects))
-    own["solve"] = specialised(solve, **hooks, bristle_length=deflection)
-    return plain, with_effects, instantiate(advance_with_effects, f"{name}_advance_with_bristles", **own)
+    bristles = own | {"solve": specialised(solve, **hooks, bristle_length=deflection)}
+    plain = instantiate(advance, f"{name}_advance", **own)
+    step, step_with_bristles, replay, replay_with_bristles = (
+        instantiate(text, f"{name}_{what}_with_{more}", **filled)
+        for text, what in ((advance_with_effects, "advance"), (replay_with_effects, "replay"))
+        for more, filled in (("effects", own), ("bristles", bristles))
+    )
+    return Kernels((plain, step, step_with_bristles), (replay, replay_with_bristles))
 
 
-def device_kernel(rows: Rows, solve: Callable, hooks: dict[str, Any], number: int, precision: str) -> Any:
-    """One of the `kernels`, by its number, as a piece of kernels for CUDA; each thread takes one column."""
-    bristles = {"bristle_length": deflection} if number > 1 else {}
+def device_kernel(
+    shell: Callable, rows: Rows, solve: Callable, hooks: dict[str, Any], bristles: bool, precision: str
+) -> Any:
+    """A kernel of a plant as a piece of kernels for CUDA; each thread takes one column.
+
+    shell: `advance`, `advance_with_effects` or `replay_with_effects`.
+    """
+    hooks = hooks | ({"bristle_length": deflection} if bristles else {})
     own = rows.named(lambda lanes: device.tile(lanes, precision))
-    own |= {"LANES": 1, "together": device.on_device(_alone)}  # a constant: rows of tiles then are registers
+    alone = device.on_device(_alone)
+    # constants: rows of tiles then are registers
+    own |= {"LANES": 1, "BLOCK": 1, "together": alone, "of_a_record": alone}
     if precision == "float32":
         own["own_precision"] = device.on_device(_single)
     coarser = IN_SINGLE if precision == "float32" else {}
-    own["solve"] = device.on_device(specialised(solve, **hooks, **bristles), precision, **coarser)
-    return device.on_device(advance_with_effects if number else advance, precision, **own)
+    own["solve"] = device.on_device(specialised(solve, **hooks), precision, **coarser)
+    return device.on_device(shell, precision, **own)

@@ -7,27 +7,19 @@ steps in one compiled call.
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from functools import cache
-from typing import Any
 
 import numpy as np
 
 from cable_envs.core.compiling.device import module
-from cable_envs.core.compiling.templates import instantiate
 from cable_envs.core.errors import ConfigurationError, nearest
 from cable_envs.core.inputs import FOLLOW, IMPOSED, INPUTS, OBSERVED, RAMPED
-from cable_envs.core.kernels import inline
 from cable_envs.core.params import is_number
 from cable_envs.core.team import Team
 from cable_envs.effects.lanes import SENSE
 from cable_envs.effects.sensor_delay import delayed
 from cable_envs.plants.base import Plant
+from cable_envs.plants.kernel import BLOCK
 from cable_envs.sim.device.replays import run
-
-BLOCK = 24
-"""Columns that go through the whole record before the next ones do: their numbers stay in the cache.
-
-With 32, a power of two, those of one column are in each other's place there: 12 % slower at a hole."""
 
 ABREAST, ALONE = 8, 1
 """Columns that a processor takes at once, and how many of a rest are quicker one by one: 2 take as long as 8."""
@@ -35,45 +27,6 @@ ABREAST, ALONE = 8, 1
 DRIVES = ("follow", "imposed", "observed")
 HOLDS = ("step", "ramp")
 DEVICES = ("cpu", "cuda")
-
-
-@inline
-def _take(inputs, u, t, first, last):
-    """The inputs of a step: [steps, rows, 1] for all columns, or [steps, rows, n]."""
-    shared = inputs.shape[2] == 1
-    for row in range(inputs.shape[1]):
-        for i in range(first, last):
-            u[row, i - first] = inputs[t, row, 0 if shared else i]
-
-
-@inline
-def _keep(x, rows, out, t, first, last):
-    for k in range(rows.shape[0]):
-        for i in range(first, last):
-            out[t, k, i] = x[rows[k], i]
-
-
-advance: Any = None  # filled in for each plant
-
-
-@inline
-def _through(u, x, p, inputs, rows, substeps, dt, out, first, last):
-    """Columns first..last through the whole record; u: space for their inputs."""
-    for t in range(inputs.shape[0]):
-        _take(inputs, u, t, first, last)
-        advance(x[:, first:], p[:, first:], u, 0, last - first, substeps, dt)
-        _keep(x, rows, out, t, first, last)
-
-
-def _replay(x, p, inputs, rows, substeps, dt, out, lo, hi):
-    u = np.empty((inputs.shape[1], BLOCK))
-    for first in range(lo, hi, BLOCK):
-        _through(u, x, p, inputs, rows, substeps, dt, out, first, min(first + BLOCK, hi))
-
-
-@cache
-def _kernel(plant: Plant, needed: int) -> Callable[..., None]:
-    return instantiate(_replay, f"replay_{plant.name}_{len(plant.signals)}", advance=plant.kernels[needed])
 
 
 _DEVICE: ContextVar[str] = ContextVar("device", default="cpu")
@@ -228,10 +181,10 @@ def replay(
     first = state[rows].copy()
     needed = max(plant.kernel_needed(p), 1)
     if _DEVICE.get() == "cuda":
-        run(_through, plant, needed, (state, p, inputs, rows, out), substeps, period / substeps)
+        run(plant, needed, (state, p, inputs, rows, out), substeps, period / substeps)
     else:
         arguments = (state, p, inputs, rows, substeps, period / substeps, out)
-        _on_cores(_kernel(plant, needed), arguments, n + idle, threads if n > BLOCK else 1)
+        _on_cores(plant.replay_kernel(needed), arguments, n + idle, threads if n > BLOCK else 1)
     if gone_on is not None and idle:
         gone_on[:] = state[:, :n]
     shown = distort(plant, p, signals, out, period, first) if sensors else out

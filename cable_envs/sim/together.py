@@ -11,7 +11,8 @@ import numpy as np
 
 from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.base import Plant
-from cable_envs.sim.replay import ABREAST, BLOCK, replay
+from cable_envs.plants.kernel import BLOCK
+from cable_envs.sim.replay import ABREAST, replay
 
 TIMES = (0.0, 1.0, 1.65, 2.1)
 """Time of so many times `ABREAST` columns that go through a record together, measured at a hole and a circuit."""

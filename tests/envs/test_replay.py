@@ -22,7 +22,8 @@ def _columns(plant, *changes):
 def test_equals_stepping_each_column_alone():
     """70 columns with other effects each, in blocks, against single columns stepped by `advance`; to the bit."""
     gaps = np.linspace(0.0, 0.05, 70)
-    values = _columns(CIRCUIT, *({"backlash.gap": g, "output_damping": 1e-3 * (1 + g)} for g in gaps))
+    drifts = {"friction_drift.change": 0.5, "friction_drift.time": 0.3}  # which changes coefficients within a step
+    values = _columns(CIRCUIT, *({"backlash.gap": g, "output_damping": 1e-3 * (1 + g), **drifts} for g in gaps))
     command = 0.4 * np.sin(8 * T)
     out = replay(CIRCUIT, values, command, 0.01, drive="position", hold="step", signals=["output_angle"], substeps=4)
     assert out.shape == (40, 1, 70)

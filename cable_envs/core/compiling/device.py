@@ -255,6 +255,10 @@ def _apart(n):
     return n
 
 
+def _widest():
+    return None
+
+
 def _simulated(precision: str) -> dict[str, Any]:
     """On the simulator. What numba compiles for the CPU can be called there."""
     real = PRECISIONS[precision]
@@ -265,7 +269,7 @@ def _simulated(precision: str) -> dict[str, Any]:
     def sqrt(x):
         return real(np.sqrt(x))
 
-    found = {"select": select, "sqrt": sqrt, "apart": _apart}
+    found = {"select": select, "sqrt": sqrt, "apart": _apart, "widest": _widest}
     if precision == "float32":
         return found | _single(lambda f: f, real, np)
     fused = numba.njit(lambda a, b, c: kernels._fma(a, b, c))
@@ -302,7 +306,7 @@ def _native(precision: str) -> dict[str, Any]:
     def shift_right_52(n):
         return np.int64(np.uint64(n) >> np.uint64(52))
 
-    found = {"select": select, "sqrt": sqrt, "apart": _apart}
+    found = {"select": select, "sqrt": sqrt, "apart": _apart, "widest": _widest}
     if precision == "float32":
         return {name: _piece(one) for name, one in found.items()} | _single(_piece, real, math)
     found |= {"_fma": fma, "to_bits": to_bits, "from_bits": from_bits, "_shift_right_52": shift_right_52}

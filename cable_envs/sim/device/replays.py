@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from cable_envs.core.compiling import device
-from cable_envs.core.inputs import INPUTS
 from cable_envs.plants.base import Plant
 
 MOST = 2**30
@@ -15,28 +14,24 @@ MOST = 2**30
 # filled in for each kernel
 cuda: Any = None
 through: Any = None
-input_tile: Any = None
 
 
 def _all_columns(x, p, inputs, rows, substeps, dt, out):
     i = cuda.grid(1)
     if i < x.shape[1]:
-        through(input_tile().rows, x, p, inputs, rows, substeps, dt, out, i, i + 1)
+        through(x, p, inputs, rows, substeps, dt, out, i, i + 1)
 
 
 @cache
-def _kernel(text: Any, plant: Plant, needed: int) -> Any:
-    piece = device.on_device(text, advance=plant.device_kernel(needed))
-    return device.as_kernel(_all_columns, through=piece, input_tile=device.tile(INPUTS))
+def _kernel(plant: Plant, needed: int) -> Any:
+    return device.as_kernel(_all_columns, through=plant.device_kernel(needed, replays=True))
 
 
-def run(text: Any, plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> None:
+def run(plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> None:
     """Replay all columns, as the kernel of the CPU does.
 
     Parameters
     ----------
-    text : function
-        What takes columns through a record there (`cable_envs.sim.replay`).
     plant : Plant
         What simulates them.
     needed : int
@@ -49,7 +44,7 @@ def run(text: Any, plant: Plant, needed: int, arrays: tuple, substeps: int, dt: 
         Length of one, s.
     """
     cuda = device.module()
-    kernel = _kernel(text, plant, needed)
+    kernel = _kernel(plant, needed)
     x, p, inputs, rows, out = arrays
     n = x.shape[1]
     each = 8 * (out.shape[0] * out.shape[1] + (inputs[:, :, 0].size if inputs.shape[2] > 1 else 0))
