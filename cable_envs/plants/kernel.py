@@ -95,7 +95,8 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
 def replay_with_effects(x, p, inputs, rows, substeps, dt, out, lo, hi):
     """Move columns lo..hi through a whole record: their state and their effects stay in the tiles.
 
-    inputs [steps, rows, n], or [steps, rows, 1] for all columns; out [steps, k, n]: signals ``rows`` after every step.
+    inputs: rows that are the same for all columns [steps, rows], those of which each has its own [steps, k, n], and which
+    these are [k]. out [steps, m, n]: the m signals ``rows`` after every step.
     """
     widest()
     xt, pt, ut, wt = signal_tile(), coefficient_tile(), input_tile(), scratch_tile()
@@ -105,9 +106,9 @@ def replay_with_effects(x, p, inputs, rows, substeps, dt, out, lo, hi):
         load(xt.rows, x[:SIGNALS], first, lanes)
         load(et.rows, p[COEFFICIENTS : COEFFICIENTS + EFFECTS], first, lanes)
         load(st.rows, x[SIGNALS:], first, lanes)
-        for t in range(inputs.shape[0]):
+        for t in range(out.shape[0]):
             load(pt.rows, p[:COEFFICIENTS], first, lanes)  # friction that has drifted changes them for a step
-            _take(ut.rows, inputs[t], first, lanes)
+            _take(ut.rows, inputs, t, first, lanes)
             solve(xt, pt, ut, wt, et, st, gt, lanes, substeps, own_precision(dt))
             for k in range(rows.shape[0]):
                 for i in range(lanes):
@@ -117,14 +118,15 @@ def replay_with_effects(x, p, inputs, rows, substeps, dt, out, lo, hi):
 
 
 @inline
-def _take(tile_, inputs, first, lanes):
-    """The inputs of a step [rows, 1] for all columns, or [rows, n]."""
-    if inputs.shape[1] > 1:
-        load(tile_, inputs, first, lanes)
-    else:
-        for row in range(inputs.shape[0]):
-            for i in range(lanes):
-                tile_[row, i] = inputs[row, 0]
+def _take(tile_, inputs, t, first, lanes):
+    """The inputs of a step."""
+    shared, own, places = inputs
+    for row in range(shared.shape[1]):
+        for i in range(lanes):
+            tile_[row, i] = shared[t, row]
+    for k in range(places.shape[0]):
+        for i in range(lanes):
+            tile_[places[k], i] = own[t, k, first + i]
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class Kernels:
     steps: tuple[Callable[..., None], ...]
     """(x, p, u, lo, hi, substeps, dt): without effects, with them, and with the friction that has bristles besides"""
     replays: tuple[Callable[..., None], ...]
-    """(x, p, inputs, rows, substeps, dt, out, lo, hi): with effects, and with bristles besides"""
+    """as `replay_with_effects`: with effects, and with bristles besides"""
 
 
 def kernels(name: str, rows: Rows, solve: Callable, hooks: dict[str, Any]) -> Kernels:

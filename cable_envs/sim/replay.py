@@ -177,7 +177,7 @@ def replay(
         if name not in names:
             raise ConfigurationError(f"unknown signal '{name}'; {nearest(name, names)}")
     rows = np.array([plant.row(name) for name in signals])
-    out = np.empty((len(inputs), len(rows), n + idle))
+    out = np.empty((len(inputs[0]), len(rows), n + idle))
     first = state[rows].copy()
     needed = max(plant.kernel_needed(p), 1)
     if _DEVICE.get() == "cuda":
@@ -236,36 +236,42 @@ def _check_drive(plant: Plant, drive: str, hold: str, given: dict) -> None:
         raise ConfigurationError(f"{plant.name} has no posture")
 
 
-def _inputs(plant: Plant, columns: dict, period: float, drive: str, hold: str, held) -> np.ndarray:
-    """Rows of the plant's input over time, [T, len(INPUTS), 1 or n], from what is given, each [T, 1] or [T, n]."""
+def _inputs(
+    plant: Plant, columns: dict, period: float, drive: str, hold: str, held
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What the kernel takes in (`replay_with_effects`), from what is given, each [T, 1] or [T, n]."""
     _check_drive(plant, drive, hold, columns)
+    path, steps = columns["command"], len(columns["command"])
     if held is not None and "second" not in columns:
         one = held[:1] if np.all(held == held[0]) else held
-        columns["second"] = np.repeat(one[None], len(columns["command"]), axis=0)
-    steps, width = len(columns["command"]), max(c.shape[1] for c in columns.values())
+        columns["second"] = np.repeat(one[None], steps, axis=0)
     for name, column in columns.items():
         if len(column) != steps:
             raise ConfigurationError(f"{name} has {len(column)} steps, command has {steps}")
-    path = columns["command"]
-    inputs = np.zeros((steps, len(INPUTS), width))
-    u = INPUTS.over(inputs.swapaxes(0, 1))
-    u.command[:] = path
-    if drive == "follow":
-        speed = np.gradient(path, period, axis=0) if steps > 1 else np.zeros_like(path)
-        u.command_rate[:] = columns.get("rate", speed)
-        u.mode[:] = FOLLOW
+    mode = FOLLOW if drive == "follow" else _mode(plant, drive) + (RAMPED if hold == "ramp" else 0)
+    rows = {name: columns[name] for name in ("command", "disturbance", "posture", "second") if name in columns}
+    rows["mode"] = np.full((steps, 1), float(mode))
+    if "rate" in columns:
+        rows["command_rate"] = columns["rate"]
+    elif drive == "follow":
+        rows["command_rate"] = np.gradient(path, period, axis=0) if steps > 1 else np.zeros_like(path)
     else:
-        u.command_rate[1:] = np.diff(path, axis=0) / period
-        if "rate" in columns:
-            u.command_rate[:] = columns["rate"]
-        u.mode[:] = _mode(plant, drive) + (RAMPED if hold == "ramp" else 0)
-    u.disturbance[:] = columns.get("disturbance", 0.0)
+        rows["command_rate"] = _over_steps(path, period)
     if "second" in columns:
-        u.second[:] = columns["second"]
-        u.second_rate[1:] = np.diff(columns["second"], axis=0) / period
-        u.second_rate[:] = columns.get("second_rate", u.second_rate)
-    u.posture[:] = columns.get("posture", 0.0)
-    return inputs
+        rows["second_rate"] = columns.get("second_rate", _over_steps(columns["second"], period))
+    wide = {name: series for name, series in rows.items() if series.shape[1] > 1}
+    shared = np.zeros((steps, len(INPUTS)))
+    for name in rows.keys() - wide.keys():
+        shared[:, INPUTS.row(name)] = rows[name][:, 0]
+    own = np.stack(list(wide.values()), axis=1) if wide else np.zeros((steps, 0, 1))
+    return shared, own, np.array([INPUTS.row(name) for name in wide], dtype=np.int64)
+
+
+def _over_steps(series: np.ndarray, period: float) -> np.ndarray:
+    """Rates over each step, 0 over the first."""
+    rates = np.zeros_like(series)
+    rates[1:] = np.diff(series, axis=0) / period
+    return rates
 
 
 def _mode(plant: Plant, drive: str) -> int:

@@ -16,10 +16,10 @@ cuda: Any = None
 through: Any = None
 
 
-def _all_columns(x, p, inputs, rows, substeps, dt, out):
+def _all_columns(x, p, shared, own, places, rows, substeps, dt, out):
     i = cuda.grid(1)
     if i < x.shape[1]:
-        through(x, p, inputs, rows, substeps, dt, out, i, i + 1)
+        through(x, p, (shared, own, places), rows, substeps, dt, out, i, i + 1)
 
 
 @cache
@@ -36,8 +36,9 @@ def run(plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> N
         What simulates them.
     needed : int
         Number of its kernel (`Plant.kernel_needed`).
-    arrays : tuple of ndarray
-        x, p, inputs, rows of x that are kept, and out: x and out are written.
+    arrays : tuple
+        x, p, inputs, rows of x that are kept, and out, as of `cable_envs.plants.kernel.replay_with_effects`: x and out
+        are written.
     substeps : int
         Integration steps in a step of the record.
     dt : float
@@ -45,15 +46,16 @@ def run(plant: Plant, needed: int, arrays: tuple, substeps: int, dt: float) -> N
     """
     cuda = device.module()
     kernel = _kernel(plant, needed)
-    x, p, inputs, rows, out = arrays
+    x, p, (shared, own, places), rows, out = arrays
     n = x.shape[1]
-    each = 8 * (out.shape[0] * out.shape[1] + (inputs[:, :, 0].size if inputs.shape[2] > 1 else 0))
+    each = 8 * out.shape[0] * (out.shape[1] + own.shape[1])
     share = max(MOST // each, 1)
-    kept = cuda.to_device(rows)
+    alike, of_own, kept = (cuda.to_device(a) for a in (shared, places, rows))
     for lo in range(0, n, share):
         part = slice(lo, min(lo + share, n))
-        given = inputs[:, :, part] if inputs.shape[2] > 1 else inputs
-        there = [cuda.to_device(np.ascontiguousarray(a)) for a in (x[:, part], p[:, part], given)]
+        there = [cuda.to_device(np.ascontiguousarray(a)) for a in (x[:, part], p[:, part], own[:, :, part])]
         seen = cuda.device_array((*out.shape[:2], part.stop - lo), dtype=np.float64)
-        device.launched(kernel, part.stop - lo, *there, kept, substeps, dt, seen)
-        x[:, part], out[:, :, part] = there[0].copy_to_host(), seen.copy_to_host()
+        x_there, p_there, own_there = there
+        arguments = (x_there, p_there, alike, own_there, of_own, kept)
+        device.launched(kernel, part.stop - lo, *arguments, substeps, dt, seen)
+        x[:, part], out[:, :, part] = x_there.copy_to_host(), seen.copy_to_host()
