@@ -95,7 +95,7 @@ def advance_with_effects(x, p, u, lo, hi, substeps, dt):
 def replay_with_effects(x, p, inputs, rows, substeps, dt, out, lo, hi):
     """Move columns lo..hi through a whole record: their state and their effects stay in the tiles.
 
-    inputs: rows that are the same for all columns [steps, rows], those that each has of its own [steps, k, n], and which
+    inputs: rows that are alike for all columns [steps, rows], those that each has of its own [steps, k, n], and which
     these are [k]. out [steps, m, n]: the m signals ``rows`` after every step.
     """
     widest()
