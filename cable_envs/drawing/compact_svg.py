@@ -3,9 +3,19 @@
 import hashlib
 import re
 from collections import Counter
+from collections.abc import Iterator
 
 STEPS_PER_POINT = 10
 """Grid of the coordinates, steps per point (1/72 inch): finer than a screen or a printer resolves."""
+
+STRAIGHT = 0.75
+"""Steps of the grid by which a line may pass beside the points that it was drawn through."""
+
+MOST = 100
+"""Points of one line, at the most: each of them is looked at again for every further one."""
+
+Piece = tuple[str, list[int]]
+"""A command of a path, and where it goes: steps of the grid from the picture's corner."""
 
 _TOKEN = re.compile(r"<!--.*?-->|<text\b.*?</text>|<style\b.*?</style>|<[^>]+>", re.DOTALL)
 _FAMILIES = re.compile(r"font-family:\s*('[^']*'),[^;}\"]*?(sans-serif|monospace|serif)(?=[;}\"])")
@@ -16,7 +26,8 @@ _COORDINATES = {"M": 2, "L": 2, "Q": 4, "C": 6, "z": 0}
 def compact_svg(svg: str) -> str:
     r"""The same picture in about a third of the characters.
 
-    Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, numbers of other places are rounded
+    Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, without points of a straight line
+    (`STRAIGHT`), numbers of other places are rounded
     to it, a style that several elements have becomes a class, of a list of fonts the first and the kind are kept,
     references are those of SVG 2, and behind its last hyphen an id is a number; ids that nothing refers to, turns by
     nothing, groups that say nothing, comments and space between elements are left out.
@@ -34,7 +45,7 @@ def compact_svg(svg: str) -> str:
     Examples
     --------
     >>> compact_svg('<svg><g id="a">\n <path d="M 0 0.04 \nL 10.26 5 \nL 10.26 5.5 \n"/></g></svg>')
-    '<svg><path d="M0 0l10.3 5 0 .5"/></svg>'
+    '<svg><path d="M0 0l10.3 5v.5"/></svg>'
     """
     svg = re.sub(r'\bd="([^"]*)"', lambda found: f'd="{compact_path(found[1])}"', svg)
     svg = re.sub(r'\b(x|y|width|height)="(-?\d+\.\d+)"', lambda f: f'{f[1]}="{_short(float(f[2]))}"', svg)
@@ -71,19 +82,51 @@ def compact_path(data: str) -> str:
     words = data.split()
     if not words or any(w not in _COORDINATES and not re.fullmatch(r"-?[\d.]+(?:e-?\d+)?", w) for w in words):
         return data
-    written, previous, at, k = "", "", (0, 0), 0
+    pieces, k = list[Piece](), 0
     while k < len(words):
         command = words[k] if words[k] in "Mz" else words[k].lower()
         count = _COORDINATES[words[k]]
-        steps = [round(float(w) * STEPS_PER_POINT) for w in words[k + 1 : k + 1 + count]]
+        pieces.append((command, [round(float(w) * STEPS_PER_POINT) for w in words[k + 1 : k + 1 + count]]))
         k += 1 + count
-        if command == previous == "l" and tuple(steps) == at:
-            continue
+    written, previous, at = "", "", (0, 0)
+    for command, steps in _straightened(pieces):
+        way = [step if command == "M" else step - at[j % 2] for j, step in enumerate(steps)]
+        at = (steps[-2], steps[-1]) if steps else at
+        if command == "l" and 0 in way:
+            command, way = ("h", way[:1]) if way[1] == 0 else ("v", way[1:])
         written += command if command in "Mz" or command != previous else ""
-        for j, step in enumerate(steps):
-            written = _followed(written, step if command == "M" else step - at[j % 2])
-        previous, at = command, (steps[-2], steps[-1]) if steps else at
+        for step in way:
+            written = _followed(written, step)
+        previous = command
     return written
+
+
+def _straightened(pieces: list[Piece]) -> Iterator[Piece]:
+    """Pieces without the ends of lines that are closer than `STRAIGHT` to the line past them."""
+    k = 0
+    while k < len(pieces):
+        last = k
+        if k and pieces[k][0] == "l" and pieces[k - 1][1]:
+            points = [pieces[k - 1][1][-2:], pieces[k][1]]
+            while last + 1 < len(pieces) and pieces[last + 1][0] == "l" and len(points) < MOST:
+                points.append(pieces[last + 1][1])
+                if not _straight(points):
+                    break
+                last += 1
+        yield pieces[last]
+        k = last + 1
+
+
+def _straight(points: list[list[int]]) -> bool:
+    """Whether all points are close to the line from the first to the last, and none lies beyond its ends."""
+    (x0, y0), (x1, y1) = points[0], points[-1]
+    dx, dy = x1 - x0, y1 - y0
+    length = dx * dx + dy * dy
+    for x, y in points[1:-1]:
+        at = 0.0 if length == 0 else min(max(((x - x0) * dx + (y - y0) * dy) / length, 0.0), 1.0)
+        if (x - x0 - at * dx) ** 2 + (y - y0 - at * dy) ** 2 > STRAIGHT**2:
+            return False
+    return True
 
 
 def _followed(written: str, step: int) -> str:

@@ -4,11 +4,11 @@ import re
 
 import numpy as np
 
-_COUNT = {"m": 2, "l": 2, "q": 4, "c": 6, "z": 0}
+_COUNT = {"m": 2, "l": 2, "h": 1, "v": 1, "q": 4, "c": 6, "z": 0}
 
 
 def points_of(data: str) -> np.ndarray:
-    """End points of a path's segments, shape (n, 2), from commands M, L, Q, C and z, absolute or relative."""
+    """End points of a path's segments, shape (n, 2), from commands M, L, Q, C, h, v and z, relative or not."""
     words = re.findall(r"[a-zA-Z]|-?(?:\d+\.?\d*|\.\d+)(?:e-?\d+)?", data)
     points, at, k, command = [], np.zeros(2), 0, ""
     while k < len(words):
@@ -16,8 +16,10 @@ def points_of(data: str) -> np.ndarray:
             command, k = words[k], k + 1
         count = _COUNT[command.lower()]
         if count:
-            end = np.array([float(w) for w in words[k + count - 2 : k + count]])
-            at = at + end if command.islower() else end
+            end = [float(w) for w in words[k + max(count - 2, 0) : k + count]]
+            if command in "hv":
+                end = [*end, 0.0] if command == "h" else [0.0, *end]
+            at = at + np.array(end) if command.islower() else np.array(end)
             points.append(at)
             k += count
     return np.array(points).reshape(-1, 2)
