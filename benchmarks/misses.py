@@ -26,7 +26,7 @@ from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
 from cable_envs.diagnosis.experiment.rivals import rivals
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.hypotheses import effect_name
-from cable_envs.diagnosis.search.known_noise import told_at_rest
+from cable_envs.diagnosis.search.known.noise import told_at_rest
 from cable_envs.proof.family_b.cases import plan as plan_of_b
 from cable_envs.proof.family_b.cases import rivals as rivals_in_b
 from cable_envs.proof.family_b.odds import separable

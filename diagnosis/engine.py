@@ -43,12 +43,12 @@ from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.report.answer import answer, with_estimates
 from cable_envs.diagnosis.search import stages
 from cable_envs.diagnosis.search.elsewhere import groups_of
-from cable_envs.diagnosis.search.known_lines import in_lines, with_lines
-from cable_envs.diagnosis.search.known_noise import told_at_rest, with_noise_of_drive
+from cable_envs.diagnosis.search.known.lines import in_lines, with_lines
+from cable_envs.diagnosis.search.known.noise import told_at_rest, with_noise_of_drive
+from cable_envs.diagnosis.search.known.sure_samples import with_sure_samples
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.search.steps import Steps, digest
-from cable_envs.diagnosis.search.sure_samples import with_sure_samples
 from cable_envs.diagnosis.simulators.base import Simulator
 from cable_envs.diagnosis.simulators.question import about_simulator, look_of, request_at_ports, require_fits
 from cable_envs.diagnosis.simulators.question import prepare as prepare_at_ports

@@ -19,7 +19,7 @@ from cable_envs.diagnosis.experiment.settings import AS_RECORDED, checked, with_
 from cable_envs.diagnosis.experiment.worth import Told, divergences, narrowing
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.verdict import Diagnosis
-from cable_envs.diagnosis.search.known_noise import told_at_rest
+from cable_envs.diagnosis.search.known.noise import told_at_rest
 from cable_envs.diagnosis.systems.question import stated_of
 
 DRAWN = 48

@@ -15,54 +15,36 @@ model is asked that is compared: it is neither taken nor an alternative, and one
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import (
-    WIDE,
     Candidate,
-    agreement,
     best_of,
     log_odds,
     under_one_noise,
     with_central_slopes,
 )
 from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
-from cable_envs.diagnosis.evidence.marginal import Frame
-from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals, refit_nominals
-from cable_envs.diagnosis.fit.refit import Fit, Start, refit
-from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
+from cable_envs.diagnosis.fit.likelihood import Judged, refit_nominals
+from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Model, Whitener
+from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT
 from cable_envs.diagnosis.search import stages
-from cable_envs.diagnosis.search.comparison import Refitted, bounded, compare, holds, in_one_place, smaller, unresolved
-from cable_envs.diagnosis.search.selection import FORMULATION, Found, Round
-from cable_envs.diagnosis.search.starts import from_about
-
-Effects = tuple[Hypothesis, ...]
-Keep = Callable[[str, Callable[[], Any]], Any]
+from cable_envs.diagnosis.search.comparison import holds, smaller
+from cable_envs.diagnosis.search.odds import Odds, alike
+from cable_envs.diagnosis.search.refits import Effects, Keep, Refits
+from cable_envs.diagnosis.search.selection import Found, Round
 
 MOST = 8
 """Effects at the most."""
-RIVALS = 5
-"""Best hypotheses that are compared under one noise."""
-AGAIN = 3
-"""Comparisons at the most where all that led are refused: what was given up because of them is compared again."""
-SEVERAL = 2
-"""Effects from which a model is refitted from several starts before the search goes on."""
 AHEAD = 2
 """Effects that are not sure alone, on top of which a second one is asked."""
 EXCHANGES = 8
 """Rounds of leaving out and exchanging, at the most."""
 MARGIN = 1.0
 """Log odds by which an exchange must be better: equals would be exchanged for ever."""
-TWICE = 2.0
-"""Times `FORMULATION` by which no formulation differs."""
-CLEAR = 100.0
-"""Log odds from which no formulation is asked for: on recordings of generator A no effect that had more was wrong, of
-51 (see `SUREST`)."""
 UNLIKE = "channels ask for different sizes of it"
 """What speaks against an effect that should be alike in all of them."""
 NOTHING = 1.0
@@ -100,22 +82,16 @@ class Search:
         tell: Callable[[str], None] = lambda text: None, keep: Keep = lambda name, make: make(),
     ):  # fmt: skip
         self.fit, self.joint, self._nominals = fit, Joint(fit, heldout), nominals
-        self._hypotheses, self._rng, self._stated = tuple(hypotheses), rng, dict(stated or {})
+        self._hypotheses, self._stated = tuple(hypotheses), dict(stated or {})
         self._lacking, self._most, self._tell, self._keep = dict(without or {}), most, tell, keep
         self._sizes: Mapping[str, float] = {}
-        self._bare: list[np.ndarray] = []
-        """what the nominal refit leaves of all records [T] by block"""
+        self.refits = Refits(fit, nominals, self._hypotheses, rng, tell, keep)
         self._given_up: set[str] = set()
         """effects that a last model had, smaller than the records can tell"""
         known = all(b.channel in self._stated or b.noise is not None for b in fit.blocks)
         self._sure = float(np.log(SURE)) if known else SURE_WHERE_LEARNT
-        self._prior = -float(np.log(max(sum(1 + len(h.parts) for h in self._hypotheses), 1)))
-        self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
-        """names of effects -> refit with them, and the best refits of one more on top"""
-        self._parts: dict[frozenset[str], Fit] = {}
-        """names of what is the logger's -> refit with it alone"""
-        self._weights: Whitener | None = None
-        """of refits, where what a model may be off by is more than the noise"""
+        self.odds: Odds
+        """of the search that runs, or has run"""
 
     def run(self, null: Judged | None = None) -> Found:
         """Search forward, then leave out and exchange until the best model stays; ``null``: the refit to begin with."""
@@ -127,12 +103,13 @@ class Search:
         if null is None:
             self._tell(stages.REFITTING)
             null = self._keep("null", partial(refit_nominals, self.fit, self._nominals))
-        self._bare = self.joint.raw(null.fit)
-        self._sizes = self._lacking or sizes_of(self.joint.blocks, self._bare)
+        bare = self.joint.raw(null.fit)
+        self._sizes = self._lacking or sizes_of(self.joint.blocks, bare)
+        self.odds = Odds(self.refits, self.joint, bare, self._hypotheses, self._sure, self._lacking)
         rounds, effects, base = self._path(null)
         turn = rounds[-1]
         if not effects:
-            return Found(null, turn.base, turn.base, tuple(rounds), sure=self._from(turn.base))
+            return Found(null, turn.base, turn.base, tuple(rounds), sure=self.odds.sure(turn.base))
         if len(rounds) == 2 and rounds[0].others[0].effects == effects:
             return self._of_one(null, rounds)
         self._tell(stages.EXCHANGING)
@@ -144,9 +121,9 @@ class Search:
             if better is None or (rest <= 0 and not small):
                 return found
             if not better.effects:
-                return Found(null, better, better, tuple(rounds), sure=self._from(better))
+                return Found(null, better, better, tuple(rounds), sure=self.odds.sure(better))
             self._given_up |= small
-            effects, base = better.effects, self._refitted(better)
+            effects, base = better.effects, self.refits.of(better)
 
     def _path(self, null: Judged) -> tuple[list[Round], Effects, Judged]:
         """(the steps forward, the last one of which found nothing; the effects of the last model, and its refit)."""
@@ -162,7 +139,7 @@ class Search:
                 rounds += pair
             if best is None:
                 return rounds, effects, base
-            effects, base = best.effects, self._refitted(best)
+            effects, base = best.effects, self.refits.of(best)
 
     def _pair(self, null: Judged, turn: Round) -> tuple[list[Round], Candidate | None]:
         """(the step between, the best model with two effects of which neither is sure alone), if that is sure.
@@ -170,32 +147,20 @@ class Search:
         A mismatch of two effects may be as much beside one of them as without: a function of the motion then explains
         what is left as well as the effect does, until the other one is there, too.
         """
-        if turn.base.left < self._from(turn.base):
+        if turn.base.left < self.odds.sure(turn.base):
             return [], None
         ahead = sorted(turn.others, key=lambda c: -turn.odds[c.effects[-1].name])[:AHEAD]
         for first in ahead:
-            between, _ = self._forward(self._refitted(first), first.effects)
+            between, _ = self._forward(self.refits.of(first), first.effects)
             second = max(between.others, key=lambda c: between.odds[c.effects[-1].name], default=None)
             if second is None:
                 continue
             fits = [(second.effects, second.fit), ((), null.fit), (first.effects, first.fit)]
             best, bare, one = under_one_noise(self.fit, self.joint, fits, 0, self._stated, self._sizes)
-            sure = self._from(best)
-            if self._odds(best, bare) + self._prior >= sure and self._odds(best, one) >= sure:
+            sure = self.odds.sure(best)
+            if self.odds.of(best, bare) + self.odds.prior >= sure and self.odds.of(best, one) >= sure:
                 return [replace(between, others=())], best
         return [], None
-
-    def _refitted(self, best: Candidate) -> Judged:
-        """A model to go on from; with several effects refitted from about where it is, too."""
-        whitener, fit = best.frame.whitener, best.fit
-        if len(best.effects) >= SEVERAL:
-            names = [n for h in best.effects for n in h.names]
-            fit = self._keep("starts", partial(from_about, self.fit, whitener, fit, names))
-        return self._judged(fit, whitener)
-
-    def _from(self, candidate: Candidate) -> float:
-        """Log odds from which one model is preferred: no noise is learnt where the size of all that is left counts."""
-        return float(np.log(SURE)) if candidate.by_size else self._sure
 
     def _forward(self, base: Judged, effects: Effects) -> tuple[Round, Candidate | None]:
         """(the step, the best model with one effect more if its odds are good enough).
@@ -207,18 +172,16 @@ class Search:
         unlike: dict[str, str] = {}
         while True:
             turn = self._compared(base, effects, without)
-            leader = self._done[_names(effects)][1][:1]
-            first = leader[0][0][-1] if leader else None
+            first = self.refits.leader(effects)
             if first is None or not first.alike or turn.odds.get(first.name, 0.0) >= 0.0:
                 break
             without, unlike = (*without, first), {**unlike, first.name: UNLIKE}
         turn = replace(turn, bounded={**turn.bounded, **unlike})
-        return turn, self._taken(turn.others, turn.odds, self._from(turn.base))
+        return turn, self._taken(turn.others, turn.odds, self.odds.sure(turn.base))
 
     def _compared(self, base: Judged, effects: Effects, without: Effects) -> Round:
         """A model beside those with one effect more, of all but some, under one noise."""
-        on_top, scored, stuck = self._on_top(effects, base, without)
-        self._done[_names(effects)] = (base.fit.outline, on_top)
+        on_top, scored, stuck = self.refits.one_more(effects, base, without)
         while True:
             fits = [(effects, base.fit), *on_top]
             current, *others = under_one_noise(
@@ -230,8 +193,8 @@ class Search:
             if not on_top or on_top[0][0][-1].name not in stuck:
                 break
             on_top = on_top[1:]  # it led: the noise was what it leaves
-        self._weights = current.frame.whitener if current.by_size else None
-        odds = {c.effects[-1].name: _alike(c.effects[-1], c, current, self._odds(c, current)) for c in others}
+        self.refits.weights = current.frame.whitener if current.by_size else None
+        odds = {c.effects[-1].name: alike(c.effects[-1], c, current, self.odds.of(c, current)) for c in others}
         return Round(current, odds, scored, stuck, others)
 
     def _taken(self, others: Sequence[Candidate], odds: Mapping[str, float], sure: float) -> Candidate | None:
@@ -244,94 +207,7 @@ class Search:
         if best is None or of(best) < sure:
             return None
         held = (c for c in others if of(c) >= sure and holds(best.effects[-1], c.effects[-1]))
-        return max((c for c in held if self._odds(best, c) < sure), key=of, default=best)
-
-    def _odds(self, fuller: Candidate, rest: Candidate) -> float:
-        """Log odds of a further effect: one of many would do, and laws may be formulated otherwise."""
-        return log_odds(fuller, rest) + self._prior - self._formulation(fuller, rest)
-
-    def known(self, effects: Effects) -> Fit | None:
-        """The refit with these effects, where the search has come by it."""
-        done = self._done.get(_names(effects))
-        return None if done is None else done[0]
-
-    def explained(self, candidate: Candidate, laws: bool = True) -> float:
-        """What effects explain, the rig's too: half the fall of the whitened sum of squares; ``laws``: no logger's."""
-        frame, bare = candidate.frame, self._bare
-        loggers = tuple(h for h in candidate.effects if h.of_logger)
-        if laws and loggers:
-            bare = self.joint.raw(self._only(loggers, candidate))
-        rest = frame.whitener.flat(frame.blocks, bare)
-        return max(candidate.plain.fit + 0.5 * float(rest @ rest), 0.0) + self.of_the_rig(frame)
-
-    def _only(self, effects: Effects, candidate: Candidate) -> Fit:
-        """The refit with some of a candidate's effects, where the search has none."""
-        if (done := self.known(effects)) is not None:
-            return done
-        if _names(effects) not in self._parts:
-            gone = {n for h in candidate.effects if h not in effects for n in h.names}
-            free = tuple(n for n in candidate.fit.free if n not in gone)
-            start = Start("", free, {n: v for n, v in candidate.fit.values.items() if n in free})
-            self._parts[_names(effects)] = refit(self.fit, candidate.frame.whitener, [start])[0].outline
-        return self._parts[_names(effects)]
-
-    def of_the_rig(self, frame: Frame) -> float:
-        """The same of the effects that a rig has already; floors stand for noise that these would have had."""
-        left, found = sizes_of(self.joint.blocks, self._bare), 0.0
-        for channel, size in self._lacking.items():
-            if channel in left:
-                count = sum(int(b.good.sum()) for b in frame.blocks if b.channel == channel)
-                found += 0.5 * count * max(size**2 - left[channel] ** 2, 0.0) / frame.whitener.noise[channel].floor ** 2
-        return found
-
-    def _formulation(self, fuller: Candidate, rest: Candidate) -> float:
-        """Log odds that an effect may have and be how those beside it are formulated; less if it gains more."""
-        if rest.by_size:
-            return 0.0
-        laws = not any(h.of_logger for h in fuller.effects if h not in rest.effects)
-        gain = max(fuller.plain.fit - rest.plain.fit, 0.0)
-        return min(max(FORMULATION**2 * self.explained(rest, laws) - gain / TWICE**2, 0.0), CLEAR)
-
-    def _over_formulation(self, fuller: Candidate, rest: Candidate) -> float:
-        """Log odds that what an effect explains is more than how the others are formulated: normal, of that share."""
-        most = self._formulation(fuller, rest)
-        return 0.5 * max(log_odds(fuller, rest), 0.0) / most if most > 0.0 else np.inf
-
-    def _judged(self, fit: Fit, whitener: Whitener) -> Judged:
-        return Judged(fit, tuple(raw_residuals(self.fit, fit)), whitener, 0.0)
-
-    def _on_top(
-        self, effects: Effects, base: Judged, without: Effects
-    ) -> tuple[list[tuple[Effects, Fit]], ScoreTests | None, dict[str, str]]:
-        """(the best refits of one effect more, the scores, which ended on a bound and where)."""
-        names = {h.name for h in without}
-        left = [h for h in self._hypotheses if h.name not in names]
-        if not left:
-            return [], None, {}
-        self._tell(stages.testing(len(left)))
-        scored = self._keep("score_tests", partial(score_tests, self.fit, base, left, self._rng, self._weights))
-        self._tell(stages.COMPARING)
-        sound: list[Refitted] = []
-        stuck: dict[str, str] = {}
-        for _ in range(AGAIN):
-            among = replace(scored, best={n: s for n, s in scored.best.items() if n not in stuck})
-            ranked = self._keep("comparison", partial(compare, self.fit, base, among, self._nominals, self._weights))
-            stuck |= {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
-            sound = [c for c in ranked if c.hypothesis.name not in stuck]
-            if sound or not ranked:
-                break
-        found = [*sound[:RIVALS], *in_one_place(self.fit, base.fit, sound[:RIVALS])]
-        return [((*effects, c.hypothesis), c.judged.fit.outline) for c in found], scored, stuck
-
-    def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:
-        """What speaks against a refit, whatever it gains."""
-        step = float(getattr(self.fit, "resolved", 0.0))
-        if unresolved(hypothesis, fit, step):
-            return f"it is far shorter than a step of integration, {1e3 * step:.2g} ms"
-        if why := smaller(hypothesis, fit):
-            return why
-        ends = bounded(hypothesis, fit)
-        return f"{', '.join(ends)} ended on a bound" if ends else ""
+        return max((c for c in held if self.odds.of(best, c) < sure), key=of, default=best)
 
     def _of_one(self, null: Judged, rounds: Sequence[Round]) -> Found:
         """The answer with one effect that led from the start: its rivals were compared with it under its own noise."""
@@ -340,22 +216,8 @@ class Search:
         name = best.effects[0].name
         others = (c for c in first.others if c is not best and not _ends_as(c, best))
         rivals = {c.effects[0].name: log_odds(best, c) for c in others if not holds(c.effects[0], best.effects[0])}
-        odds = self._odds(best, first.base)
-        return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self._from(best))
-
-    def _without(
-        self, rest: Effects, null: Judged, base: Judged, effects: Effects
-    ) -> tuple[Fit, list[tuple[Effects, Fit]]]:
-        """(the refit without one of the effects, the best refits of another in its place)."""
-        known = self._done.get(_names(rest))
-        if known is not None:
-            return known
-        free = (*null.fit.free, *(n for e in rest for n in e.names))
-        start = Start("", free, {n: v for n, v in base.fit.values.items() if n in free})
-        alone = refit(self.fit, base.whitener, [start])[0]
-        on_top, _, _ = self._on_top(rest, self._judged(alone, base.whitener), effects)
-        self._done[_names(rest)] = (alone.outline, on_top)
-        return alone, on_top
+        odds = self.odds.of(best, first.base)
+        return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self.odds.sure(best))
 
     def _settled(
         self, null: Judged, effects: Effects, base: Judged, rounds: tuple[Round, ...]
@@ -365,7 +227,7 @@ class Search:
         of: list[tuple[str, str]] = []
         for h in effects:
             rest = tuple(e for e in effects if e is not h)
-            alone, others = self._without(rest, null, base, effects)
+            alone, others = self.refits.without(rest, null, base, effects)
             gone = {*(e.name for e in effects), *self._given_up}
             swapped = [((*rest, more[-1]), one) for more, one in others if more[-1].name not in gone]
             fits += [(rest, alone), *swapped]
@@ -376,19 +238,19 @@ class Search:
         left_out: dict[str, Candidate] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
-        sure = self._from(best)
+        sure = self.odds.sure(best)
         for (name, other), model in best_of(zip(of, models, strict=True)).items():
             odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
                 new = model.effects[-1]
-                more = holds(new, own) and self._odds(model, best) < sure
+                more = holds(new, own) and self.odds.of(model, best) < sure
                 if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
                 rivals[name][other] = odds
-                odds = self._odds(best, model) - sure if holds(own, new) else odds + MARGIN
+                odds = self.odds.of(best, model) - sure if holds(own, new) else odds + MARGIN
             else:
-                odds = without[name] = _alike(own, best, model, self._odds(best, model))
-                apart[name] = self._over_formulation(best, model)
+                odds = without[name] = alike(own, best, model, self.odds.of(best, model))
+                apart[name] = self.odds.over_formulation(best, model)
                 left_out[name] = model
             behind.append((not smaller(own, best.fit), odds, model))
         found = Found(null, bare, best, rounds, without, rivals, sure, apart)
@@ -397,20 +259,6 @@ class Search:
             return found, better
         least = min(without, key=lambda name: without[name])
         return found, left_out[least] if without[least] < sure else None  # not sure beside the rest: given up, too
-
-
-def _alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float:
-    """Log odds of a hypothesis; that all channels ask for one size of it, where these could be sure and are not."""
-    if not h.alike or one.by_size:
-        return odds
-    (p,) = h.free
-    size = abs(one.peak.values[p.name] - h.nulls[p.name])
-    found, most = agreement(one, other, WIDE * p.scale / max(size, 1e-300))
-    return min(odds, found) if found < np.log(SURE) < most else odds
-
-
-def _names(effects: Effects) -> frozenset[str]:
-    return frozenset(h.name for h in effects)
 
 
 def _ends_as(fuller: Candidate, best: Candidate) -> bool:

@@ -96,7 +96,7 @@ def select(
     smooth = _unseen(_selection(found, search, heldout, stated), found, search)
     if smooth.accepted and groups:
         tell(stages.ELSEWHERE)
-        told = keep("elsewhere", partial(asked_elsewhere, search.joint, found.best, groups, search.known))
+        told = keep("elsewhere", partial(asked_elsewhere, search.joint, found.best, groups, search.refits.known))
         smooth = replace(
             smooth, accepted=tuple(replace(a, elsewhere=told.get(a.hypothesis.name, {})) for a in smooth.accepted)
         )
@@ -115,7 +115,7 @@ def select(
 
 def _selection(found: Found, search: Search, heldout: Model, stated: Mapping[str, float]) -> Selection:
     bare, best, first, last = found.bare, found.best, found.rounds[0], found.rounds[-1]
-    of_the_rig = search.of_the_rig(bare.frame)
+    of_the_rig = search.odds.of_the_rig(bare.frame)
     after = left_by(search.joint, best, bare, of_the_rig, stated)
     before = left_by(search.joint, bare, bare, of_the_rig, stated) if best is not bare else after
 

@@ -15,6 +15,7 @@ from cable_envs.diagnosis.report.answer import answered_interval
 from cable_envs.diagnosis.report.notes import constant
 from cable_envs.diagnosis.search.comparison import holds
 from cable_envs.diagnosis.search.effects import Search
+from cable_envs.diagnosis.search.refits import Refits
 from cable_envs.diagnosis.search.select import _constants, select
 from cable_envs.diagnosis.search.selection import Found, confidence
 from cable_envs.effects import EFFECTS
@@ -126,7 +127,7 @@ def test_what_holds_another_is_named_only_if_what_it_has_beside_that_is_sure(bia
 def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monkeypatch):
     truth = {"stiffness": 15.0}
     small = [replace(h, least=20.0) if h.name == "stiffness_effect" else h for h in HYPOTHESES[:1]]
-    monkeypatch.setattr(Search, "_against", lambda self, hypothesis, fit: "")  # as if refits had been larger at first
+    monkeypatch.setattr(Refits, "_against", lambda self, hypothesis, fit: "")  # as if refits had been larger at first
     search = Search(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, small, np.random.default_rng(0))
     found = search.run()
     assert not found.best.effects and found.rounds[0].bounded["stiffness_effect"].startswith("it is smaller than 20")
@@ -194,4 +195,4 @@ def test_what_a_logger_did_is_no_law_that_may_be_formulated_otherwise():
     best = search.run().best
     assert {h.name for h in best.effects} == {f"{LOGGER}fault", "bias_effect"}
     of_bias = 0.5 * 4500 * (0.25 / 0.3) ** 2
-    assert search.explained(best) == pytest.approx(of_bias, rel=0.2)
+    assert search.odds.explained(best) == pytest.approx(of_bias, rel=0.2)

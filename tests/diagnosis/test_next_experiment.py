@@ -19,7 +19,7 @@ from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Moti
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
 from cable_envs.diagnosis.experiment.settings import checked
 from cable_envs.diagnosis.experiment.worth import Told, divergence, divergences, narrowing
-from cable_envs.diagnosis.search.known_noise import told_at_rest
+from cable_envs.diagnosis.search.known.noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
 from cable_envs.proof.cases import Case, make
 

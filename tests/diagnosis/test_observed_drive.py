@@ -6,7 +6,7 @@ import pytest
 from cable_envs.diagnosis import Recording, diagnose, load_recording
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.logged import without_channels
-from cable_envs.diagnosis.search.sure_samples import NOTE, with_sure_samples
+from cable_envs.diagnosis.search.known.sure_samples import NOTE, with_sure_samples
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.common import Sampled
 from cable_envs.diagnosis.systems.drive.model import HOLD, answer

@@ -18,7 +18,7 @@ from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.model.model import learn_whitener
 from cable_envs.diagnosis.model.noise import Noise, bridged
 from cable_envs.diagnosis.model.rest import LONGEST, noise_at_rest
-from cable_envs.diagnosis.search.known_noise import NOISE_IS_LEARNT, told_at_rest
+from cable_envs.diagnosis.search.known.noise import NOISE_IS_LEARNT, told_at_rest
 from cable_envs.diagnosis.search.select import select
 from cable_envs.proof.sensors import Colour
 from tests.support import drive_recording as drive

@@ -3,7 +3,7 @@
 A controller of 1 kHz whose reference turns a corner steps its effort at an instant that nobody recorded. The step J may
 have been anywhere in the period P between two samples: the impulse is uncertain by J P / sqrt(12). Our servo forgets
 what that makes of the motion, but not while friction holds the carriage. It is no stationary noise: learnt as one it
-would hide what all other samples tell, and a refit would follow it (`cable_envs.diagnosis.search.sure_samples`).
+would hide what all other samples tell, and a refit would follow it (`cable_envs.diagnosis.search.known.sure_samples`).
 """
 
 import numpy as np
