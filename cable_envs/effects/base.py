@@ -59,10 +59,13 @@ class EffectParameter:
         Whether ``high`` is all of it and no end of a search: a sensor cannot turn more than all signs round.
     lane : str
         Name of the parameter whose row in kernels it shares: one number in another unit; empty: its own.
+    least : float
+        Distance from the null below which it is no fault: by so much a rig may differ from what is said of it.
 
     Notes
     -----
-    What a search has to know (``probes`` to ``complete``) is read in `cable_envs.diagnosis.model.hypotheses`.
+    What a search has to know (``probes`` to ``complete``, ``least``) is read in
+    `cable_envs.diagnosis.model.hypotheses`.
     """
 
     name: str
@@ -82,6 +85,7 @@ class EffectParameter:
     complete: bool = False
     lane: str = ""
     null_turning: float | None = None
+    least: float = 0.0
 
     def on(self, turning: bool, alias: str = "") -> "EffectParameter":
         """The parameter as it is on a plant.

@@ -48,7 +48,7 @@ class Hypothesis:
     effect : Effect, optional
         What it declares; by default the registered effect of that name, if there is one.
     least : float
-        Size, SI, below which its parameter says nothing of it.
+        Distance from the null, SI, below which its parameter says nothing of it.
     alike : bool
         Whether it is done to all channels alike, which is to be seen in them.
     redundant : str
@@ -273,8 +273,9 @@ def _hypothesis(
         free = [_within(f, travel) if f.name == period else f for f in free]
         probes = _waves(next(iter(sizes)), sizes, period, phase, travel)
     nulls = {row: p.null for row, p in sizes.items()}
+    least = max((p.least for p in sizes.values()), default=0.0)
     return Hypothesis(
-        name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls, effect
+        name, tuple(free), tuple(probes), effect.equation, effect.experiment, effect.confusable, nulls, effect, least
     )  # fmt: skip
 
 

@@ -1,12 +1,16 @@
 """Every effect of a plant is asked, or the answer says why it is not."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from cable_envs.diagnosis import Recording
 from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.model.verdict import Diagnosis, from_json
+from cable_envs.diagnosis.search.comparison import smaller
 from cable_envs.diagnosis.systems import plant_of
+from cable_envs.effects.sensor_scale import ACCURATE
 from cable_envs.plants import plant_for
 from cablebench.pages import diagnosis_words as words
 
@@ -98,3 +102,13 @@ def test_the_answer_keeps_the_reasons_and_the_words_say_each_once():
     assert words.not_asked(found.as_json()) == [
         ("no belt", "slack, backlash"), ("a zero says nothing", "sensor bias (position)"),
     ]  # fmt: skip
+
+
+def test_a_scale_within_the_class_of_its_sensor_is_no_fault():
+    """Records may tell 0.2 % with log odds of 20; no transducer is sold for better than that."""
+    _, found = question(*CASES["drive"])
+    least = {h.name: h.least for h in found.hypotheses if h.least}
+    assert least == {"sensor_scale.force": ACCURATE}
+    (of_force,) = [h for h in found.hypotheses if h.name == "sensor_scale.force"]
+    told = {scale: smaller(of_force, SimpleNamespace(values={of_force.free[0].name: scale})) for scale in (1.002, 0.98)}
+    assert told[1.002].startswith("it is smaller than 0.005") and not told[0.98]
