@@ -116,3 +116,20 @@ def test_without_numba_the_results_are_the_same():
 def test_kernels_accept_python_floats():
     for value in (contact.tension_ratio(1.5, 0.43, 1.0), supports.shaft_ratio(0.01, -1.0)):
         assert isinstance(value, float)
+
+
+@numba.njit
+def _scaled(a, b):
+    kernels.widest()
+    for i in range(a.shape[0]):
+        b[i] = 2.0 * a[i] + 1.0
+
+
+def test_a_kernel_may_take_the_widest_vectors_of_the_processor():
+    """LLVM is told so, with the attribute of which llvmlite knows nothing; numbers stay what they are."""
+    a, b = np.linspace(0.0, 1.0, 37), np.empty(37)
+    _scaled(a, b)
+    assert np.array_equal(b, 2.0 * a + 1.0)
+    if not kernels.JIT_DISABLED:
+        (text,) = _scaled.inspect_llvm().values()
+        assert '"prefer-vector-width"="512"' in text
