@@ -19,9 +19,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.optimize import minimize
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.engine import diagnose
+from cable_envs.diagnosis.search.known.noise import NOISE_IS_LEARNT
 from cable_envs.proof.cases import Case
 from cable_envs.proof.effects import SYSTEMS
 from cable_envs.proof.logs.by_kind import outcomes
@@ -53,6 +55,7 @@ def answered(case: Case, folder: Path) -> dict[str, Any]:
     row = asdict(judge(key, verdict))
     named = verdict["effects"] if row["answer"] else []
     row["gains"] = [min(e["log_odds"], e["margin"]) for e in named if e["name"] not in key["ambient"]]
+    row["learnt"] = any(NOISE_IS_LEARNT in note for note in verdict["notes"])
     row["faults"] = [n.removeprefix(OF_DATA) for n in verdict["notes"] if n.startswith(OF_DATA)]
     row["put_in"] = [put_in(fault, key["log"]) for fault in row["faults"]]
     row["faulty"] = any(key["log"][fault] for fault in FAULTS)
@@ -112,6 +115,29 @@ def reliability(claims: Iterable[tuple[float, bool]]) -> str:
     return "\n".join([*lines, "", f"expected calibration error {error:.3f}, {len(pairs)} named effects"])
 
 
+def calibrated(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Where noise was learnt: logit of the share of right names, a line over the logarithm of their log odds.
+
+    By maximum likelihood with Jeffreys' prior (Firth, Biometrika 80 (1993) 27), without which it has no maximum where
+    all names are right whose odds are above those of the wrong ones.
+    """
+    pairs = [pair for row in rows if row.get("learnt") for pair in zip(row["gains"], row["claims"], strict=True)]
+    if not pairs:
+        return "no effect was named where the noise was learnt"
+    design = np.array([[1.0, np.log(max(gain, 1.0))] for gain, _ in pairs])
+    right = np.array([float(was) for _, (_, was) in pairs])
+
+    def against(line: np.ndarray) -> float:
+        logit = design @ line
+        share = 1.0 / (1.0 + np.exp(-logit))
+        information = design.T @ (design * (share * (1.0 - share))[:, None])
+        told = np.sum(right * logit - np.logaddexp(0.0, logit))
+        return -float(told + 0.5 * np.linalg.slogdet(information + 1e-9 * np.eye(2))[1])
+
+    constant, slope = minimize(against, np.zeros(2), method="Nelder-Mead").x
+    return f"logit = {constant:.2f} + {slope:.2f} ln(log odds): {int(right.sum())} of {len(right)} names are right"
+
+
 def coverage(rows: Sequence[Mapping[str, Any]]) -> str:
     """Share of 95 % intervals that contain the truth, parameter by parameter."""
     found: dict[str, list[bool]] = {}
@@ -153,6 +179,7 @@ def main() -> None:
     print(faults(rows))
     print(outcomes([restored({k: row[k] for k in FIELDS}) for row in rows]))
     print(reliability(claim for row in rows for claim in row["claims"]), "\n")
+    print(calibrated(rows), "\n")
     print(coverage(rows))
 
 

@@ -1,6 +1,8 @@
 """The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
 
-from benchmarks.logs import coverage, faults, in_turn, put_in, reliability
+import numpy as np
+
+from benchmarks.logs import calibrated, coverage, faults, in_turn, put_in, reliability
 from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.scoring import Result
 
@@ -31,6 +33,21 @@ def test_the_calibration_error_is_the_mean_distance_of_stated_and_right():
     assert error < 0.06 and said.endswith("100 named effects")
     assert "error 0.500" in reliability([(1.0, False), (1.0, True)] * 10)
     assert reliability([]) == "no effect was named"
+
+
+def test_the_line_of_right_names_over_their_odds_is_found_again():
+    """Of names that are right as the logistic of -4 + 1.5 ln(log odds) says; known noise does not count."""
+    rng = np.random.default_rng(0)
+    gains = np.exp(rng.uniform(1.0, 6.0, 4000))
+    right = rng.random(4000) < 1.0 / (1.0 + np.exp(4.0 - 1.5 * np.log(gains)))
+    learnt = {"learnt": True, "gains": list(gains), "claims": [(0.5, was) for was in right]}
+    known = {"learnt": False, "gains": [3.0], "claims": [(0.9, False)]}
+    said = calibrated([learnt, known])
+    constant, slope = (float(said.split(word)[1].split()[0]) for word in ("logit =", "+"))
+    assert abs(constant + 4.0) < 0.3 and abs(slope - 1.5) < 0.1
+    assert said.endswith(f"{right.sum()} of 4000 names are right")
+    few = {"learnt": True, "gains": [5.0, 20.0], "claims": [(0.5, False), (0.5, True)]}  # no maximum by itself
+    assert "1 of 2" in calibrated([few]) and calibrated([known]).startswith("no effect")
 
 
 def test_intervals_are_counted_parameter_by_parameter():
