@@ -217,8 +217,11 @@ class Averaged:
 
 
 def _nudged(model: Model, columns: np.ndarray, runs: int) -> np.ndarray:
-    """Columns [parameters, n runs]: every column so many times, the first parameter that is claimed in doubt moved."""
-    row = next((k for k, p in enumerate(model.parameters) if p.std), 0)
+    """Columns [parameters, n runs]: every column so many times, the first parameter that is claimed in doubt moved.
+
+    It is one of the mechanism's own, without a dot in its name: what only delays a reading would move nothing else.
+    """
+    row = next((k for k, p in enumerate(model.parameters) if p.std and "." not in p.name), 0)
     found = np.repeat(columns, runs, axis=1)
     step = NUDGE * model.parameters[row].scale * (np.arange(runs) - 0.5 * (runs - 1))
     found[row] += np.tile(step, columns.shape[1])

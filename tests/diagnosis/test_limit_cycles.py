@@ -139,6 +139,14 @@ def test_the_mean_of_runs_has_what_can_be_predicted():
     assert mean[200:].std() == pytest.approx(one[200:].std() / 4.0, rel=0.35)
 
 
+def test_a_doubt_about_what_only_delays_a_reading_hides_no_oscillation():
+    """Of a corrected rig nothing else is in doubt; runs are apart only where the mechanism itself is nudged."""
+    model = Oscillating({"gap": 1.0}, 1)
+    read = replace(PARAMETERS[3], name="control.read", std=0.01)
+    model.parameters = (*(replace(p, std=None) for p in PARAMETERS[:3]), read)
+    assert Spectra(model, {"force": STD}).at({"gap": 1.0}, limit_cycles.RUNS).expected_gain > limit_cycles.GAIN
+
+
 def test_a_limit_cycle_is_named_and_a_rig_that_has_it_is_left_alone():
     model, held = (Oscillating({"gap": 1.0}, s) for s in (1, 101))
     told = {"stated": {"force": STD}}
