@@ -14,7 +14,7 @@ from cable_envs.plants.base import Plant
 from cable_envs.plants.kernel import BLOCK
 from cable_envs.sim.replay import ABREAST, replay
 
-TIMES = (0.0, 1.0, 1.65, 2.1)
+TIMES = (0.0, 1.0, 1.7, 2.5)
 """Time of so many times `ABREAST` columns that go through a record together, measured at a hole and a circuit."""
 MOST = 1 << 25
 """Bytes of inputs of columns that go together, at the most: each has inputs of its own then, which have to be read."""
