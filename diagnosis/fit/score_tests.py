@@ -9,7 +9,7 @@ of the probes (their information matrix).
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -77,6 +77,12 @@ class ScoreTests:
     """the noise under which all this holds"""
     cost: float
     """whitened sum of squares of the residual under it"""
+
+    def without(self, names: Collection[str]) -> "ScoreTests":
+        """The same without some hypotheses, by name."""
+        kept = [k for k, name in enumerate(self.best) if name not in names]
+        best = {name: score for name, score in self.best.items() if name not in names}
+        return replace(self, best=best, cosines=self.cosines[np.ix_(kept, kept)])
 
     def class_of(self, name: str, cosine: float = 0.97) -> tuple[str, ...]:
         """Other hypotheses whose best probe cannot be told from this one's."""

@@ -59,8 +59,9 @@ class Refitted(EffectGain):
 
 
 def compare(
-    model: Model, base: Judged, scored: ScoreTests, nominals: Collection[str], weights: Whitener | None = None
-) -> list[Refitted]:
+    model: Model, base: Judged, scored: ScoreTests, nominals: Collection[str], weights: Whitener | None = None,
+    looks: dict[str, Look] | None = None,
+) -> list[Refitted]:  # fmt: skip
     """Refit the best-scored hypotheses on top of a model and rank them.
 
     Parameters
@@ -75,6 +76,9 @@ def compare(
         Parameters of which the recording states a value.
     weights : Whitener, optional
         Of the refits; by default the noise that the best of them leaves.
+    looks : dict of str to Look, optional
+        Hypothesis -> where its refit has come after the first iterations, of those that were compared by these scores
+        before; what is asked now is put in.
 
     Returns
     -------
@@ -86,13 +90,16 @@ def compare(
     most = chosen[0].gain if chosen else 0.0
     least = LEAST if weights is None else 0.0
     chosen = [s for s in chosen if s.gain >= max(OF_BEST * most, least)]
-    starts = [start for score in chosen for start in _starts(model, base.fit, score, scored)]
-    if not starts:
+    if not chosen:
         return []
-    best = _best_of(
+    looks = {} if looks is None else looks
+    new = [s for s in chosen if s.hypothesis.name not in looks]
+    starts = [start for score in new for start in _starts(model, base.fit, score, scored)]
+    looks |= _best_of(
         [*_looked(model, scored.whitener, starts, _FIRST),
          *_looked(model, scored.whitener, _at_claims(model, base.fit, starts, nominals), _FROM_CLAIMS)]
     )  # fmt: skip
+    best = {s.hypothesis.name: looks[s.hypothesis.name] for s in chosen}
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
     kept = [name for name, gain in gains.items() if gain >= BEHIND * leader or gain >= leader - 40.0]

@@ -1,7 +1,7 @@
 """Refits of a search, by the effects in them: no model is refitted twice, and the best with one more are kept."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from cable_envs.diagnosis.evidence.candidates import Candidate
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
-from cable_envs.diagnosis.fit.refit import Fit, Start, refit
+from cable_envs.diagnosis.fit.refit import Fit, Look, Start, refit
 from cable_envs.diagnosis.fit.score_tests import ScoreTests, score_tests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
@@ -59,6 +59,7 @@ class Refits:
         self.weights: Whitener | None = None
         self._done: dict[frozenset[str], tuple[Fit, list[tuple[Effects, Fit]]]] = {}
         """names of effects -> refit with them, and the best refits of one more on top"""
+        self._asked: _Asked | None = None
         self._parts: dict[frozenset[str], Fit] = {}
         """names of effects -> refit with them alone, where the search has come by none"""
 
@@ -126,20 +127,30 @@ class Refits:
         left = [h for h in self._hypotheses if h.name not in names]
         if not left:
             return [], None, {}
-        self._tell(stages.testing(len(left)))
-        scored = self._keep("score_tests", partial(score_tests, self._model, base, left, self._rng, self.weights))
+        asked = self._scored(base, left)
+        scored = asked.scored.without(names)
         self._tell(stages.COMPARING)
         sound: list[Refitted] = []
         stuck: dict[str, str] = {}
         for _ in range(AGAIN):
-            among = replace(scored, best={n: s for n, s in scored.best.items() if n not in stuck})
-            ranked = self._keep("comparison", partial(compare, self._model, base, among, self._nominals, self.weights))
+            how = (self._model, base, scored.without(stuck), self._nominals, self.weights, asked.looks)
+            ranked = self._keep("comparison", partial(compare, *how))
             stuck |= {c.hypothesis.name: why for c in ranked if (why := self._against(c.hypothesis, c.judged.fit))}
             sound = [c for c in ranked if c.hypothesis.name not in stuck]
             if sound or not ranked:
                 break
         found = [*sound[:RIVALS], *in_one_place(self._model, base.fit, sound[:RIVALS])]
         return [((*effects, c.hypothesis), c.judged.fit.outline) for c in found], scored, stuck
+
+    def _scored(self, base: Judged, left: Sequence[Hypothesis]) -> "_Asked":
+        """The scores on top of a model; not again where it was the last to be asked, with as many or more."""
+        asked = self._asked
+        if asked is None or asked.base is not base or asked.weights is not self.weights or asked.lacks(left):
+            self._tell(stages.testing(len(left)))
+            how = (self._model, base, left, self._rng, self.weights)
+            asked = _Asked(base, self.weights, self._keep("score_tests", partial(score_tests, *how)))
+            self._asked = asked
+        return asked
 
     def _against(self, hypothesis: Hypothesis, fit: Fit) -> str:
         """What speaks against a refit, whatever it gains."""
@@ -150,6 +161,20 @@ class Refits:
             return why
         ends = bounded(hypothesis, fit)
         return f"{', '.join(ends)} ended on a bound" if ends else ""
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """Scores on top of a model, and how far the refits have come that were begun from them."""
+
+    base: Judged
+    weights: Whitener | None
+    scored: ScoreTests
+    looks: dict[str, Look] = field(default_factory=dict)
+
+    def lacks(self, hypotheses: Sequence[Hypothesis]) -> bool:
+        """Whether one of these was not scored."""
+        return any(h.name not in self.scored.best for h in hypotheses)
 
 
 def _names(effects: Effects) -> frozenset[str]:
