@@ -4,6 +4,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from cable_envs.diagnosis.model.verdict import EVEN
+
 VERDICT = {
     "named": "An effect is missing, and it is named",
     "equivalence_class": "An effect is missing, and this recording cannot tell which of a few",
@@ -15,8 +17,6 @@ VERDICT = {
 _SHOWN = {"m": ("mm", 1e3), "m/s": ("mm/s", 1e3), "rad": ("deg", 57.29577951308232), "s": ("ms", 1e3)}
 
 
-EVEN = 0.5
-"""Confidence below which an effect is rather not there than there."""
 _MOST_DIGITS = 7
 HARDLY = 0.03
 """Share of an RMS error below which its fall needs no number."""
@@ -126,13 +126,22 @@ def _unknown(record: Mapping[str, Any], rest: str) -> str:
     where = f" It shows {places[0]['in_words']}, mostly in {plain(places[0]['channel'])}." if places else ""
     where += f" Besides, of the data: {cause}." if cause else ""
     if record.get("suspected"):
-        alike = any(effect.get("alternatives") for effect in record["suspected"])
-        beaten = record["test"].get("worse_than_claim")
-        other = "unlike laws do as well" if alike else "a channel is predicted worse than by its own mean"
-        but = rest or ("held-out records are predicted better by the model as it was claimed" if beaten else other)
+        but = rest or _against(record)
         return f"Something is missing. The fit improves with {_suspects(record)}, but {but}.{where}"
     more = f": {rest}" if rest else ""
     return f"Something is missing, and none of the {len(record['hypotheses'])} effects tried explains it{more}.{where}"
+
+
+def _against(record: Mapping[str, Any]) -> str:
+    """What speaks against effects that help where nothing is left beside them."""
+    if record["test"].get("worse_than_claim"):
+        return "held-out records are predicted better by the model as it was claimed"
+    best = max(effect["confidence"] for effect in record["suspected"])
+    alike = any(effect.get("alternatives") for effect in record["suspected"])
+    if best < EVEN:
+        which = "it or a law that does as well" if alike else "it"
+        return f"the probability that {which} is there is only {100 * best:.0f} %"
+    return "unlike laws do as well" if alike else "a channel is predicted worse than by its own mean"
 
 
 def sure(effect: Mapping[str, Any], rest: bool) -> str:

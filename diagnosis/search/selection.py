@@ -11,7 +11,7 @@ from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import DRIFT, Left
-from cable_envs.diagnosis.model.verdict import SURE, EffectGain
+from cable_envs.diagnosis.model.verdict import EVEN, SURE, EffectGain
 from cable_envs.effects import EFFECTS
 
 FORMULATION = 0.1
@@ -166,6 +166,8 @@ class Selection:
         if self._drifts_more():
             return "data_fault"
         if self.worse or self.unpredicted or self._like_others() or (of_rig and self.after.share > MOST):
+            return "unknown"
+        if max(a.confidence for a in self.accepted) < EVEN:
             return "unknown"
         if of_rig and self.after.share > REST and self.bands is None:
             return "partly_named"

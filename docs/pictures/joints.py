@@ -36,4 +36,4 @@ def drawn(env_id: str, mode: str) -> Image.Image:
 
 if __name__ == "__main__":
     for name, (env_id, mode) in SHOWN.items():
-        drawn(env_id, mode).save(Path(__file__).with_name(f"{name}.webp"), quality=40, method=6)
+        drawn(env_id, mode).save(Path(__file__).with_name(f"{name}.webp"), quality=25, method=6)

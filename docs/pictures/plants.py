@@ -73,6 +73,7 @@ def main() -> None:
         loop=0,
         quality=10,
         method=6,
+        minimize_size=True,
     )
     print(f"wrote {FILE}: {len(frames)} frames, {FILE.stat().st_size / 1e6:.2f} MB")
 
