@@ -452,7 +452,8 @@ def test_an_unknown_mismatch_says_what_helped_and_how_far():
     record = {
         "verdict": "unknown", "effects": [], "location": [], "hypotheses": [{}] * 35, "absorbed": {}, "steps": [],
         "notes": [], "about": {}, "test": test,
-        "suspected": [{"name": "backlash", "hypothesis": "backlash", "equation": "play", "parameters": {"gap": gap}}],
+        "suspected": [{"name": "backlash", "hypothesis": "backlash", "confidence": 0.9, "equation": "play",
+                       "parameters": {"gap": gap}}],
         "fit": {"drive_tension": {"unit": "N", "noise_floor": 0.1, "heldout_rmse": rmse}},
     }  # fmt: skip
     assert headline(record) == (
