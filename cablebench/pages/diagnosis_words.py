@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from cable_envs.diagnosis.model.verdict import EVEN
+from cable_envs.diagnosis.evidence.likely import EVEN
 
 VERDICT = {
     "named": "An effect is missing, and it is named",

@@ -17,8 +17,6 @@ SCHEMA = "cable-diagnosis/1"
 VERDICTS = ("named", "equivalence_class", "partly_named", "unknown", "data_fault", "no_detectable_mismatch")
 NAMED = ("named", "equivalence_class", "partly_named")
 """Verdicts with effects."""
-EVEN = 0.5
-"""Probability below which a name is rather wrong than right: where every effect has less, none is named."""
 SURE = 20.0
 """Odds from which one model is preferred to another."""
 SURE_WHERE_LEARNT = 8.0

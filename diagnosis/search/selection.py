@@ -7,11 +7,12 @@ import numpy as np
 
 from cable_envs.diagnosis.evidence.bands import Bands
 from cable_envs.diagnosis.evidence.candidates import CALIBRATED, Candidate
+from cable_envs.diagnosis.evidence.likely import EVEN
 from cable_envs.diagnosis.fit.likelihood import Judged
 from cable_envs.diagnosis.fit.score_tests import ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis, effect_name
 from cable_envs.diagnosis.model.leftover import DRIFT, Left
-from cable_envs.diagnosis.model.verdict import EVEN, SURE, EffectGain
+from cable_envs.diagnosis.model.verdict import SURE, EffectGain
 from cable_envs.effects import EFFECTS
 
 FORMULATION = 0.1
