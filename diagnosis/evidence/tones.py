@@ -28,9 +28,14 @@ SMALLEST, UNEVEN = 1e-3, 0.3
 """Amplitude of a tone that is tried, over what is left in all; share by which a hum differs from record to record."""
 MAINS_HZ, MAINS_WANDER, HARMONICS = (50.0, 60.0), 0.1, 3
 """Frequencies of mains and by how much they wander, Hz, and the multiples that are asked for."""
-WIDTH, BROAD, SPREAD = 6, 40, 0.5
+WIDTH, BROAD, FAR = 6, 40, 200
 """Values of a spectrum to either side of a line that are its own, up to which it would have neighbours if it rang and
-died away, and how much power these may have over the line's."""
+died away, and up to which the noise is told."""
+SPREAD, BY_CHANCE = 0.1, 3.0
+"""Power of these neighbours beyond the noise, over the line's, and in standard deviations, from which it is broad."""
+OF_WINDOW = 2.0 * (35.0 / 128.0) / (3.0 / 8.0) ** 2
+"""Variance of a sum of the values of a spectrum over that of as many independent ones: with Hann's window w and twice
+as many values as samples it is 2 mean(w^4) / mean(w^2)^2."""
 
 
 def tones(
@@ -125,21 +130,36 @@ def _at_rest(blocks: Sequence[Block], line: Leftover) -> bool:
 
 
 def _steady(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> bool:
-    """Whether a line is as narrow as its records are long: what rings and dies away is broader."""
-    line_power, beside = 0.0, 0.0
+    """Whether a line is as narrow as its records are long: what rings and dies away is broader.
+
+    Its neighbours are held against the noise there, whose power goes in a straight line, in logarithms, from one side
+    of them to the other. Each value of a spectrum scatters by as much as it is.
+    """
+    line_power, beside, variance = 0.0, 0.0, 0.0
     for block, left in zip(blocks, raw, strict=True):
         if block.channel != line.channel:
             continue
         values = np.where(block.good, left, 0.0)
         power = np.abs(np.fft.rfft(values * np.hanning(len(values) + 2)[1:-1], 2 * len(values))) ** 2
         k = round(line.at[0] * 2 * len(values) * float(np.median(np.diff(block.time))))
-        own = power[max(k - WIDTH, 0) : k + WIDTH + 1]
-        near = np.r_[power[max(k - BROAD, 0) : max(k - WIDTH, 0)], power[k + WIDTH + 1 : k + BROAD + 1]]
-        far = np.r_[power[max(k - 5 * BROAD, 0) : max(k - BROAD, 0)], power[k + BROAD + 1 : k + 5 * BROAD + 1]]
-        floor = float(np.median(far)) / np.log(2.0) if len(far) else 0.0
-        line_power += float(own.sum()) - len(own) * floor
-        beside += float(near.sum()) - len(near) * floor
-    return beside < SPREAD * line_power
+        about = np.arange(max(k - BROAD, 0), min(k + BROAD + 1, len(power)))
+        noise, own = _noise_about(power, k, about), np.abs(about - k) <= WIDTH
+        more = power[about] - noise
+        line_power += float(more[own].sum())
+        beside += float(more[~own].sum())
+        variance += OF_WINDOW * float(np.sum(noise[~own] ** 2))
+    return beside < max(SPREAD * line_power, BY_CHANCE * float(np.sqrt(variance)))
+
+
+def _noise_about(power: np.ndarray, k: int, about: np.ndarray) -> np.ndarray:
+    """Mean of a spectrum at places ``about`` the k-th, as its medians to either side of these have it."""
+    sides = [power[max(k - FAR, 0) : max(k - BROAD, 0)], power[k + BROAD + 1 : k + FAR + 1]]
+    known = [float(np.median(side)) / np.log(2.0) if len(side) >= BROAD else 0.0 for side in sides]
+    left, right = (one or max(known) for one in known)
+    if not right > 0.0:
+        return np.zeros(len(about))
+    middle = 0.5 * (BROAD + FAR)
+    return np.exp(np.interp(about, [k - middle, k + middle], np.log([left, right])))
 
 
 def _of_motion(blocks: Sequence[Block], raw: Sequence[np.ndarray], line: Leftover) -> float:

@@ -10,6 +10,7 @@ from scipy.signal import lfilter, savgol_filter
 from scipy.special import i0e
 
 from cable_envs.diagnosis.data.readings import Reading
+from cable_envs.diagnosis.evidence import tones as lines
 from cable_envs.diagnosis.evidence.candidates import under_one_noise
 from cable_envs.diagnosis.evidence.counts import without_counts
 from cable_envs.diagnosis.evidence.joint import Joint
@@ -310,6 +311,45 @@ def test_a_vibration_that_comes_with_one_record_is_no_tone_of_a_sensor():
     size = iter((2e-6, 4e-5, 2e-6))
     shaken = _position(lambda t, y, v, rng: _hum(rng, t, 0) * 2.5 * next(size), motions)
     assert shaken.log_odds > SURE and not shaken.cause
+
+
+def _narrow(made, frequency, draws=60):
+    """Share of draws of three records in which the line at a frequency is as narrow as these are long."""
+    time, found = 0.01 * np.arange(2500), 0
+    for seed in range(draws):
+        rng = np.random.default_rng(seed)
+        raw = [made(time, rng) for _ in range(3)]
+        good = np.ones(len(time), dtype=bool)
+        blocks = [Block(str(k), "position", time, left, good, "m") for k, left in enumerate(raw)]
+        found += lines._steady(blocks, raw, Leftover("position", "frequency", "Hz", 20.0, at=(frequency,)))
+    return found / draws
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9, 0.99])
+@pytest.mark.parametrize("frequency", [2.6, 10.5])
+@pytest.mark.parametrize("over", [5.0, 50.0])
+def test_a_hum_is_narrow_whatever_the_colour_of_the_noise(memory, frequency, over):
+    """Whether it is just to be seen or far above: amplitudes of 5 and 50 times what chance makes at its frequency."""
+    gain = np.sqrt(1.0 - memory**2) / abs(1.0 - memory * np.exp(-2j * np.pi * 0.01 * frequency))
+    size = over * gain * np.sqrt(4.0 / 2500)  # mean square of a coefficient of noise, as an amplitude
+
+    def made(time, rng):
+        hum = size * np.sin(2.0 * np.pi * frequency * time + rng.uniform(0.0, 2.0 * np.pi))
+        return hum + _coloured(rng, len(time), 1.0, memory)
+
+    assert _narrow(made, frequency) > 0.95
+
+
+@pytest.mark.parametrize("ring", [0.5, 1.5, 4.0])
+def test_what_rings_and_dies_away_is_broad(ring):
+    """A resonance of 2.6 Hz that noise shakes, and that is a third of itself after ``ring`` of 25 seconds."""
+    pole = np.exp(-0.01 / ring + 2j * np.pi * 0.01 * 2.6)
+
+    def made(time, rng):
+        shaken = lfilter([1.0], [1.0, -2.0 * pole.real, abs(pole) ** 2], rng.normal(0.0, 1.0, len(time)))
+        return shaken / np.std(shaken) + _coloured(rng, len(time), 0.1)
+
+    assert _narrow(made, 2.6) < 0.05
 
 
 @pytest.mark.parametrize("base", [7.3, 26.0333, 60.95])
