@@ -8,6 +8,7 @@
    Exchanges that are not behind by `SURE` to one are alternatives.
 
 An effect that may be in several places (`Hypothesis.parts`) is compared in each alone, and in all; the best counts.
+What cannot be told from a fault of a channel that others tell as well is exchanged for the fault.
 An effect that ends smaller than the records can tell (`Hypothesis.least`) is not taken. Refits move it, and so every
 model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
 """
@@ -110,7 +111,7 @@ class Search:
         turn = rounds[-1]
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self.odds.sure(turn.base))
-        if len(rounds) == 2 and rounds[0].others[0].effects == effects:
+        if len(rounds) == 2 and rounds[0].others[0].effects == effects and not self._may_be_made(rounds[0], effects[0]):
             return self._of_one(null, rounds)
         self._tell(stages.EXCHANGING)
         rest = EXCHANGES
@@ -209,6 +210,12 @@ class Search:
         held = (c for c in others if of(c) >= sure and holds(best.effects[-1], c.effects[-1]))
         return max((c for c in held if self.odds.of(best, c) < sure), key=of, default=best)
 
+    def _may_be_made(self, first: Round, h: Hypothesis) -> bool:
+        """Whether an effect cannot be told from what a logger has made of a channel that others tell as well."""
+        own = next(c for c in first.others if c.effects[-1] is h)
+        made = (c for c in first.others if c.effects[-1].redundant and c is not own)
+        return not h.redundant and any(log_odds(own, c) < self.odds.sure(own) for c in made)
+
     def _of_one(self, null: Judged, rounds: Sequence[Round]) -> Found:
         """The answer with one effect that led from the start: its rivals were compared with it under its own noise."""
         first, last = rounds
@@ -247,7 +254,7 @@ class Search:
                 if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
                 rivals[name][other] = odds
-                odds = self.odds.of(best, model) - sure if holds(own, new) else odds + MARGIN
+                odds = self.odds.of(best, model) - sure if holds(own, new) else odds + _margin(own, new, sure)
             else:
                 odds = without[name] = alike(own, best, model, self.odds.of(best, model))
                 apart[name] = self.odds.over_formulation(best, model)
@@ -259,6 +266,17 @@ class Search:
             return found, better
         least = min(without, key=lambda name: without[name])
         return found, left_out[least] if without[least] < sure else None  # not sure beside the rest: given up, too
+
+
+def _margin(own: Hypothesis, new: Hypothesis, sure: float) -> float:
+    """Log odds by which an exchange must be better.
+
+    What a logger has made of a channel that others tell as well goes before all that cannot be told from it: the
+    channel is then left out, and the others are asked.
+    """
+    if bool(own.redundant) == bool(new.redundant):
+        return MARGIN
+    return sure if own.redundant else -sure
 
 
 def _ends_as(fuller: Candidate, best: Candidate) -> bool:
