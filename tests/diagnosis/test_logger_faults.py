@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clocks.lines import NO_LINES, Lines
 from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, FILTER, LINES, with_logger
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.search.effects import Search
 from cable_envs.diagnosis.systems.question import Question
@@ -202,3 +203,48 @@ def test_a_speed_that_the_logger_has_made_is_left_out_and_the_rest_is_asked_agai
 
 def _stiff(y, v, t):
     return 20.0 * y
+
+
+class Late(Sines):
+    """The signal later by ``late``, s, and behind a filter of the time constant ``slow``, s."""
+
+    @property
+    def parameters(self):
+        times = [Free(name, 0.0, 0.0, 0.02, 0.002) for name in ("late", "slow")]
+        return [*super().parameters, *times]
+
+    def predict(self, values):
+        """As the protocol says."""
+        made = [np.zeros((len(at), values.shape[1])) for at in self.at]
+        for f in SHARES:
+            way = values[0] * np.exp(-2j * np.pi * f * values[1]) / (1.0 + 2j * np.pi * f * values[2])
+            for out, at in zip(made, self.at, strict=True):
+                out += np.imag(np.exp(1j * (2.0 * np.pi * f * at + f))[:, None] * way)
+        return made
+
+
+@pytest.mark.parametrize("first", ["late", "slow"])
+@pytest.mark.parametrize(("true", "seconds", "answered"), [
+    ("late", 1e-4, "slow"),  # the filter makes the fastest sine smaller by 3e-5 of itself, which nothing tells
+    ("slow", 1e-4, "slow"),
+    ("late", 6e-3, "late"),  # a filter would make the fastest sine smaller by a tenth
+    ("slow", 6e-3, "slow"),
+])  # fmt: skip
+def test_what_cannot_be_told_from_what_a_logger_has_made_of_a_channel_gives_way(first, true, seconds, answered):
+    rng, models = np.random.default_rng(5), []
+    truth = np.array([[1.0], [seconds * (true == "late")], [seconds * (true == "slow")]])
+    for use in range(2):
+        at = [40.0 * (2 * use + k) + PERIOD * np.arange(COUNT) for k in range(2 - use)]
+        model = Late([], at)
+        for k, made in enumerate(model.predict(truth)):
+            seen = made[:, 0] + NOISE * rng.standard_normal(COUNT)
+            good = np.ones(COUNT, dtype=bool)
+            model.blocks.append(Block(f"{use}{k}", "place", at[k], seen, good, "m", sensor="place"))
+        models.append(model)
+    free = {p.name: p for p in models[0].parameters}
+    asked = [
+        Hypothesis(name, (free[name],), (({name: 1e-3},),), nulls={name: 0.0}, redundant="place" * (name == "slow"))
+        for name in sorted(free.keys() - {"size"}, key=lambda name: name != first)
+    ]  # fmt: skip
+    search = Search(*models, ("size",), asked, np.random.default_rng(0), stated={"place": NOISE})
+    assert [h.name for h in search.run().best.effects] == [answered]
