@@ -10,7 +10,7 @@ VERDICT = {
     "named": "An effect is missing, and it is named",
     "equivalence_class": "An effect is missing, and this recording cannot tell which of a few",
     "partly_named": "An effect is probably missing, and it is not all",
-    "unknown": "Something is missing that no known effect explains",
+    "unknown": "Something is missing, and no known effect is sure to be it",
     "data_fault": "The data have a fault, and the simulator has none that they could show",
     "no_detectable_mismatch": "Nothing is missing that this recording could show",
 }

@@ -111,7 +111,7 @@ class Search:
         turn = rounds[-1]
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self.odds.sure(turn.base))
-        if len(rounds) == 2 and rounds[0].others[0].effects == effects and not self._may_be_made(rounds[0], effects[0]):
+        if len(rounds) == 2 and rounds[0].others[0].effects == effects and not self._may_be_made(rounds[0]):
             return self._of_one(null, rounds)
         self._tell(stages.EXCHANGING)
         rest = EXCHANGES
@@ -210,11 +210,11 @@ class Search:
         held = (c for c in others if of(c) >= sure and holds(best.effects[-1], c.effects[-1]))
         return max((c for c in held if self.odds.of(best, c) < sure), key=of, default=best)
 
-    def _may_be_made(self, first: Round, h: Hypothesis) -> bool:
-        """Whether an effect cannot be told from what a logger has made of a channel that others tell as well."""
-        own = next(c for c in first.others if c.effects[-1] is h)
-        made = (c for c in first.others if c.effects[-1].redundant and c is not own)
-        return not h.redundant and any(log_odds(own, c) < self.odds.sure(own) for c in made)
+    def _may_be_made(self, first: Round) -> bool:
+        """Whether what led cannot be told from what a logger has made of a channel that others tell as well."""
+        best, *others = first.others
+        made = (c for c in others if c.effects[-1].redundant)
+        return not best.effects[-1].redundant and any(log_odds(best, c) < self.odds.sure(best) for c in made)
 
     def _of_one(self, null: Judged, rounds: Sequence[Round]) -> Found:
         """The answer with one effect that led from the start: its rivals were compared with it under its own noise."""
