@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from cable_envs.core.errors import ConfigurationError, require_known
 from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
@@ -30,6 +31,10 @@ SPREAD = 0.15
 """Of the first variants, in the numbers of a motion that are drawn from [0, 1]."""
 LONGEST = 120.0
 """s of a motion at the most, unless asked for."""
+
+FINE = 1e-3
+"""s from row to row of a reference, at the most: a drive goes straight between rows, and straight lines of 10 ms change
+the force of its controller by more than a sensor's noise."""
 
 
 @dataclass(frozen=True)
@@ -218,12 +223,23 @@ def _plan(
     narrowed = {
         lead.peak.free[k]: (float(before[k]), float(before[k] * narrowing(told)[k])) for k in _of_effects(open_ones[0])
     }
-    place = best.planned.place
+    channel = bench.recording.channels[bench.channel]
+    time, values = _rows(bench.input(best.planned.place), bench.period, bench.is_rate or channel.hold == "step")
     return Plan(
         "tell apart" if len(open_ones) > 1 else "narrow", tuple(r.name for r in open_ones),
         tuple(r.behind for r in open_ones), *odds,
         narrowed, best.motion.family if best.motion else best.planned.name,
-        bench.recording.channels[bench.channel], bench.period * np.arange(len(place)), bench.input(place), limits,
+        channel, time, values, limits,
         best.planned.like.conditions, best.planned.like.name, count,
         with_units(bench.recording, bench.request, best.planned.settings),
     )  # fmt: skip
+
+
+def _rows(values: np.ndarray, period: float, as_sampled: bool) -> tuple[np.ndarray, np.ndarray]:
+    """(s, the reference) at every row: a place is smooth between samples; a rate may go straight, or be held."""
+    at = period * np.arange(len(values))
+    parts = int(np.ceil(period / FINE - 1e-9))
+    if as_sampled or parts == 1:
+        return at, values
+    time = period / parts * np.arange(parts * (len(values) - 1) + 1)
+    return time, CubicSpline(at, values)(time)

@@ -42,7 +42,7 @@ class Plan:
     channel : Channel
         That is told the reference, or whose place it is.
     time, values : ndarray
-        [samples], s and SI unit of the channel.
+        [rows], s and SI unit of the channel; straight lines between rows are near enough to the motion.
     limits : Limits
         That the motion keeps to.
     conditions : Mapping
@@ -83,7 +83,7 @@ class Plan:
         return self.least > float(np.log(SURE))
 
     def in_unit(self) -> np.ndarray:
-        """``values`` as the recording's column has them [samples]."""
+        """``values`` as the recording's column has them [rows]."""
         one = self.channel.to_si(np.array([0.0, 1.0]))
         return (self.values - one[0]) / (one[1] - one[0])
 
@@ -104,7 +104,7 @@ class Plan:
     def write(self, out: Path) -> None:
         """reference.csv (time in s, the channel in its recording's unit) and experiment.json into a folder."""
         rows = [f"time,{self.channel.name}", f"s,{self.channel.unit}"]
-        rows += [f"{t:.6g},{v:.9g}" for t, v in zip(self.time, self.in_unit(), strict=True)]
+        rows += [f"{t:.9g},{v:.9g}" for t, v in zip(self.time, self.in_unit(), strict=True)]
         write_atomic(out / REFERENCE, "\n".join(rows) + "\n")
         write_atomic(out / DESCRIPTION, json_text(self.as_json()))
 

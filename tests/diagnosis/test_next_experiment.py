@@ -229,6 +229,9 @@ def test_a_plan_is_written_in_the_unit_of_the_recording_and_says_what_to_expect(
     plan.write(tmp_path)
     table = np.genfromtxt(tmp_path / "reference.csv", delimiter=",", skip_header=2)
     np.testing.assert_allclose(table[:, 1], plan.in_unit(), rtol=1e-8, atol=1e-9)
+    assert np.diff(table[:, 0]).max() < 1.001e-3  # a drive goes straight from row to row
+    straight = [np.abs(np.interp(plan.time, plan.time[::n], plan.values[::n]) - plan.values).max() for n in (2, 10)]
+    assert 0.0 < straight[0] < 0.06 * straight[1]  # the square of (2 / 10): the motion is smooth between samples
     said = json.loads((tmp_path / "experiment.json").read_text())
     assert said["schema"] == "cable-experiment/1" and said["seconds"] == pytest.approx(3.0, abs=0.02)
     assert any("standard deviation falls to" in line for line in plan.lines())
