@@ -6,7 +6,9 @@ import pytest
 from cable_envs.diagnosis import diagnose
 from cable_envs.diagnosis.data.clocks.beats import lines_of
 from cable_envs.diagnosis.data.clocks.lines import Lines, near_jumps, without_lines_in_commands
-from cable_envs.diagnosis.data.recording import Recording
+from cable_envs.diagnosis.data.recording import Recording, load_recording
+from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.search.known.lines import with_lines
 from tests.support import drive_recording as drive
 
 PERIOD, COUNT, NOISE = 0.01, 3000, 0.005
@@ -113,17 +115,29 @@ def test_what_is_near_a_jump_is_not_told():
     assert not near_jumps(counts).any() and not near_jumps(np.zeros(COUNT)).any()
 
 
+def exported(k, table):
+    """Record k as an export brings it from a clock of 13 ms."""
+    fine = drive._run(10 + k, _no_load, period=0.001, fine=1)[5 + k :: 13]
+    return np.column_stack([table[:, 0], *(np.interp(table[:, 0], fine[:, 0], c) for c in fine.T[1:])])
+
+
 def test_a_drive_whose_export_came_from_another_clock_lacks_nothing(tmp_path):
     """Where lines are not known, its controller is not found, and the answer is unknown."""
-
-    def exported(k, table):
-        fine = drive._run(10 + k, _no_load, period=0.001, fine=1)[5 + k :: 13]
-        return np.column_stack([table[:, 0], *(np.interp(table[:, 0], fine[:, 0], c) for c in fine.T[1:])])
-
     drive.write(tmp_path, change=exported)
     found = diagnose(tmp_path)
     assert (found.verdict, found.effects) == ("no_detectable_mismatch", ())
     assert any("another clock, of a period of 13 ms" in note for note in found.notes)
+
+
+def test_a_controller_may_have_an_integral_by_the_commands_as_they_are_and_none_without_lines(tmp_path):
+    lines = lines_of(load_recording(drive.write(tmp_path / "lines", change=exported)))
+    assert lines.ratio
+    plain, restored = (
+        ask(recording, request_of(recording))
+        for recording in (load_recording(drive.write(tmp_path / str(ki), ki=ki)) for ki in (20000.0, 0.0))
+    )
+    assert "control.ki" in plain.nominals and "control.ki" not in restored.nominals
+    assert with_lines(plain, restored, lines) is plain  # neither was brought by lines
 
 
 def _no_load(y, v, t):
