@@ -21,7 +21,16 @@ from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.model import Free, Model, residuals
 from cable_envs.diagnosis.model.verdict import NAMED, SURE, Diagnosis, EffectGain, Estimate, Trace
 from cable_envs.diagnosis.report.fitted_range import fitted_range
-from cable_envs.diagnosis.report.notes import constant, faulty, in_words, on_bounds, oscillating, unpredicted, unseen
+from cable_envs.diagnosis.report.notes import (
+    constant,
+    faulty,
+    in_words,
+    on_bounds,
+    oscillating,
+    since_it_began,
+    unpredicted,
+    unseen,
+)
 from cable_envs.diagnosis.report.products import products
 from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.places import located, permuted
@@ -85,6 +94,7 @@ def answer(
             *oscillating(selection),
             *faulty(selection, faults, seen),
             *constant(constants),
+            *since_it_began(question.fit.blocks, found),
             *unpredicted(selection),
             *on_bounds(question, final.fit),
             *unseen(selection),

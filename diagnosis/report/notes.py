@@ -8,11 +8,15 @@ from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.intake.after import Suspicion
 from cable_envs.diagnosis.intake.logged import CLOCK, DIFFERENCE, LINES
 from cable_envs.diagnosis.model.hypotheses import LOGGER
+from cable_envs.diagnosis.model.model import Block
 from cable_envs.diagnosis.model.verdict import EffectGain
 from cable_envs.diagnosis.search.limit_cycles import RUNS
 from cable_envs.diagnosis.search.select import BIAS
 from cable_envs.diagnosis.search.selection import Selection
 from cable_envs.diagnosis.systems.question import Question
+
+FIRST = 5
+"""Samples that tell whether a record begins in motion."""
 
 
 def faulty(selection: Selection, faults: Sequence[EffectGain], seen: Sequence[Suspicion]) -> list[str]:
@@ -60,6 +64,23 @@ def constant(biases: Sequence[EffectGain]) -> list[str]:
             for name in alike
         ),
     ]
+
+
+def since_it_began(blocks: Sequence[Block], effects: Sequence[EffectGain]) -> list[str]:
+    """What a change with time is counted from, where a record begins in motion."""
+    moving = list(dict.fromkeys(b.record for b in blocks if _begins_in_motion(b)))
+    return [
+        f"{one.hypothesis.name} is counted from the beginning of each record; {', '.join(moving)} began in motion, and "
+        "what had changed before is in the refitted parameters"
+        for one in effects
+        if one.hypothesis.drifts and moving
+    ]
+
+
+def _begins_in_motion(block: Block) -> bool:
+    """Whether the rig moves in all of the first samples."""
+    direction = next((c.values for c in block.along if c.name == "direction"), np.zeros(1))
+    return bool(np.all(direction[:FIRST] != 0.0))
 
 
 def unpredicted(selection: Selection) -> list[str]:
