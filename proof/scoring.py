@@ -27,6 +27,9 @@ LABORATORY = ("white", "ar1", "flicker", "coloured")
 LIMITS = {"false_alarms": 0.05, "coverage": 0.90, "claimed_90": 0.85}
 """Most false alarms, least coverage of 95 % intervals, least share right of answers claimed at 90 %."""
 
+ROUNDING = 1e-9
+"""Share of a true value by which it may be beyond an end of its interval: by the rounding of either's arithmetic."""
+
 
 def band_of(added: float) -> str:
     """The band of what an effect really adds to the RMS; "<1" where less than any table asks for."""
@@ -148,7 +151,8 @@ def _intervals(key: Mapping[str, Any], answers: Iterable[Mapping[str, Any]]) -> 
             stated = (entry or {}).get("parameters", {}).get(name)
             if stated and stated.get("ci95"):
                 low, high = stated["ci95"]
-                yield f"{true['name']}.{name}", low <= parameter["value"] <= high
+                slack = ROUNDING * abs(parameter["value"])
+                yield f"{true['name']}.{name}", low - slack <= parameter["value"] <= high + slack
 
 
 def _overlap(key: Mapping[str, Any], verdict: Mapping[str, Any] | None) -> float | None:

@@ -92,6 +92,10 @@ def test_intervals_overlap_and_heldout():
     assert result.overlap == pytest.approx(0.5 + 0.3 * 0.5)  # half of the second bin
     assert result.heldout == pytest.approx(1.1)
     assert judge(key(), verdict("backlash", gap=[0.021, 0.03])).intervals == (("backlash.gap", False),)
+    true = key()["effects"][0]["parameters"]["gap"]["value"]
+    at_its_end = [0.5 * true, true * (1.0 - 1e-15)]  # as 2 + 4e-16 of an interval that ends at 2
+    assert judge(key(), verdict("backlash", gap=at_its_end)).intervals == (("backlash.gap", True),)
+    assert judge(key(), verdict("backlash", gap=[0.5 * true, 0.999 * true])).intervals == (("backlash.gap", False),)
     assert judge(key(), verdict("slack", gap=[0.0, 1.0], augmented=1e-3)).heldout is None
 
 
