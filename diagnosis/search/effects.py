@@ -214,7 +214,9 @@ class Search:
         """Whether what led cannot be told from what a logger has made of a channel that others tell as well."""
         best, *others = first.others
         made = (c for c in others if c.effects[-1].redundant)
-        return not best.effects[-1].redundant and any(log_odds(best, c) < self.odds.sure(best) for c in made)
+        return not best.effects[-1].redundant and any(
+            log_odds(best, c) < self.odds.told_from_logger(best) for c in made
+        )
 
     def _of_one(self, null: Judged, rounds: Sequence[Round]) -> Found:
         """The answer with one effect that led from the start: its rivals were compared with it under its own noise."""
@@ -245,7 +247,7 @@ class Search:
         left_out: dict[str, Candidate] = {}
         rivals: dict[str, dict[str, float]] = {h.name: {} for h in effects}
         behind: list[tuple[bool, float, Candidate]] = []
-        sure = self.odds.sure(best)
+        sure, told = self.odds.sure(best), self.odds.told_from_logger(best)
         for (name, other), model in best_of(zip(of, models, strict=True)).items():
             odds, own = log_odds(best, model), next(h for h in effects if h.name == name)
             if other:
@@ -254,7 +256,7 @@ class Search:
                 if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
                 rivals[name][other] = odds
-                odds = self.odds.of(best, model) - sure if holds(own, new) else odds + _margin(own, new, sure)
+                odds = self.odds.of(best, model) - sure if holds(own, new) else odds + _margin(own, new, told)
             else:
                 odds = without[name] = alike(own, best, model, self.odds.of(best, model))
                 apart[name] = self.odds.over_formulation(best, model)
@@ -268,7 +270,7 @@ class Search:
         return found, left_out[least] if without[least] < sure else None  # not sure beside the rest: given up, too
 
 
-def _margin(own: Hypothesis, new: Hypothesis, sure: float) -> float:
+def _margin(own: Hypothesis, new: Hypothesis, told: float) -> float:
     """Log odds by which an exchange must be better.
 
     What a logger has made of a channel that others tell as well goes before all that cannot be told from it: the
@@ -276,7 +278,7 @@ def _margin(own: Hypothesis, new: Hypothesis, sure: float) -> float:
     """
     if bool(own.redundant) == bool(new.redundant):
         return MARGIN
-    return sure if own.redundant else -sure
+    return told if own.redundant else -told
 
 
 def _ends_as(fuller: Candidate, best: Candidate) -> bool:

@@ -53,6 +53,11 @@ class Odds:
         """Log odds from which one model is preferred: no noise is learnt where the size of all that is left counts."""
         return float(np.log(SURE)) if candidate.by_size else self._sure
 
+    def told_from_logger(self, best: Candidate) -> float:
+        """Log odds from which a model is told from what a logger may have made: more than filters are formulated by."""
+        least = self.sure(best)
+        return least if best.by_size else max(least, min(FORMULATION**2 * self.explained(best, laws=False), CLEAR))
+
     def of(self, fuller: Candidate, rest: Candidate) -> float:
         """Log odds of a further effect: one of many would do, and laws may be formulated otherwise."""
         return log_odds(fuller, rest) + self.prior - self._formulation(fuller, rest)

@@ -227,6 +227,7 @@ class Late(Sines):
 @pytest.mark.parametrize(("true", "seconds", "answered"), [
     ("late", 1e-4, "slow"),  # the filter makes the fastest sine smaller by 3e-5 of itself, which nothing tells
     ("slow", 1e-4, "slow"),
+    ("late", 3e-4, "slow"),  # smaller by 3e-4: the records tell, by less than loggers' filters differ
     ("late", 6e-3, "late"),  # a filter would make the fastest sine smaller by a tenth
     ("slow", 6e-3, "slow"),
 ])  # fmt: skip
