@@ -31,7 +31,6 @@ SPREAD = 0.15
 """Of the first variants, in the numbers of a motion that are drawn from [0, 1]."""
 LONGEST = 120.0
 """s of a motion at the most, unless asked for."""
-
 FINE = 1e-3
 """s from row to row of a reference, at the most: a drive goes straight between rows, and straight lines of 10 ms change
 the force of its controller by more than a sensor's noise."""
