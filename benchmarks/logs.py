@@ -54,12 +54,25 @@ def answered(case: Case, folder: Path) -> dict[str, Any]:
         return {**asdict(judge(key, None)), "refused": str(error)}
     row = asdict(judge(key, verdict))
     named = verdict["effects"] if row["answer"] else []
+    row["errors"] = errors(key, verdict) if row["answer"] else []
     row["gains"] = [min(e["log_odds"], e["margin"]) for e in named if e["name"] not in key["ambient"]]
     row["learnt"] = any(NOISE_IS_LEARNT in note for note in verdict["notes"])
     row["faults"] = [n.removeprefix(OF_DATA) for n in verdict["notes"] if n.startswith(OF_DATA)]
     row["put_in"] = [put_in(fault, key["log"]) for fault in row["faults"]]
     row["faulty"] = any(key["log"][fault] for fault in FAULTS)
     return {**row, "cause": verdict["test"]["cause"], "seconds": verdict["about"]["seconds"]}
+
+
+def errors(key: Mapping[str, Any], verdict: Mapping[str, Any]) -> list[float]:
+    """Errors of the values of effects that are rightly named, over half the width of their 95 % intervals."""
+    found = []
+    for true in key["effects"]:
+        named = next((e["parameters"] for e in verdict["effects"] if e["name"] == true["name"]), {})
+        for name, parameter in true["parameters"].items():
+            low, high = named.get(name, {}).get("ci95") or (0.0, 0.0)
+            if high > low:
+                found.append(2.0 * abs(parameter["value"] - 0.5 * (low + high)) / (high - low))
+    return found
 
 
 def in_turn(seed: int) -> list[Case]:
@@ -151,6 +164,19 @@ def coverage(rows: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def wider(rows: Sequence[Mapping[str, Any]]) -> str:
+    """By how much intervals would have to be wider to contain 95 % of the true values.
+
+    The split-conformal quantile of the errors over half the intervals' width (Lei, G'Sell, Rinaldo, Tibshirani,
+    Wasserman, JASA 113 (2018) 1094): of n errors that which is at (n + 1) 0.95, counted from the smallest.
+    """
+    every = sorted(error for row in rows for error in row.get("errors", ()))
+    place = int(np.ceil(0.95 * (len(every) + 1)))
+    if place > len(every):
+        return f"{len(every)} values of effects, which are too few to say how wide intervals of 95 % are"
+    return f"intervals {every[place - 1]:.2f} times as wide contain 95 % of the true values, of {len(every)}"
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.logs", description=__doc__)
     parser.add_argument("--seed", type=int, default=6, help=f"of the cases; {DEVELOPED_ON} was developed on")
@@ -180,7 +206,8 @@ def main() -> None:
     print(outcomes([restored({k: row[k] for k in FIELDS}) for row in rows]))
     print(reliability(claim for row in rows for claim in row["claims"]), "\n")
     print(calibrated(rows), "\n")
-    print(coverage(rows))
+    print(coverage(rows), "\n")
+    print(wider(rows))
 
 
 def _one(work: tuple[Case, Path]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.experiment.plan import GONE
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, look, refit
-from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener
 from cable_envs.diagnosis.model.verdict import Diagnosis
 from cable_envs.diagnosis.systems.question import Question
@@ -54,7 +54,18 @@ def names_of(found: Diagnosis) -> list[tuple[str, ...]]:
     -------
     list of tuple of str
         An effect that cannot be told from others gives a model with each in its place. Of an unknown, what helps most.
+
+    Raises
+    ------
+    ConfigurationError
+        Where the answer is a fault of the data.
     """
+    if found.verdict == "data_fault":
+        checks = dict.fromkeys(fault.separating_experiment for fault in found.faults)
+        raise ConfigurationError(
+            "nothing is left open that a motion settles: the answer is a fault of the data"
+            + "".join(f"; {check}" for check in checks)
+        )
     named = tuple(e.hypothesis.name for e in found.effects)
     models = [named]
     for effect in found.effects:
@@ -70,8 +81,9 @@ def names_of(found: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _most_helpful(found: Diagnosis) -> list[str]:
-    """Of what was tried alone, what is within `GONE` of the best."""
-    odds = {str(h["name"]): float(h.get("log_odds") or 0.0) for h in found.hypotheses}
+    """Of the rig's effects that were tried alone, what is within `GONE` of the best."""
+    tried = [h for h in found.hypotheses if not str(h["name"]).startswith(LOGGER)]
+    odds = {str(h["name"]): float(h.get("log_odds") or 0.0) for h in tried}
     best = max(odds.values(), default=0.0)
     return [n for n, o in sorted(odds.items(), key=lambda item: -item[1]) if o > 0.0 and best - o < GONE]
 

@@ -256,8 +256,10 @@ class _Run:
         return {p.name: float(v) for p, v in zip(self.parameters, self.values, strict=True)}
 
     def fit(self) -> Fit:
-        """The result."""
+        """The result; what the records leave open has the variance of a uniform prior between its bounds."""
         matrix, _ = self.normal()
+        ranges = [self.parameters[k].high - self.parameters[k].low for k in self.rows]
+        matrix += np.diag([12.0 / width**2 if width > 0.0 else 0.0 for width in ranges])
         bounds = [
             self.parameters[k].name
             for k in self.rows

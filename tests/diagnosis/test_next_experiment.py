@@ -19,6 +19,8 @@ from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Moti
 from cable_envs.diagnosis.experiment.rivals import names_of, rivals
 from cable_envs.diagnosis.experiment.settings import checked
 from cable_envs.diagnosis.experiment.worth import Told, divergence, divergences, narrowing
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
+from cable_envs.diagnosis.model.verdict import Diagnosis, EffectGain
 from cable_envs.diagnosis.search.known.noise import told_at_rest
 from cable_envs.diagnosis.systems import driven_by
 from cable_envs.proof.cases import Case, make
@@ -117,6 +119,15 @@ def bench(tmp_path_factory):
     time = np.arange(5000) * 1e-3
     first = recorded("first", 0.1 * np.sin(2.0 * np.pi * 0.3 * time) * np.minimum(2.0 * time, 1.0), "fit", 5)
     return first, recorded
+
+
+def test_no_motion_settles_what_the_data_are_at_fault_for():
+    clock = EffectGain(Hypothesis("logger.clock", (), (), "t -> (1 + c) t", "time a minute by a good clock"))
+    alone = [{"name": "logger.clock", "log_odds": 34.2}, {"name": "sensor_scale.velocity", "log_odds": 33.2}]
+    found = Diagnosis("data_fault", (), (), {}, {}, {}, faults=(clock,), hypotheses=tuple(alone))
+    with pytest.raises(ConfigurationError, match="the answer is a fault of the data; time a minute by a good clock"):
+        names_of(found)
+    assert names_of(replace(found, verdict="unknown")) == [("sensor_scale.velocity",)]
 
 
 def test_the_interval_narrows_as_was_expected(bench):

@@ -105,6 +105,16 @@ def test_a_step_that_a_bound_cuts_off_is_no_end():
     assert fit.values["a"] == 0.05 and abs(fit.values["b"] - free) < 0.01
 
 
+def test_what_lies_between_bounds_is_no_wider_than_these():
+    """Two latencies that only their sum shows: the one between bounds leaves the other open by no more than these."""
+    late, hold = Free("late", 1.0, 0.0, 1e4, 1.0), Free("hold", 0.05, 0.0, 0.1, 0.1)
+    model = Counted((late, hold), lambda v: np.repeat(v[:1] + v[1:], 50, axis=0), np.full(50, 3.0))
+    fit = refit(model, WHITE, [Start("", ("late", "hold"), {})])[0]
+    low, high = fit.interval("late")
+    assert 2.9 - 1e-6 < fit.values["late"] <= 3.0
+    assert high - low == pytest.approx(2.0 * 1.96 * np.hypot(0.1 / np.sqrt(12.0), STD / np.sqrt(50.0)), rel=0.01)
+
+
 def test_a_look_never_ends_worse_than_it_began():
     model = rings()
     begun = [Start(f"{k}", NAMES, {"rate": rate, "decay": 0.1}) for k, rate in enumerate((0.5, 2.5, 3.1, 6.0))]
