@@ -1,6 +1,6 @@
 """The models that an answer leaves open: what it names, and what it could not tell apart from that."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -12,9 +12,9 @@ from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.experiment.plan import GONE
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit, Start, look, refit
-from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
+from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis, effect_name
 from cable_envs.diagnosis.model.model import Model, Whitener
-from cable_envs.diagnosis.model.verdict import Diagnosis
+from cable_envs.diagnosis.model.verdict import SURE, Diagnosis, EffectGain
 from cable_envs.diagnosis.systems.question import Question
 
 MOST = 4
@@ -70,14 +70,20 @@ def names_of(found: Diagnosis) -> list[tuple[str, ...]]:
     models = [named]
     for effect in found.effects:
         own = effect.hypothesis.name
-        models += [
-            tuple(other if n == own else n for n in named) for other in effect.alternatives if other not in named
-        ]
+        models += [tuple(other if n == own else n for n in named) for other in _others(effect) if other not in named]
     if not named:
         suspected = tuple(e.hypothesis.name for e in found.suspected)
         models = [suspected] if suspected else []
         models += [(n,) for n in _most_helpful(found) if (n,) not in models]
     return [m for k, m in enumerate(models) if m and m not in models[:k]][:MOST]
+
+
+def _others(effect: EffectGain) -> Iterator[str]:
+    """Hypotheses that an effect cannot be told from: of an alternative's sensors and places those that do as well."""
+    for alternative in effect.alternatives:
+        odds = {n: o for n, o in effect.rivals.items() if effect_name(n) == alternative}
+        most = max(min(odds.values(), default=np.inf), float(np.log(SURE)))
+        yield from [n for n, o in sorted(odds.items(), key=lambda one: one[1]) if o <= most] or [alternative]
 
 
 def _most_helpful(found: Diagnosis) -> list[str]:

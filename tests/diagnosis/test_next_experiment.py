@@ -130,6 +130,18 @@ def test_no_motion_settles_what_the_data_are_at_fault_for():
     assert names_of(replace(found, verdict="unknown")) == [("sensor_scale.velocity",)]
 
 
+def test_the_rival_is_in_the_sensor_that_could_not_be_told_apart():
+    """An answer's alternatives are names alone; a bias of the other sensors was told apart, and is no rival."""
+    friction = EffectGain(
+        Hypothesis("asymmetric_friction", (), (), "", ""), alternatives=("sensor_bias",),
+        rivals={"sensor_bias.position": 90.0, "sensor_bias.tension": 2.9, "load_dependent_friction": 59.0},
+    )  # fmt: skip
+    found = Diagnosis("equivalence_class", (friction,), (), {}, {}, {})
+    assert names_of(found) == [("asymmetric_friction",), ("sensor_bias.tension",)]
+    unsaid = replace(friction, rivals={})
+    assert names_of(replace(found, effects=(unsaid,))) == [("asymmetric_friction",), ("sensor_bias",)]
+
+
 def test_the_interval_narrows_as_was_expected(bench):
     first, recorded = bench
     found = diagnose(first)
