@@ -37,6 +37,7 @@ from cable_envs.diagnosis.search.comparison import holds, smaller
 from cable_envs.diagnosis.search.odds import Odds, alike
 from cable_envs.diagnosis.search.refits import Effects, Keep, Refits
 from cable_envs.diagnosis.search.selection import Found, Round
+from cable_envs.diagnosis.search.starts import BETTER
 
 MOST = 8
 """Effects at the most."""
@@ -111,8 +112,9 @@ class Search:
         turn = rounds[-1]
         if not effects:
             return Found(null, turn.base, turn.base, tuple(rounds), sure=self.odds.sure(turn.base))
-        if len(rounds) == 2 and rounds[0].others[0].effects == effects and not self._may_be_made(rounds[0]):
-            return self._of_one(null, rounds)
+        alone = self._of_one(null, rounds) if self._led(rounds, effects) else None
+        if alone is not None and base.fit.cost > alone.best.fit.cost - BETTER:
+            return alone
         self._tell(stages.EXCHANGING)
         rest = EXCHANGES
         while True:
@@ -122,9 +124,16 @@ class Search:
             if better is None or (rest <= 0 and not small):
                 return found
             if not better.effects:
-                return Found(null, better, better, tuple(rounds), sure=self.odds.sure(better))
+                return alone or Found(null, better, better, tuple(rounds), sure=self.odds.sure(better))
             self._given_up |= small
-            effects, base = better.effects, self.refits.of(better)
+            effects, base = better.effects, self._of(better)
+
+    def _of(self, best: Candidate) -> Judged:
+        return self.refits.of(best, best.left >= self.odds.sure(best))
+
+    def _led(self, rounds: Sequence[Round], effects: Effects) -> bool:
+        """Whether the one effect led from the start, and no logger may have made what it explains."""
+        return len(rounds) == 2 and rounds[0].others[0].effects == effects and not self._may_be_made(rounds[0])
 
     def _path(self, null: Judged) -> tuple[list[Round], Effects, Judged]:
         """(the steps forward, the last one of which found nothing; the effects of the last model, and its refit)."""
@@ -140,7 +149,7 @@ class Search:
                 rounds += pair
             if best is None:
                 return rounds, effects, base
-            effects, base = best.effects, self.refits.of(best)
+            effects, base = best.effects, self._of(best)
 
     def _pair(self, null: Judged, turn: Round) -> tuple[list[Round], Candidate | None]:
         """(the step between, the best model with two effects of which neither is sure alone), if that is sure.

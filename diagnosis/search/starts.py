@@ -1,4 +1,4 @@
-"""Other starts of a refit: a model with several effects has several valleys, and one refit ends in the nearest."""
+"""Other starts of a refit: a model may have several valleys, and one refit ends in the nearest."""
 
 from collections.abc import Sequence
 
