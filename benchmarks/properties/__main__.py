@@ -97,7 +97,7 @@ def _whole(
     yield from _steps(where, groups, rigs)
     yield from _convergence(where, *_joined([converged(*run) for run in runs]))
     for what, measure in (
-        ("tension ratio outside the contact's law", outside_contact),
+        ("outside the contact's law", outside_contact),
         ("most negative tension, N", pushed),
     ):
         found = np.concatenate([measure(*run) for run in runs])
@@ -133,7 +133,7 @@ def _convergence(where: tuple[str, ...], error: np.ndarray, sure: np.ndarray) ->
         what = "step error" + (f" ({late} above 1 %)" if late else "")
         yield (*where, what, f"{int(sure.sum())}", *_shown(error[sure]))
     if not sure.all():
-        yield (*where, "rigs that do not determine their motion", f"{int((~sure).sum())} of {len(sure)}", "", "", "")
+        yield (*where, "motion not determined", f"{int((~sure).sum())} of {len(sure)}", "", "", "")
 
 
 def _shown(values: np.ndarray, form: str = "{:.1e}") -> tuple[str, str, str]:
@@ -193,7 +193,9 @@ integration does.
 A rig *does not determine its motion* where the step error is above 1 %, and one whose parameters are 1e-4 larger or
 smaller moves more than 1 % differently too, in one of eight random directions (or of four with changes of 1e-6 and
 1e-9, which move what is chaotic). That is so for limit cycles of an unstable loop, and for loads at the edge of
-breaking away. No integration step settles what the parameters leave open; such rigs are counted by themselves.
+breaking away. Such rigs are counted by themselves (*motion not determined*).
+
+*Outside the contact's law* is how far a ratio of tensions is beyond what friction can hold.
 
 *Steps* are the integration steps in a control period: the median of the rigs, and the most. Left out is what is 0 for
 every rig: negative tensions, motion at rest, energy made.
