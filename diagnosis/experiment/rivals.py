@@ -1,6 +1,6 @@
 """The models that an answer leaves open: what it names, and what it could not tell apart from that."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -78,12 +78,14 @@ def names_of(found: Diagnosis) -> list[tuple[str, ...]]:
     return [m for k, m in enumerate(models) if m and m not in models[:k]][:MOST]
 
 
-def _others(effect: EffectGain) -> Iterator[str]:
-    """Hypotheses that an effect cannot be told from: of an alternative's sensors and places those that do as well."""
+def _others(effect: EffectGain) -> list[str]:
+    """Hypotheses that an effect cannot be told from: in which sensors and places they are the odds say."""
+    by_odds = sorted(effect.rivals, key=lambda name: effect.rivals[name])
+    close = [name for name in by_odds if effect.rivals[name] < np.log(SURE)]
     for alternative in effect.alternatives:
-        odds = {n: o for n, o in effect.rivals.items() if effect_name(n) == alternative}
-        most = max(min(odds.values(), default=np.inf), float(np.log(SURE)))
-        yield from [n for n, o in sorted(odds.items(), key=lambda one: one[1]) if o <= most] or [alternative]
+        if alternative not in map(effect_name, close):
+            close.append(next((name for name in by_odds if effect_name(name) == alternative), alternative))
+    return close
 
 
 def _most_helpful(found: Diagnosis) -> list[str]:

@@ -138,6 +138,10 @@ def test_the_rival_is_in_the_sensor_that_could_not_be_told_apart():
     )  # fmt: skip
     found = Diagnosis("equivalence_class", (friction,), (), {}, {}, {})
     assert names_of(found) == [("asymmetric_friction",), ("sensor_bias.tension",)]
+    learnt = replace(friction, rivals={"sensor_bias.position": 90.0, "sensor_bias.tension": 6.0})  # 8 are asked there
+    assert names_of(replace(found, effects=(learnt,)))[1:] == [("sensor_bias.tension",)]
+    scale = EffectGain(Hypothesis("sensor_scale.speed", (), (), "", ""), rivals={"sensor_scale.position": -0.3})
+    assert names_of(replace(found, effects=(scale,))) == [("sensor_scale.speed",), ("sensor_scale.position",)]
     unsaid = replace(friction, rivals={})
     assert names_of(replace(found, effects=(unsaid,))) == [("asymmetric_friction",), ("sensor_bias",)]
 
