@@ -42,6 +42,7 @@ SETTINGS: Mapping[str, tuple[dict[str, float], ...]] = {
 }
 """What a bench can be set to, SI: round numbers that are the same for every rig of a system. Rigs of the generator have
 35 to 90 N and 3 to 8 kg."""
+IN_WORDS = {"data": "a fault of the data", "none": "nothing missing", "wrong": "a wrong name, or one too many"}
 SHOWN_IN = {"mm": 1e3, "mm/s": 1e3}
 BEGIN, END = "<!-- begin: python -m benchmarks.experiments -->", "<!-- end: experiments -->"
 
@@ -127,7 +128,7 @@ def table(found: Sequence[Mapping[str, Any]]) -> str:
     lines = ["| answer | before | after a motion | after a motion under a setting |", "|---|--:|--:|--:|"]
     kinds = {"exact name": (EXACT,), "exact name or class": (EXACT, CLASS), "a class": (CLASS,)}
     rest = tuple(sorted({r[k] for r in found for k in columns} - {EXACT, CLASS}))
-    for title, outcomes in {**kinds, **{one: (one,) for one in rest}}.items():
+    for title, outcomes in {**kinds, **{IN_WORDS.get(one, one): (one,) for one in rest}}.items():
         counts = [sum(r[k] in outcomes for r in found) for k in columns]
         lines.append(f"| {title} | " + " | ".join(_share(c, total) for c in counts) + " |")
     planned = [r for r in found if r["motion"]]
