@@ -126,10 +126,7 @@ class Search:
             if not better.effects:
                 return alone or Found(null, better, better, tuple(rounds), sure=self.odds.sure(better))
             self._given_up |= small
-            effects, base = better.effects, self._of(better)
-
-    def _of(self, best: Candidate) -> Judged:
-        return self.refits.of(best, best.left >= self.odds.sure(best))
+            effects, base = better.effects, self.refits.of(better, self.odds.sure(better))
 
     def _led(self, rounds: Sequence[Round], effects: Effects) -> bool:
         """Whether the one effect led from the start, and no logger may have made what it explains."""
@@ -149,7 +146,7 @@ class Search:
                 rounds += pair
             if best is None:
                 return rounds, effects, base
-            effects, base = best.effects, self._of(best)
+            effects, base = best.effects, self.refits.of(best, self.odds.sure(best))
 
     def _pair(self, null: Judged, turn: Round) -> tuple[list[Round], Candidate | None]:
         """(the step between, the best model with two effects of which neither is sure alone), if that is sure.

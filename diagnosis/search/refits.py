@@ -67,10 +67,13 @@ class Refits:
         """A refit with what it leaves, and the noise that it is weighed by."""
         return Judged(fit, tuple(raw_residuals(self._model, fit)), whitener, 0.0)
 
-    def of(self, best: Candidate, unexplained: bool = False) -> Judged:
-        """A model to go on from; refitted from about where it is, too, with several effects or where more is left."""
+    def of(self, best: Candidate, sure: float = np.inf) -> Judged:
+        """A model to go on from; refitted from about where it is, too, with several effects or where more is left.
+
+        sure: log odds from which it counts that more is left.
+        """
         whitener, fit = best.frame.whitener, best.fit
-        if len(best.effects) >= SEVERAL or unexplained:
+        if len(best.effects) >= SEVERAL or best.left >= sure:
             names = [n for h in best.effects for n in h.names]
             fit = self._keep("starts", partial(from_about, self._model, whitener, fit, names))
         return self.judged(fit, whitener)

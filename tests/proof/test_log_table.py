@@ -1,8 +1,9 @@
 """The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
 
 import numpy as np
+import pytest
 
-from benchmarks.logs import calibrated, coverage, faults, in_turn, put_in, reliability
+from benchmarks.logs import calibrated, coverage, errors, faults, in_turn, put_in, reliability, wider
 from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.scoring import Result
 
@@ -83,3 +84,12 @@ def test_each_kind_of_log_is_made_of_three_systems_in_turn():
     assert all(
         len({c.system for c in cases[k : k + 3]}) == len({c.kind for c in cases[k : k + 3]}) == 3 for k in (0, 39)
     )
+
+
+def test_intervals_are_as_much_too_narrow_as_the_95th_of_a_hundred_errors_says():
+    effect = {"name": "backlash", "parameters": {"gap": {"value": 1.3}}}
+    named = {"effects": [{"name": "backlash", "parameters": {"gap": {"value": 1.0, "ci95": [0.8, 1.2]}}}]}
+    assert errors({"effects": [effect]}, named) == [pytest.approx(1.5)]
+    assert errors({"effects": [{**effect, "name": "slack"}]}, named) == []
+    assert "96.00 times as wide" in wider([{"errors": [float(k)]} for k in range(1, 101)])  # (100 + 1) 0.95
+    assert "too few" in wider([{"errors": [1.0] * 18}])
