@@ -11,11 +11,13 @@ other goes on as it does most of the time, was made by the logger.
 """
 
 from collections.abc import Iterator, Sequence
+from itertools import combinations
 
 import numpy as np
 
+from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import WORKS, Found, Track, is_told
+from cable_envs.diagnosis.intake.tracks import WORKS, Found, Track, is_told, of_steps
 
 CHANCE = 1e-6
 """Of a false alarm, a channel of a record."""
@@ -29,6 +31,12 @@ _SPLITS = 50
 """Places in a record where its unit may change."""
 _CALM, _NEAR = 0.99, 2
 """Share of a channel's gaps up to which it goes on as usual, and samples about a jump of another in which it does."""
+_FAR = 3.0
+"""Times the step that 99 % of a position's steps stay below, at each seam of two blocks in each other's place."""
+_SMOOTH = 1.5
+"""The same where they are back in order: such a step is one of many."""
+_SEAMS, _BLOCKS = 12, 0.1
+"""Most seams that are tried, and share of a record that two blocks may have."""
 _FACTOR = np.sqrt(9.81)
 """Half way, in logarithms, between the same unit and kilograms for newtons, the two units that are nearest."""
 
@@ -36,17 +44,19 @@ _FACTOR = np.sqrt(9.81)
 def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """The first jump of every channel that nothing else in its record is like. Of an effort it may be a load's."""
     for channel in recording.channels:
-        if channel == "time" or is_told(channel):
+        if channel == "time" or told(channel):
             continue
         for track in tracks:
             values = track.even(channel)
+            if is_told(channel) and of_steps(values):
+                continue
             sample = lone_jump(values)
             if sample is None or not _others_calm(track, channel, sample):
                 continue
             place = channel.endswith(("position", "angle"))
             if place and abs(_step(values, sample)) <= np.max(np.abs(track.speed(channel))) * track.period:
                 continue  # where it goes in one sample at its top speed
-            text, fatal = _what(values, sample, place)
+            text, fatal = _what(values, sample, place, is_told(channel))
             yield Found(track.name, channel, track.row(sample), text, fatal)
             break
 
@@ -101,25 +111,64 @@ def _gaps(values: np.ndarray) -> np.ndarray:
     return np.where(same, np.min(np.abs(every), axis=0), 0.0)
 
 
-def _what(values: np.ndarray, sample: int, place: bool) -> tuple[str, bool]:
-    """(what a jump is, in words, whether it cannot be used); place: of a position, which no load makes jump."""
+def _what(values: np.ndarray, sample: int, place: bool, given: bool) -> tuple[str, bool]:
+    """(what a jump is, in words, whether it cannot be used).
+
+    place: of a position, which no load makes jump; given: of an input, which may have been asked to.
+    """
     text = f"it jumps by {_step(values, sample):.3g} at once, and nothing else in the record is like it:"
     if place:
         return f"{text} counts were lost, or rows are not in their order; cut the record there into two", True
-    return f"{text} an offset that was set, or a load that changed; cut the record there where it was the offset", False
+    other = "a step that was asked for" if given else "a load that changed"
+    return f"{text} an offset that was set, or {other}; cut the record there where it was the offset", False
+
+
+def out_of_order(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+    """Two neighbouring blocks of rows in each other's place."""
+    places = [n for n in recording.channels if n.endswith(("position", "angle")) and not is_told(n)]
+    for track in tracks:
+        found = exchanged([track.channels[name] for name in places])
+        if found is not None:
+            a, b, c = found
+            text = (
+                f"rows {a + 1} to {b} and rows {b + 1} to {c} are in each other's place: every position jumps at both "
+                f"ends of either, and goes on smoothly in the other order"
+            )
+            yield Found(track.name, places[0], a + 1, text)
+            return
+
+
+def exchanged(places: Sequence[np.ndarray]) -> tuple[int, int, int] | None:
+    """Rows (a, b, c) so that the positions [T] are smooth with rows a to b - 1 behind b to c - 1; None without any."""
+    steps = [np.abs(np.diff(values)) for values in places]
+    usual = [float(np.quantile(step, _CALM)) for step in steps]
+    moving = [(v, s, u) for v, s, u in zip(places, steps, usual, strict=True) if u > 0.0]
+    if not moving:
+        return None
+    far = np.max([s / u for _, s, u in moving], axis=0)
+    seams = np.sort(np.argsort(far)[-_SEAMS:] + 1)
+    seams = seams[far[seams - 1] > _FAR]
+    for a, b, c in combinations(seams.tolist(), 3):
+        if c - a > _BLOCKS * len(places[0]):
+            continue
+        joined = ((a - 1, b), (c - 1, a), (b - 1, c))
+        if all(abs(v[j] - v[i]) <= _SMOOTH * u for v, _, u in moving for i, j in joined if j < len(v)):
+            return a, b, c
+    return None
 
 
 def mixed_units(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """Efforts whose size and whose noise change together by a factor, while the rig moves as before."""
     for channel, place in WORKS.items():
-        if channel not in recording.channels or place not in recording.channels or is_told(channel):
+        if channel not in recording.channels or place not in recording.channels:
             continue
         for track in tracks:
             found = change_of_unit(track.even(channel), np.abs(np.gradient(track.even(place))))
             if found is not None:
                 sample, factor = found
                 text = f"from about here on its numbers and its noise are {factor:.3g} times what they were"
-                yield Found(track.name, channel, track.row(sample), f"{text}: one unit in a record")
+                fatal = not is_told(channel)  # an amplifier may have been set anew
+                yield Found(track.name, channel, track.row(sample), f"{text}: one unit in a record", fatal)
                 break
 
 
@@ -147,7 +196,7 @@ def change_of_unit(values: np.ndarray, speed: np.ndarray) -> tuple[int, float] |
 def spikes(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """Samples that stand out alone, by more than exponential tails of all that do allow."""
     for channel in recording.channels:
-        if channel == "time" or is_told(channel):
+        if channel == "time" or told(channel):
             continue
         for track in tracks:
             rows, size = lone_samples(track.even(channel))

@@ -10,13 +10,17 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import EFFORTS, Found, Track, is_told
+from cable_envs.diagnosis.intake.tracks import EFFORTS, Found, Track, is_told, of_steps
 from cable_envs.diagnosis.model.noise import jitter
 
 _CHANCE, _SURE = 1e-3, 1e-6
 """Of a run by chance, a channel of a record: below which it is noted, and below which it cannot be used."""
 _BY_NOISE = (2.0, 4.0)
 """Standard deviations of its noise: up to which the usual way of a channel's means is none, and from which one is."""
+_SLOWER = 0.5
+"""Of the usual way: what goes so far while an effort has one value has not stopped."""
+_INPUTS = ("voltage",)
+"""Efforts that somebody may have held or limited: what is unusual in them is noted."""
 _PILED = 0.01
 """Share of an effort's samples at each of two opposite ends from which they are no peaks of a motion."""
 _BLOCK = 8
@@ -32,18 +36,20 @@ def runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """The longest run of equal samples of an effort, where its noise makes none so long and the rig moves.
 
+    Of a voltage it is a note: whoever gave it may have held it.
+
     Positions and speeds are left out: they stand still at every turn, and `cable_envs.diagnosis.intake.gate` looks at
     those that stand for long.
     """
     records = [record for record in recording.records if record.use != "rest"]
     for channel in recording.channels:
-        if channel not in EFFORTS:
+        if channel not in (*EFFORTS, *_INPUTS):
             continue
         for track, record in zip(tracks, records, strict=True):
             values = np.where(record.usable(channel), track.channels[channel], np.nan)
             run = longest_run(values)
-            if run is not None and moves(track, channel, *run[:2]):
-                fatal = run[2] < _SURE
+            if run is not None and moves(track, channel, *run[:2], share=_SLOWER):
+                fatal = run[2] < _SURE and channel not in _INPUTS
                 if values[run[0]] in (np.nanmax(values), np.nanmin(values)):
                     text = f"{run[1]} samples in a row at its end of {values[run[0]]:.6g}: saturated"
                     yield Found(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'", fatal)
@@ -59,10 +65,12 @@ def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
 def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """Efforts with many samples at exactly opposite ends: a limit. Of the sensor it is a fault, of the drive none."""
     for channel in recording.channels:
-        if channel not in EFFORTS:
+        if channel not in (*EFFORTS, *_INPUTS):
             continue
         for track in tracks:
             values = track.channels[channel]
+            if channel in _INPUTS and of_steps(values):
+                continue
             high, low = float(np.max(values)), float(np.min(values))
             least = min(float(np.mean(values == high)), float(np.mean(values == low)))
             if high == -low and least > _PILED:
@@ -91,11 +99,13 @@ def longest_run(values: np.ndarray) -> tuple[int, int, float] | None:
     return (int(first[k]), int(count[k]), likely) if likely < _CHANCE else None
 
 
-def moves(track: Track, channel: str, first: int, length: int, among: Collection[str] | None = None) -> bool:
+def moves(
+    track: Track, channel: str, first: int, length: int, among: Collection[str] | None = None, share: float = 1.0
+) -> bool:
     """Whether another channel goes as far during some samples as it does in half of all stretches of that length.
 
-    ``among``: the channels that are looked at; None: all. In a record that rests for long half of all stretches have no
-    way but noise: that is none.
+    ``among``: the channels that are looked at; None: all. share: of that way, which is enough. In a record that rests
+    for long half of all stretches have no way but noise: that is none.
     """
     half = max(length // 2, 1)
     for name, values in track.channels.items():
@@ -105,7 +115,7 @@ def moves(track: Track, channel: str, first: int, length: int, among: Collection
         ways = np.abs(means[half:] - means[:-half])
         at = min(first, len(ways) - 1)
         usual, noise = float(np.median(ways)), jitter(values) * float(np.sqrt(2.0 / half))
-        least = usual if usual > _BY_NOISE[0] * noise else _BY_NOISE[1] * noise
+        least = max(share * usual, _BY_NOISE[0] * noise) if usual > _BY_NOISE[0] * noise else _BY_NOISE[1] * noise
         if ways[at] > 0.0 and ways[at] >= least:
             return True
     return False

@@ -4,7 +4,7 @@
     pairs      a position against its reference or command, both ends of a cable against each other
     balances   force against mass times acceleration and the friction that the recording claims; tension against the
                load's weight; tension and torque of a circuit against its pretension
-    clock      a period or travel that no such rig has
+    sizes      a period, a travel, a speed or a voltage that no such rig has
 
 Physics that a simulator lacks changes such numbers by tens of percent; the bounds here are factors of twenty and more.
 """
@@ -30,6 +30,12 @@ _SLOWEST, _FASTEST = 0.5, 2e-5
 """s between samples, beyond which the clock's unit is in doubt."""
 _FARTHEST, _NEAREST = 20.0, 1e-6
 """m of travel."""
+_SWIFTEST = 20.0
+"""m/s."""
+_HIGHEST = 1000.0
+"""V, of a drive of one axis."""
+_USUAL = 0.99
+"""Share of the samples that stay below what is held against these."""
 
 Found = tuple[str, str, int, str]
 """(record, channel, row, text)"""
@@ -47,9 +53,9 @@ def wrong_units(recording: Recording) -> list[Found]:
 
 
 def _suspects(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
-    clock = list(_clock(recording, record))
-    yield from clock
-    if clock:
+    sizes = [*_clock(recording, record), *_sizes(recording, record)]
+    yield from sizes
+    if sizes:
         return
     yield from _rates(recording, record)
     yield from _pairs(recording, record)
@@ -60,11 +66,20 @@ def _clock(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
     period = float(np.median(np.diff(record.time)))
     if not _FASTEST <= period <= _SLOWEST:
         yield "time", f"a sample every {period:.3g} s; {hint(recording, 'time', period / 0.01)}"
+
+
+def _sizes(recording: Recording, record: Record) -> Iterator[tuple[str, str]]:
     for channel, c in recording.channels.items():
+        values = record.data[channel][record.usable(channel)]
         if c.si_unit == "m":
-            travel = float(np.ptp(record.data[channel][record.usable(channel)]))
+            travel = float(np.ptp(values))
+            speed = float(np.quantile(np.abs(speed_of(record, channel)), _USUAL))
             if travel > _FARTHEST or 0.0 < travel < _NEAREST:
                 yield channel, f"a travel of {travel:.3g} m; {hint(recording, channel, travel / 0.1)}"
+            elif speed > _SWIFTEST:
+                yield channel, f"a speed of {speed:.3g} m/s; {hint(recording, channel, speed / 0.1)}"
+        if c.si_unit == "V" and (most := float(np.quantile(np.abs(values), _USUAL))) > _HIGHEST:
+            yield channel, f"a voltage of {most:.3g} V; {hint(recording, channel, most / 10.0)}"
         if channel == "wrap_angle" and float(np.nanmax(np.abs(record.data[channel]))) > 40.0 * np.pi:
             yield channel, f"more than twenty turns of wrap; {hint(recording, channel, 57.3)}"
 

@@ -60,6 +60,12 @@ def is_told(channel: str) -> bool:
     return told(channel) or channel == "voltage"
 
 
+def of_steps(values: np.ndarray) -> bool:
+    """Whether an input [T] takes so few values that it is a sequence of steps."""
+    return len(np.unique(values)) < _LEVELS
+
+
+_LEVELS = 100
 ANSWERS = 3
 """Rows after its command's step in which a servo is fastest: it begins in the next one, and a sensor may be late."""
 

@@ -12,7 +12,15 @@ from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors
 from cable_envs.diagnosis.intake.gate import _still, gate
-from cable_envs.diagnosis.intake.jumps import jumps, lone_jump, lone_samples, mixed_units, spikes
+from cable_envs.diagnosis.intake.jumps import (
+    exchanged,
+    jumps,
+    lone_jump,
+    lone_samples,
+    mixed_units,
+    out_of_order,
+    spikes,
+)
 from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run, piled
 from cable_envs.diagnosis.intake.timing import late_channels, shift_of
 from cable_envs.diagnosis.intake.tracks import tracks_of
@@ -336,6 +344,68 @@ def test_a_sensor_that_is_held_while_the_rig_moves_is_refused():
     assert fault.channel == "force" and fault.row == 1501 and "held" in fault.text
 
 
+def test_a_sensor_that_is_held_while_the_rig_moves_slowly_is_held():
+    x = _motion(np.random.default_rng(3))[1]
+    way = np.abs(x[10:] - x[:-10])
+    usual = np.median(way)
+    at = int(np.flatnonzero((way > 0.6 * usual) & (way < 0.8 * usual) & (np.arange(len(way)) > 300))[0])
+
+    def hold(values, at):
+        values[at : at + 10] = values[at]
+
+    (fault,) = _found(held, _drive(change=_once("force", hold, at)))
+    assert fault.row == at + 1
+
+
+def _given(damage):
+    """A change that makes the force a voltage of a tenth of it, and damages that in the first record."""
+
+    def change(table, number):
+        table["voltage"] = 0.1 * table.pop("force")
+        if number == 0:
+            damage(table["voltage"])
+
+    return change
+
+
+def _hold(values):
+    values[1500:1510] = values[1500]
+
+
+def _clip(values):
+    most = 0.85 * np.max(np.abs(values))
+    np.clip(values, -most, most, out=values)
+
+
+def _mix(values):
+    values[1500:] *= 9.81
+
+
+def _spike(values):
+    values[[1500, 1700, 1911]] += 0.5 * np.ptp(values)
+
+
+def _step(values):
+    values[1500:] += 6.0
+
+
+@pytest.mark.parametrize(
+    ("check", "damage"), [(held, _hold), (piled, _clip), (mixed_units, _mix), (spikes, _spike), (jumps, _step)]
+)
+def test_what_is_unusual_in_a_voltage_is_noted_as_it_may_have_been_asked_for(check, damage):
+    assert _found(check, _drive(change=_given(lambda values: None))) == []
+    (fault,) = _found(check, _drive(change=_given(damage)))
+    assert fault.channel == "voltage" and not fault.fatal
+
+
+def test_a_voltage_of_steps_is_none_of_a_loggers():
+    def steps(values):
+        values[:] = np.where(np.arange(ROWS) < 1500, 2.0, -2.0)
+
+    recording = _drive(change=_given(steps))
+    assert [f for check in (held, piled, jumps, spikes) for f in _found(check, recording)] == []
+
+
 def test_a_rig_at_rest_is_no_held_sensor():
     def rest(table, number):
         for name in ("position", "velocity", "force"):
@@ -492,3 +562,31 @@ def test_a_buffer_that_is_written_twice_is_refused():
     (fault,) = _found(blocks_twice, _drive(change=change))
     assert fault.row == 1001 and "30 rows" in fault.text
     assert any("written twice" in f.text for f in _fatal(_drive(change=change)))
+
+
+@pytest.mark.parametrize(("recording", "place"), [(_drive, "position"), (_circuit, "output_angle")])
+def test_two_blocks_in_each_others_place_are_found(recording, place):
+    at = []
+
+    def change(table, number):
+        if number == 1:
+            way = np.abs(table[place][55:] - table[place][:-55])
+            a = int(np.argmax(way))
+            at.append(a)
+            order = np.r_[np.arange(a), np.arange(a + 25, a + 55), np.arange(a, a + 25), np.arange(a + 55, ROWS)]
+            for name in table.keys() - {"time"}:
+                table[name] = table[name][order]
+
+    damaged = recording(change=change)
+    (fault,) = _found(out_of_order, damaged)
+    assert fault.fatal and fault.record == "two"
+    assert f"rows {at[0] + 1} to {at[0] + 30} and rows {at[0] + 31} to {at[0] + 55}" in fault.text
+    assert _fatal(damaged)
+
+
+def test_a_load_that_slips_there_and_back_is_in_order():
+    t = 0.01 * np.arange(ROWS)
+    place = 0.02 * np.sin(t) + 1e-5 * np.random.default_rng(1).standard_normal(ROWS)
+    for far in (0.004, -0.006, 0.002):
+        place[1000 + int(1e4 * abs(far)) :] += far
+    assert exchanged([place]) is None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from cable_envs.diagnosis.data.recording import load_recording
+from cable_envs.diagnosis.data.recording import Recording, load_recording
 from cable_envs.diagnosis.intake.scales import wrong_units
 
 
@@ -34,3 +34,17 @@ def test_a_load_that_hardly_moves_its_tension_has_the_right_unit(tmp_path):
 def test_a_tension_in_another_unit_is_named_beside_the_drives(tmp_path, factor):
     (found,) = wrong_units(_recording(tmp_path, factor))
     assert found[1] == "load_tension" and "times drive_tension" in found[3]
+
+
+def _voltage_drive(place=1.0, voltage=1.0):
+    t = 0.01 * np.arange(2000)
+    table = {"time": t, "position": place * 0.1 * np.sin(4.0 * t), "voltage": voltage * 8.0 * np.cos(3.0 * t)}
+    return Recording.from_arrays("linear_drive", {"run": table})
+
+
+def test_no_drive_of_one_axis_has_kilovolts_or_the_speed_of_a_train():
+    assert wrong_units(_voltage_drive()) == []
+    (found,) = wrong_units(_voltage_drive(voltage=1000.0))
+    assert found[1] == "voltage" and "8e+03 V" in found[3] and "'mV' would fit better" in found[3]
+    (found,) = wrong_units(_voltage_drive(place=180.0 / np.pi))
+    assert found[1] == "position" and "m/s" in found[3]
