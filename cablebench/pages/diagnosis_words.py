@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.diagnosis.evidence.likely import EVEN
+from cable_envs.diagnosis.intake.logged import CLOCK
 
 VERDICT = {
     "named": "An effect is missing, and it is named",
@@ -24,6 +25,8 @@ HARDLY = 0.03
 
 def plain(name: str) -> str:
     """``load_dependent_friction`` -> load-dependent friction; ``sensor_bias.force`` -> sensor bias (force)."""
+    if name == CLOCK:
+        return "a clock that is off"
     effect, _, channel = name.partition(".")
     words = effect.replace("load_dependent", "load-dependent").replace("position_dependent", "position-dependent")
     return words.replace("_", " ") + (f" ({channel.replace('_', ' ')})" if channel else "")

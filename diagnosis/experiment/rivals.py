@@ -79,11 +79,11 @@ def names_of(found: Diagnosis) -> list[tuple[str, ...]]:
 
 
 def _others(effect: EffectGain) -> list[str]:
-    """Hypotheses that an effect cannot be told from: in which sensors and places they are the odds say."""
-    by_odds = sorted(effect.rivals, key=lambda name: effect.rivals[name])
+    """Hypotheses of the rig that an effect cannot be told from: in which sensors and places they are the odds say."""
+    by_odds = sorted((n for n in effect.rivals if not n.startswith(LOGGER)), key=lambda name: effect.rivals[name])
     close = [name for name in by_odds if effect.rivals[name] < np.log(SURE)]
     for alternative in effect.alternatives:
-        if alternative not in map(effect_name, close):
+        if not alternative.startswith(LOGGER) and alternative not in map(effect_name, close):
             close.append(next((name for name in by_odds if effect_name(name) == alternative), alternative))
     return close
 

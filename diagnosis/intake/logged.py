@@ -33,6 +33,8 @@ from cable_envs.diagnosis.model.spikes import spikes
 from cable_envs.diagnosis.systems.question import Question
 
 CLOCK, LINES = f"{LOGGER}clock", f"{LOGGER}lines"
+LIKE_CLOCK = ("sensor_scale",)
+"""A clock that is off scales all speeds. Where mass, friction and gains are free, the scale of a sensor is the same."""
 DIFFERENCE, FILTER = f"{LOGGER}difference", f"{LOGGER}filter"
 """Names of the hypotheses; those of what is done to a speed go on with the channel's."""
 STEP, MOST = 1e-4, 1e-2
@@ -214,7 +216,7 @@ def with_logger(
     hypotheses, units = [], {}
     if slopes:
         clock = _hypothesis(CLOCK, _clock(), (1e-3, -1e-3), "t -> (1 + c) t", "time a minute by a good clock")
-        hypotheses.append(replace(clock, alike=True))
+        hypotheses.append(replace(clock, alike=True, confusable=LIKE_CLOCK))
         units[CLOCK] = "1"
     for channel in speeds:
         for one in _of_speed(channel, period):

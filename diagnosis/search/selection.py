@@ -194,9 +194,9 @@ class Selection:
         mine = lead.hypothesis
         return any(effect_name(n) != mine.canonical and not self._declared(mine, n) for n in lead.alternatives)
 
-    @staticmethod
-    def _declared(mine: Hypothesis, other: str) -> bool:
-        theirs = EFFECTS.get(effect_name(other))
+    def _declared(self, mine: Hypothesis, other: str) -> bool:
+        scored = None if self.score_tests is None else self.score_tests.best.get(other)
+        theirs = EFFECTS.get(effect_name(other)) if scored is None else scored.hypothesis
         return effect_name(other) in mine.confusable or (theirs is not None and mine.canonical in theirs.confusable)
 
 

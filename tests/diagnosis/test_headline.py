@@ -6,9 +6,13 @@ import re
 from dataclasses import replace
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cable_envs.diagnosis.fit.likelihood import Judged
+from cable_envs.diagnosis.fit.score_tests import Score, ScoreTests
+from cable_envs.diagnosis.intake import logged
+from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.leftover import Left
 from cable_envs.diagnosis.model.verdict import VERDICTS, EffectGain
 from cable_envs.diagnosis.report import answer as answers
@@ -170,6 +174,16 @@ def test_an_answer_of_the_tool_says_what_is_left_as_its_json_does(odds_left, sha
     assert replace(selection, accepted=tuple(effects)).verdict == "unknown"
     assert replace(selection, accepted=(*effects, effect)).verdict == selection.verdict
     assert read(said) == ((f"{100 * share:.0f} %", odds(odds_left)) if selection.more else "")
+
+
+@pytest.mark.parametrize(("like", "verdict"), [(logged.LIKE_CLOCK, "equivalence_class"), ((), "unknown")])
+def test_a_speed_in_another_scale_may_be_a_clock_that_is_off(like, verdict):
+    scale, clock = Hypothesis("sensor_scale.velocity", (), ()), Hypothesis(logged.CLOCK, (), (), confusable=like)
+    effect = EffectGain(scale, 90.0, alternatives=(logged.CLOCK, "sensor_scale.position"), confidence=0.98)
+    left, judged = Left(0.5, 0.0, ()), Judged(None, (), None, 0.0)
+    scores = ScoreTests((), {logged.CLOCK: Score(clock, (), 80.0, (), 0.0, 0.0)}, 0.0, 0.0, np.eye(1), None, 0.0)
+    assert Selection(judged, judged, (effect,), (), left, left, scores).verdict == verdict
+    assert plain(logged.CLOCK) == "a clock that is off"
 
 
 def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():

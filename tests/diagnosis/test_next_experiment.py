@@ -142,6 +142,8 @@ def test_the_rival_is_in_the_sensor_that_could_not_be_told_apart():
     assert names_of(replace(found, effects=(learnt,)))[1:] == [("sensor_bias.tension",)]
     scale = EffectGain(Hypothesis("sensor_scale.speed", (), (), "", ""), rivals={"sensor_scale.position": -0.3})
     assert names_of(replace(found, effects=(scale,))) == [("sensor_scale.speed",), ("sensor_scale.position",)]
+    clock = replace(scale, alternatives=("logger.clock",), rivals={**scale.rivals, "logger.clock": 0.1})
+    assert names_of(replace(found, effects=(clock,)))[1:] == [("sensor_scale.position",)]  # no motion tells a clock
     unsaid = replace(friction, rivals={})
     assert names_of(replace(found, effects=(unsaid,))) == [("asymmetric_friction",), ("sensor_bias",)]
 
