@@ -12,5 +12,5 @@ EFFECT = Effect(
     "always keeps the cable taut, it only moves the zero of the drive's position",
     experiment="Lock the output, and move the drive back and forth through zero torque. The width of the flat part "
     "does not depend on speed",
-    confusable=("backlash", "sensor_bias", "stiffness_hardening"),
+    confusable=("backlash", "sensor_bias", "stiffness_hardening", "viscoelastic_creep"),
 )
