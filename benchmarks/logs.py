@@ -32,6 +32,9 @@ from cable_envs.proof.logs.loggers import KINDS
 from cable_envs.proof.scoring import Result, judge, restored
 
 FIELDS = tuple(field.name for field in fields(Result))
+OUTSIDE = 0.1
+"""Share of physics outside the library of all logs with a mismatch, in a blind proof (`docs/proof/history.md`: 126 of
+1233), by which names are calibrated; a benchmark of logs has as many of it as of effects."""
 OF_DATA = "of the data, not of the rig: "
 """How the notes of an answer begin that say a fault of the data."""
 FAULTS = ("fast", "resampled", "filtered", "hum", "walk")
@@ -132,19 +135,26 @@ def calibrated(rows: Sequence[Mapping[str, Any]]) -> str:
     """Where noise was learnt: logit of the share of right names, a line over the logarithm of their log odds.
 
     By maximum likelihood with Jeffreys' prior (Firth, Biometrika 80 (1993) 27), without which it has no maximum where
-    all names are right whose odds are above those of the wrong ones.
+    all names are right whose odds are above those of the wrong ones. Logs with physics of no library count as if they
+    were `OUTSIDE` of those in which something is missing.
     """
-    pairs = [pair for row in rows if row.get("learnt") for pair in zip(row["gains"], row["claims"], strict=True)]
-    if not pairs:
+    single, strange = (sum(row["kind"] == kind for row in rows) for kind in ("single", "strange"))
+    less = OUTSIDE / (1.0 - OUTSIDE) * single / strange if single and strange else 1.0
+    names = [
+        (gain, was, less if row["kind"] == "strange" else 1.0)
+        for row in rows if row.get("learnt")
+        for gain, (_, was) in zip(row["gains"], row["claims"], strict=True)
+    ]  # fmt: skip
+    if not names:
         return "no effect was named where the noise was learnt"
-    design = np.array([[1.0, np.log(max(gain, 1.0))] for gain, _ in pairs])
-    right = np.array([float(was) for _, (_, was) in pairs])
+    gains, right, counts = np.array(names, float).T
+    design = np.column_stack([np.ones(len(gains)), np.log(np.maximum(gains, 1.0))])
 
     def against(line: np.ndarray) -> float:
         logit = design @ line
         share = 1.0 / (1.0 + np.exp(-logit))
-        information = design.T @ (design * (share * (1.0 - share))[:, None])
-        told = np.sum(right * logit - np.logaddexp(0.0, logit))
+        information = design.T @ (design * (counts * share * (1.0 - share))[:, None])
+        told = np.sum(counts * (right * logit - np.logaddexp(0.0, logit)))
         return -float(told + 0.5 * np.linalg.slogdet(information + 1e-9 * np.eye(2))[1])
 
     constant, slope = minimize(against, np.zeros(2), method="Nelder-Mead").x

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.logs import calibrated, coverage, errors, faults, in_turn, put_in, reliability, wider
+from benchmarks.logs import OUTSIDE, calibrated, coverage, errors, faults, in_turn, put_in, reliability, wider
 from cable_envs.proof.logs.by_kind import outcomes
 from cable_envs.proof.scoring import Result
 
@@ -41,14 +41,22 @@ def test_the_line_of_right_names_over_their_odds_is_found_again():
     rng = np.random.default_rng(0)
     gains = np.exp(rng.uniform(1.0, 6.0, 4000))
     right = rng.random(4000) < 1.0 / (1.0 + np.exp(4.0 - 1.5 * np.log(gains)))
-    learnt = {"learnt": True, "gains": list(gains), "claims": [(0.5, was) for was in right]}
-    known = {"learnt": False, "gains": [3.0], "claims": [(0.9, False)]}
+    learnt = {"kind": "single", "learnt": True, "gains": list(gains), "claims": [(0.5, was) for was in right]}
+    known = {**learnt, "learnt": False, "gains": [3.0], "claims": [(0.9, False)]}
     said = calibrated([learnt, known])
     constant, slope = (float(said.split(word)[1].split()[0]) for word in ("logit =", "+"))
     assert abs(constant + 4.0) < 0.3 and abs(slope - 1.5) < 0.1
     assert said.endswith(f"{right.sum()} of 4000 names are right")
-    few = {"learnt": True, "gains": [5.0, 20.0], "claims": [(0.5, False), (0.5, True)]}  # no maximum by itself
+    few = {**learnt, "gains": [5.0, 20.0], "claims": [(0.5, False), (0.5, True)]}  # no maximum by itself
     assert "1 of 2" in calibrated([few]) and calibrated([known]).startswith("no effect")
+
+
+def test_logs_of_no_library_count_for_the_calibration_as_often_as_a_proof_has_them():
+    """As many names are wrong in as many strange logs: were all logs so, half were right; one in ten is."""
+    rows = [{"kind": "single", "learnt": True, "gains": [20.0], "claims": [(0.5, True)]} for _ in range(90)]
+    rows += [{**row, "kind": "strange", "claims": [(0.5, False)]} for row in rows]
+    constant, slope = (float(calibrated(rows).split(word)[1].split()[0]) for word in ("logit =", "+"))
+    assert 1.0 / (1.0 + np.exp(-constant - slope * np.log(20.0))) == pytest.approx(1.0 - OUTSIDE, abs=0.01)
 
 
 def test_intervals_are_counted_parameter_by_parameter():
