@@ -118,8 +118,7 @@ def headline(record: Mapping[str, Any]) -> str:
     if verdict == "unknown":
         return _unknown(record, rest)
     several = "; ".join(" and ".join(part) for part in _by_place(record["effects"], bool(rest)) if part)
-    unsure = any(effect["confidence"] < EVEN for effect in record["effects"])
-    probably = "possibly " if unsure else "probably " if verdict == "partly_named" else ""
+    probably = "probably " if verdict == "partly_named" else ""
     besides = f" Besides, of the data: {cause}." if cause else ""
     return f"The simulator {probably}lacks {several}{f', but that is not all: {rest}' if rest else ''}.{besides}"
 
@@ -156,7 +155,8 @@ def sure(effect: Mapping[str, Any], rest: bool) -> str:
 
 
 def _by_place(effects: Sequence[Mapping[str, Any]], rest: bool) -> tuple[list[str], list[str]]:
-    """Effects in words: those that nothing speaks against, and those that are local."""
+    """Effects in words, the unlikely ones last: those that nothing speaks against, and those that are local."""
+    effects = sorted(effects, key=_unlikely)
     everywhere = [_one(effect, rest) for effect in effects if not effect.get("local")]
     return everywhere, [f"{_one(effect, rest)} only where it was fitted" for effect in effects if effect.get("local")]
 
@@ -185,10 +185,16 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _one(effect: Mapping[str, Any], rest: bool) -> str:
+    possibly = "possibly " if _unlikely(effect) else ""
     if effect["alternatives"]:
         others = " or ".join(plain(n) for n in (effect["name"], *effect["alternatives"]))
-        return f"either {others} ({sure(effect, rest)})"
-    return f"{_called(effect)} ({sure(effect, rest)})"
+        return f"{possibly}either {others} ({sure(effect, rest)})"
+    return f"{possibly}{_called(effect)} ({sure(effect, rest)})"
+
+
+def _unlikely(effect: Mapping[str, Any]) -> bool:
+    """Whether an effect is rather not there; beside a likelier one it is said."""
+    return bool(effect["confidence"] < EVEN)
 
 
 def _called(effect: Mapping[str, Any]) -> str:
