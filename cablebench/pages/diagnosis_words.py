@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from cable_envs.diagnosis.evidence.likely import EVEN
-from cable_envs.diagnosis.intake.logged import CLOCK
 
 VERDICT = {
     "named": "An effect is missing, and it is named",
@@ -24,12 +23,14 @@ HARDLY = 0.03
 
 
 def plain(name: str) -> str:
-    """``load_dependent_friction`` -> load-dependent friction; ``sensor_bias.force`` -> sensor bias (force)."""
-    if name == CLOCK:
-        return "a clock that is off"
-    effect, _, channel = name.partition(".")
+    """``load_dependent_friction`` -> load-dependent friction; ``sensor_bias.force`` -> sensor bias (force).
+
+    ``logger.clock`` -> the logger's clock.
+    """
+    whose = "the logger's " if name.startswith("logger.") else ""
+    effect, _, channel = name.removeprefix("logger.").partition(".")
     words = effect.replace("load_dependent", "load-dependent").replace("position_dependent", "position-dependent")
-    return words.replace("_", " ") + (f" ({channel.replace('_', ' ')})" if channel else "")
+    return whose + words.replace("_", " ") + (f" ({channel.replace('_', ' ')})" if channel else "")
 
 
 def number(value: float | None, digits: int = 3) -> str:

@@ -183,7 +183,7 @@ def test_a_speed_in_another_scale_may_be_a_clock_that_is_off(like, verdict):
     left, judged = Left(0.5, 0.0, ()), Judged(None, (), None, 0.0)
     scores = ScoreTests((), {logged.CLOCK: Score(clock, (), 80.0, (), 0.0, 0.0)}, 0.0, 0.0, np.eye(1), None, 0.0)
     assert Selection(judged, judged, (effect,), (), left, left, scores).verdict == verdict
-    assert plain(logged.CLOCK) == "a clock that is off"
+    assert plain(logged.CLOCK) == "the logger's clock"
 
 
 def test_what_is_known_as_a_product_only_is_on_the_page_and_in_the_terminal():
