@@ -29,7 +29,7 @@ ITERATIONS = 5
 CALIBRATED = (-11.06, 3.92)
 """Where the noise is learnt from what is left: logit of the share of right names, constant and slope over the logarithm
 of their log odds, as `benchmarks.logs` prints them: of 88 effects that were named on 248 logs of generator A
-(`cable_envs.proof.logs`, seed 46, `--each 2`), also where a probability below a half refuses them, 76 were right."""
+(`cable_envs.proof.logs`, seed 46, `--each 2`), with `EVEN` of `likely.py` at 0, 76 were right."""
 DOMINANT = 1.0
 """RMS of a discrepancy over that of the noise from which it is no stationary noise that limits: each channel then
 counts by the size of all that is left of it and by its effective sample size (`cable_envs.diagnosis.fit.weights`)."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import WORKS, Found, Track, is_told, of_steps
+from cable_envs.diagnosis.intake.tracks import INPUTS, WORKS, Found, Track, is_told, of_steps
 
 CHANCE = 1e-6
 """Of a false alarm, a channel of a record."""
@@ -48,7 +48,7 @@ def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
             continue
         for track in tracks:
             values = track.even(channel)
-            if is_told(channel) and of_steps(values):
+            if channel in INPUTS and of_steps(values):
                 continue
             sample = lone_jump(values)
             if sample is None or not _others_calm(track, channel, sample):
@@ -56,7 +56,7 @@ def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
             place = channel.endswith(("position", "angle"))
             if place and abs(_step(values, sample)) <= np.max(np.abs(track.speed(channel))) * track.period:
                 continue  # where it goes in one sample at its top speed
-            text, fatal = _what(values, sample, place, is_told(channel))
+            text, fatal = _what(values, sample, place, channel in INPUTS)
             yield Found(track.name, channel, track.row(sample), text, fatal)
             break
 
@@ -152,7 +152,7 @@ def exchanged(places: Sequence[np.ndarray]) -> tuple[int, int, int] | None:
         if c - a > _BLOCKS * len(places[0]):
             continue
         joined = ((a - 1, b), (c - 1, a), (b - 1, c))
-        if all(abs(v[j] - v[i]) <= _SMOOTH * u for v, _, u in moving for i, j in joined if j < len(v)):
+        if all(abs(v[j] - v[i]) <= _SMOOTH * u for v, _, u in moving for i, j in joined):
             return a, b, c
     return None
 
@@ -167,7 +167,7 @@ def mixed_units(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found
             if found is not None:
                 sample, factor = found
                 text = f"from about here on its numbers and its noise are {factor:.3g} times what they were"
-                fatal = not is_told(channel)  # an amplifier may have been set anew
+                fatal = channel not in INPUTS  # an amplifier may have been set anew
                 yield Found(track.name, channel, track.row(sample), f"{text}: one unit in a record", fatal)
                 break
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import EFFORTS, Found, Track, is_told, of_steps
+from cable_envs.diagnosis.intake.tracks import EFFORTS, INPUTS, Found, Track, is_told, of_steps
 from cable_envs.diagnosis.model.noise import jitter
 
 _CHANCE, _SURE = 1e-3, 1e-6
@@ -19,8 +19,6 @@ _BY_NOISE = (2.0, 4.0)
 """Standard deviations of its noise: up to which the usual way of a channel's means is none, and from which one is."""
 _SLOWER = 0.5
 """Of the usual way: what goes so far while an effort has one value has not stopped."""
-_INPUTS = ("voltage",)
-"""Efforts that somebody may have held or limited: what is unusual in them is noted."""
 _PILED = 0.01
 """Share of an effort's samples at each of two opposite ends from which they are no peaks of a motion."""
 _BLOCK = 8
@@ -43,13 +41,13 @@ def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """
     records = [record for record in recording.records if record.use != "rest"]
     for channel in recording.channels:
-        if channel not in (*EFFORTS, *_INPUTS):
+        if channel not in (*EFFORTS, *INPUTS):
             continue
         for track, record in zip(tracks, records, strict=True):
             values = np.where(record.usable(channel), track.channels[channel], np.nan)
             run = longest_run(values)
             if run is not None and moves(track, channel, *run[:2], share=_SLOWER):
-                fatal = run[2] < _SURE and channel not in _INPUTS
+                fatal = run[2] < _SURE and channel not in INPUTS
                 if values[run[0]] in (np.nanmax(values), np.nanmin(values)):
                     text = f"{run[1]} samples in a row at its end of {values[run[0]]:.6g}: saturated"
                     yield Found(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'", fatal)
@@ -65,11 +63,11 @@ def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
 def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     """Efforts with many samples at exactly opposite ends: a limit. Of the sensor it is a fault, of the drive none."""
     for channel in recording.channels:
-        if channel not in (*EFFORTS, *_INPUTS):
+        if channel not in (*EFFORTS, *INPUTS):
             continue
         for track in tracks:
             values = track.channels[channel]
-            if channel in _INPUTS and of_steps(values):
+            if channel in INPUTS and of_steps(values):
                 continue
             high, low = float(np.max(values)), float(np.min(values))
             least = min(float(np.mean(values == high)), float(np.mean(values == low)))
@@ -102,10 +100,10 @@ def longest_run(values: np.ndarray) -> tuple[int, int, float] | None:
 def moves(
     track: Track, channel: str, first: int, length: int, among: Collection[str] | None = None, share: float = 1.0
 ) -> bool:
-    """Whether another channel goes as far during some samples as it does in half of all stretches of that length.
+    """Whether another channel goes as far during some samples as it does in half of all spans of that length.
 
     ``among``: the channels that are looked at; None: all. share: of that way, which is enough. In a record that rests
-    for long half of all stretches have no way but noise: that is none.
+    for long half of all spans have no way but noise: that is none.
     """
     half = max(length // 2, 1)
     for name, values in track.channels.items():

@@ -40,6 +40,8 @@ EFFORTS = (
     "tension_bottom", "band_tension_1", "band_tension_2",
 )  # fmt: skip
 """Channels that sensors of force, torque or current give."""
+INPUTS = ("voltage",)
+"""Channels that were recorded, and that somebody may have asked for: what is unusual in them is noted."""
 LAG = 0.06
 """s, the longest lag of an actuator or sensor that a rig may have: twice what `cable_envs.effects.actuator_lag` calls
 typical. What is later than this did not happen in the rig, but in the logger."""
@@ -57,15 +59,18 @@ class Found(NamedTuple):
 
 def is_told(channel: str) -> bool:
     """Whether a channel is what somebody asked for, or the voltage that a drive was given."""
-    return told(channel) or channel == "voltage"
+    return told(channel) or channel in INPUTS
+
+
+LEVELS = 100
+"""Different values, from which an input is no sequence of steps."""
 
 
 def of_steps(values: np.ndarray) -> bool:
     """Whether an input [T] takes so few values that it is a sequence of steps."""
-    return len(np.unique(values)) < _LEVELS
+    return len(np.unique(values)) < LEVELS
 
 
-_LEVELS = 100
 ANSWERS = 3
 """Rows after its command's step in which a servo is fastest: it begins in the next one, and a sensor may be late."""
 
