@@ -38,6 +38,7 @@ from cable_envs.diagnosis.search.odds import Odds, alike
 from cable_envs.diagnosis.search.refits import Effects, Keep, Refits
 from cable_envs.diagnosis.search.selection import Found, Round
 from cable_envs.diagnosis.search.starts import BETTER
+from cable_envs.diagnosis.search.tolerances import with_tolerances
 
 MOST = 8
 """Effects at the most."""
@@ -98,6 +99,7 @@ class Search:
     def run(self, null: Judged | None = None) -> Found:
         """Search forward, then leave out and exchange until the best model stays; ``null``: the refit to begin with."""
         found = self._found(null)
+        found = with_tolerances(found, self.fit, self.joint, self._hypotheses, self._stated, self._sizes)
         best = with_central_slopes(self.joint, found.best)
         return replace(found, best=best, bare=best if found.best is found.bare else found.bare)
 

@@ -138,6 +138,17 @@ def test_thinned_trajectories_keep_their_course_and_their_end(tmp_path):
     assert found["failed"].shape == (1,)
 
 
+def test_thinned_trajectories_are_rounded_by_their_range_and_not_by_their_size(tmp_path):
+    store = ResultStore(tmp_path / "quick.jsonl")
+    place = 0.5 + 0.01 * np.sin(np.linspace(0.0, 9.0, 200))
+    path = store.trajectories.keep("abc", {"worst": {"output": np.append(place, np.nan)}})
+    store.trajectories.thin(["abc"], lambda name: True, 200)
+    once, found = path.read_bytes(), store.trajectories.of("abc")["worst"]["output"]
+    assert 0.0 < np.abs(found[:-1] - place).max() <= np.ptp(place) / 2048 and np.isnan(found[-1])
+    store.trajectories.thin(["abc"], lambda name: True, 200)
+    assert path.read_bytes() == once
+
+
 def test_packed_trajectories_are_the_same_numbers_in_one_file(tmp_path):
     store, rng = ResultStore(tmp_path / "quick.jsonl"), np.random.default_rng(1)
     runs = {f"run{i}": {"worst": {"time": np.arange(50.0), "output": rng.normal(size=50)}} for i in range(6)}

@@ -136,6 +136,24 @@ def test_an_effect_that_ends_smaller_than_the_records_can_tell_is_given_up(monke
     assert last.without["stiffness_effect"] > last.sure and better is not None and not better.effects
 
 
+@pytest.mark.parametrize(
+    ("name", "least", "alternatives", "verdict"),
+    [("sensor_bias.force", 9.0, ("sensor_scale.force",), "equivalence_class"), ("skew", 9.0, (), "named")],
+)
+def test_an_error_of_a_sensor_within_its_class_is_what_an_effect_that_looks_alike_may_be(
+    name, least, alternatives, verdict
+):
+    """Beside Coulomb's friction a force in one direction alone is a constant: here in place of a small scale."""
+    of, within = (next(h for h in HYPOTHESES if h.name == n) for n in ("bias_effect", "difference_effect"))
+    bias = replace(of, name=name, effect=EFFECTS.get("sensor_bias") if name.startswith("sensor") else None)
+    scale = replace(within, name="sensor_scale.force", effect=EFFECTS["sensor_scale"], least=least,
+                    confusable=EFFECTS["sensor_scale"].confusable)  # fmt: skip
+    truth = {"bias": 1.0}
+    found = select(Toy(truth, 1), Toy(truth, 51, 1), NOMINALS, [bias, scale], np.random.default_rng(0))
+    (only,) = found.accepted
+    assert (only.hypothesis.name, only.alternatives, found.verdict) == (name, alternatives, verdict)
+
+
 def test_an_effect_that_is_not_sure_beside_the_rest_is_given_up_at_the_end():
     """It was taken when less stood beside it; where the noise is learnt, log odds of 7 are not enough to be named."""
     search = Search(Toy({"stiffness": 15.0, "bias": 0.08}, 1), Toy({"stiffness": 15.0, "bias": 0.08}, 51, 1), NOMINALS,
