@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,10 @@ def record(results: Mapping[str, Sequence[Result]], about: Mapping[str, Any]) ->
     return {"schema": SCHEMA, **about, "broken_rules": failures(first, bool(about.get("sample"))), "methods": methods}
 
 
+_AFTER = re.compile(r" --after (?:(\d+)|K, with K = (?:(\d+) to (\d+) by (\d+)|([\d, ]+)))")
+"""Where a part begins, or several that were joined do, in the words of `one_command`."""
+
+
 def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
     """Records of the parts of one proof. Raises ConfigurationError where they are none, or not of one plan."""
     found: list[dict[str, Any]] = []
@@ -92,16 +97,35 @@ def parts_of(files: Sequence[Path]) -> list[dict[str, Any]]:
 def one_command(commands: Sequence[str]) -> str:
     """Commands of parts as one text; those that differ by where they begin alone are said once.
 
+    Parts may be parts together, so that a proof is joined as it grows.
+
     Examples
     --------
-    >>> one_command(["cablebench blind-test --first 5 --seed 1", "cablebench blind-test --first 5 --after 5 --seed 1"])
-    'cablebench blind-test --first 5 --seed 1 --after K, with K = 0, 5'
+    >>> some = one_command(["blind-test --first 5 --seed 1", "blind-test --first 5 --after 5 --seed 1"])
+    >>> some
+    'blind-test --first 5 --seed 1 --after K, with K = 0, 5'
+    >>> one_command(["blind-test --first 5 --after 10 --seed 1", some])
+    'blind-test --first 5 --seed 1 --after K, with K = 0 to 10 by 5'
     """
-    begins = [re.search(r" --after (\d+)", command) for command in commands]
-    alike = {re.sub(r" --after \d+", "", command) for command in commands}
+    begins = sorted(begin for command in commands for begin in _begins(command))
+    alike = {_AFTER.sub("", command) for command in commands}
     if len(commands) < 2 or len(alike) > 1:
         return "; ".join(commands)
-    return f"{alike.pop()} --after K, with K = {', '.join(b.group(1) if b else '0' for b in begins)}"
+    steps = {after - before for before, after in pairwise(begins)}
+    even = len(begins) > 2 and len(steps) == 1
+    said = f"{begins[0]} to {begins[-1]} by {steps.pop()}" if even else ", ".join(map(str, begins))
+    return f"{alike.pop()} --after K, with K = {said}"
+
+
+def _begins(command: str) -> list[int]:
+    """Where the parts of a command begin, of one or of several that were joined."""
+    found = _AFTER.search(command)
+    if found is None:
+        return [0]
+    one, first, last, step, several = found.groups()
+    if one:
+        return [int(one)]
+    return list(range(int(first), int(last) + 1, int(step))) if first else [int(k) for k in several.split(", ")]
 
 
 def together(parts: Sequence[Mapping[str, Any]]) -> dict[str, list[Result]]:
