@@ -23,7 +23,7 @@ EFFECT = Effect(
     ),
     validity="one gear without a gap; a backdriving loss of 1 holds any load (self-locking)",
     experiment="Lift and lower three loads slowly. The drive's torque over the load's differs up and down",
-    confusable=("coulomb_friction", "stribeck_friction", "load_dependent_friction", "supply_sag"),
+    confusable=("coulomb_friction", "stribeck_friction", "load_dependent_friction", "supply_sag", "torque_saturation"),
 )  # fmt: skip
 
 

@@ -17,5 +17,5 @@ EFFECT = Effect(
     validity="current that does not stop within a period of the bridge; a supply without a capacitor that would carry "
     "it over one",
     experiment="Hold loads at rest with small and with large duty. Torque over duty falls",
-    confusable=("winding_heating", "gear_friction"),
+    confusable=("winding_heating", "gear_friction", "torque_saturation"),
 )

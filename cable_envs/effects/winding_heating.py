@@ -26,7 +26,7 @@ EFFECT = Effect(
     ),
     validity="a winding that is at the temperature of R_0 when the run begins; torque constant and friction stay",
     experiment="Hold a load for a minute. The duty that it takes grows, and is back after a rest",
-    confusable=("supply_sag", "friction_drift"),
+    confusable=("supply_sag", "torque_saturation", "friction_drift"),
 )
 
 

@@ -20,7 +20,8 @@ _SAID = {
     "sensor_delay.speed_reading": "delay of the sensor", "detector_power": "nonlinear sensor",
     "coulomb_friction": "Coulomb friction", "stribeck_friction": "Stribeck friction",
     "position_dependent_load": "position-dependent load", "gear_friction": "gear friction",
-    "supply_sag": "supply sag", "command_delay": "delay of the command",
+    "supply_sag": "supply sag", "torque_saturation": "saturation of the torque",
+    "command_delay": "delay of the command",
 }  # fmt: skip
 _SHOWN = {"m": ("um", 1e6), "rad": ("deg", 57.29577951308232)}
 

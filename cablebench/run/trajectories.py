@@ -178,7 +178,7 @@ def _thinned(values: np.ndarray, points: int) -> np.ndarray:
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """The numbers [T] to `DIGITS` binary digits of their range, in their own type; what is so rounded stays as it is."""
+    """The numbers [T] to `DIGITS` binary digits of their range, in their own type; what is so rounded stays."""
     seen = values[np.isfinite(values)] if values.dtype.kind == "f" else np.empty(0)
     span = float(np.ptp(seen)) if seen.size else 0.0
     if span == 0.0:

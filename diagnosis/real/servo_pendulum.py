@@ -23,9 +23,9 @@ from cable_envs.diagnosis.real.finding import Finding, find
 from cable_envs.diagnosis.systems import prepare
 from cable_envs.diagnosis.systems.question import Question, Request
 
-LADDER = ("gear_friction", "supply_sag", "command_delay")
+LADDER = ("gear_friction", "torque_saturation", "command_delay")
 """Effects in the order in which the rungs add them."""
-ASKED = (*LADDER, "winding_heating", "stribeck_friction")
+ASKED = (*LADDER, "supply_sag", "winding_heating", "stribeck_friction")
 """What the diagnosis is asked for: what a servo is known to have."""
 PEERS = {
     "Coulomb, viscous": {"all": 0.0819, "kp=100": 0.041, "kp=400": 0.091},

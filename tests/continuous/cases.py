@@ -79,7 +79,7 @@ IDEAL = {
     ),
     "rotary-duty": Case(
         JOINT, "duty", 0.3, 0.2, {"gear_friction.driving": 0.4, "gear_friction.backdriving": 0.3,
-         "supply_sag.resistance": 1.0, "position_dependent_load.stiffness": 0.05},
+         "supply_sag.resistance": 1.0, "torque_saturation.drop": 0.3, "position_dependent_load.stiffness": 0.05},
     ),
     "rotary-position": Case(JOINT, "position", 0.4, 0.0, {"gear_friction.driving": 0.3, "rate_gain": 0.02}),
     "coupled": Case(COUPLED, "voltage", 2.0, 0.0, {"coulomb": 5.0, "stiffness_hardening.coefficient": 0.05}),

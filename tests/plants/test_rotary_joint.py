@@ -26,8 +26,9 @@ def run(command=WAVE, drive="position", substeps=20, start=0.0, hold="ramp", sec
 
 
 def solved(
-    command=WAVE, start=0.0, gain=1.0, driving=0.0, backdriving=0.0, sag=0.0, coulomb=0.0, growth=0.0, cool=20.0
-):
+    command=WAVE, start=0.0, gain=1.0, driving=0.0, backdriving=0.0, sag=0.0, coulomb=0.0, growth=0.0, cool=20.0,
+    drop=0.0,
+):  # fmt: skip
     """(angle, warming) [T, 2] by SciPy: the printed equations by cases, a friction that is a steep function at rest."""
     rotor, load, weight, k, ohm, volts = 2e-3, 0.5 * 0.1**2, 0.5 * 9.81 * 0.1, 0.4, 3.0, 7.4
 
@@ -37,7 +38,7 @@ def solved(
         u = min(max(gain * (now - q), -1.0), 1.0)
         i = (u * volts - k * v) / (ohm * (1.0 + h) + sag * abs(u))
         way = np.tanh(v / 1e-4)
-        net, needs = k * i - 5e-3 * v - coulomb * way, weight * np.sin(q)
+        net, needs = k * i / (1.0 + drop * abs(i)) - 5e-3 * v - coulomb * way, weight * np.sin(q)
         # the gear: T' = T (1 + driving) where T v > 0, T (1 - backdriving) where T v < 0, T what the load takes
         a = (net - needs) / (rotor + load)
         for _ in range(50):  # a loss that follows the motion, by iteration
@@ -65,6 +66,7 @@ def solved(
 @pytest.mark.parametrize(("changes", "own", "within"), [
     ({}, {}, 1e-4),
     ({"supply_sag__resistance": 1.5}, {"sag": 1.5}, 1e-4),
+    ({"torque_saturation__drop": 0.4}, {"drop": 0.4}, 1e-4),
     ({"winding_heating__growth": 0.3}, {"growth": 0.3}, 1e-4),
     # friction: SciPy's is not set-valued but turns round within 0.1 mrad/s
     ({"coulomb": 0.03, "gear_friction__driving": 0.4, "gear_friction__backdriving": 0.3},
@@ -77,7 +79,9 @@ def test_it_is_what_scipy_integrates(changes, own, within):
 
 
 def test_the_step_is_of_second_order():
-    changes = {"coulomb": 0.0, "gear_friction__driving": 0.0, "supply_sag__resistance": 1.0}
+    changes = {
+        "coulomb": 0.0, "gear_friction__driving": 0.0, "supply_sag__resistance": 1.0, "torque_saturation__drop": 0.4,
+    }  # fmt: skip
     truth = run(substeps=640, **changes)["position"]
     errors = [np.abs(run(substeps=n, **changes)["position"] - truth).max() for n in (10, 20, 40)]
     assert errors[0] / errors[1] == pytest.approx(4.0, rel=0.2) and errors[1] / errors[2] == pytest.approx(4.0, rel=0.2)
@@ -94,12 +98,15 @@ def test_small_swings_of_a_released_joint_are_those_of_a_pendulum():
 
 def test_at_rest_the_motor_holds_the_load_with_the_printed_duty():
     angle = 0.6
-    x = PLANT.rest(PLANT.prepare(PLANT.table.pack({"supply_sag.resistance": 1.0})[:, None]), np.array([angle]))[:, 0]
+    rig = PLANT.table.pack({"supply_sag.resistance": 1.0, "torque_saturation.drop": 0.4})
+    x = PLANT.rest(PLANT.prepare(rig[:, None]), np.array([angle]))[:, 0]
     torque = 0.5 * 9.81 * 0.1 * np.sin(angle)
-    duty = x[PLANT.row("duty")]
-    assert duty * 7.4 == pytest.approx(torque / 0.4 * (3.0 + 1.0 * duty), rel=1e-12)
+    duty, current = x[PLANT.row("duty")], x[PLANT.row("current")]
+    assert 0.4 * current / (1.0 + 0.4 * current) == pytest.approx(torque, rel=1e-12)
+    assert duty * 7.4 == pytest.approx(current * (3.0 + 1.0 * duty), rel=1e-12)
     reference = x[PLANT.row("held_reference")]
-    still = run(np.full(STEPS, reference), start=angle, supply_sag__resistance=1.0, coulomb=0.0)
+    motor = {"supply_sag__resistance": 1.0, "torque_saturation__drop": 0.4}
+    still = run(np.full(STEPS, reference), start=angle, coulomb=0.0, **motor)
     np.testing.assert_allclose(still["position"], angle, atol=1e-12)
 
 

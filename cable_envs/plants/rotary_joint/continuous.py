@@ -38,6 +38,6 @@ def equations(plant: Plant, mode: ActionMode, value: Values) -> Equations:
         slides=("velocity",),
         effects=(
             "stribeck_friction", "asymmetric_friction", "gear_friction", "position_ripple", "position_dependent_load",
-            "supply_sag", "dead_band",
+            "supply_sag", "torque_saturation", "dead_band",
         ),
     )  # fmt: skip

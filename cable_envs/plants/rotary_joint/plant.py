@@ -1,6 +1,7 @@
 """A joint that a motor turns through a gear against a pendulum, a spring or nothing, under a controller of its own.
 
-    (J + m l^2 + J_l) v' = k_t i - viscous v - F_c sign(v) - m g l sin(q - q_0) - spring + disturbance
+    (J + m l^2 + J_l) v' = T - viscous v - F_c sign(v) - m g l sin(q - q_0) - spring + disturbance
+    torque   T = k_t i / (1 + drop |i|): `torque_saturation`
     current  i (R (1 + h) + R_s |u|) = u U - k_t v, within current_limit; 0 where the bridge is open (release above 1/2)
     duty     u = command, or position_gain (command - q) + rate_gain (command' - v), within duty_limit; or command / U
     else     i = command, within current_limit; k_t i = command, within torque_limit: an amplifier with a current loop,
@@ -33,6 +34,7 @@ from cable_envs.effects.gear_friction import geared, shares
 from cable_envs.effects.own import advance_memory, own_actuate, slopes_of_own_load
 from cable_envs.effects.position_ripple import wave
 from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, slid
+from cable_envs.effects.torque_saturation import saturated, unsaturated
 from cable_envs.effects.winding_heating import warmed
 from cable_envs.physics.motor import driven_current, shown
 from cable_envs.plants.base import OUT_OF_RANGE, ActionMode, Plant, SecondCommand, Signal, rows_of
@@ -84,7 +86,8 @@ ACTING = Acting(
         "gear_friction": ("driving", "backdriving", "rise", "velocity"), "friction_drift": ("change", "time", "travel"),
         "position_ripple": ("force", "period", "phase"), "position_dependent_load": ("stiffness", "neutral"),
         "actuator_lag": ("time",), "command_delay": ("time",), "dead_band": ("width",),
-        "quantised_command": ("steps",), "supply_sag": ("resistance",), "winding_heating": ("growth", "time"),
+        "quantised_command": ("steps",), "supply_sag": ("resistance",), "torque_saturation": ("drop",),
+        "winding_heating": ("growth", "time"),
     },
     sensors={"position": "rad", "velocity": "rad/s", "duty": "1", "current": "A"},
     aliases={"coulomb_friction.level": "coulomb", "viscous_friction.coefficient": "viscous"},
@@ -147,7 +150,9 @@ def _motor(p, u, e, i, y, v, warming):
     whole = winding + sag * abs(duty)
     gives = select(released | looped | (abs(current) >= p.current_limit[i]), 0.0, k / whole)
     push = free * gives * (p.supply_voltage[i] - sag * sign(duty) * current)
-    return k * current, push * p.position_gain[i], push * p.rate_gain[i] + gives * k, current, duty
+    magnetising, slope = saturated(current, e.torque_saturation_drop[i])
+    push, gives = slope * push, slope * gives
+    return k * magnetising, push * p.position_gain[i], push * p.rate_gain[i] + gives * k, current, duty
 
 
 @inline
@@ -248,10 +253,11 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     spring = e.position_dependent_load_stiffness * (position - e.position_dependent_load_neutral)
     load = p.weight * np.sin(position - p.hanging_angle) + spring
     held = load - e.position_ripple_amplitude * np.sin(angle)
-    most = np.maximum(p.torque_constant * p.supply_voltage - e.supply_sag_resistance * np.abs(held), 1e-300)
-    duty = np.clip(held * p.resistance / most, -p.duty_limit, p.duty_limit)
+    current = unsaturated(held / p.torque_constant, e.torque_saturation_drop)
+    most = np.maximum(p.supply_voltage - e.supply_sag_resistance * np.abs(current), 1e-300)
+    duty = np.clip(current * p.resistance / most, -p.duty_limit, p.duty_limit)
     x.position[:], x.load_torque[:], x.duty[:], x.voltage[:] = position, load, duty, duty * p.supply_voltage
-    x.current[:], x.torque[:] = held / p.torque_constant, held
+    x.current[:], x.torque[:] = current, held
     x.held_reference[:] = position + np.where(p.position_gain > 0.0, duty / np.maximum(p.position_gain, 1e-300), 0.0)
 
 

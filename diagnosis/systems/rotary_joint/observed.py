@@ -139,6 +139,8 @@ def _candidates(
     gone = dict.fromkeys(_OF_SUPPLY, f"the motor's {effort} was recorded: what comes before it is not asked")
     gone["sensor_bias.position"] = "it looks the same as the refitted hanging_angle"
     gone["sensor_scale.position"] = "no controller is replayed: the recorded effort and angle drive the simulator"
+    if effort == "torque":
+        gone["torque_saturation"] = "the motor's torque was recorded: how its current makes it does not matter"
     if effort != "voltage":
         gone |= dict.fromkeys(_OF_WINDING, f"the motor's {effort} was recorded: its winding does not matter")
     for what in ("scale", "bias", "delay", "rectification"):
