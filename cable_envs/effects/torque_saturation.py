@@ -1,5 +1,7 @@
 """The torque of a motor grows less than its current: iron saturates."""
 
+import numpy as np
+
 from cable_envs.core.kernels import inline
 from cable_envs.effects.base import Effect, EffectParameter
 
@@ -32,6 +34,11 @@ def saturated(current, drop):
 
 
 def unsaturated(current, drop):
-    """Current that makes the torque of ``current`` without saturation; without end from 1 / drop on."""
-    share = 1.0 - drop * abs(current)
-    return current / (share * (share > 0.0) + 1e-300 * (share <= 0.0))
+    """Currents [n] that make the torques of ``current`` [n] without saturation; from 1 / drop on none does: endless.
+
+    Examples
+    --------
+    >>> float(unsaturated(np.array([-1.0]), 0.5)[0])
+    -2.0
+    """
+    return current / np.maximum(1.0 - drop * np.abs(current), 1e-12)

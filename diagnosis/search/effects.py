@@ -10,7 +10,8 @@
 An effect that may be in several places (`Hypothesis.parts`) is compared in each alone, and in all; the best counts.
 What cannot be told from a fault of a channel that others tell as well is exchanged for the fault.
 An effect that ends smaller than the records can tell (`Hypothesis.least`) is not taken. Refits move it, and so every
-model is asked that is compared: it is neither taken nor an alternative, and one that was taken is given up.
+model is asked that is compared: it is not taken, and one that was taken is given up. Nor is it an alternative, but for
+errors of sensors within their class (`search.tolerances`).
 """
 
 from collections.abc import Callable, Mapping, Sequence

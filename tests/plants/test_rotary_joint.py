@@ -110,6 +110,13 @@ def test_at_rest_the_motor_holds_the_load_with_the_printed_duty():
     np.testing.assert_allclose(still["position"], angle, atol=1e-12)
 
 
+def test_where_no_current_holds_the_load_all_that_the_amplifier_gives_is_reported():
+    """0.4 N m / A with half of the torque lost at 0.2 A make 0.08 N m at most, and the load takes 0.28 N m."""
+    rig = PLANT.table.pack({"torque_saturation.drop": 5.0, "current_limit": 2.0})
+    x = PLANT.rest(PLANT.prepare(rig[:, None]), np.array([0.6]))[:, 0]
+    assert x[PLANT.row("current")] == 2.0 and x[PLANT.row("duty")] == pytest.approx(2.0 * 3.0 / 7.4)
+
+
 def test_a_gear_lifts_with_more_and_lets_down_with_less_and_holds_between():
     """Constant slow motion: the torque is load (1 + driving) up and load (1 - backdriving) down."""
     slow = {"position_gain": 10.0, "coulomb": 0.0, "viscous": 0.05}

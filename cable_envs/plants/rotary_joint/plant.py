@@ -254,6 +254,7 @@ def _settle(x, s, p, e, position: np.ndarray) -> None:
     load = p.weight * np.sin(position - p.hanging_angle) + spring
     held = load - e.position_ripple_amplitude * np.sin(angle)
     current = unsaturated(held / p.torque_constant, e.torque_saturation_drop)
+    current = np.clip(current, -p.current_limit, p.current_limit)
     most = np.maximum(p.supply_voltage - e.supply_sag_resistance * np.abs(current), 1e-300)
     duty = np.clip(current * p.resistance / most, -p.duty_limit, p.duty_limit)
     x.position[:], x.load_torque[:], x.duty[:], x.voltage[:] = position, load, duty, duty * p.supply_voltage
