@@ -338,9 +338,11 @@ def confusion(results: Iterable[Result]) -> dict[str, dict[str, int]]:
     return found
 
 
-def calibration(
-    results: Iterable[Result], edges: Sequence[float] = (0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0001)
-) -> list[dict]:
+EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0001)
+"""Confidences between which answers are put together, to see what share of them is right."""
+
+
+def calibration(results: Iterable[Result], edges: Sequence[float] = EDGES) -> list[dict]:
     """Stated confidence against the share that is right, in bins that hold answers."""
     claims = [claim for r in results for claim in r.claims]
     bins = []

@@ -4,7 +4,12 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from cable_envs.proof.scoring import BANDS, Result, calibration
+import numpy as np
+
+from cable_envs.proof.scoring import BANDS, EDGES, Result, calibration
+
+DRAWS = 4000
+"""Proofs that are drawn to say by how much right confidences are off by chance."""
 
 WORDS = {
     "none": "no mismatch", "data": "fault of the data", "exact": "exact name", "class": "class that holds it",
@@ -115,11 +120,24 @@ def confidences(results: Sequence[Result]) -> str:
     if not claims:
         return "No confidence is stated."
     sure = [right for stated, right in claims if stated >= SURE]
-    off = sum(b["answers"] * abs(b["stated"] - b["share"]) for b in calibration(results)) / len(claims)
+    bins = calibration(results)
+    off = sum(b["answers"] * abs(b["stated"] - b["share"]) for b in bins) / len(claims)
+    usual, seldom = by_chance([claim for claim, _ in claims])
     return (
         f"The confidences of {len(claims)} named effects are off by {off:.3f} on average (expected calibration error; "
-        f"at most 0.03 was wanted): of {len(sure)} of {SURE:g} and more, {sum(sure)} are right."
+        f"at most 0.03 was wanted): of {len(sure)} of {SURE:g} and more, {sum(sure)} are right. As few answers whose "
+        f"confidences are exactly right would be off by {usual:.3f} on average, and one time in twenty by {seldom:.3f}."
     )
+
+
+def by_chance(stated: Sequence[float]) -> tuple[float, float]:
+    """(mean, 95 % quantile) of the expected calibration error of confidences that are right, in so many answers."""
+    rng, confidence = np.random.default_rng(0), np.array(stated)
+    places = np.digitize(confidence, EDGES)
+    bins = np.array([places == k for k in np.unique(places)])
+    missed = (rng.random((DRAWS, len(confidence))) < confidence) - confidence
+    off = np.abs(missed @ bins.T).sum(axis=1) / len(confidence)
+    return float(off.mean()), float(np.quantile(off, 0.95))
 
 
 def outcomes(results: Sequence[Result]) -> str:

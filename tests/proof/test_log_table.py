@@ -1,10 +1,12 @@
 """The tables of the logs that rigs make: counts by kind of log, confidences beside right answers, intervals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from benchmarks.logs import OUTSIDE, calibrated, coverage, errors, faults, in_turn, put_in, reliability, wider
-from cable_envs.proof.logs.by_kind import outcomes
+from cable_envs.proof.logs.by_kind import by_chance, confidences, outcomes
 from cable_envs.proof.scoring import Result
 
 
@@ -34,6 +36,25 @@ def test_the_calibration_error_is_the_mean_distance_of_stated_and_right():
     assert error < 0.06 and said.endswith("100 named effects")
     assert "error 0.500" in reliability([(1.0, False), (1.0, True)] * 10)
     assert reliability([]) == "no effect was named"
+
+
+def test_chance_alone_makes_a_calibration_error_that_falls_with_the_root_of_the_answers():
+    """Of n answers of one confidence p the mean of |share - p| is about sqrt(2 p (1 - p) / (pi n)), by its normal
+    limit; of two confidences with n / 2 answers each it is larger by the root of two."""
+    one, seldom = by_chance([0.8] * 400)
+    assert one == pytest.approx(np.sqrt(2.0 * 0.16 / (np.pi * 400)), rel=0.05)
+    assert seldom == pytest.approx(1.96 * np.sqrt(0.16 / 400), rel=0.1)
+    two, _ = by_chance([0.8, 0.6] * 200)
+    assert two == pytest.approx((0.4 + np.sqrt(0.24)) * np.sqrt(1.0 / (np.pi * 400)), rel=0.05)
+
+
+def test_the_sentence_says_what_chance_makes_beside_what_was_found():
+    claims = tuple((0.8, k % 5 > 0) for k in range(20))
+    rows = [replace(result("single", "hum", "exact", ">10"), claims=claims)]
+    said = confidences(rows)
+    assert "of 20 named effects are off by 0.000 on average" in said
+    usual, seldom = by_chance([0.8] * 20)
+    assert said.endswith(f"off by {usual:.3f} on average, and one time in twenty by {seldom:.3f}.")
 
 
 def test_the_line_of_right_names_over_their_odds_is_found_again():
