@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from cable_envs.diagnosis.evidence.joint import Joint, noise_of, sizes_of
-from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Remainder
+from cable_envs.diagnosis.evidence.marginal import Frame, Marginal, Priced, Remainder
 from cable_envs.diagnosis.evidence.optima import nested, peaks
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
@@ -332,7 +332,8 @@ def remainder(
     slopes, left = (joint.with_constants(frame.whitener, found) for found in (fit.jacobian, fit.residual))
     matrix = np.outer(units, units) * (slopes.T @ slopes) + np.eye(len(units))
     occam = -0.5 * float(np.linalg.slogdet(matrix)[1]) - 0.5 * float(np.sum(off**2 / variances))
-    return Remainder(left, occam, sizes, frame.products(left))
+    priced = Priced(fit.free, np.linalg.inv(matrix), off / units)
+    return Remainder(left, occam, sizes, frame.products(left), priced)
 
 
 def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.ndarray, np.ndarray]:

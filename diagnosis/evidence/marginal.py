@@ -48,12 +48,40 @@ class Remainder:
         Channel -> size of what its discrepancy is measured by, SI.
     products : mapping of str to ndarray
         As `Frame.products` gives it.
+    priced : Priced, optional
+        What each parameter has of the price.
     """
 
     left: np.ndarray
     occam: float
     sizes: Mapping[str, float]
     products: Mapping[str, np.ndarray]
+    priced: "Priced | None" = None
+
+
+@dataclass(frozen=True)
+class Priced:
+    """The price of single parameters.
+
+    Parameters
+    ----------
+    names : tuple of str
+        Of the free parameters.
+    narrowed : ndarray, shape (free, free)
+        Their covariance over the variances of their priors.
+    off : ndarray, shape (free,)
+        How far each is from the middle of its prior, over its standard deviation.
+    """
+
+    names: tuple[str, ...]
+    narrowed: np.ndarray
+    off: np.ndarray
+
+    def of(self, names: Collection[str]) -> float:
+        """Logarithm of the share of what some parameters can do that does not agree with the records."""
+        rows = [k for k, name in enumerate(self.names) if name in names]
+        kept = np.linalg.slogdet(self.narrowed[np.ix_(rows, rows)])[1]
+        return -0.5 * float(kept) + 0.5 * float(np.sum(self.off[rows] ** 2))
 
 
 @dataclass(frozen=True)

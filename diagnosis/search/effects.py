@@ -28,6 +28,7 @@ from cable_envs.diagnosis.evidence.candidates import (
     with_central_slopes,
 )
 from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
+from cable_envs.diagnosis.evidence.rivals import over_rival
 from cable_envs.diagnosis.fit.likelihood import Judged, refit_nominals
 from cable_envs.diagnosis.fit.refit import Fit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
@@ -233,7 +234,7 @@ class Search:
         best = next(c for c in first.others if c.effects == last.base.effects)
         name = best.effects[0].name
         others = (c for c in first.others if c is not best and not _ends_as(c, best))
-        rivals = {c.effects[0].name: log_odds(best, c) for c in others if not holds(c.effects[0], best.effects[0])}
+        rivals = {c.effects[0].name: over_rival(best, c) for c in others if not holds(c.effects[0], best.effects[0])}
         odds = self.odds.of(best, first.base)
         return Found(null, first.base, best, tuple(rounds), {name: odds}, {name: rivals}, self.odds.sure(best))
 
@@ -264,7 +265,7 @@ class Search:
                 more = holds(new, own) and self.odds.of(model, best) < sure
                 if more or _ends_as(model, best) or smaller(new, model.fit):
                     continue
-                rivals[name][other] = odds
+                rivals[name][other] = over_rival(best, model)
                 odds = self.odds.of(best, model) - sure if holds(own, new) else odds + _margin(own, new, told)
             else:
                 odds = without[name] = alike(own, best, model, self.odds.of(best, model))

@@ -7,8 +7,9 @@ imitates it, a bias of the same sensor or friction that differs by direction, is
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from cable_envs.diagnosis.evidence.candidates import log_odds, under_one_noise
+from cable_envs.diagnosis.evidence.candidates import under_one_noise
 from cable_envs.diagnosis.evidence.joint import Joint
+from cable_envs.diagnosis.evidence.rivals import over_rival
 from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model
@@ -48,14 +49,14 @@ def with_tolerances(
     for own, rest, error in exchanged:
         kept = tuple(n for n in free if n not in own.names or any(n in h.names for h in rest))
         starts.append(Start(error.name, (*kept, *error.names), {n: values[n] for n in kept}))
-    fits: list[tuple[tuple[Hypothesis, ...], Fit]] = [(best.effects, best.fit), ((), found.null.fit)]
+    fits: list[tuple[tuple[Hypothesis, ...], Fit]] = [(best.effects, best.fit)]
     ends = refit(fit, best.frame.whitener, starts, central=False)
     fits += [((*rest, error), end) for (_, rest, error), end in zip(exchanged, ends, strict=True)]
-    best, _, *models = under_one_noise(fit, joint, fits, 0, stated, sizes)
+    best, *models = under_one_noise(fit, joint, fits, 0, stated, sizes)
     rivals = {name: dict(others) for name, others in found.rivals.items()}
     for (own, _, error), model in zip(exchanged, models, strict=True):
         if smaller(error, model.fit):
-            rivals.setdefault(own.name, {})[error.name] = log_odds(best, model)
+            rivals.setdefault(own.name, {})[error.name] = over_rival(best, model)
     return replace(found, rivals=rivals)
 
 
