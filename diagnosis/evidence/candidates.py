@@ -14,7 +14,7 @@ from cable_envs.diagnosis.fit.refit import Fit, Start, refit
 from cable_envs.diagnosis.fit.weights import autocorrelation_time, weigh
 from cable_envs.diagnosis.model.features import ELAPSED, families
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
-from cable_envs.diagnosis.model.model import Block, Model, Whitener
+from cable_envs.diagnosis.model.model import Block, Free, Model, Whitener
 
 Key = TypeVar("Key", bound=Hashable)
 
@@ -274,8 +274,41 @@ def under_one_noise(
     for (e, _), new in zip(fits, again, strict=True):  # the slopes of many models take more memory than all else
         peak = ends.pop()
         left = remainder(joint, frame, e, peak, sizes)
+        new, peak, left = _likelier(fit, joint, frame, e, (new, peak, left))
         found.append(Candidate(e, new, peak.outline if e else peak, frame, left, by_size))
     return found
+
+
+def _likelier(
+    fit: Model, joint: Joint, frame: Frame, effects: tuple[Hypothesis, ...], at: tuple[Fit, Fit, Remainder]
+) -> tuple[Fit, Fit, Remainder]:
+    """Refits of some records and of all, and what is left, where the posterior is larger: ``at``, or at typical shapes.
+
+    Least squares know no prior of what shapes an effect. Where the records do not tell a shape they end anywhere, and
+    the prior there would count against the effect.
+    """
+    _, peak, left = at
+    shapes = [p for h in effects if not h.wave for p in h.free if p.name not in h.nulls]
+    far = {p.name: _typical(p) for p in shapes if p.name in peak.free and left.is_unusual({p.name})}
+    if not far:
+        return at
+    free, values = tuple(n for n in peak.free if n not in far), {**peak.values, **far}
+    ends = []
+    for model in (joint, fit):
+        (held,) = refit(model, frame.whitener, [Start("", free, values)], ITERATIONS, central=False)
+        ends += refit(model, frame.whitener, [Start("", peak.free, held.values)], 0, central=False)
+        values = held.values
+    other = remainder(joint, frame, effects, ends[0], left.sizes)
+    return (ends[1].outline, ends[0], other) if _log(other) > _log(left) else at
+
+
+def _log(one: Remainder) -> float:
+    return one.occam - 0.5 * float(one.left @ one.left)
+
+
+def _typical(p: Free) -> float:
+    """Where the prior of what shapes an effect is largest."""
+    return p.start if p.start > 0.0 else p.scale
 
 
 def under_its_noise(
@@ -350,7 +383,7 @@ def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.
             spread, off[k] = WIDE * p.scale, value - nulls[name]
         elif name in added and value > 0.0:
             spread = SHAPES * value
-            off[k] = value * float(np.log(value / (p.start if p.start > 0.0 else p.scale)))
+            off[k] = value * float(np.log(value / _typical(p)))
         else:
             spread = WIDE * p.scale if name in added else max(abs(p.start), p.scale)
         variances[k] = spread**2

@@ -30,6 +30,8 @@ from scipy.linalg import cho_factor, cho_solve
 from cable_envs.diagnosis.model.features import Family
 from cable_envs.diagnosis.model.model import Block, Whitener
 
+FAR = 2.0
+"""Standard deviations of its prior from which a parameter is unusual."""
 BATCHES = (60, 30, 15, 6)
 """Batches of consecutive samples in all records together, about, by which the variance of the scores is estimated."""
 
@@ -57,6 +59,12 @@ class Remainder:
     sizes: Mapping[str, float]
     products: Mapping[str, np.ndarray]
     priced: "Priced | None" = None
+
+    def is_unusual(self, names: Collection[str]) -> bool:
+        """Whether one of some parameters is where its prior says that it seldom is; true where no prior is known."""
+        if self.priced is None:
+            return True
+        return any(n in names and abs(way) > FAR for n, way in zip(self.priced.names, self.priced.off, strict=True))
 
 
 @dataclass(frozen=True)

@@ -294,11 +294,13 @@ def _margin(own: Hypothesis, new: Hypothesis, told: float) -> float:
 def _ends_as(fuller: Candidate, best: Candidate) -> bool:
     """Whether an exchange has become the effect that it was exchanged for, with more numbers and nothing by them.
 
-    A Stribeck curve that does not fall below the fastest speed is Coulomb's friction by another name.
+    A Stribeck curve that does not fall below the fastest speed is Coulomb's friction by another name. A cable that has
+    crept before the first sample, in a time as cables take, is no slack by another name.
     """
     (new,), (old,) = (
         [h for h in one.effects if h not in other.effects] for one, other in ((fuller, best), (best, fuller))
     )  # fmt: skip
     declared = old.canonical in new.confusable or new.canonical in old.confusable
     more = len(new.names) - len(new.nulls) > len(old.names) - len(old.nulls)
-    return declared and more and fuller.plain.fit < best.plain.fit + NOTHING
+    unusual = fuller.remainder.is_unusual({n for n in new.names if n not in new.nulls})
+    return declared and more and unusual and fuller.plain.fit < best.plain.fit + NOTHING
