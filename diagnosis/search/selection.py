@@ -78,12 +78,20 @@ class Found:
 
     def alternatives(self, name: str) -> tuple[str, ...]:
         """Hypotheses that the records do not tell from an effect."""
-        return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < self.sure)
+        return tuple(n for n, odds in self.rivals.get(name, {}).items() if odds < self.excluded)
 
     def against(self, name: str) -> list[float]:
         """Log odds of the best model over all that have neither an effect nor one of its alternatives."""
-        clear = [odds for odds in self.rivals.get(name, {}).values() if odds >= self.sure]
+        clear = [odds for odds in self.rivals.get(name, {}).values() if odds >= self.excluded]
         return [self.without[name], *clear]
+
+    @property
+    def excluded(self) -> float:
+        """Log odds from which a rival is excluded: where the noise is learnt, if that is rather right than wrong.
+
+        A name whose rival is closer has a confidence below `EVEN`, while the two of them together may be sure.
+        """
+        return max(self.sure, even_odds()) if self.learnt else self.sure
 
 
 @dataclass(frozen=True)
@@ -198,6 +206,12 @@ class Selection:
         scored = None if self.score_tests is None else self.score_tests.best.get(other)
         theirs = EFFECTS.get(effect_name(other)) if scored is None else scored.hypothesis
         return effect_name(other) in mine.confusable or (theirs is not None and mine.canonical in theirs.confusable)
+
+
+def even_odds() -> float:
+    """Log odds that give a confidence of `EVEN`, where the noise is learnt."""
+    constant, slope = CALIBRATED
+    return float(np.exp((np.log(EVEN / (1.0 - EVEN)) - constant) / slope))
 
 
 def confidence(against: Sequence[float], learnt: bool = False, over_formulation: float = np.inf) -> float:

@@ -6,11 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from cable_envs.diagnosis.evidence.likely import EVEN
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.model.hypotheses import LOGGER, Hypothesis
 from cable_envs.diagnosis.model.model import Free
-from cable_envs.diagnosis.model.verdict import EffectGain
+from cable_envs.diagnosis.model.verdict import SURE, SURE_WHERE_LEARNT, EffectGain
 from cable_envs.diagnosis.report.answer import answered_interval
 from cable_envs.diagnosis.report.notes import constant
 from cable_envs.diagnosis.search.comparison import holds
@@ -89,6 +90,17 @@ def test_nor_is_what_cannot_be_distinguished_from_such_a_bias(offsets, alternati
     assert _constants(found, {"pull": "N", "place": "m"}) == left_out
     gain = EffectGain(skew, 30.0)
     assert constant([gain])[0].startswith("skew is not named: it cannot be distinguished from a sensor's bias")
+
+
+def test_where_the_noise_is_learnt_a_rival_is_excluded_if_that_is_rather_right_than_wrong():
+    """Else the name alone has a confidence below one half, and a class of both is sure."""
+    found = Found(None, None, None, (), {"own": 300.0}, {"own": {"near": 10.0, "far": 90.0}}, SURE_WHERE_LEARNT)
+    assert SURE_WHERE_LEARNT < 10.0 < found.excluded < 90.0
+    assert confidence([found.excluded], learnt=True) == pytest.approx(EVEN)
+    assert found.alternatives("own") == ("near",) and found.against("own") == [300.0, 90.0]
+    assert confidence([300.0, 10.0], learnt=True) < EVEN < 0.9 < confidence(found.against("own"), learnt=True)
+    stated = replace(found, sure=float(np.log(SURE)))
+    assert stated.excluded == np.log(SURE) and stated.alternatives("own") == ()
 
 
 @pytest.mark.parametrize(
