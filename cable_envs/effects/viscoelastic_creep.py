@@ -17,7 +17,7 @@ EFFECT = Effect(
     ),
     validity="linear creep with one time constant. A rope has several; the one that is visible in the record counts",
     experiment="Hold a load, unload, hold, and repeat. Creep comes back, and drift does not",
-    confusable=("friction_drift", "cable_elongation", "actuator_lag", "slack"),
+    confusable=("friction_drift", "cable_elongation", "actuator_lag", "slack", "sensor_bias"),
 )  # fmt: skip
 
 
