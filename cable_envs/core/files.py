@@ -338,7 +338,8 @@ LARGEST_JSON = 2**30
 PACKED = ".xz"
 """How the names of compressed files end."""
 
-_PACKING = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**23}]
+# text has no alignment that the position bits could use
+_PACKING = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**23, "pb": 0}]
 _LARGEST_WINDOW = 2**27  # bytes of memory that reading may take for what it looks back at
 
 
