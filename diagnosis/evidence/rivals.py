@@ -20,8 +20,8 @@ def over_rival(one: Candidate, other: Candidate) -> float:
     Returns
     -------
     float
-        `log_odds`, with each size of the rival's own effects at the price of one of the first model's own at the most.
-        What shapes an effect, and every size more than the other model has, is paid for as in `log_odds`.
+        `log_odds`, but that no size of the rival's own effects costs more than one of the first model's own does. What
+        only shapes an effect is paid for as in `log_odds`.
     """
     own, new = _sizes_apart(one, other), _sizes_apart(other, one)
     if not own or not new:
