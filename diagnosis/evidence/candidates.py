@@ -288,8 +288,8 @@ def _likelier(
     the prior there would count against the effect.
     """
     _, peak, left = at
-    shapes = [p for h in effects if not h.wave for p in h.free if p.name not in h.nulls]
-    far = {p.name: _typical(p) for p in shapes if p.name in peak.free and left.is_unusual({p.name})}
+    shapes = [p for h in effects if not h.wave for p in h.free if p.name in h.shapes]
+    far = {p.name: _typical(p) for p in shapes if p.name in peak.free and left.priced.is_unusual({p.name})}
     if not far:
         return at
     free, values = tuple(n for n in peak.free if n not in far), {**peak.values, **far}
@@ -299,11 +299,8 @@ def _likelier(
         ends += refit(model, frame.whitener, [Start("", peak.free, held.values)], 0, central=False)
         values = held.values
     other = remainder(joint, frame, effects, ends[0], left.sizes)
-    return (ends[1].outline, ends[0], other) if _log(other) > _log(left) else at
-
-
-def _log(one: Remainder) -> float:
-    return one.occam - 0.5 * float(one.left @ one.left)
+    better = frame.marginal(other, 0.0).log > frame.marginal(left, 0.0).log
+    return (ends[1].outline, ends[0], other) if better else at
 
 
 def _typical(p: Free) -> float:

@@ -21,7 +21,7 @@ I = sum d^2. The logarithm of the ratio is multiplied by I / J where that is bel
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -34,37 +34,6 @@ FAR = 2.0
 """Standard deviations of its prior from which a parameter is unusual."""
 BATCHES = (60, 30, 15, 6)
 """Batches of consecutive samples in all records together, about, by which the variance of the scores is estimated."""
-
-
-@dataclass(frozen=True)
-class Remainder:
-    """What a refitted model leaves of all records, whitened, and the price of its parameters.
-
-    Parameters
-    ----------
-    left : ndarray, shape (N,)
-        z of the module.
-    occam : float
-        Logarithm of the share of what its parameters can do that agrees with the records, priors included.
-    sizes : mapping of str to float
-        Channel -> size of what its discrepancy is measured by, SI.
-    products : mapping of str to ndarray
-        As `Frame.products` gives it.
-    priced : Priced, optional
-        What each parameter has of the price.
-    """
-
-    left: np.ndarray
-    occam: float
-    sizes: Mapping[str, float]
-    products: Mapping[str, np.ndarray]
-    priced: "Priced | None" = None
-
-    def is_unusual(self, names: Collection[str]) -> bool:
-        """Whether one of some parameters is where its prior says that it seldom is; true where no prior is known."""
-        if self.priced is None:
-            return True
-        return any(n in names and abs(way) > FAR for n, way in zip(self.priced.names, self.priced.off, strict=True))
 
 
 @dataclass(frozen=True)
@@ -81,15 +50,44 @@ class Priced:
         How far each is from the middle of its prior, over its standard deviation.
     """
 
-    names: tuple[str, ...]
-    narrowed: np.ndarray
-    off: np.ndarray
+    names: tuple[str, ...] = ()
+    narrowed: np.ndarray = field(default_factory=lambda: np.empty((0, 0)))
+    off: np.ndarray = field(default_factory=lambda: np.empty(0))
 
     def of(self, names: Collection[str]) -> float:
         """Logarithm of the share of what some parameters can do that does not agree with the records."""
         rows = [k for k, name in enumerate(self.names) if name in names]
         kept = np.linalg.slogdet(self.narrowed[np.ix_(rows, rows)])[1]
         return -0.5 * float(kept) + 0.5 * float(np.sum(self.off[rows] ** 2))
+
+    def is_unusual(self, names: Collection[str]) -> bool:
+        """Whether one of some parameters is where its prior says that it seldom is."""
+        return any(n in names and abs(way) > FAR for n, way in zip(self.names, self.off, strict=True))
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What a refitted model leaves of all records, whitened, and the price of its parameters.
+
+    Parameters
+    ----------
+    left : ndarray, shape (N,)
+        z of the module.
+    occam : float
+        Logarithm of the share of what its parameters can do that agrees with the records, priors included.
+    sizes : mapping of str to float
+        Channel -> size of what its discrepancy is measured by, SI.
+    products : mapping of str to ndarray
+        As `Frame.products` gives it.
+    priced : Priced
+        What each parameter has of the price; of a model without parameters nothing.
+    """
+
+    left: np.ndarray
+    occam: float
+    sizes: Mapping[str, float]
+    products: Mapping[str, np.ndarray]
+    priced: Priced = Priced()
 
 
 @dataclass(frozen=True)

@@ -26,14 +26,10 @@ def over_rival(one: Candidate, other: Candidate) -> float:
     own, new = _sizes_apart(one, other), _sizes_apart(other, one)
     if not own or not new:
         return log_odds(one, other)
-    price, their = _price(one, own), _price(other, new)
+    price, their = one.remainder.priced.of(own), other.remainder.priced.of(new)
     return log_odds(one, other) - max(their - price * len(new) / len(own), 0.0)
 
 
 def _sizes_apart(one: Candidate, other: Candidate) -> set[str]:
     """Sizes of the effects that the other model has not."""
     return {name for h in one.effects if h not in other.effects for name in h.nulls}
-
-
-def _price(one: Candidate, sizes: set[str]) -> float:
-    return 0.0 if one.remainder.priced is None else one.remainder.priced.of(sizes)

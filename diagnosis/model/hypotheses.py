@@ -86,6 +86,11 @@ class Hypothesis:
         """The freed parameters."""
         return tuple(p.name for p in self.free)
 
+    @property
+    def shapes(self) -> tuple[str, ...]:
+        """The freed parameters that only shape the effect."""
+        return tuple(name for name in self.names if name not in self.nulls)
+
     @cached_property
     def parts(self) -> tuple["Hypothesis", ...]:
         """The same effect in one of several places alone, friction in the contact or at the load, if it has several.

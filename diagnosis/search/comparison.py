@@ -134,7 +134,7 @@ def in_one_place(model: Model, base: Fit, found: Sequence[Refitted]) -> list[Ref
 
 def bounded(hypothesis: Hypothesis, fit: Fit) -> list[str]:
     """Parameters of the hypothesis that ended on a bound; a size at its null is on none, nor one that is complete."""
-    shape = [name for name in fit.at_bounds if name in hypothesis.names and name not in hypothesis.nulls]
+    shape = [name for name in fit.at_bounds if name in hypothesis.shapes]
     sizes = [] if hypothesis.complete else [n for n in fit.at_bounds if n in hypothesis.nulls]
     return shape + [n for n in sizes if fit.values[n] != hypothesis.nulls[n]]
 

@@ -301,6 +301,10 @@ def _ends_as(fuller: Candidate, best: Candidate) -> bool:
         [h for h in one.effects if h not in other.effects] for one, other in ((fuller, best), (best, fuller))
     )  # fmt: skip
     declared = old.canonical in new.confusable or new.canonical in old.confusable
-    more = len(new.names) - len(new.nulls) > len(old.names) - len(old.nulls)
-    unusual = fuller.remainder.is_unusual({n for n in new.names if n not in new.nulls})
-    return declared and more and unusual and fuller.plain.fit < best.plain.fit + NOTHING
+    more = len(new.shapes) > len(old.shapes)
+    return (
+        declared
+        and more
+        and fuller.remainder.priced.is_unusual(new.shapes)
+        and fuller.plain.fit < best.plain.fit + NOTHING
+    )

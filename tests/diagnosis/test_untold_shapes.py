@@ -59,7 +59,7 @@ def test_a_shape_that_is_not_told_costs_no_odds_wherever_least_squares_have_ende
 def test_an_unusual_shape_that_the_records_tell_stays():
     truth = {"excess": 4.0, "velocity": 0.3}  # fifteen times what is typical
     one, null = _compared(STRIBECK, truth, {"velocity": 0.1, "excess": 2.0})
-    assert one.remainder.is_unusual({"velocity"}) and log_odds(one, null) > 20.0
+    assert one.remainder.priced.is_unusual({"velocity"}) and log_odds(one, null) > 20.0
     assert one.peak.values["velocity"] == pytest.approx(0.3, rel=0.3)
 
 
