@@ -159,6 +159,15 @@ def builds_up(e, i):
 
 
 @inline
+def any_builds_up(e, lanes):
+    """Whether dry friction of a column of the block builds up over a distance, sliding on idlers included."""
+    found = False
+    for i in range(lanes):
+        found = found or builds_up(e, i) or (e.partial_slip_angle[i] > 0.0)
+    return found
+
+
+@inline
 def mobilising(e, s, i, v, most):
     """(share of the friction that opposes upward motion, its growth with the position; share of the motion that bends).
 
@@ -226,15 +235,17 @@ def reported(e, g, i, plain, other):
 @inline
 def presliding_step(
     e, s, g, i, v, mass, up, down, sliding, stiffness, turning, damping_up, damping_down, dt, theta=0.5, beside=0.0,
-    steeper=0.0, first=-1.0, excess=0.0,
+    steeper=0.0, first=-1.0, excess=0.0, builds=True,
 ):  # fmt: skip
     """Velocity after a step with dry friction, which may build up over a distance; its elements are moved on.
 
     up, down: net force with all friction against upward and against downward motion; ``sliding``: velocity where the
     friction is set-valued; ``stiffness`` of the rest where friction is all downward, and what it has more (``turning``)
     where it is all upward. beside, steeper: as `elastic`; first: share at the start, if not the one at which a force in
-    proportion to it is in balance; excess: Stribeck's part of down - up.
+    proportion to it is in balance; excess: Stribeck's part of down - up; builds: `any_builds_up`.
     """
+    if not builds:
+        return sliding
     band = maximum(down - up, 1e-12)
     even = select(first >= 0.0, first, down / band)
     begin_elements(s.presliding, i, s.started[i], clip(even, 0.0, 1.0))

@@ -27,7 +27,7 @@ from cable_envs.core.lanes import Lanes
 from cable_envs.effects import Layout
 from cable_envs.effects.lanes import STEP
 from cable_envs.effects.own import advance_memory, own_actuate, own_load
-from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
+from cable_envs.effects.seams import actuate, any_builds_up, begin, begin_friction, dry_friction, end
 from cable_envs.physics.chain import CONTACTS, RELEASE, SPANS
 from cable_envs.physics.friction import ringing_way
 from cable_envs.plants.base import Plant, Signal
@@ -122,7 +122,7 @@ def passes(slips, i):
 
 
 @inline
-def _kick(x, p, u, w, e, s, g, i, dt):
+def _kick(x, p, u, w, e, s, g, i, dt, builds):
     """Velocities of drive and output from the tensions in the middle of the step; its second half of motion."""
     v_in, v = x.drive_velocity[i], x.output_velocity[i]
     r5, ea_in, ea_out = (
@@ -166,7 +166,7 @@ def _kick(x, p, u, w, e, s, g, i, dt):
     net += 0.5 * dt * stiffness * v  # the forces are those of the predicted middle already
     if e is not None:
         v_new, short = output_step(
-            e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt
+            e, s, g, i, v, p.output_inertia[i], net, net, 0.0, 0.0, stiffness, damping, damping, dt, builds
         )
     else:
         v_new, short = output_slides(
@@ -228,9 +228,10 @@ def _raised(p, dt: float) -> None:
 @inline
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once."""
-    hardens, creeps, apart = False, False, False
+    hardens, creeps, apart, builds = False, False, False, False
     if e is not None:  # what no column of a block has is left out for all of them
         hardens, creeps, apart = any_hardens(e, lanes), any_creeps(e, s, lanes), any_apart(e, lanes)
+        builds = any_builds_up(e, lanes)
     for i in range(lanes):
         if e is not None:
             drift = select(e.friction_drift_change[i] != 0.0, s.drift[i], 0.0)
@@ -258,7 +259,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 if e is not None:
                     actuate(e, s, g, u, i, n, substeps, dt)
                     u.command[i] = own_actuate(u.command[i], x.drive_angle[i], x.drive_velocity[i], e, s, i)
-                _kick(x, p, u, w, e, s, g, i, dt)
+            if builds:
+                for i in range(lanes):
+                    _kick(x, p, u, w, e, s, g, i, dt, True)
+            else:
+                for i in range(lanes):
+                    _kick(x, p, u, w, e, s, g, i, dt, False)
     for i in range(lanes):
         x.slack_fraction[i] /= substeps + 1.0
         _report(x, p, w, i)

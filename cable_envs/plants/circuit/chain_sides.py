@@ -122,21 +122,20 @@ def _solve_side(side, lanes):
 def equilibrium(x, p, w, e, s, g, lanes, step, more, hardens, creeps):
     """Move the ends of both sides of a tile, and solve; ``hardens``, ``creeps``: whether a cable of the block does."""
     top, bottom = top_side(x, p, w), bottom_side(x, p, w)
-    for i in range(lanes):
-        if e is not None and hardens:
+    if e is not None and hardens:
+        for i in range(lanes):
             _soften(top, e.plain_length_top, e.stiffness_hardening_coefficient[i], i)
-        _move_ends(x, p, w, e, g, top, 1.0, i, step, more)
-    _solve_side(top, lanes)
-    for i in range(lanes):
-        _take_over(p, top, w.arrived_top, i, step)
-        if e is not None and creeps:
-            _creep(top, e.plain_length_top, s.creep_top, s.slow_creep_top, p.preload_top[i], e, i, step)
-    for i in range(lanes):
-        if e is not None and hardens:
             _soften(bottom, e.plain_length_bottom, e.stiffness_hardening_coefficient[i], i)
+    for i in range(lanes):
+        _move_ends(x, p, w, e, g, top, 1.0, i, step, more)
         _move_ends(x, p, w, e, g, bottom, -1.0, i, step, more)
+    _solve_side(top, lanes)
     _solve_side(bottom, lanes)
     for i in range(lanes):
+        _take_over(p, top, w.arrived_top, i, step)
+    for i in range(lanes):
         _take_over(p, bottom, w.arrived_bottom, i, step)
-        if e is not None and creeps:
+    if e is not None and creeps:
+        for i in range(lanes):
+            _creep(top, e.plain_length_top, s.creep_top, s.slow_creep_top, p.preload_top[i], e, i, step)
             _creep(bottom, e.plain_length_bottom, s.creep_bottom, s.slow_creep_bottom, p.preload_bottom[i], e, i, step)

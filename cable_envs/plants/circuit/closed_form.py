@@ -28,7 +28,7 @@ from cable_envs.core.inputs import INPUTS
 from cable_envs.core.kernels import inline, jit, maximum, minimum, select
 from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_load
-from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end
+from cable_envs.effects.seams import actuate, any_builds_up, begin, begin_friction, dry_friction, end
 from cable_envs.effects.slow_creep import creeps_on, lasting
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.physics.friction import ringing_lag, ringing_way
@@ -142,12 +142,12 @@ def _drive_part(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
-def _output_part(x, p, w, e, s, g, i, dt):
+def _output_part(x, p, w, e, s, g, i, dt, builds):
     """The output's step, with the drive's motion known."""
     v = x.output_velocity[i]
     top, bottom = _stretched(p, e, s, i, w.elongation_angle[i], w.elongation_rate[i])
     new, short = output_velocity(
-        p, e, s, g, i, v, top, bottom, w.load_torque[i], w.load_stiffness[i], w.load_damping[i], dt
+        p, e, s, g, i, v, top, bottom, w.load_torque[i], w.load_stiffness[i], w.load_damping[i], dt, builds
     )
     new = select(held_by_flag(p, i, x.drive_velocity[i], top, bottom), 0.0, new)
     x.output_angle[i], x.output_velocity[i] = x.output_angle[i] + 0.5 * dt * (v + new) - short, new
@@ -200,7 +200,9 @@ def _report(x, p, u, e, s, g, i, level):
 @inline
 def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     """A block of columns, in short loops: so the processor works on several columns at once (see cable_hole)."""
-    payload = any_payload(p, lanes)
+    payload, builds = any_payload(p, lanes), False
+    if e is not None:  # what no column of a block has is left out for all of them
+        builds = any_builds_up(e, lanes)
     for i in range(lanes):
         begin_step(x, p, w, e, s, i, dt)
         if e is not None:
@@ -228,8 +230,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
                 w.level[i] = cosine(x.output_angle[i] + 0.5 * dt * x.output_velocity[i])
         for i in range(lanes):
             _drive_part(x, p, u, w, e, s, g, i, dt)
-        for i in range(lanes):
-            _output_part(x, p, w, e, s, g, i, dt)
+        if builds:
+            for i in range(lanes):
+                _output_part(x, p, w, e, s, g, i, dt, True)
+        else:
+            for i in range(lanes):
+                _output_part(x, p, w, e, s, g, i, dt, False)
         if payload:
             for i in range(lanes):
                 w.level[i] = cosine(x.output_angle[i])

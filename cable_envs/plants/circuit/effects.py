@@ -115,13 +115,20 @@ def rise(e, i, tension):
 
 
 @inline
-def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, damping_up, damping_down, dt):
+def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, damping_up, damping_down, dt, builds):
     """Output velocity after dt, and how far the output falls short of its mean speed where it stops.
 
     ccw, cw: what the cables give moving either way; their difference, the idlers' friction, and the output's own dry
     friction in g are set-valued, or build up over a distance each. ``ahead`` is what the step will subtract too much.
+    builds: `cable_envs.effects.seams.any_builds_up`.
     """
     up, down, rising, falling = ccw, cw, -g.up[i], g.down[i]
+    least = -inertia / dt  # falling friction drives; what is left must still resist
+    damping_up, damping_down = maximum(damping_up + g.steep[i], least), maximum(damping_down + g.steep[i], least)
+    if not builds:
+        up, down = up - wanted + rising + ahead, down - wanted + falling + ahead
+        v_new, short = output_slides(v, inertia, up, down, stiffness, damping_up, damping_down, dt)
+        return v_new, select(v_new == 0.0, short, 0.0)
     angle, band = e.partial_slip_angle[i], maximum(g.up[i] + g.down[i], 1e-12)
     partial, bent = angle > 0.0, builds_up(e, i)
     begin(s.partial, i, s.started[i], clip((cw - wanted) / maximum(cw - ccw, 1e-12), 0.0, 1.0))
@@ -141,9 +148,7 @@ def output_step(e, s, g, i, v, inertia, ccw, cw, wanted, ahead, stiffness, dampi
     c_own = most_own * elastic_damping(e, i, inertia, k_own, most * band, bends, dt)
     both = sqrt(c_idlers * c_idlers + c_own * c_own)
     c = select(bristle_length(e, i) > 0.0, c_idlers + c_own, both)
-    least = -inertia / dt  # falling friction drives; what is left must still resist
-    damping_up = maximum(damping_up + g.steep[i], least) + c
-    damping_down = maximum(damping_down + g.steep[i], least) + c
+    damping_up, damping_down = damping_up + c, damping_down + c
     force_up = up - wanted + rising + ahead - c * v
     force_down = down - wanted + falling + ahead - c * v
     stiffness = stiffness + k

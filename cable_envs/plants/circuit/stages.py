@@ -138,7 +138,7 @@ def guess(p, w, g, i, v, up, down):
 
 
 @inline
-def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
+def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt, builds):
     """Output velocity after dt, and how far the output falls short of its mean speed where it stops.
 
     The stretches and the load are those at the predicted middle of the step.
@@ -159,7 +159,7 @@ def output_velocity(p, e, s, g, i, v, top, bottom, wanted, load_k, load_c, dt):
     if e is not None:
         return output_step(
             e, s, g, i, v, p.output_inertia[i], ccw, cw, wanted, ahead, stiffness,
-            p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt,
+            p.stretch_damping[i] * slope_up + load_c, p.stretch_damping[i] * slope_down + load_c, dt, builds,
         )  # fmt: skip
     return output_slides(
         v, p.output_inertia[i], up + ahead, down + ahead, stiffness,

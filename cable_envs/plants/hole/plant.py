@@ -28,7 +28,7 @@ from cable_envs.core.kernels import inline, maximum, power, select, sign
 from cable_envs.effects import Layout
 from cable_envs.effects.own import advance_memory, own_actuate, own_cable, own_contact, own_load
 from cable_envs.effects.presliding_hysteresis import share
-from cable_envs.effects.seams import actuate, begin, begin_friction, dry_friction, end, reported
+from cable_envs.effects.seams import actuate, any_builds_up, begin, begin_friction, dry_friction, end, reported
 from cable_envs.effects.stiffness_hardening import hardened
 from cable_envs.effects.stribeck_friction import excess_at
 from cable_envs.plants.base import ActionMode, Plant
@@ -194,10 +194,10 @@ def _hauled(x, p, u, w, e, s, g, i, dt):
 
 
 @inline
-def slipped(x, p, u, w, e, s, g, i, ahead, dt):
+def slipped(x, p, u, w, e, s, g, i, ahead, dt, builds=True):
     """The load's step, and the tension above to which it leads; ``ahead`` as of `pulled_midway`."""
     y, v = x.load_position[i], x.load_velocity[i]
-    v_new = slip_speed(x, p, w, e, s, g, i, ahead, dt)
+    v_new = slip_speed(x, p, w, e, s, g, i, ahead, dt, builds)
     y_new = y + dt * (v + 0.5 * (v_new - v)) - w.short[i]
     if e is not None:
         stretched = w.elongation[i]
@@ -261,7 +261,9 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
     Short loops, one for each stage: the processor then works on several columns at once, which the long chain of
     dependent operations of a whole step would prevent.
     """
-    bends = any_stiff(p, lanes)
+    bends, builds = any_stiff(p, lanes), False
+    if e is not None:  # what no column of a block has is left out for all of them
+        builds = any_builds_up(e, lanes)
     for i in range(lanes):
         take_hole(p, w, i)
     for i in range(lanes):
@@ -301,8 +303,12 @@ def _solve(x, p, u, w, e, s, g, lanes, substeps, dt):
             pulled_midway(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i])
         if steep:
             _against_steep_friction(x, p, u, w, e, s, g, lanes, bends, dt)
-        for i in range(lanes):
-            slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt)
+        if builds:
+            for i in range(lanes):
+                slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt, True)
+        else:
+            for i in range(lanes):
+                slipped(x, p, u, w, e, s, g, i, 0.5 * dt * x.load_velocity[i], dt, False)
         if e is not None or bends:  # else the next step does not ask for it
             for i in range(lanes):
                 behind(x, p, u, w, e, s, g, i)

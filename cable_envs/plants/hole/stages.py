@@ -217,7 +217,7 @@ def at_start(x, w, i):
 
 
 @inline
-def slip_speed(x, p, w, e, s, g, i, ahead, dt):
+def slip_speed(x, p, w, e, s, g, i, ahead, dt, builds):
     """Speed of the load after the step: the tension above against what resists behind the hole."""
     v, mass = x.load_velocity[i], p.load_mass[i]
     up, down, damping_up, damping_down, stiffness = sliding(x, p, w, e, s, g, i, ahead, dt)
@@ -231,7 +231,7 @@ def slip_speed(x, p, w, e, s, g, i, ahead, dt):
         v_new = presliding_step(
             e, s, g, i, v, mass, up, down, v_new, w.resistance_stiffness[i] + k * n, k * (inv_n - n), damping_up,
             damping_down, dt, 0.5, middle * beside, middle * steeper, maximum(at_rest, 0.0),
-            2.0 * g.excess[i] + middle * (n - inv_n) * g.contact_excess[i],
+            2.0 * g.excess[i] + middle * (n - inv_n) * g.contact_excess[i], builds,
         )  # fmt: skip
         w.short[i] = select(v_new == 0.0, w.short[i], 0.0)
     return v_new
