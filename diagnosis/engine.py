@@ -27,7 +27,7 @@ from cable_envs.diagnosis.data.thinning import statement, thinned, thinning
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
-from cable_envs.diagnosis.intake.converged import converged
+from cable_envs.diagnosis.intake.converged import coarser, converged, decided_by_steps
 from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
 from cable_envs.diagnosis.intake.logged import (
     longer,
@@ -218,14 +218,21 @@ class _Searched(NamedTuple):
 
 
 def _searched(
-    recording: Recording, request: Request, lines: Lines, seed: int, keep: _Keep, tell: Callable[[str], None]
-) -> _Searched:
-    """The question of a recording as it is asked, and the model with the largest evidence."""
+    recording: Recording, request: Request, lines: Lines, seed: int, keep: _Keep, tell: Callable[[str], None],
+    *, quick: bool = True,
+) -> _Searched:  # fmt: skip
+    """The question of a recording as it is asked, and the model with the largest evidence.
+
+    quick: whether steps of integration are as long as seems to decide nothing; where it does, all is done again.
+    """
     question = _tried(converged(told_at_rest(recording, without_spikes(_with_logger(recording, request, lines)))))
+    right = getattr(question.fit, "substeps", None)
+    question = coarser(question) if quick else question
+    taken = getattr(question.fit, "substeps", None)
     Quality(tuple(off_claims(recording, question))).require_usable()
     question = with_noise_of_drive(recording, with_sure_samples(question))
     rng = np.random.default_rng(seed)
-    steps = Steps(keep.out, digest(recording, (*keep.options, seed)), question.hypotheses, rng)
+    steps = Steps(keep.out, digest(recording, (*keep.options, seed, taken)), question.hypotheses, rng)
     added = request.simulator is not None and bool(request.simulator.terms)
     bare = steps("without", partial(without_its_effects, recording, request)) if request.rig or added else None
     selection = select(
@@ -233,6 +240,10 @@ def _searched(
         groups=groups_of(recording, [*question.fit.blocks, *question.heldout.blocks]),
         stated=stated_of(recording, question), tell=tell, keep=steps,
     )  # fmt: skip
+    found = [selection.null.fit.values, selection.final.fit.values]
+    if right is not None and taken != right and decided_by_steps(question, right, found):
+        tell("searching again with shorter steps of integration, which decide what was found")
+        return _searched(recording, request, lines, seed, keep, tell, quick=False)
     return _Searched(question, selection, rng, steps)
 
 

@@ -1,13 +1,16 @@
-"""Whether the simulation of a question is one: finite, where the rig was, and the same with steps half as long.
+"""Whether the simulation of a question is one: finite, where the rig was, and the same with other steps.
 
 Predictions f of samples with noise s change by d where the step of integration is halved. No effect that imitates the
 change can gain more log likelihood by it than sum (d / s)^2 / 2 over all samples, by Cauchy and Schwarz. Below the
 logarithm of 20, odds from which a model is preferred to another, the steps decide nothing; above, they are made
 shorter as long as that helps. The noise is taken from the samples themselves (`cable_envs.diagnosis.model.noise`), the
 values are those that are claimed.
+
+A search takes hours with steps that are shorter than they need be. So it is done with longer ones where these decide
+nothing either, at the claimed values before it and at those that it has found after it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
@@ -20,6 +23,14 @@ from cable_envs.diagnosis.systems.question import Question
 
 WORTH = float(np.log(20.0))
 """Log likelihood that the steps of integration may be worth."""
+AT_FIRST = WORTH / 16.0
+"""The same of longer steps before a search. What errs with the square of the steps is worth as much more in a model
+that needs steps half as long as the claimed one does."""
+AS_LARGE = 4.0
+"""Times what steps that are short enough are worth in a model that is found, which longer ones may be worth in it: as
+much as of an error of first order, of which these are then not short enough either."""
+COARSEST = 4
+"""How many times as long steps are tried."""
 FINEST = 8
 """How many times as many steps are tried: each costs as much time in everything that follows."""
 FAR = 1e3
@@ -99,6 +110,64 @@ def converged(question: Question) -> Question:
     _require_sense(heldout.blocks, _claimed(heldout))
     said = _said(found, model.substeps // least)
     return replace(question, notes=(*question.notes, said)) if said else question
+
+
+def coarser(question: Question) -> Question:
+    """The question with steps of integration that are as long as decides nothing at the claimed values.
+
+    What is found with them is to be shown to `decided_by_steps`.
+
+    Parameters
+    ----------
+    question : Question
+        As of `converged`. Its models are changed in place.
+
+    Returns
+    -------
+    Question
+        The same one.
+    """
+    if not hasattr(question.fit, "substeps"):
+        return question
+    model, heldout = cast(Stepped, question.fit), cast(Stepped, question.heldout)
+    right = model.substeps
+    now, found = _claimed(model), right
+    for by in range(1, COARSEST.bit_length()):
+        fewer = right >> by
+        if fewer < 1 or not halved(model.blocks, _with(model, fewer), now).worth <= AT_FIRST:
+            break
+        found = fewer
+    for each in (model, heldout):
+        each.resolve(found)
+    return question
+
+
+def decided_by_steps(question: Question, substeps: int, found: Sequence[Mapping[str, float]]) -> bool:
+    """Whether steps of integration decide what was found with them, and shorter ones would not as much.
+
+    Parameters
+    ----------
+    question : Question
+        Its models are changed in place, and changed back.
+    substeps : int
+        Steps in each of the input's that are short enough.
+    found : sequence of Mapping
+        Values by name, SI, of each model that was found; what is not there is as it is claimed.
+    """
+    model = cast(Stepped, question.fit)
+    columns = np.array([[one.get(p.name, p.start) for one in found] for p in model.parameters])
+    taken, series = model.substeps, []
+    with np.errstate(over="ignore", invalid="ignore"):
+        for steps in (taken, substeps, 2 * substeps):
+            model.resolve(steps)
+            series.append(model.predict(columns))
+    model.resolve(taken)
+    for k in range(len(found)):
+        coarse, right, finer = ([values[:, k] for values in one] for one in series)
+        err, own = halved(model.blocks, coarse, right).worth, halved(model.blocks, right, finer).worth
+        if not err <= max(WORTH, AS_LARGE * own):
+            return True
+    return False
 
 
 def halved(blocks: Sequence[Block], coarse: Sequence[np.ndarray], fine: Sequence[np.ndarray]) -> Steps:

@@ -13,7 +13,7 @@ import numpy as np
 from cable_envs.diagnosis.model.driven import Recorded
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter
-from cable_envs.diagnosis.systems.common import mean_over_samples
+from cable_envs.diagnosis.systems.common import HELD_STEPS, mean_over_samples
 from cable_envs.diagnosis.systems.conditions import with_given
 from cable_envs.plants.base import Plant
 from cable_envs.sim.replay import distort
@@ -109,8 +109,12 @@ class ReplayModel:
 
     @property
     def resolved(self) -> float:
-        """Step of integration, s, where commands jump: a simulator's drive takes as long to follow; 0 where none do."""
-        return self.period / self.substeps if any(run.hold == "step" for run in self.runs) else 0.0
+        """Step of integration, s, where commands jump: a simulator's drive takes as long to follow; 0 where none do.
+
+        With longer steps a held command is followed as by an environment all the same.
+        """
+        held = any(run.hold == "step" for run in self.runs)
+        return self.period / max(self.substeps, HELD_STEPS) if held else 0.0
 
     def predict(self, values: np.ndarray) -> list[np.ndarray]:
         """Predictions [T, n] of every block for parameter columns [len(parameters), n]."""

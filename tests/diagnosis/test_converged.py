@@ -1,13 +1,16 @@
 """A simulation that depends on its steps, or runs away, is found before any effect is looked for."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording
 from cable_envs.diagnosis.engine import ask, request_of
-from cable_envs.diagnosis.intake.converged import FINEST, WORTH, converged
+from cable_envs.diagnosis.intake.converged import AT_FIRST, FINEST, WORTH, coarser, converged, decided_by_steps
 from cable_envs.diagnosis.model.model import Block, Free
+from cable_envs.diagnosis.model.noise import jitter
 from cable_envs.diagnosis.systems.question import Question
 
 TIME = np.arange(0.0, 8.0, 0.01)
@@ -111,3 +114,47 @@ def test_a_stiff_cable_gets_the_steps_that_it_needs():
     rough = found.fit.predict(column)
     for near, far, right in zip(seen, rough, exact, strict=True):
         assert np.std(near - right) < 0.6 * np.std(far - right)
+
+
+def of(**how):
+    fit, heldout = Stepping(**how), Stepping(**how)
+    return Question("cable_hole", fit, heldout, (), (), (), {}, lambda found, accepted: {})
+
+
+@pytest.mark.parametrize("error", [1e-5, 1e-3, 1e-2, 1.0])
+def test_a_search_has_steps_that_are_as_long_as_decides_nothing(error):
+    question = coarser(of(error=error, substeps=16))
+    change = [error * (1.0 / k**2 - 1.0 / 16**2) * MOTION**2 for k in (8, 4)]
+    told = [0.5 * np.sum((c / jitter(question.fit.blocks[0].measured)) ** 2) for c in change]
+    right = 16 if told[0] > AT_FIRST else 8 if told[1] > AT_FIRST else 4
+    assert question.fit.substeps == question.heldout.substeps == right
+
+
+def test_steps_of_integration_are_at_least_one():
+    assert coarser(of(error=0.0, substeps=1)).fit.substeps == 1
+    assert coarser(of(error=0.0, substeps=3)).fit.substeps == 1
+
+
+class Slowed(Stepping):
+    """The same, whose error grows with its parameter."""
+
+    def predict(self, values):
+        own = [Stepping(self.error * v, self.order, self.substeps).predict(values[:, :1])[0] for v in values[0]]
+        return [np.concatenate(own, axis=1)]
+
+
+def test_what_is_found_says_whether_steps_decide_it():
+    """Between 4 and 8 steps the model at the found value changes by more than odds that decide, at the claimed one not.
+
+    Where 8 steps are not enough for it either, as with an error that falls with their square root, there is no reason
+    to search again.
+    """
+    question = replace(of(error=0.0), fit=Slowed(1e-3, substeps=4))
+    claimed, near, found = {}, {"load_mass": 2.0}, {"load_mass": 300.0}
+    assert not decided_by_steps(question, 8, [claimed, near])
+    assert decided_by_steps(question, 8, [claimed, found])
+    assert question.fit.substeps == 4
+    steep = replace(question, fit=Slowed(1e-3, order=4, substeps=4))
+    assert decided_by_steps(steep, 8, [claimed, found])
+    rough = replace(question, fit=Slowed(1e-3, order=0.5, substeps=4))
+    assert not decided_by_steps(rough, 8, [found])
