@@ -153,6 +153,12 @@ def decided_by_steps(question: Question, substeps: int, found: Sequence[Mapping[
         Steps in each of the input's that are short enough.
     found : sequence of Mapping
         Values by name, SI, of each model that was found; what is not there is as it is claimed.
+
+    Returns
+    -------
+    bool
+        Whether with ``substeps`` one of them predicts something else: by more than `WORTH`, and by more than `AS_LARGE`
+        times what twice as many steps change.
     """
     model = cast(Stepped, question.fit)
     columns = np.array([[one.get(p.name, p.start) for one in found] for p in model.parameters])
