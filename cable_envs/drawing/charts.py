@@ -1,12 +1,11 @@
 """Figures as inline SVG text, in one style, for every page of this project. matplotlib is imported where it is used."""
 
-import hashlib
 import io
 import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from cable_envs.drawing.compact_svg import compact_svg
+from cable_envs.drawing.compact_svg import compact_svg, name_of
 
 INK, SOFT, GRID = "#1f2933", "#5b6770", "#dfe3e6"
 COLOURS = (
@@ -75,7 +74,7 @@ def scoped(svg: str) -> str:
     An id ``entrant-<n>`` becomes the attribute ``data-entrant="<n>"``, by which a page hides what it is drawn for.
     The text is made small (`compact_svg`), and the fixed size becomes a greatest width: the page scales figures.
     """
-    prefix = "f" + hashlib.sha256(svg.encode()).hexdigest()[:8]
+    prefix = name_of(svg)
     svg = re.sub(r'\bid="entrant-(\d+)"', r'data-entrant="\1"', svg)
     svg = re.sub(r'\bid="([^"]+)"', rf'id="{prefix}-\1"', svg)
     svg = re.sub(r'href="#([^"]+)"', rf'href="#{prefix}-\1"', svg)
