@@ -86,8 +86,18 @@ def _rename(functions: list[Made]) -> None:
         made.node.name = changed.get(made.node.name, made.node.name)
 
 
-def _called_in(function: ast.FunctionDef) -> list[ast.Name]:
-    return [n.func for n in ast.walk(function) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
+def _called_in(text: ast.AST) -> list[ast.Name]:
+    return [n.func for n in ast.walk(text) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
+
+
+def _is_pure(function: ast.FunctionDef, pure: set[str]) -> bool:
+    """Whether a function stores nothing but names of its own, and calls none that does."""
+    stored = list[ast.expr]()
+    for node in ast.walk(function):
+        targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+        for target in targets:
+            stored += target.elts if isinstance(target, ast.Tuple) else [target] if target is not None else []
+    return all(isinstance(name, ast.Name) for name in stored) and {c.id for c in _called_in(function)} <= pure
 
 
 class _Maker:
@@ -96,6 +106,8 @@ class _Maker:
     def __init__(self, elementary: tuple[str, ...]):
         self.elementary = elementary
         self.finished: list[Made] = []
+        self.pure = {*elementary, *INTRINSIC, *(name.lstrip("_") for name in INTRINSIC), "abs", "min", "max", "range"}
+        """names of functions that change no record"""
         self.constants: dict[str, float] = {}
         self._done: dict[Any, Made] = {}
         self._names: dict[str, int] = {TOP: 1}
@@ -121,6 +133,8 @@ class _Maker:
             if made.constant is None and made.node.body:
                 made.node.name = self._name(made.node.name)
                 self.finished.append(made)
+                if _is_pure(made.node, self.pure):
+                    self.pure.add(made.node.name)
             self._done[key] = made
         return self._done[key]
 
@@ -158,7 +172,8 @@ class _Body(Values):
     def made(self) -> Made:
         body = self.tree.body
         doc = ast.get_docstring(self.tree)
-        live = _needed(self.block(body[1:] if doc is not None else body), self.maker.elementary)
+        block = self.block(body[1:] if doc is not None else body)
+        live = _needed(block, self.maker.pure)
         constant = self._constant(live)
         if doc is not None and live:
             live = [ast.Expr(ast.Constant(doc)), *live]
@@ -311,13 +326,15 @@ class Static(ast.expr):
         self.known = known
 
 
-def _needed(body: list[ast.stmt], elementary: tuple[str, ...]) -> list[ast.stmt]:
-    """A function's body without names that are never read, where leaving them out changes nothing else."""
-    free = {*elementary, *INTRINSIC, "abs", "min", "max"}
+def _needed(body: list[ast.stmt], pure: set[str]) -> list[ast.stmt]:
+    """A function's body without names that are never read or are given to themselves, where that changes nothing else.
+
+    pure: names of functions that do nothing but give a number.
+    """
     while True:
         nodes = [n for one in body for n in ast.walk(one)]
         read = {n.id for n in nodes if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Load)}
-        again = _Needed(read, free)
+        again = _Needed(read, pure)
         body = [kept for one in body if (kept := again.visit(one)) is not None]
         if not again.changed:
             return body
@@ -326,8 +343,8 @@ def _needed(body: list[ast.stmt], elementary: tuple[str, ...]) -> list[ast.stmt]
 class _Needed(ast.NodeTransformer):
     """One pass of `_needed`."""
 
-    def __init__(self, read: set[str], free: set[str]):
-        self.read, self.free, self.changed = read, free, False
+    def __init__(self, read: set[str], pure: set[str]):
+        self.read, self.pure, self.changed = read, pure, False
 
     def visit_Assign(self, node: ast.Assign) -> ast.Assign | None:
         target = node.targets[0]
@@ -343,7 +360,9 @@ class _Needed(ast.NodeTransformer):
         return ast.Assign([ast.Tuple([t for t, _ in kept], ast.Store())], ast.Tuple([v for _, v in kept], ast.Load()))
 
     def _idle(self, target: ast.expr, value: ast.expr) -> bool:
-        calls = [n.func.id for n in ast.walk(value) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name)]
-        idle = isinstance(target, ast.Name) and target.id not in self.read and set(calls) <= self.free
+        names = target.elts if isinstance(target, ast.Tuple) else [target]
+        unread = all(isinstance(name, ast.Name) and name.id not in self.read for name in names)
+        itself = isinstance(target, ast.Name) and isinstance(value, ast.Name) and target.id == value.id
+        idle = itself or (unread and {call.id for call in _called_in(value)} <= self.pure)
         self.changed |= idle
         return idle

@@ -113,3 +113,18 @@ def test_a_delay_of_the_command_is_refused_by_name():
     law = law_of({"plant": "rotary_joint", "effects": {"command_delay": {"time": 0.01}}})
     with pytest.raises(ConfigurationError, match=r"command_delay\.time"):
         law.program()
+
+
+def test_numbers_that_nothing_reads_are_left_out():
+    """Friction that builds up over a distance is left out of a step without any, with all that only it needs."""
+    tree = ast.parse(python_text(with_effects(RIGS["hole"])))
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    assert {"slip_speed", "slip_speed_2"} <= {function.name for function in functions}
+    for function in functions:
+        names = [node for node in ast.walk(function) if isinstance(node, ast.Name)]
+        read = {name.id for name in names if isinstance(name.ctx, ast.Load)}
+        for one in ast.walk(function):
+            if isinstance(one, ast.Assign) and isinstance(one.targets[0], ast.Name):
+                target = one.targets[0].id
+                assert target in read, f"{function.name}: {ast.unparse(one)}"
+                assert not isinstance(one.value, ast.Name) or one.value.id != target, f"{function.name}: {target}"
