@@ -1,7 +1,8 @@
 """`diagnose`: from a recording to a verdict, by steps that can be called by themselves.
 
     load_recording -> gate -> on_one_clock -> kept_back -> prepare -> told_at_rest -> converged
-    -> select (refit, score tests, comparison of models by their evidence, what is left) -> answer
+    -> coarser -> select (refit, score tests, comparison of models by their evidence, what is left)
+    -> decided_by_steps -> answer
 
 Records for "heldout" are never fitted, and count as evidence of every model. A recording without any keeps back the
 last third of each record.
@@ -241,7 +242,7 @@ def _searched(
         stated=stated_of(recording, question), tell=tell, keep=steps,
     )  # fmt: skip
     found = [selection.null.fit.values, selection.final.fit.values]
-    if right is not None and taken != right and decided_by_steps(question, right, found):
+    if decided_by_steps(question, right, found):
         tell("searching again with shorter steps of integration, which decide what was found")
         return _searched(recording, request, lines, seed, keep, tell, quick=False)
     return _Searched(question, selection, rng, steps)

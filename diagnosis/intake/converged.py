@@ -6,7 +6,7 @@ logarithm of 20, odds from which a model is preferred to another, the steps deci
 shorter as long as that helps. The noise is taken from the samples themselves (`cable_envs.diagnosis.model.noise`), the
 values are those that are claimed.
 
-A search takes hours with steps that are shorter than they need be. So it is done with longer ones where these decide
+A search simulates the records thousands of times, mostly for slopes. It is done with longer steps where these decide
 nothing either, at the claimed values before it and at those that it has found after it.
 """
 
@@ -142,15 +142,15 @@ def coarser(question: Question) -> Question:
     return question
 
 
-def decided_by_steps(question: Question, substeps: int, found: Sequence[Mapping[str, float]]) -> bool:
+def decided_by_steps(question: Question, substeps: int | None, found: Sequence[Mapping[str, float]]) -> bool:
     """Whether steps of integration decide what was found with them, and shorter ones would not as much.
 
     Parameters
     ----------
     question : Question
         Its models are changed in place, and changed back.
-    substeps : int
-        Steps in each of the input's that are short enough.
+    substeps : int, optional
+        Steps in each of the input's that are short enough; None: its models have none of their own.
     found : sequence of Mapping
         Values by name, SI, of each model that was found; what is not there is as it is claimed.
 
@@ -161,6 +161,8 @@ def decided_by_steps(question: Question, substeps: int, found: Sequence[Mapping[
         times what twice as many steps change.
     """
     model = cast(Stepped, question.fit)
+    if substeps is None or model.substeps == substeps:
+        return False
     columns = np.array([[one.get(p.name, p.start) for one in found] for p in model.parameters])
     taken, series = model.substeps, []
     with np.errstate(over="ignore", invalid="ignore"):
