@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.fft import irfft, rfft
 from scipy.signal import lfilter
 
 from cable_envs.diagnosis.data.readings import resolution
@@ -101,9 +102,28 @@ class Noise:
 
     @property
     def floor(self) -> float:
-        """Standard deviation of the coloured noise itself."""
-        response = lfilter([1.0], np.r_[1.0, -self.coefficients], np.r_[1.0, np.zeros(9999)])
-        return float(self.std * np.sqrt(np.sum(response**2)))
+        """Standard deviation of the coloured noise itself, over all time."""
+        return float(self.std * np.sqrt(np.sum(self._response(10_000) ** 2)))
+
+    def within(self, count: int) -> float:
+        """Standard deviation of ``count`` samples in a row about their own mean, as one record shows it.
+
+        Noise that wanders over more than a record is far larger over all time. By the variogram g of the noise the
+        variance is the mean of g(i - j) over all pairs of samples: g keeps its digits where the variance does not.
+        """
+        most = max(2 * count, 10_000)
+        response = self._response(most)
+        power = np.abs(rfft(response, 2 * most)) ** 2
+        shared = irfft(power, 2 * most)[:count]
+        lags = np.arange(count)
+        # a response that has not died out goes on behind its end, and does not fall to 0 there
+        ended = np.concatenate([[0.0], np.cumsum(response[::-1] ** 2)[: count - 1]])
+        pairs = 2.0 * (1.0 - lags / count) / count
+        return float(self.std * np.sqrt(max(float(pairs @ (shared[0] - shared - 0.5 * ended)), 0.0)))
+
+    def _response(self, count: int) -> np.ndarray:
+        """Of the noise to one unit of what drives it, over ``count`` samples."""
+        return lfilter([1.0], np.r_[1.0, -self.coefficients], np.r_[1.0, np.zeros(count - 1)])
 
 
 def with_past(good: np.ndarray, short: int, longest: int) -> np.ndarray:

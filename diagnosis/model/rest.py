@@ -65,6 +65,10 @@ class RestNoise:
         """Standard deviation at rest."""
         return float(np.sqrt(self.covariance[0]))
 
+    def within(self, count: int) -> float:
+        """As `Noise.within`: that of the record at rest, of whatever length."""
+        return self.floor
+
     def of_mean(self, width: int) -> float:
         """Standard deviation of the mean of ``width`` samples in a row, up to the order."""
         lags = np.arange(1, min(width, len(self.covariance)))

@@ -164,8 +164,9 @@ def answered_interval(fit: Fit, parameter: Free) -> tuple[float, float]:
 
 
 def _floors(recording: Recording, selection: Selection) -> dict[str, float]:
-    """Standard deviation of each channel's noise, SI: as stated, else as the last model left it."""
-    floors = {name: noise.floor for name, noise in selection.final.whitener.noise.items()}
+    """Standard deviation of each channel's noise in a record, SI: as stated, else as the last model left it."""
+    longest = max(len(r.time) for r in recording.records)
+    floors = {name: noise.within(longest) for name, noise in selection.final.whitener.noise.items()}
     return {name: recording.noise.get(name, floor) for name, floor in floors.items()}
 
 
