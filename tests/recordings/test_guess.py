@@ -104,6 +104,13 @@ LOGS = {
         {"time": ("t_ms", "ms"), "drive_angle": ("Enc Motor [Ink]", "rad", {"scale": np.radians(0.09)}),
          "drive_torque": ("Drehmoment Motor [mNm]", "mN m"), "output_angle": ("Enc Greifer [deg]", "deg")},
     ),
+    "an axis whose motor's current was recorded": (
+        "needle.csv",
+        text("time_ms,depth_mm,current_mA,target_mm\n", (1e3 * T, 1e3 * X, 20.0 * F, 1e3 * np.roll(X, -3))),
+        "linear_drive",
+        {"time": ("time_ms", "ms"), "position": ("depth_mm", "mm"), "force": ("current_mA", "N", {"scale": 1e-3}),
+         "position_reference": ("target_mm", "mm")},
+    ),
     "each column on a clock of its own": (
         "run.csv",
         text("t1 [s];Seilweg Antrieb [mm];t2 [s];Seilkraft Antrieb [N]\n", (T, 1e3 * X, T + 0.001, F), ";", ","),

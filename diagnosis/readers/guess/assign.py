@@ -20,10 +20,8 @@ _SPOKEN = 1.5
 """Of the score, for a word that speaks for a system."""
 
 
-THROUGH_RADIUS = {("linear_drive", "force"): "N m", ("linear_drive", "motor_position"): "rad"}
-"""Channels that a motor shows as its torque or angle, by the radius of its pulley -> the SI unit of these."""
-_TURNED = 0.5
-"""Of the score, for a channel that is seen through a radius."""
+OF_MOTOR = {("linear_drive", "force"): {"N m": 0.5, "A": 0.4}, ("linear_drive", "motor_position"): {"rad": 0.5}}
+"""Channels that a motor shows as its torque, current or angle -> the SI unit of these, and their share of the score."""
 
 
 @dataclass(frozen=True)
@@ -93,9 +91,10 @@ def match(family: Family, signals: Sequence[Signal], spoken: frozenset[str] = fr
 
 
 def _of(family: Family, name: str, signal: Signal) -> float:
-    """As `_score`, of a channel that may be seen through a radius."""
-    turned = THROUGH_RADIUS.get((family.name, name))
-    return max(_score(name, family.channels[name], signal), _TURNED * _score(name, turned, signal) if turned else -1.0)
+    """As `_score`, of a channel that a motor may show in another unit."""
+    shown = OF_MOTOR.get((family.name, name), {})
+    others = (share * _score(name, si, signal) for si, share in shown.items())
+    return max(_score(name, family.channels[name], signal), *others, -1.0)
 
 
 def _score(name: str, si: str, signal: Signal) -> float:

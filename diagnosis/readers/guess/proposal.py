@@ -11,7 +11,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.readers.base import files_at
 from cable_envs.diagnosis.readers.formats import table
-from cable_envs.diagnosis.readers.guess.assign import THROUGH_RADIUS, Match, Signal, matches
+from cable_envs.diagnosis.readers.guess.assign import OF_MOTOR, Match, Signal, matches
 from cable_envs.diagnosis.readers.guess.columns import OPEN, Meant, meant
 from cable_envs.diagnosis.readers.guess.raw import Raw, columns_in
 from cable_envs.diagnosis.readers.guess.words import speaks_for, words_of
@@ -128,7 +128,7 @@ def _text(raw: Raw, found: Sequence[Meant], ranked: Sequence[Match], files: Sequ
     for channel in (c for c in channels_of(best.system) if c in best.channels):
         m = found[best.channels[channel]]
         lines.append(_channel_line(channel, m, found, best))
-        open_ += [channel] if m.sure == OPEN or _turned(channel, m, best) else []
+        open_ += [channel] if m.sure == OPEN or _of_motor(channel, m, best) else []
     used = {id(found[k]) for k in best.channels.values()} | {id(clock)}
     rest = [m for m in found if id(m) not in used]
     lines += ["# not used:", *(f"#   {_called(m)}: {_what(m)}" for m in rest)] if rest else []
@@ -161,8 +161,8 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
 
 def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
     assert m.unit is not None, "only columns with a unit are taken"
-    if _turned(channel, m, best):
-        return _turned_line(channel, m, found, best)
+    if _of_motor(channel, m, best):
+        return _motor_line(channel, m, found, best)
     parts = [f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {m.unit.name}"]
     if m.clock is not None:
         parts.insert(1, f"clock: {json.dumps(m.clock.place, ensure_ascii=False)}")
@@ -175,23 +175,26 @@ def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -
     return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{why}; {against}" if against else why)
 
 
-def _turned(channel: str, m: Meant, best: Match) -> bool:
-    """Whether a column is a motor's torque or angle that is a channel through the radius of its pulley."""
-    return m.unit is not None and THROUGH_RADIUS.get((best.system, channel)) == m.unit.si
+def _of_motor(channel: str, m: Meant, best: Match) -> bool:
+    """Whether a column is a motor's torque, current or angle that is a channel by what turns that into it."""
+    return m.unit is not None and m.unit.si in OF_MOTOR.get((best.system, channel), {})
 
 
-def _turned_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
-    """A motor's torque or angle as a force or place: its radius is what the position goes for a turn of the motor."""
+def _motor_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
+    """A motor's torque, current or angle as a force or place: a radius is what the position goes for a turn."""
     assert m.unit is not None, "only columns with a unit are taken"
-    radius, why = _radius(found, best)
-    si = channels_of(best.system)[channel]
-    scale = m.factor * (radius if m.unit.si == "rad" else 1.0 / radius)
+    if m.unit.si == "A":
+        by, what = 1.0, "a motor's current times the force of one ampere (torque constant and gear over the radius, or "
+        what += "2 pi over the lead of a screw), which nothing tells: 1 N stands for it"
+    else:
+        radius, why = _radius(found, best)
+        by, what = (radius, "a motor's angle times") if m.unit.si == "rad" else (1.0 / radius, "a motor's torque over")
+        what += f" the radius of its pulley, {why}"
     parts = [
-        f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {si}", f"scale: {scale:.6g}",
-        *(["sign: -1"] if m.sign < 0 else []),
+        f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {channels_of(best.system)[channel]}",
+        f"scale: {m.factor * by:.6g}", *(["sign: -1"] if m.sign < 0 else []),
     ]  # fmt: skip
-    what = "a motor's torque over" if m.unit.si == "N m" else "a motor's angle times"
-    return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{OPEN}: {what} the radius of its pulley, {why}; {_what(m)}")
+    return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{OPEN}: {what}; {_what(m)}")
 
 
 def _radius(found: Sequence[Meant], best: Match) -> tuple[float, str]:
