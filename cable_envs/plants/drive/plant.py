@@ -47,7 +47,7 @@ PARAMETERS = ParameterTable(
     Parameter("gravity", "m/s^2", 9.81, 0.0, 30.0, "gravitational acceleration"),
     Parameter("gravity_share", "1", 0.0, -1.0, 1.0, "share of gravity along the axis: 1 upright, 0 level", "null"),
     Parameter("force_limit", "N", 200.0, 1e-6, 1e6, "largest force of the motor", _TYPICAL),
-    Parameter("force_per_volt", "N", 20.0, 1e-9, 1e6, "force of the motor for one volt", _TYPICAL),
+    Parameter("force_per_volt", "N/V", 20.0, 1e-9, 1e6, "force of the motor for one volt", _TYPICAL),
     Parameter("voltage_limit", "V", 10.0, 1e-6, 1e6, "range of voltages that a command may ask for", _TYPICAL),
     Parameter("position_limit", "m", 1.0, 1e-6, 1e3, "range of positions that a command may ask for", _TYPICAL),
     Parameter("servo_frequency", "rad/s", 40.0, 0.1, 1e3, "natural frequency of the position servo", _TYPICAL),

@@ -46,7 +46,7 @@ def open_dataset(path: Path, asked: Request) -> DataSet:
         records=tuple(records),
         source={"cite": "Janot, Gautier, Brunot: Data set and reference models of EMPS, 2019", "licence": "not known"},
         known={
-            "force_per_volt": {"value": FORCE_PER_VOLT, "unit": "N"},
+            "force_per_volt": {"value": FORCE_PER_VOLT, "unit": "N/V"},
             "motor_mass": {"value": 0.0, "unit": "kg", "note": "one body: M is all that moves"},
         },
         after=18.0,
