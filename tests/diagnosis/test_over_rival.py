@@ -82,6 +82,16 @@ def test_effects_that_both_models_have_are_no_part_of_what_is_made_even():
     assert alone == pytest.approx(0.0, abs=0.1) and behind > 50.0
 
 
+def test_a_size_far_beyond_the_typical_one_costs_as_its_logarithm():
+    """A bias of one is typical, and the prior of a larger one than three is as wide as that is large."""
+    prices = []
+    for size in (0.4, 9.0, 90.0):
+        one, bare = _candidates((BIAS,), (), truth={"bias": size})
+        prices.append(bare.remainder.occam - one.remainder.occam)
+    assert prices[2] - prices[1] == pytest.approx(np.log(10.0), abs=0.1)
+    assert prices[1] - prices[0] == pytest.approx(np.log(9.0 / 3.0) + 0.5, abs=0.1)
+
+
 def test_an_answer_names_both_of_two_effects_that_differ_by_their_priors_alone():
     fit, heldout = Twice({"bias": 1.0}, 7), Twice({"bias": 1.0}, 1007, records=1)
     found = select(fit, heldout, NOMINALS, [BIAS, OFFSET], np.random.default_rng(0))

@@ -6,6 +6,8 @@ import pytest
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording, diagnose
 from cable_envs.diagnosis.systems import looked_at, prepare
+from cable_envs.diagnosis.systems.common import Sampled
+from cable_envs.diagnosis.systems.rotary_joint.balance import balance
 from cable_envs.diagnosis.systems.stated.fitting import systems_for
 
 INERTIA, WEIGHT, RUBBING, CONSTANT, RESISTANCE = 0.05, 1.2, 0.06, 0.5, 2.0  # kg m^2, N m, N m, N m/A, ohm
@@ -71,6 +73,53 @@ def test_what_nobody_states_is_asked_for():
     with pytest.raises(ConfigurationError, match="torque_constant and resistance must be stated"):
         prepare(log("voltage", known=KNOWN))
     prepare(log("current", known=KNOWN))  # a known weight tells the torque
+
+
+def sampled(values, factor=1.0):
+    return Sampled(factor * values, np.ones(len(values), dtype=bool))
+
+
+@pytest.mark.parametrize("friction", [0.0, RUBBING, 5.0 * RUBBING])
+def test_the_balance_of_torque_tells_inertia_and_weight_whatever_rubs(friction):
+    runs = [run(rate, friction=friction) for rate in (0.4, 0.55, 1.1)]
+    found = balance([{"position": sampled(x), "torque": sampled(m)} for _, x, m in runs], 0.01, "torque")
+    assert found.inertia == pytest.approx(INERTIA, rel=0.02)
+    assert found.weight == pytest.approx(WEIGHT, rel=0.05)
+    assert abs(found.hanging) < 0.02
+    # of a current, and of a joint whose angle counts from elsewhere and the other way
+    mirrored = [{"position": sampled(0.7 - x), "current": sampled(m, -2.0)} for _, x, m in runs]
+    turned = balance(mirrored, 0.01, "current")
+    assert turned.inertia == pytest.approx(2.0 * found.inertia, rel=1e-6)
+    assert turned.weight == pytest.approx(2.0 * found.weight, rel=1e-6)
+    assert turned.hanging == pytest.approx(0.7 - found.hanging, abs=1e-6)
+
+
+def test_a_joint_at_rest_or_in_noise_tells_no_inertia():
+    rng = np.random.default_rng(0)
+    still = {"position": sampled(1e-4 * rng.standard_normal(3000)), "torque": sampled(rng.standard_normal(3000))}
+    assert balance([still], 0.01, "torque") is None
+    assert balance([{"position": sampled(np.zeros(30)), "torque": sampled(np.zeros(30))}], 0.01, "torque") is None
+
+
+def test_what_nobody_states_of_a_joint_begins_where_its_records_put_it():
+    start = {p.name: p for p in prepare(log()).fit.parameters}
+    assert start["load_mass"].start * 9.81 * 0.1 == pytest.approx(WEIGHT, rel=0.05)
+    turned = start["inertia"].start + start["load_mass"].start * 0.1**2
+    assert turned == pytest.approx(INERTIA, rel=0.05)
+    assert start["inertia"].std == pytest.approx(0.3 * start["inertia"].start)
+    stated = {p.name: p for p in prepare(log(nominal={"inertia": 0.4})).fit.parameters}
+    assert stated["inertia"].start == 0.4 and stated["inertia"].std is None
+    # what a stated weight or inertia says of a current
+    for known in (KNOWN, {n: KNOWN[n] for n in ("inertia", "arm_length")}):
+        (constant,) = [p for p in prepare(log("current", known=known)).fit.parameters if p.name == "torque_constant"]
+        assert constant.start == pytest.approx(CONSTANT, rel=0.05)
+
+
+def test_a_joint_that_nobody_describes_is_answered_with_its_friction():
+    """Of all effects of a joint; its friction is six times what the library takes for typical."""
+    found = diagnose(log(), effects=["coulomb_friction", "viscous_friction", "gear_friction", "asymmetric_friction"])
+    assert [e.name for e in found.effects] == ["coulomb_friction"]
+    assert found.effects[0].parameters["level"].value == pytest.approx(RUBBING, rel=0.1)
 
 
 def test_a_rotary_joint_is_the_system_of_angle_and_torque():

@@ -6,10 +6,13 @@ joint has to move little where it is right. A torque acts as it is; a current th
 through the winding's resistance, against the back-EMF. Angle and speed are predicted.
 
 Friction that nobody states is absent, and is found. Gravity is not: what a pendulum of unknown weight pulls is
-refitted.
+refitted. Inertia and weight that nobody states begin where the balance of torque in the records puts them, and the
+inertia is held near it: the servo is as stiff as the inertia asks, so that a refit of a joint that rubs would make it
+so large that friction is nothing.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -28,6 +31,7 @@ from cable_envs.diagnosis.systems.common import (
     plant_values,
     recorded_drive,
 )
+from cable_envs.diagnosis.systems.conditions import usual
 from cable_envs.diagnosis.systems.drive.model import (
     DAMPING_RATIO,
     SOFT,
@@ -37,6 +41,7 @@ from cable_envs.diagnosis.systems.drive.model import (
     recorded,
 )
 from cable_envs.diagnosis.systems.question import Question, Request
+from cable_envs.diagnosis.systems.rotary_joint.balance import UNSURE, Balance, balance
 from cable_envs.diagnosis.systems.stated.limits import limits_of, stated_in
 from cable_envs.plants import plant_for
 from cable_envs.plants.base import Plant
@@ -53,6 +58,8 @@ _OF_SUPPLY = ("dead_band", "quantised_command", "supply_sag", "command_delay", "
 _OF_WINDING = ("winding_heating",)
 _SCALES = ("torque_constant", "load_mass", "inertia")
 """A current tells ratios only: one of these must be stated."""
+_LEAST = 0.05
+"""Share of what turns that is the inertia at least, where the mass on its assumed arm would be more than all."""
 
 
 def effort_of(recording: Recording) -> str:
@@ -97,10 +104,14 @@ def prepare(recording: Recording, request: Request) -> Question:
     if effort == "voltage":  # a bridge with duties up to 1 of what was recorded
         most = max(float(np.max(np.abs(r.data["voltage"][r.usable("voltage")]))) for r in recording.records)
         values["supply_voltage"] = max(values["supply_voltage"], 1.01 * most)
-    nominals = free_parameters(recording, plant, values, REFITTED, request)
+    period = sample_period(recording.records)
+    started = _started(recording, plant, values, request, period)
+    values |= started
+    moved = (*REFITTED, "torque_constant") if "torque_constant" in started else REFITTED
+    nominals = free_parameters(recording, plant, values, moved, request)
+    nominals = [replace(f, std=UNSURE * f.start) if f.name == "inertia" and f.name in started else f for f in nominals]
     candidates = _candidates(plant, recording, values, nominals, request, effort)
     free = {f.name: f for f in nominals} | {f.name: f for h in candidates.asked for f in h.free}
-    period = sample_period(recording.records)
     made = {
         use: JointModel(plant, recording, use, values, tuple(free.values()), period, effort)
         for use in ("fit", "heldout")
@@ -115,6 +126,48 @@ def prepare(recording: Recording, request: Request) -> Question:
         ),
         not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def _started(
+    recording: Recording, plant: Plant, values: Mapping[str, float], request: Request, period: float
+) -> dict[str, float]:
+    """Inertia, weight and torque constant that nobody states, by the balance of torque in the records to fit."""
+    if recording.rig is not None or request.rig:
+        return {}
+    said = {*recording.known, *recording.nominal, *usual(recording, plant)}
+    effort = effort_of(recording)
+    series = [recorded(r, period, ["position", effort])[1] for r in recording.used_for("fit")]
+    found = balance(series, period, effort)
+    if found is None:
+        return {}
+    factor = {"torque": 1.0, "current": values["torque_constant"]}.get(
+        effort, values["torque_constant"] / values["resistance"]
+    )
+    started = {}
+    if effort == "current" and "torque_constant" not in said:
+        factor = started["torque_constant"] = _factor(found, values, said)
+    turned, weight = factor * found.inertia, factor * found.weight
+    arm = values["arm_length"]
+    if "load_mass" not in said:
+        started["load_mass"] = weight / max(values["gravity"] * arm, 1e-9)
+    if "hanging_angle" not in said:
+        started["hanging_angle"] = found.hanging
+    if "inertia" not in said:
+        others = values["load_inertia"] + started.get("load_mass", values["load_mass"]) * arm**2
+        started["inertia"] = max(turned - others, _LEAST * turned)
+    return {n: float(np.clip(v, plant.table[n].low, plant.table[n].high)) for n, v in started.items()}
+
+
+def _factor(found: Balance, values: Mapping[str, float], said: set[str]) -> float:
+    """Torque for one ampere by which the stated weight, or else the stated inertia, is that of the balance."""
+    if "load_mass" in said and found.weight > 0.0:
+        return values["load_mass"] * values["gravity"] * values["arm_length"] / found.weight
+    if "inertia" in said:  # what hangs on the arm turns, too
+        arm, gravity = values["arm_length"], max(values["gravity"], 1e-9)
+        others = values["inertia"] + values["load_inertia"]
+        alone = found.inertia - found.weight * arm / gravity
+        return others / alone if alone > _LEAST * found.inertia else others / found.inertia
+    return values["torque_constant"]
 
 
 def _limited(recording: Recording, request: Request, values: dict[str, float]) -> dict[str, float]:
