@@ -339,7 +339,7 @@ PACKED = ".xz"
 """How the names of compressed files end."""
 
 # text has no alignment that the position bits could use
-_PACKING = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**23, "pb": 0}]
+_PACKING = [{"id": lzma.FILTER_LZMA2, "preset": 9 | lzma.PRESET_EXTREME, "dict_size": 2**25, "pb": 0}]
 _LARGEST_WINDOW = 2**27  # bytes of memory that reading may take for what it looks back at
 
 

@@ -15,6 +15,9 @@ STRAIGHT = 0.75
 MOST = 100
 """Points of one line, at the most: each of them is looked at again for every further one."""
 
+MARKS = 4
+"""Marks of one class in a row from which on they are a group."""
+
 Piece = tuple[str, list[int]]
 """A command of a path, and where it goes: steps of the grid from the picture's corner."""
 
@@ -30,9 +33,10 @@ def compact_svg(svg: str) -> str:
 
     Paths are written relative to their last point on a grid of `STEPS_PER_POINT`, without points of a straight line
     (`STRAIGHT`), numbers of other places are rounded
-    to it, a style that several elements have becomes a class, of a list of fonts the first and the kind are kept,
-    references are those of SVG 2, and behind its last hyphen an id is a number; ids that nothing refers to, turns by
-    nothing, groups that say nothing, comments and space between elements are left out.
+    to it, a style that several elements have becomes a class, and that of `MARKS` marks in a row their group's, of a
+    list of fonts the first and the kind are kept, references are those of SVG 2, and behind its last hyphen an id is a
+    number; ids that nothing refers to, turns by nothing, groups that say nothing, comments and space between elements
+    are left out.
 
     Parameters
     ----------
@@ -58,7 +62,7 @@ def compact_svg(svg: str) -> str:
     svg = svg.replace(" xlink:href=", " href=").replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
     used = set(re.findall(r'href="#([^"]+)"', svg)) | set(re.findall(r"url\(#([^)]+)\)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    return _with_classes(_without_idle_groups(_with_short_ids(svg)))
+    return _with_shared_classes(_with_classes(_without_idle_groups(_with_short_ids(svg))))
 
 
 def name_of(text: str) -> str:
@@ -79,9 +83,13 @@ def name_of(text: str) -> str:
 
 
 def _with_short_ids(svg: str) -> str:
-    """Numbers in the place of what follows the last hyphen of an id: before it is what tells a page's figures apart."""
+    """Numbers in the place of what follows the last hyphen of an id: before it is what tells a page's figures apart.
+
+    An id without one is by matplotlib, and has its `name_of`.
+    """
     ids = dict.fromkeys(re.findall(r' id="([^"]*-[^"-]*)"', svg))
     short = {old: f"{old.rpartition('-')[0]}-{k}" for k, old in enumerate(ids)}
+    short |= {old: name_of(old) for old in re.findall(r' id="([mp][0-9a-f]{10})"', svg)}
     return re.sub(r'(?<= id=")[^"]+|(?<=href="#)[^"]+|(?<=url\(#)[^)]+', lambda f: short.get(f[0], f[0]), svg)
 
 
@@ -94,6 +102,22 @@ def _with_classes(svg: str) -> str:
     rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
     svg = re.sub(r' style="([^"]*)"', lambda f: f' class="{names[f[1]]}"' if f[1] in names else f[0], svg)
     return svg.replace("</style>", f"{rules}</style>", 1)
+
+
+def _with_shared_classes(svg: str) -> str:
+    """Marks of one class in a row as a group of that class; not of one whose opacity is that of all it holds."""
+
+    mark = '<use href="#[^"]+" x="[^"]+" y="[^"]+" class="NAME"/>'
+    first, further = mark.replace("NAME", '([^"]+)'), mark.replace("NAME", r"\1")
+
+    def grouped(found: re.Match[str]) -> str:
+        rule = re.search(rf"\.{found[1]}{{([^}}]*)}}", svg)
+        if rule is None or re.search(r"(?:^|;)(?:opacity|clip-path|mask|filter):", rule[1]):
+            return found[0]
+        own = f' class="{found[1]}"'
+        return f"<g{own}>{found[0].replace(own, '')}</g>"
+
+    return re.sub(f"{first}(?:{further}){{{MARKS - 1},}}", grouped, svg)
 
 
 def compact_path(data: str) -> str:

@@ -40,6 +40,7 @@ def pages() -> dict[str, str | bytes]:
             made[place] = _with_way_back(text.encode(), "boards.html", "Boards", place.count("/"))
     proof = kept("proof.html", _proof_page, [PROOF / "proof.json.xz"])
     made[f"{FOLDER}/proof.html"] = _with_way_back(proof, "proof/proof.html", "Proof")
+    made["proof/proof.md"] = kept("proof.md", _proof_rows, [PROOF / "proof.json.xz"]).decode()
     inputs = sorted([*RECORDINGS.glob("*.json.xz"), *(RECORDINGS / "figures").glob("*.svg")])
     recordings = kept("recordings.html", _recordings_page, inputs)
     made[f"{FOLDER}/recordings.html"] = _with_way_back(recordings, "recordings/index.html", "Recordings")
@@ -131,6 +132,16 @@ def _proof_page() -> bytes:
     from cablebench.pages.proof import render
 
     return render(read_json(PROOF / "proof.json.xz")).encode()
+
+
+def _proof_rows() -> bytes:
+    """The page that the proof's command writes beside its record."""
+    from cable_envs.proof import report
+
+    records = report.parts_of([PROOF / "proof.json.xz"])
+    results = report.together(records)
+    about = {**records[0], "cases_total": len(next(iter(results.values())))}
+    return report.markdown(results, about).encode()
 
 
 def _recordings_page() -> bytes:
