@@ -106,7 +106,6 @@ def _with_classes(svg: str) -> str:
 
 def _with_shared_classes(svg: str) -> str:
     """Marks of one class in a row as a group of that class; not of one whose opacity is that of all it holds."""
-
     mark = '<use href="#[^"]+" x="[^"]+" y="[^"]+" class="NAME"/>'
     first, further = mark.replace("NAME", '([^"]+)'), mark.replace("NAME", r"\1")
 

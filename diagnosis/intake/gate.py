@@ -258,14 +258,19 @@ def _channel(record: Record, channel: str, look: Look) -> list[Fault]:
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
     still = [fault for fault in _still(record.name, channel, values, good) if not _counted(record, channel, fault)]
-    while still and (length := _stop(record, channel, still[0])):  # the next run may be a sensor's
-        good = good & ~np.isin(np.arange(len(values)), still[0].row - 1 + np.arange(length))
+    stopped = np.zeros(len(values), dtype=bool)
+    while still and (length := _stop(record, channel, still[0], stopped)):  # the next run may be a sensor's
+        stopped[still[0].row - 1 : still[0].row - 1 + length] = True
+        good = good & ~stopped
         still = _still(record.name, channel, values, good) if good.sum() > FEWEST_HELDOUT else []
     return found + still + _outlier(record.name, channel, values, record.usable(channel))
 
 
-def _stop(record: Record, channel: str, fault: Fault) -> int:
+def _stop(record: Record, channel: str, fault: Fault, stopped: np.ndarray) -> int:
     """Samples for which a position stands still because the rig does; 0 where a sensor was held.
+
+    stopped: those that are known to be such [T]. What stands still beside them, or when a record begins, is how a
+    motion turns or starts, count by count.
 
     At a stop no other channel moves, and the motion goes on from there. Where it turns round, friction holds it while
     efforts go on, and one end of a rig while the other stretches what is between them: then no other place moves. A
@@ -281,6 +286,7 @@ def _stop(record: Record, channel: str, fault: Fault) -> int:
     if np.any(np.abs(behind) > _RESUMES * fastest):
         return 0
     turns = len(behind) > 0 and first > 0 and (values[first - 1] - values[first]) * behind[0] > 0.0
+    turns |= first == 0 or bool(np.any(stopped[first - 1 : first + length + 1]))
     ends = any(name in POSITIONS for name in track.channels if name != channel)
     kinematic = POSITIONS if ends else (*POSITIONS, *RATES.values()) if turns else None
     return 0 if moves(track, channel, first, length, kinematic) else length

@@ -67,7 +67,7 @@ def answer(
     mended = verdict == "data_fault" and not found
     final = selection.final if named or mended else selection.null
     helped = selection.final if found and not named else None
-    floors = _floors(recording, selection)
+    floors = _floors(recording, question, selection)
     traces = _traces(question, selection.null, final, floors)
     location, traces = located(question.ways, traces, selection, named or mended, verdict == "no_detectable_mismatch")
     constants = [with_estimates(a, question, selection) for a in selection.constants] if named else []
@@ -163,10 +163,15 @@ def answered_interval(fit: Fit, parameter: Free) -> tuple[float, float]:
     return max(low, parameter.low), min(high, parameter.high)
 
 
-def _floors(recording: Recording, selection: Selection) -> dict[str, float]:
-    """Standard deviation of each channel's noise in a record, SI: as stated, else as the last model left it."""
+def _floors(recording: Recording, question: Question, selection: Selection) -> dict[str, float]:
+    """Standard deviation of each channel's noise in a record, SI: as stated, else as the last model left it.
+
+    It is no more than all that this left, as where no noise limits the model.
+    """
     longest = max(len(r.time) for r in recording.records)
-    floors = {name: noise.within(longest) for name, noise in selection.final.whitener.noise.items()}
+    left = raw_residuals(question.fit, selection.final.fit)
+    noises = selection.final.whitener.noise
+    floors = {name: min(noise.within(longest), _rms(question.fit, left, name)) for name, noise in noises.items()}
     return {name: recording.noise.get(name, floor) for name, floor in floors.items()}
 
 

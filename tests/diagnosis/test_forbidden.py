@@ -479,6 +479,24 @@ def test_a_rig_that_rests_most_of_the_time_is_not_stuck_and_turning_points_are_n
     assert any(f.channel == "position" for f in _fatal(recording(held_)))
 
 
+def test_a_slow_turn_that_an_encoder_counts_is_no_saturated_sensor():
+    """In motion a clock that jitters shows in the counts; where the motion turns, count by count, it does not."""
+    rng, period, half, count = np.random.default_rng(9), 0.002, 1.6, 5e-6
+    t = period * np.arange(8000)
+    seen = t + 0.03 * period * rng.standard_normal(len(t))  # when the samples were taken
+    turn = np.floor(seen / (2.0 * half) + 0.5)  # of which a sample is the nearest
+    away = np.abs(seen - 2.0 * half * turn) / half
+    way = (0.4 + 0.56 * count) * (1.0 - away**3) * (-1.0) ** turn  # just beyond the last count that it reaches
+    place = count * np.round(way / count)
+    speed = np.gradient(0.4 * (1.0 - away**3) * (-1.0) ** turn, period)
+    since = t - 2.0 * half * np.round(t / (2.0 * half))
+    force = 20.0 * speed - 150.0 * (-1.0) ** turn * np.clip(since / 0.06, -1.0, 1.0)  # it goes on while friction holds
+    table = {"time": t, "position": place, "force": force + 3.0 * rng.standard_normal(len(t))}
+    good = np.ones(len(t), dtype=bool)
+    assert any("saturated" in fault.text for fault in _still("", "position", place, good))
+    assert [f for f in _fatal(Recording.from_arrays("linear_drive", table)) if f.channel == "position"] == []
+
+
 def test_friction_holds_a_position_where_it_turns_while_the_force_goes_on():
     rng = np.random.default_rng(8)
     t = PERIOD * np.arange(ROWS)
