@@ -11,6 +11,8 @@ from cable_envs.diagnosis.readers.guess.words import SPECIAL, speaks_for, words_
 from cable_envs.plants import families
 from cable_envs.plants.family import Family
 
+EFFORTS = ("force", "torque", "current", "voltage")
+"""Channels of a drive's motor, whose names do not say so: what is measured at the other end is none of them."""
 _DRIVE, _OUTPUT = ("drive", "motor"), ("load", "output")
 """Parts of channels' names that say at which end they are."""
 _OTHER_END = -0.6
@@ -20,7 +22,10 @@ _SPOKEN = 1.5
 """Of the score, for a word that speaks for a system."""
 
 
-OF_MOTOR = {("linear_drive", "force"): {"N m": 0.5, "A": 0.4}, ("linear_drive", "motor_position"): {"rad": 0.5}}
+OF_MOTOR = {
+    ("linear_drive", "force"): {"N m": 0.5, "A": 0.4}, ("linear_drive", "motor_position"): {"rad": 0.5},
+    ("cable_hole", "drive_position"): {"rad": 0.4}, ("tendon_sheath", "drive_position"): {"rad": 0.4},
+}  # fmt: skip
 """Channels that a motor shows as its torque, current or angle -> the SI unit of these, and their share of the score."""
 
 
@@ -107,7 +112,7 @@ def _score(name: str, si: str, signal: Signal) -> float:
     score = 1.0 + (0.3 if special is not None else 0.0)
     if signal.told:
         score += 0.3 if name.endswith(f"_{signal.told}") else 0.0
-    side = _side(name)
+    side = _side(name) or ("drive" if name in EFFORTS else "")
     if side and signal.side:
         return score + (1.0 if side == signal.side else _OTHER_END)
     return score + (0.1 if side else 0.2)

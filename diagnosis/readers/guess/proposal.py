@@ -122,7 +122,7 @@ def _text(raw: Raw, found: Sequence[Meant], ranked: Sequence[Match], files: Sequ
     clock = next((m for m in found if m.kind == "time"), None)
     if clock is None:
         open_.append("time")
-    lines.append(_clock_line(clock, found))
+    lines.append(_clock_line(clock, found, raw.rate))
     if clock is not None and clock.sure == OPEN:
         open_.append("time")
     for channel in (c for c in channels_of(best.system) if c in best.channels):
@@ -140,7 +140,7 @@ def _line(entry: str, comment: str) -> str:
     return f"{entry}   # {' '.join(comment.split())}"
 
 
-def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
+def _clock_line(clock: Meant | None, found: Sequence[Meant], rate: float) -> str:
     if clock is not None:
         assert clock.unit is not None, "a clock has one"
         scale = f", scale: {clock.unit.scale:g}" if clock.unit.scale != 1.0 else ""
@@ -155,6 +155,9 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant]) -> str:
         if step > 0.0:
             why = f"{OPEN}: times of day as text are not read; these rows are {step:.4g} s apart on average"
             return _line(f"  time: {{sample_rate: {1.0 / step:.6g}}}", why)
+    if rate > 0.0:
+        why = f"{OPEN}: no column is a clock; a line above the table says {rate:g} Hz"
+        return _line(f"  time: {{sample_rate: {rate:g}}}", why)
     why = f"{OPEN}: no column is a clock; state the rate of the log, in Hz"
     return _line(f"  time: {{sample_rate: {RATE:g}}}", why)
 

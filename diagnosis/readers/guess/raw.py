@@ -22,6 +22,7 @@ FEWEST = 20
 _NUMBER = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 _STAMP = re.compile(r"(?:.*[ T])?(\d{1,2}):(\d{2}):(\d{2})(?:[.,](\d+))?Z?")
 _COMMENTS = ("#", "%", "//")
+_RATE = re.compile(r"(?<![\w.,])(\d+(?:[.,]\d+)?)\s*(k?)Hz\b", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
@@ -37,12 +38,13 @@ class Column:
 
 @dataclass(frozen=True)
 class Raw:
-    """The columns of a file, and what a mapping's ``layout`` says of it."""
+    """The columns of a file, what a mapping's ``layout`` says of it, and the rate that stands above them, Hz, or 0."""
 
     file: Path
     columns: tuple[Column, ...]
     layout: Mapping[str, Any] = field(default_factory=dict)
     said: tuple[str, ...] = ()
+    rate: float = 0.0
 
 
 def columns_in(file: Path, form: str) -> Raw:
@@ -102,7 +104,16 @@ def _of_text(file: Path, opened: Any) -> Raw:
         said["comment"] = comment
     if table.is_sheet(file):
         said = {"header_line": line}
-    return Raw(file, tuple(columns), said)
+    return Raw(file, tuple(columns), said, rate=_rate([text for _, text in body[:first]]))
+
+
+def _rate(above: Sequence[str]) -> float:
+    """The one rate that the lines above a table give, Hz; 0 where they give none or several."""
+    said = {
+        float(number.replace(",", ".")) * (1e3 if kilo else 1.0)
+        for line in above for number, kilo in _RATE.findall(line)
+    }  # fmt: skip
+    return said.pop() if len(said) == 1 else 0.0
 
 
 def _called(delimiter: str) -> str:

@@ -70,14 +70,14 @@ def _set(words: str) -> frozenset[str]:
 
 
 _KINDS = {
-    "time": "t time zeit timestamp zeitstempel tstamp seconds sekunden clock uhr uhrzeit elapsed",
-    "m": "x y s pos position weg hub displacement disp travel stroke verschiebung laenge length extension auszug "
-         "location lage",
+    "time": "t sec secs time zeit timestamp zeitstempel tstamp seconds sekunden clock uhr uhrzeit elapsed",
+    "m": "x y z s pos position depth tiefe weg hub displacement disp travel stroke verschiebung laenge length "
+         "extension auszug location lage",
     "rad": "q phi theta alpha beta angle winkel drehwinkel ang rotation rot gelenkwinkel joint",
     "m/s": "v vel velocity speed geschw geschwindigkeit",
     "rad/s": "omega w drehzahl qd qdot rpm winkelgeschwindigkeit",
     "N": "f force kraft zugkraft tension seilkraft zug loadcell fz fx fy kraftsensor dms pull",
-    "N m": "m torque moment drehmoment tau trq mom md",
+    "N m": "m torque moment drehmoment tau trq mom md effort",
     "A": "i current strom cur iq amps",
     "V": "u voltage spannung volt volts",
     "K": "temp temperature temperatur tmot",
@@ -88,7 +88,12 @@ KIND = {word: kind for kind, words in _KINDS.items() for word in words.split()}
 COMMAND = _set("cmd command soll sollwert sp setpoint target des desired demand vorgabe ziel stell")
 REFERENCE = _set("ref reference fuehrung fuehrungsgroesse referenz")
 DRIVE = _set("motor mot drive antrieb actuator aktor input proximal prox winch winde master capstan back m1 an")
-OUTPUT = _set("load last output out abtrieb distal dist tip jaw greifer gripper gelenk front slave spitze tool ab")
+OUTPUT = _set("load last output out abtrieb distal dist tip jaw greifer gripper gelenk front slave spitze tool ab "
+              "contact kontakt interaction extern external")  # fmt: skip
+TURNS = _set("joint joints gelenk hinge revolute knee knie elbow ellbogen hip huefte ankle pendulum pendel")
+"""Words of a name whose positions, speeds and efforts are of a rotation where no unit is given."""
+TURNED = {"m": "rad", "m/s": "rad/s", "N": "N m"}
+"""SI unit along a line -> that of a rotation."""
 SPECIAL = {
     "top": _set("top oben t upper"), "bottom": _set("bottom unten b lower"),
     "wrap": _set("wrap umschlingung umschlingungswinkel"),
@@ -100,7 +105,8 @@ OF_SYSTEM = {
     "tendon_sheath": "bowden sheath huelle mantel catheter katheter sheathed bowdenzug",
     "cable_hole": "cable seil tendon sehne rope winch winde hoist hub kabel wrap umschlingung",
     "pulley_circuit": "pulley rolle jaw greifer gripper idler wrist",
-    "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch",
+    "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch gantry portal screw spindel spindle "
+    "probe sonde needle nadel insertion coil spule",
     "rotary_joint": "joint gelenk arm servo pendulum pendel hinge pivot elbow ellbogen knee knie",
 }
 """System -> words that speak for it."""
@@ -183,4 +189,6 @@ def kinds_of(words: list[str]) -> list[str]:
         kind = KIND.get(word) or next((k for w, k in KIND.items() if len(w) > 3 and w in word), None)
         if kind and kind not in found and (len(word) > 1 or len(words) <= 3):
             found.append(kind)
+    if TURNS & set(words):
+        found = list(dict.fromkeys(TURNED.get(kind, kind) for kind in found))
     return found
