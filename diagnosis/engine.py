@@ -29,7 +29,7 @@ from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.converged import coarser, converged, decided_by_steps
-from cable_envs.diagnosis.intake.gate import POSITIONS, Quality, gate
+from cable_envs.diagnosis.intake.gate import Quality, gate
 from cable_envs.diagnosis.intake.logged import (
     longer,
     redundant_speeds,
@@ -37,6 +37,7 @@ from cable_envs.diagnosis.intake.logged import (
     without_channels,
     without_spikes,
 )
+from cable_envs.diagnosis.intake.tracks import POSITIONS
 from cable_envs.diagnosis.model.in_lines import InLines
 from cable_envs.diagnosis.model.remembered import Remembered
 from cable_envs.diagnosis.model.trials import Trials

@@ -1,6 +1,6 @@
 """The data once more, beside the refitted simulator: units, signs, columns, jumps and clocks that a refit shows.
 
-Before the fit channels are held against each other (`cable_envs.diagnosis.intake.forbidden`) and against the stated
+Before the fit channels are held against each other (`cable_envs.diagnosis.intake.gate`) and against the stated
 numbers (`cable_envs.diagnosis.intake.claims`). Where a refit has made up for a fault, it shows in where the parameters
 have gone; where it could not, in what the channels are beside their predictions:
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.intake.factors import ALIKE, HALF, OF_FORCES, OF_RATES, hint
-from cable_envs.diagnosis.intake.gate import Fault
-from cable_envs.diagnosis.intake.tracks import EFFORTS
+from cable_envs.diagnosis.intake.tracks import EFFORTS, Fault
 from cable_envs.diagnosis.model.model import Model
 from cable_envs.diagnosis.systems.question import Question
 

@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import DRIVEN, LAG, PASSED_ON, WORKS, Found, Track, closed_ways
+from cable_envs.diagnosis.intake.tracks import DRIVEN, LAG, PASSED_ON, WORKS, Fault, Track, closed_ways
 
 FEWEST = 2
 """Closed ways that say anything."""
@@ -31,7 +31,7 @@ _SURE = 5.0
 """Standard deviations of a sum of noise."""
 
 
-def against_nature(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def against_nature(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Efforts that take energy out of a rig which nothing but they put in, and driven ends that lead their drive."""
     for effort, place in WORKS.items():
         if effort in recording.channels and place in recording.channels:
@@ -44,7 +44,7 @@ def against_nature(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fo
             yield from _leads(tracks, drive, driven)
 
 
-def _gives(tracks: Sequence[Track], effort: str, place: str) -> Iterator[Found]:
+def _gives(tracks: Sequence[Track], effort: str, place: str) -> Iterator[Fault]:
     found = [losses(track, effort, place) for track in tracks]
     factors = np.concatenate([w for w, _ in found])
     if not _below(factors):
@@ -58,10 +58,10 @@ def _gives(tracks: Sequence[Track], effort: str, place: str) -> Iterator[Found]:
             f"to and fro, and friction only takes energy: turn the sign of one of them, or exchange the two where "
             f"they are in each other's column"
         )
-        yield Found(tracks[0].name, effort, 1, text)
+        yield Fault(tracks[0].name, effort, 1, text)
 
 
-def _gains(tracks: Sequence[Track], drive: tuple[str, str], end: tuple[str, str]) -> Iterator[Found]:
+def _gains(tracks: Sequence[Track], drive: tuple[str, str], end: tuple[str, str]) -> Iterator[Fault]:
     put_in, taken = (np.concatenate([works(track, *port, drive[1]) for track in tracks]) for port in (drive, end))
     if len(put_in) < FEWEST:
         return
@@ -72,7 +72,7 @@ def _gains(tracks: Sequence[Track], drive: tuple[str, str], end: tuple[str, str]
             f"over {len(lost)} closed ways it does {np.sum(taken) / np.sum(np.abs(put_in)):.3g} times the work that "
             f"{drive[0]} puts in: exchange the two where they are in each other's column, or look at their units"
         )
-        yield Found(tracks[0].name, end[0], 1, text)
+        yield Fault(tracks[0].name, end[0], 1, text)
 
 
 def works(track: Track, effort: str, place: str, along: str) -> np.ndarray:
@@ -121,7 +121,7 @@ def losses(track: Track, effort: str, place: str, late: float = 0.0) -> tuple[np
     return np.array(factors), -(kinetic + _SURE * float(np.sqrt(np.sum(noise)))) / len(factors)
 
 
-def _leads(tracks: Sequence[Track], drive: str, driven: str) -> Iterator[Found]:
+def _leads(tracks: Sequence[Track], drive: str, driven: str) -> Iterator[Fault]:
     found = np.concatenate([lags(track, drive, driven) for track in tracks])
     if len(found) < FEWEST or np.median(found) >= 0.0:
         return
@@ -131,7 +131,7 @@ def _leads(tracks: Sequence[Track], drive: str, driven: str) -> Iterator[Found]:
             f"it is {-1e3 * mean:.3g} ms ahead of {drive}, and what is driven follows: exchange the two where they are "
             f"in each other's column; else one of them is read late"
         )
-        yield Found(tracks[0].name, driven, 1, text)
+        yield Fault(tracks[0].name, driven, 1, text)
 
 
 def lags(track: Track, drive: str, driven: str) -> np.ndarray:

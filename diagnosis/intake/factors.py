@@ -17,7 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import ASKED, DRIVEN, LAG, RATES, Found, Track
+from cable_envs.diagnosis.intake.tracks import ASKED, DRIVEN, LAG, RATES, Fault, Track
 from cable_envs.diagnosis.systems.common import smooth_speed
 
 GRAVITY = 9.81
@@ -47,7 +47,7 @@ def hint(ratio: float, factors: Mapping[float, str]) -> str:
     return f"{factors[near]} differ by a factor of {near:.3g}"
 
 
-def wrong_factors(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def wrong_factors(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Channels whose factor or sign cannot be right beside another's."""
     yield from _rates(recording, tracks)
     yield from _ways(recording, tracks)
@@ -76,7 +76,7 @@ def _rate(track: Track, name: str) -> np.ndarray:
     return np.convolve(np.pad(values, width, mode="edge"), np.full(width, 1.0 / width), mode="same")[width:-width]
 
 
-def _rates(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def _rates(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     for place, rate in RATES.items():
         if place not in recording.channels or rate not in recording.channels:
             continue
@@ -84,19 +84,19 @@ def _rates(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
         if abs(together) < _TOGETHER:
             late = _late_rate(tracks, place, rate)
             what = f"is {late}" if late else "has nothing to do with it: is one in another's column?"
-            yield Found(tracks[0].name, place, 1, f"{rate}, which should be its slope over time, {what}")
+            yield Fault(tracks[0].name, place, 1, f"{rate}, which should be its slope over time, {what}")
         elif slope < 0.0:
-            yield Found(tracks[0].name, place, 1, f"{rate} grows where it should fall: turn the sign of one of them")
+            yield Fault(tracks[0].name, place, 1, f"{rate} grows where it should fall: turn the sign of one of them")
         elif not 1.0 / _CLOCK < slope < _CLOCK:
             text = f"{rate} is {slope:.3g} times its slope over time: {hint(slope, OF_RATES)}"
-            yield Found(tracks[0].name, place, 1, text)
+            yield Fault(tracks[0].name, place, 1, text)
         else:
             late = _late_rate(tracks, place, rate)
             if late:
-                yield Found(tracks[0].name, place, 1, f"{rate}, which should be its slope over time, is {late}")
+                yield Fault(tracks[0].name, place, 1, f"{rate}, which should be its slope over time, is {late}")
             elif (other := _better(recording, tracks, place, rate)) is not None:
                 text = f"{rate} is rather the slope of {other} over time: exchange the two"
-                yield Found(tracks[0].name, place, 1, text)
+                yield Fault(tracks[0].name, place, 1, text)
 
 
 def _late_rate(tracks: Sequence[Track], place: str, rate: str) -> str:
@@ -135,30 +135,30 @@ def _better(recording: Recording, tracks: Sequence[Track], place: str, rate: str
     return other if left[1] < 0.1 * left[0] else None
 
 
-def _ways(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def _ways(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     pairs = [(told, name) for told, names in ASKED.items() for name in names]
     for one, other in (*pairs, *DRIVEN.items()):
         if one in recording.channels and other in recording.channels:
             together = _pooled(tracks, one, other)[1]
             if together < -_TOGETHER:
                 text = f"it goes the other way than {other}, which follows it: turn the sign of one of them"
-                yield Found(tracks[0].name, one, 1, text)
+                yield Fault(tracks[0].name, one, 1, text)
 
 
-def _tensions(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def _tensions(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     for channel in _TENSIONS:
         if channel not in recording.channels:
             continue
         pulls = np.concatenate([track.channels[channel] for track in tracks])
         if np.median(pulls) < 0.0:
             text = "it is below 0 for more than half of the time, and a cable only pulls: turn its sign"
-            yield Found(tracks[0].name, channel, 1, text)
+            yield Fault(tracks[0].name, channel, 1, text)
         elif recording.system == "cable_hole" and (weight := _weight(recording, tracks)):
             ratio = _carried(tracks, channel) / weight
             if not 1.0 / HALF < ratio < HALF:
                 carried = f"up and down it carries {ratio:.3g} times the load's weight of {weight:.3g} N"
                 text = f"{carried}: {hint(ratio, OF_FORCES)}"
-                yield Found(tracks[0].name, channel, 1, text)
+                yield Fault(tracks[0].name, channel, 1, text)
 
 
 def _weight(recording: Recording, tracks: Sequence[Track]) -> float:
@@ -186,7 +186,7 @@ def _carried(tracks: Sequence[Track], channel: str) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(means, 1e-300)))))
 
 
-def _forces(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def _forces(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     if not {"position", "force"} <= set(recording.channels) or recording.value("mass") is None:
         return
     mass, motor, coulomb, viscous = (recording.value(n) or 0.0 for n in ("mass", "motor_mass", "coulomb", "viscous"))
@@ -199,17 +199,17 @@ def _forces(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
     ratio = _in_course([track.channels["force"] for track in tracks], needs)
     if ratio is not None and not 1.0 / HALF < ratio < HALF:
         text = f"{ratio:.3g} times what the stated mass and friction make of the motion, in the same course"
-        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
+        yield Fault(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
 
 
-def _band(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def _band(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     if not {"force", "band_tension_1", "band_tension_2"} <= set(recording.channels):
         return
     pulls = [track.channels["band_tension_2"] - track.channels["band_tension_1"] for track in tracks]
     ratio = _in_course([track.channels["force"] for track in tracks], pulls)
     if ratio is not None and not 1.0 / HALF < ratio < HALF:
         text = f"{ratio:.3g} times the difference of the band's tensions, in the same course"
-        yield Found(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
+        yield Fault(tracks[0].name, "force", 1, f"{text}: {hint(ratio, OF_FORCES)}")
 
 
 def _in_course(ones: Sequence[np.ndarray], others: Sequence[np.ndarray]) -> float | None:

@@ -1,10 +1,9 @@
 """Faults of the data, found before any physics is asked about: each names record, channel and row.
 
 A fault of the data must never end as a physical effect, so what a simulator cannot be held against is refused: gaps,
-a clock that jumps, dead, stuck and saturated sensors, outliers, units that are off by a power of ten
-(`cable_envs.diagnosis.intake.scales`), what no rig does (`cable_envs.diagnosis.intake.forbidden`), and more rows than
-memory holds. What can be left out of the sums is left out
-and noted.
+a clock that jumps, dead, stuck and saturated sensors (`cable_envs.diagnosis.intake.standing`), outliers, units that are
+off by a power of ten (`cable_envs.diagnosis.intake.scales`), what no rig does (`CHECKS`), and more rows than memory
+holds. What can be left out of the sums is left out and noted.
 """
 
 from collections.abc import Mapping
@@ -16,10 +15,14 @@ import numpy as np
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.data.thinning import thinning
-from cable_envs.diagnosis.intake.forbidden import CHECKS
-from cable_envs.diagnosis.intake.repeats import moves
+from cable_envs.diagnosis.intake.energy import against_nature
+from cable_envs.diagnosis.intake.factors import wrong_factors
+from cable_envs.diagnosis.intake.jumps import jumps, mixed_units, out_of_order, spikes
+from cable_envs.diagnosis.intake.repeats import blocks_twice, held, piled
 from cable_envs.diagnosis.intake.scales import wrong_units
-from cable_envs.diagnosis.intake.tracks import RATES, is_told, track_of, tracks_of, was_told
+from cable_envs.diagnosis.intake.standing import FEWEST_HELDOUT, flat_voltage, longest_run, standing
+from cable_envs.diagnosis.intake.timing import late_channels
+from cable_envs.diagnosis.intake.tracks import POSITIONS, RATES, Fault, is_told, tracks_of, was_told
 from cable_envs.diagnosis.model import rest
 from cable_envs.diagnosis.systems.common import motion_coordinates
 from cable_envs.diagnosis.systems.question import Look
@@ -27,43 +30,24 @@ from cable_envs.diagnosis.systems.question import Look
 LONGEST_GAP = 5
 """Samples that may be missing in a row; they are left out of every sum."""
 FEWEST, MOST = 200, 200_000
-FEWEST_HELDOUT = 50
-"""Samples: of a record, of all records together as a model uses them, of a record that is only predicted. A refit holds
-some hundred predictions of every channel at once: 2e5 samples of three channels take about 3 GB."""
+"""Samples: of a record to fit, and of all records together as a model uses them. A refit holds some hundred predictions
+of every channel at once: 2e5 samples of three channels take about 3 GB."""
 _JITTER = 0.25
 """Of the clock's step."""
 _MOST_EMPTY = 0.2
-_FINER = 10.0
-"""Least noise over the resolution where most samples are at a channel's two ends: an encoder rests there, too."""
-_STILL = 8
-"""Equal samples in a row that noise above the resolution does not give: below 1e-6 for noise of one step and more."""
 _STIRS, _CALM = 0.05, 50
 """Of the range of the records to fit, that a position at rest may wander, as a mean of so many samples."""
 _QUIET = 0.2
 """Of the way that a channel goes in other records, below which it does not move: friction may hold a force anywhere."""
-_RESUMES = 0.5
-"""Of the greatest way in a sample, within which a rig starts again: from rest, mass takes more than one sample."""
-_STEADY = 0.2
-"""Of its way, that a position may be off a steady speed: it has gone a few counts only."""
 _OUTLIER = 30.0
 """Times the step that 99 % of all steps stay below."""
 _ALL = Look()
-POSITIONS = ("position", "load_position", "drive_position", "output_angle", "drive_angle")
-
-
-@dataclass(frozen=True)
-class Fault:
-    """Something wrong with one channel of one record; ``row`` counts data rows from 1. ``fatal``: it cannot be used."""
-
-    record: str
-    channel: str
-    row: int
-    text: str
-    fatal: bool = True
-    jump: bool = False
-
-    def __str__(self) -> str:
-        return f"{self.record}, channel {self.channel}, row {self.row}: {self.text}"
+CHECKS = (
+    blocks_twice, out_of_order, mixed_units, held, piled, spikes, jumps, wrong_factors, late_channels, against_nature,
+)  # fmt: skip
+"""What no rig does, of all records together, in the order of asking: what happens once, which may look like a shift,
+then units, clocks, signs and columns. Each takes (recording, tracks) of records whose clocks are even but for short
+gaps, and yields `Fault`. Where one finds what cannot be used, the next are not asked."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +104,7 @@ def gate(recording: Recording, look: Look = _ALL) -> Quality:
                     found = _at_stop(recording, record, channel) or found
                 faults += [_at_edge(record, fault, look) for fault in found]
     if not look.told and not any(f.fatal for f in faults):  # how large a simulator of one's own is nobody knows here
-        faults += [Fault(*found) for found in wrong_units(recording)]
+        faults += wrong_units(recording)
     faults += _by_physics(recording, look) if not any(f.fatal for f in faults) else []
     fatal = any(f.fatal for f in faults)
     return Quality(tuple(faults), {} if fatal else visited(recording))
@@ -131,7 +115,7 @@ def _by_physics(recording: Recording, look: Look) -> list[Fault]:
     inner, first = _without_ends(_measured(recording, look.told), look.edge)
     tracks, found = tracks_of(inner), []
     for check in CHECKS:
-        found += [Fault(f.record, f.channel, f.row + first[f.record], f.text, f.fatal) for f in check(inner, tracks)]
+        found += [replace(f, row=f.row + first[f.record]) for f in check(inner, tracks)]
         if any(f.fatal for f in found):
             break
     return found
@@ -244,7 +228,7 @@ def _channel(record: Record, channel: str, look: Look) -> list[Fault]:
         return [Fault(record.name, channel, row, f"{empty.mean():.0%} of the samples are empty or marked in doubt")]
     found = []
     if empty.any():
-        start, longest = _longest_run(np.isnan(values))
+        start, longest = longest_run(np.isnan(values))
         if command and longest > LONGEST_GAP:
             text = f"{longest} samples in a row are empty, so what drove the rig there is not known; cut the record"
             found.append(Fault(record.name, channel, start + 1, text))
@@ -252,57 +236,12 @@ def _channel(record: Record, channel: str, look: Look) -> list[Fault]:
         found.append(Fault(record.name, channel, row, text, fatal=False))
     held = values[good]
     if channel == "voltage" and channel not in look.told:
-        return found + _flat_voltage(record.name, values, good)
+        return found + flat_voltage(record.name, values, good)
     if command or channel == "wrap_angle":
         return found
     if np.ptp(held) == 0.0:
         return [Fault(record.name, channel, 1, f"constant at {held[0]:g}: a dead sensor, or the wrong column")]
-    still = [fault for fault in _still(record.name, channel, values, good) if not _counted(record, channel, fault)]
-    stopped = np.zeros(len(values), dtype=bool)
-    while still and (length := _stop(record, channel, still[0], stopped)):  # the next run may be a sensor's
-        stopped[still[0].row - 1 : still[0].row - 1 + length] = True
-        good = good & ~stopped
-        still = _still(record.name, channel, values, good) if good.sum() > FEWEST_HELDOUT else []
-    return found + still + _outlier(record.name, channel, values, record.usable(channel))
-
-
-def _stop(record: Record, channel: str, fault: Fault, stopped: np.ndarray) -> int:
-    """Samples for which a position stands still because the rig does; 0 where a sensor was held.
-
-    stopped: those that are known to be such [T]. What stands still beside them, or when a record begins, is how a
-    motion turns or starts, count by count.
-
-    At a stop no other channel moves, and the motion goes on from there. Where it turns round, friction holds it while
-    efforts go on, and one end of a rig while the other stretches what is between them: then no other place moves. A
-    sensor that was held takes it up where it has gone meanwhile, farther than the rig starts in one sample.
-    """
-    if channel not in POSITIONS:
-        return 0
-    track = track_of(record)
-    values, first = track.channels[channel], fault.row - 1
-    length = int(np.argmax(np.r_[values[first:] != values[first], True]))
-    fastest = float(np.max(np.abs(np.gradient(track.even(channel)))))
-    behind = values[first + length : first + length + 1] - values[first]
-    if np.any(np.abs(behind) > _RESUMES * fastest):
-        return 0
-    turns = len(behind) > 0 and first > 0 and (values[first - 1] - values[first]) * behind[0] > 0.0
-    turns |= first == 0 or bool(np.any(stopped[first - 1 : first + length + 1]))
-    ends = any(name in POSITIONS for name in track.channels if name != channel)
-    kinematic = POSITIONS if ends else (*POSITIONS, *RATES.values()) if turns else None
-    return 0 if moves(track, channel, first, length, kinematic) else length
-
-
-def _counted(record: Record, channel: str, fault: Fault) -> bool:
-    """Whether a speed stands still because its position goes on at that speed, from count to count."""
-    place = next((p for p, rate in RATES.items() if rate == channel and p in record.data), None)
-    if place is None:
-        return False
-    values, way = record.data[channel], record.data[place]
-    first = max(fault.row - 1, 0)
-    length = int(np.argmax(np.r_[values[first:] != values[first], True]))
-    seconds = float(record.time[first + length - 1] - record.time[first])
-    gone = float(way[first + length - 1] - way[first])
-    return abs(gone - values[first] * seconds) < _STEADY * abs(values[first]) * seconds
+    return found + standing(record, channel, good) + _outlier(record.name, channel, values, record.usable(channel))
 
 
 def _at_rest(recording: Recording, record: Record, channel: str) -> list[Fault]:
@@ -324,53 +263,6 @@ def _at_rest(recording: Recording, record: Record, channel: str) -> list[Fault]:
     return [*found, Fault(record.name, channel, int(np.flatnonzero(good)[away]) + 1, text)]
 
 
-def _flat_voltage(record: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
-    """A voltage may be held by its author, and may lie at the drive's limit; elsewhere noise that stops is a fault."""
-    held = values[good]
-    if np.ptp(held) == 0.0:
-        return [Fault(record, "voltage", 1, f"constant at {held[0]:g}: nothing drives the rig, or the wrong column")]
-    limits = (values == held.max()) | (values == held.min())
-    inner = np.where(limits, np.nan, values)
-    return _still(record, "voltage", inner, good & ~limits) if np.isfinite(inner).sum() > FEWEST_HELDOUT else []
-
-
-def _still(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
-    """Values that stand still although the noise elsewhere exceeds the resolution: saturated, or stuck."""
-    held = values[good]
-    levels = np.unique(held)
-    step = float(np.min(np.diff(levels)))
-    noise = float(np.median(np.abs(np.diff(held, 3)))) / 0.6745 / np.sqrt(20.0)
-    if ((held == held.max()) | (held == held.min())).mean() > 0.5:  # the median then is of what stands still
-        noise, step = _noise_in_motion(held), _FINER * step
-    if noise < step or noise < 1e-9 * float(np.ptp(held)):
-        return []
-    for level, what in ((held.max(), "highest"), (held.min(), "lowest")):
-        start, longest = _longest_run((values == level) & good)
-        if longest >= _STILL:
-            text = f"{longest} samples in a row at its {what} value {level:g}: saturated; mark them under 'quality'"
-            return [Fault(record, channel, start + 1, text)]
-    start, longest = _longest_run(np.r_[False, np.diff(values) == 0.0] & good)
-    if longest >= 3 * _STILL and values[start] != 0.0:  # a speed from an encoder's counts is 0 at rest
-        text = f"{longest + 1} equal samples in a row, {values[start]:g}: stuck; mark them under 'quality'"
-        return [Fault(record, channel, max(start, 1), text)]
-    return []
-
-
-def _noise_in_motion(values: np.ndarray) -> float:
-    """Standard deviation of the noise where no value equals the next; 0 where third differences are of the motion.
-
-    Those of white noise alternate, with a correlation of -0.75 from each to the next; those of a motion do not.
-    """
-    thirds, moves = np.diff(values, 3), np.diff(values) != 0.0
-    apart = moves[:-2] & moves[1:-1] & moves[2:]
-    both = apart[:-1] & apart[1:]
-    if both.sum() < FEWEST_HELDOUT:
-        return 0.0
-    one, next_ = thirds[:-1][both], thirds[1:][both]
-    alternates = float(one @ next_) < -0.3 * float(np.sqrt((one @ one) * (next_ @ next_)))
-    return float(np.median(np.abs(thirds[apart]))) / 0.6745 / np.sqrt(20.0) if alternates else 0.0
-
-
 def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) -> list[Fault]:
     steps = np.abs(np.diff(values[good]))
     usual = float(np.quantile(steps, 0.99))
@@ -380,16 +272,6 @@ def _outlier(record: str, channel: str, values: np.ndarray, good: np.ndarray) ->
     row = int(np.flatnonzero(good)[jump + 1]) + 1
     text = f"a jump by {steps[jump]:.3g}, {steps[jump] / usual:.0f} times what 99 % of its steps stay below"
     return [Fault(record, channel, row, text, jump=True)]
-
-
-def _longest_run(mask: np.ndarray) -> tuple[int, int]:
-    """(start, length) of the longest run of True."""
-    edges = np.flatnonzero(np.diff(np.r_[False, mask, False].astype(int)))
-    if not len(edges):
-        return 0, 0
-    lengths = edges[1::2] - edges[::2]
-    k = int(np.argmax(lengths))
-    return int(edges[2 * k]), int(lengths[k])
 
 
 def visited(recording: Recording) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from cable_envs.diagnosis.data.description import told
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import INPUTS, WORKS, Found, Track, is_told, of_steps
+from cable_envs.diagnosis.intake.tracks import INPUTS, WORKS, Fault, Track, is_told, of_steps
 
 CHANCE = 1e-6
 """Of a false alarm, a channel of a record."""
@@ -41,7 +41,7 @@ _FACTOR = np.sqrt(9.81)
 """Half way, in logarithms, between the same unit and kilograms for newtons, the two units that are nearest."""
 
 
-def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """The first jump of every channel that nothing else in its record is like. Of an effort it may be a load's."""
     for channel in recording.channels:
         if channel == "time" or told(channel):
@@ -57,7 +57,7 @@ def jumps(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
             if place and abs(_step(values, sample)) <= np.max(np.abs(track.speed(channel))) * track.period:
                 continue  # where it goes in one sample at its top speed
             text, fatal = _what(values, sample, place, channel in INPUTS)
-            yield Found(track.name, channel, track.row(sample), text, fatal)
+            yield Fault(track.name, channel, track.row(sample), text, fatal)
             break
 
 
@@ -123,7 +123,7 @@ def _what(values: np.ndarray, sample: int, place: bool, given: bool) -> tuple[st
     return f"{text} an offset that was set, or {other}; cut the record there where it was the offset", False
 
 
-def out_of_order(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def out_of_order(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Two neighbouring blocks of rows in each other's place."""
     places = [n for n in recording.channels if n.endswith(("position", "angle")) and not is_told(n)]
     for track in tracks:
@@ -134,7 +134,7 @@ def out_of_order(recording: Recording, tracks: Sequence[Track]) -> Iterator[Foun
                 f"rows {a + 1} to {b} and rows {b + 1} to {c} are in each other's place: every position jumps at both "
                 f"ends of either, and goes on smoothly in the other order"
             )
-            yield Found(track.name, places[0], a + 1, text)
+            yield Fault(track.name, places[0], a + 1, text)
             return
 
 
@@ -157,7 +157,7 @@ def exchanged(places: Sequence[np.ndarray]) -> tuple[int, int, int] | None:
     return None
 
 
-def mixed_units(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def mixed_units(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Efforts whose size and whose noise change together by a factor, while the rig moves as before."""
     for channel, place in WORKS.items():
         if channel not in recording.channels or place not in recording.channels:
@@ -168,7 +168,7 @@ def mixed_units(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found
                 sample, factor = found
                 text = f"from about here on its numbers and its noise are {factor:.3g} times what they were"
                 fatal = channel not in INPUTS  # an amplifier may have been set anew
-                yield Found(track.name, channel, track.row(sample), f"{text}: one unit in a record", fatal)
+                yield Fault(track.name, channel, track.row(sample), f"{text}: one unit in a record", fatal)
                 break
 
 
@@ -193,7 +193,7 @@ def change_of_unit(values: np.ndarray, speed: np.ndarray) -> tuple[int, float] |
     return (best[1], best[2]) if best[0] else None
 
 
-def spikes(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def spikes(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Samples that stand out alone, by more than exponential tails of all that do allow."""
     for channel in recording.channels:
         if channel == "time" or told(channel):
@@ -205,7 +205,7 @@ def spikes(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
                     f"{len(rows)} samples stand alone by up to {size:.3g}, while its neighbours are as before: spikes; "
                     f"mark them under 'quality'"
                 )
-                yield Found(track.name, channel, track.row(int(rows[0])), text, False)
+                yield Fault(track.name, channel, track.row(int(rows[0])), text, False)
                 break
 
 

@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterator, Sequence
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import EFFORTS, INPUTS, Found, Track, is_told, of_steps
+from cable_envs.diagnosis.intake.tracks import EFFORTS, INPUTS, Fault, Track, is_told, of_steps
 from cable_envs.diagnosis.model.noise import jitter
 
 _CHANCE, _SURE = 1e-3, 1e-6
@@ -31,7 +31,7 @@ def runs(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return edges, np.diff(np.r_[edges, len(values)])
 
 
-def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """The longest run of equal samples of an effort, where its noise makes none so long and the rig moves.
 
     Of a voltage it is a note: whoever gave it may have held it.
@@ -50,17 +50,17 @@ def held(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
                 fatal = run[2] < _SURE and channel not in INPUTS
                 if values[run[0]] in (np.nanmax(values), np.nanmin(values)):
                     text = f"{run[1]} samples in a row at its end of {values[run[0]]:.6g}: saturated"
-                    yield Found(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'", fatal)
+                    yield Fault(track.name, channel, run[0] + 1, f"{text}; mark them under 'quality'", fatal)
                     break
                 text = (
                     f"{run[1]} equal samples in a row, {values[run[0]]:.6g}, while the rig moves, and its noise makes "
                     f"no such run: held; mark them under 'quality'"
                 )
-                yield Found(track.name, channel, run[0] + 1, text, fatal)
+                yield Fault(track.name, channel, run[0] + 1, text, fatal)
                 break
 
 
-def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """Efforts with many samples at exactly opposite ends: a limit. Of the sensor it is a fault, of the drive none."""
     for channel in recording.channels:
         if channel not in (*EFFORTS, *INPUTS):
@@ -73,7 +73,7 @@ def piled(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
             least = min(float(np.mean(values == high)), float(np.mean(values == low)))
             if high == -low and least > _PILED:
                 text = f"{least:.0%} of its samples or more are at {high:.6g}, and as many at {low:.6g}: a limit"
-                yield Found(track.name, channel, 1, f"{text}; where it is the sensor's, mark them", False)
+                yield Fault(track.name, channel, 1, f"{text}; where it is the sensor's, mark them", False)
                 break
 
 
@@ -119,7 +119,7 @@ def moves(
     return False
 
 
-def blocks_twice(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def blocks_twice(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """A block of rows that is followed by itself, in all channels that a sensor measured."""
     names = [n for n in recording.channels if n not in ("time", "wrap_angle") and not is_told(n)]
     for track in tracks:
@@ -127,7 +127,7 @@ def blocks_twice(recording: Recording, tracks: Sequence[Track]) -> Iterator[Foun
         found = block_twice(table)
         if found is not None:
             text = f"these {found[1]} rows and those before them are the same: a buffer that was written twice"
-            yield Found(track.name, names[0], found[0] + 1, f"{text}; cut the record there into two")
+            yield Fault(track.name, names[0], found[0] + 1, f"{text}; cut the record there into two")
             return
 
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cable_envs.diagnosis.data.recording import Record, Recording
-from cable_envs.diagnosis.intake.tracks import RATES
+from cable_envs.diagnosis.intake.tracks import RATES, Fault
 from cable_envs.diagnosis.systems import off_balance
 from cable_envs.diagnosis.systems.units import OFF, hint, series_of, speed_of
 
@@ -37,16 +37,13 @@ _HIGHEST = 1000.0
 _USUAL = 0.99
 """Share of the samples that stay below what is held against these."""
 
-Found = tuple[str, str, int, str]
-"""(record, channel, row, text)"""
 
-
-def wrong_units(recording: Recording) -> list[Found]:
+def wrong_units(recording: Recording) -> list[Fault]:
     """Channels whose unit cannot be right, the first record that shows each."""
-    found: dict[str, Found] = {}
+    found: dict[str, Fault] = {}
     for record in (r for r in recording.records if r.use != "rest"):
         for channel, text in _suspects(recording, record):
-            found.setdefault(channel, (record.name, channel, 1, text))
+            found.setdefault(channel, Fault(record.name, channel, 1, text))
         if found:
             break  # the others would say the same
     return list(found.values())

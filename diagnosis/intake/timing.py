@@ -17,7 +17,7 @@ import numpy as np
 from scipy import stats
 
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.intake.tracks import LAG, RATES, Found, Track, is_told
+from cable_envs.diagnosis.intake.tracks import LAG, RATES, Fault, Track, is_told
 from cable_envs.diagnosis.systems.common import smooth_speed
 from cable_envs.effects.backlash import play
 
@@ -42,7 +42,7 @@ _MOST = 6
 """Records that are looked at: a logger that is late is so in all."""
 
 
-def late_channels(recording: Recording, tracks: Sequence[Track]) -> Iterator[Found]:
+def late_channels(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fault]:
     """The channel whose shift explains most, if any does."""
     longest = max(track.time[-1] - track.time[0] for track in tracks)
     if longest < 10.0 * _FARTHEST:
@@ -64,7 +64,7 @@ def late_channels(recording: Recording, tracks: Sequence[Track]) -> Iterator[Fou
             f"read {1e3 * abs(shift):.0f} ms {late} against the other channels, more than a sensor or an amplifier "
             f"lags ({1e3 * LAG:.0f} ms): bring them to one clock"
         )
-        yield Found(tracks[0].name, channel, 1, text)
+        yield Fault(tracks[0].name, channel, 1, text)
 
 
 def shift_of(tracks: Sequence[Track], channel: str, gaps: Sequence[float] = _GAPS) -> tuple[float, float]:

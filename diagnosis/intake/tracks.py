@@ -3,7 +3,6 @@
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +20,7 @@ PASSED_ON = {
     ("drive_torque", "drive_angle"): ("output_torque", "output_angle"),
 }  # fmt: skip
 """Effort and position of a drive -> those of the end that it drives."""
+POSITIONS = ("position", "load_position", "drive_position", "output_angle", "drive_angle")
 RATES = {"position": "velocity", "drive_position": "drive_velocity"}
 """Position -> its speed."""
 SPEEDS = {
@@ -47,14 +47,22 @@ LAG = 0.06
 typical. What is later than this did not happen in the rig, but in the logger."""
 
 
-class Found(NamedTuple):
-    """A fault of one channel; ``row`` counts data rows from 1. ``fatal``: it cannot be used, else it is noted."""
+@dataclass(frozen=True)
+class Fault:
+    """Something wrong with one channel of one record; ``row`` counts data rows from 1.
+
+    ``fatal``: it cannot be used, else it is noted; ``jump``: of an outlier, which a command may have asked for.
+    """
 
     record: str
     channel: str
     row: int
     text: str
     fatal: bool = True
+    jump: bool = False
+
+    def __str__(self) -> str:
+        return f"{self.record}, channel {self.channel}, row {self.row}: {self.text}"
 
 
 def is_told(channel: str) -> bool:

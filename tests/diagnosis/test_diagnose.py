@@ -15,7 +15,8 @@ from cable_envs.diagnosis.engine import diagnose, kept_back
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit import locate
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
-from cable_envs.diagnosis.intake.gate import _still, gate
+from cable_envs.diagnosis.intake.gate import gate
+from cable_envs.diagnosis.intake.standing import stuck
 from cable_envs.diagnosis.model.model import Coordinate
 from cable_envs.diagnosis.model.verdict import from_json
 from cable_envs.diagnosis.search import stages
@@ -247,7 +248,7 @@ def test_a_channel_that_is_mostly_at_its_limits_is_saturated_and_one_that_rests_
     square = np.tanh(4.0 * np.sin(2.0 * np.pi * 0.3 * t))
 
     def said(values):
-        return [str(fault) for fault in _still("run", "angle", values, np.ones(len(t), dtype=bool))]
+        return [str(fault) for fault in stuck("run", "angle", values, np.ones(len(t), dtype=bool))]
 
     for clipped, level in ((np.clip(noisy, -1.0, 1.0), "1"), (np.minimum(noisy, -1.5), "-1.5")):
         (fault,) = said(clipped)

@@ -11,7 +11,7 @@ from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors
-from cable_envs.diagnosis.intake.gate import _still, gate
+from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.intake.jumps import (
     exchanged,
     jumps,
@@ -22,6 +22,7 @@ from cable_envs.diagnosis.intake.jumps import (
     spikes,
 )
 from cable_envs.diagnosis.intake.repeats import block_twice, blocks_twice, held, longest_run, piled
+from cable_envs.diagnosis.intake.standing import stuck
 from cable_envs.diagnosis.intake.timing import late_channels, shift_of
 from cable_envs.diagnosis.intake.tracks import tracks_of
 from cable_envs.proof.cases import Case
@@ -436,7 +437,7 @@ def test_a_rig_that_stops_for_a_while_is_not_refused_and_one_whose_sensor_stops_
         return Recording.from_arrays("linear_drive", table)
 
     fine = 0.1 + way + np.where(speed == 0.0, 0.0, 2e-3 * rng.standard_normal(ROWS))  # its noise is seen in motion only
-    assert any("equal samples" in fault.text for fault in _still("", "position", fine, np.ones(ROWS, bool)))
+    assert any("equal samples" in fault.text for fault in stuck("", "position", fine, np.ones(ROWS, bool)))
     assert _fatal(recording(fine)) == []
     fine[120:160] = fine[120]
     assert any("stuck" in str(fault) for fault in _fatal(recording(fine)))
@@ -493,7 +494,7 @@ def test_a_slow_turn_that_an_encoder_counts_is_no_saturated_sensor():
     force = 20.0 * speed - 150.0 * (-1.0) ** turn * np.clip(since / 0.06, -1.0, 1.0)  # it goes on while friction holds
     table = {"time": t, "position": place, "force": force + 3.0 * rng.standard_normal(len(t))}
     good = np.ones(len(t), dtype=bool)
-    assert any("saturated" in fault.text for fault in _still("", "position", place, good))
+    assert any("saturated" in fault.text for fault in stuck("", "position", place, good))
     assert [f for f in _fatal(Recording.from_arrays("linear_drive", table)) if f.channel == "position"] == []
 
 
@@ -513,7 +514,7 @@ def test_friction_holds_a_position_where_it_turns_while_the_force_goes_on():
 
     place = way + np.where(speed == 0.0, 0.0, 2e-3 * rng.standard_normal(ROWS))  # a clock that jitters shows in motion
     place = np.clip(place, -1.0, 1.0)
-    assert any("saturated" in fault.text for fault in _still("", "position", place, np.ones(ROWS, bool)))
+    assert any("saturated" in fault.text for fault in stuck("", "position", place, np.ones(ROWS, bool)))
     assert _fatal(recording(place)) == []
     cut = np.clip(way + 2e-3 * rng.standard_normal(ROWS), -0.8, 0.8)
     assert any("saturated" in str(fault) for fault in _fatal(recording(cut)))  # the speed goes on

@@ -33,7 +33,7 @@ def test_a_load_that_hardly_moves_its_tension_has_the_right_unit(tmp_path):
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
 def test_a_tension_in_another_unit_is_named_beside_the_drives(tmp_path, factor):
     (found,) = wrong_units(_recording(tmp_path, factor))
-    assert found[1] == "load_tension" and "times drive_tension" in found[3]
+    assert found.channel == "load_tension" and "times drive_tension" in found.text
 
 
 def _voltage_drive(place=1.0, voltage=1.0):
@@ -45,6 +45,6 @@ def _voltage_drive(place=1.0, voltage=1.0):
 def test_no_drive_of_one_axis_has_kilovolts_or_the_speed_of_a_train():
     assert wrong_units(_voltage_drive()) == []
     (found,) = wrong_units(_voltage_drive(voltage=1000.0))
-    assert found[1] == "voltage" and "8e+03 V" in found[3] and "'mV' would fit better" in found[3]
+    assert found.channel == "voltage" and "8e+03 V" in found.text and "'mV' would fit better" in found.text
     (found,) = wrong_units(_voltage_drive(place=180.0 / np.pi))
-    assert found[1] == "position" and "m/s" in found[3]
+    assert found.channel == "position" and "m/s" in found.text
