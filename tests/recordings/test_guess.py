@@ -12,8 +12,8 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.recording import load_recording
 from cable_envs.diagnosis.readers import reader
 from cable_envs.diagnosis.readers.base import Request
-from cable_envs.diagnosis.readers.guess.columns import slope_like
 from cable_envs.diagnosis.readers.guess.proposal import propose
+from cable_envs.diagnosis.readers.guess.rates import slope_like
 from cable_envs.diagnosis.readers.guess.words import unit_in, unit_of
 from cable_envs.diagnosis.readers.writer import write_data_set
 from cablebench.cli import main

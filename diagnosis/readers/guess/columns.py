@@ -1,16 +1,12 @@
-"""What a column is: by its name and its unit, and by what its numbers do.
-
-A rate is told by regression: the slope of one column over time is k times another. The factor k tells units that no
-header gives, and its sign a column that counts in the other direction.
-"""
+"""What each column is: by its name and its unit, and by what its numbers do."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
-from scipy.signal import savgol_filter
 
+from cable_envs.diagnosis.readers.guess.meant import LIKELY, OPEN, PLAIN, RATES, SURE, Meant, by_size, si_of
+from cable_envs.diagnosis.readers.guess.rates import ALIKE, NEAR, slope_like, with_rates
 from cable_envs.diagnosis.readers.guess.raw import Column
 from cable_envs.diagnosis.readers.guess.words import (
     COMMAND,
@@ -18,88 +14,16 @@ from cable_envs.diagnosis.readers.guess.words import (
     DRIVE,
     OUTPUT,
     REFERENCE,
-    Unit,
     kinds_of,
     unit_in,
     unit_of,
     words_of,
 )
 
-SURE, LIKELY, OPEN = "sure", "likely", "CONFIRM"
-"""How sure a statement is; what is open the user must confirm."""
-RATES = {"m": "m/s", "rad": "rad/s"}
-"""SI unit of a position -> that of its rate."""
-_ALIKE = 0.95
-"""Correlation of a slope and a column from which one is the other's rate."""
-_ALIKE_BY_NAME = 0.02
-"""Of the correlation, for what else speaks for a position and a rate: several may be as like."""
-_NEAR = 0.1
-"""Share by which a factor may be off one between units."""
 _RATES_OF_LOGS = (0.2, 5e4)
 """Hz, between which rigs are logged."""
-_SMOOTH = 9
-"""Rows over which a slope is taken."""
 _HELD, _LEVELS = 0.8, 3
 """Share of rows that repeat the last one, and levels, from which on a column goes in steps."""
-_PLAIN = {
-    "m": ("m", "mm", 5.0), "rad": ("rad", "deg", 10.0), "m/s": ("m/s", "mm/s", 10.0), "rad/s": ("rad/s", "deg/s", 60.0),
-    "N": ("N", "N", np.inf), "N m": ("N m", "N mm", 50.0), "A": ("A", "mA", 100.0), "V": ("V", "V", np.inf),
-}  # fmt: skip
-"""SI unit -> (what is taken where nothing tells, what from a range on, that range): lengths of tables and joints."""
-
-
-@dataclass(frozen=True)
-class Meant:
-    """What a column is taken for.
-
-    Parameters
-    ----------
-    column : Column
-        As it stands.
-    kind : str
-        SI unit of the quantity; "time", "count", "constant", "text", or "" where nothing tells.
-    unit : Unit, optional
-        Of its numbers.
-    told : str
-        "command", "reference", or "" of what was measured.
-    side : str
-        "drive", "output" or "".
-    sign : int
-        -1 where the numbers tell that it counts against its position.
-    sure : str
-        One of "sure", "likely", "CONFIRM".
-    why : tuple of str
-        Reasons.
-    clock : Column, optional
-        Of its times, where these are not the table's.
-    """
-
-    column: Column
-    kind: str = ""
-    unit: Unit | None = None
-    told: str = ""
-    side: str = ""
-    sign: int = 1
-    sure: str = OPEN
-    why: tuple[str, ...] = ()
-    words: tuple[str, ...] = field(default=(), repr=False)
-    clock: Column | None = None
-
-    def because(self, reason: str, **changes) -> "Meant":
-        """The same with another reason, and what that changes."""
-        return replace(self, why=(*self.why, reason), **changes)
-
-    @property
-    def factor(self) -> float:
-        """SI for one of its numbers, without sign."""
-        assert self.unit is not None, "asked for of what has a unit"
-        return self.unit.scale * (_si(self.unit.name, self.unit.si) if self.unit.si != COUNTS else 1.0)
-
-
-def _si(unit: str, si: str) -> float:
-    from cable_envs.core.params import to_si
-
-    return to_si(1.0, unit, si)
 
 
 def meant(columns: Sequence[Column]) -> list[Meant]:
@@ -111,11 +35,11 @@ def meant(columns: Sequence[Column]) -> list[Meant]:
     if clock is not None:
         found = _with_own_clocks(found, clock)
         found[clock] = _timed(found, clock)
-        found = _rates(found, clock)
+        found = with_rates(found, clock)
     else:
         found = [replace(m, kind="count" if m.kind == "time" else m.kind) for m in found]
     found = _commands(found)
-    return [_by_size(m) for m in found]
+    return [by_size(m) for m in found]
 
 
 def _counted(m: Meant, kind: str) -> Meant:
@@ -175,7 +99,7 @@ def _by_name(column: Column) -> Meant:
         if given.si in kinds or at.kind in kinds:
             at = at.because("and so does its name", sure=SURE)
         if given.si == COUNTS:
-            at = replace(at, kind=next((k for k in kinds if k in _PLAIN), ""), sure=OPEN)
+            at = replace(at, kind=next((k for k in kinds if k in PLAIN), ""), sure=OPEN)
     elif kinds:
         at = at.because(f"by its name: {' '.join(words)}", kind=kinds[0], sure=OPEN)
     return _unless_still(at, values[np.isfinite(values)])
@@ -229,7 +153,7 @@ def _timed(found: Sequence[Meant], clock: int) -> Meant:
     )  # fmt: skip
     unit = unit_of(name)
     assert unit is not None, "names of units of time"
-    rate = 1.0 / (step * unit.scale * _si(unit.name, "s"))
+    rate = 1.0 / (step * unit.scale * si_of(unit.name, "s"))
     return m.because(f"{how}: {rate:.4g} Hz", kind="time", unit=unit, sure=sure)
 
 
@@ -240,118 +164,18 @@ def _asked_of_time(found: Sequence[Meant], time: np.ndarray) -> str:
             if place.unit is None or rate.unit is None or RATES.get(place.unit.si) != rate.unit.si:
                 continue
             like, k = slope_like(time, place.column.values, rate.column.values)
-            if like > _ALIKE:
+            if like > ALIKE:
                 seconds = abs(k) * place.factor / rate.factor  # in one unit of time
-                near = (n for n in ("s", "ms", "us", "min") if abs(np.log(seconds / _si(n, "s"))) < _NEAR)
+                near = (n for n in ("s", "ms", "us", "min") if abs(np.log(seconds / si_of(n, "s"))) < NEAR)
                 return str(next(near, ""))
     return ""
-
-
-def slope_like(time: np.ndarray, place: np.ndarray, rate: np.ndarray) -> tuple[float, float]:
-    """(correlation of the slope of ``place`` over ``time`` with ``rate``, factor between them), of columns [rows]."""
-    good = np.isfinite(time) & np.isfinite(place) & np.isfinite(rate)
-    if good.sum() < 4 * _SMOOTH:
-        return 0.0, 1.0
-    step = float(np.median(np.diff(time[good])))
-    best = 0.0
-    for width in (_SMOOTH, 5 * _SMOOTH):  # counts want a longer one
-        if good.sum() < 4 * width or step <= 0.0:
-            continue
-        slope = savgol_filter(place[good], width, 2, deriv=1, delta=step)[width:-width]
-        other = savgol_filter(rate[good], width, 2)[width:-width]
-        over = float(np.sqrt(np.sum(slope**2) * np.sum(other**2)))
-        like = float(slope @ other) / over if over > 0.0 else 0.0
-        best = max(best, abs(like))
-    way = cumulative_trapezoid(rate[good], time[good], initial=0.0)
-    basis = np.column_stack([way, time[good] - time[good][0], np.ones(len(way))])  # a bias of the rate drifts
-    size = np.maximum(np.max(np.abs(basis), axis=0), 1e-300)
-    return best, float(np.linalg.lstsq(basis / size, place[good], rcond=None)[0][0] / size[0])
-
-
-def _rates(found: list[Meant], clock: int) -> list[Meant]:
-    """With units and signs by columns that are the rates of others, on the same clock."""
-    done, factor = list(found), found[clock].factor
-    time = {id(m.clock): (m.clock or found[clock].column).values * factor for m in found}
-    moving = [
-        k for k, m in enumerate(done) if k != clock and m.kind not in ("text", "constant", "count", "stamps", "clock")
-    ]
-    for b in moving:
-        other = [a for a in moving if a != b and done[a].clock is done[b].clock]
-        of = time[id(done[b].clock)]
-        pairs = [(slope_like(of, done[a].column.values, done[b].column.values), a) for a in other]
-        pairs = [(pair, a) for pair, a in pairs if pair[0] > _ALIKE and _may_be(done[a], done[b])]
-        if pairs:
-            (_, k), a = max(
-                pairs, key=lambda p: (p[0][0] + _ALIKE_BY_NAME * _of_one(done[p[1]], done[b], p[0][1]), -p[1])
-            )
-            done[a], done[b] = _joined(done[a], done[b], k)
-    return done
-
-
-def _of_one(place: Meant, rate: Meant, k: float) -> int:
-    """In how much else a position and a rate are of one motion: their end, what was measured, units that agree."""
-    agree = False
-    if place.unit is not None and rate.unit is not None and RATES.get(place.unit.si) == rate.unit.si:
-        agree = abs(np.log(place.factor * abs(k) / rate.factor)) < _NEAR
-    return agree + (place.side == rate.side) + (place.told == rate.told)
-
-
-def _may_be(place: Meant, rate: Meant) -> bool:
-    """Whether names and units let one column be the rate of another."""
-    if place.told != rate.told and place.told and rate.told:
-        return False
-    a, b = place.kind, rate.kind
-    return (a in RATES or a == "") and (b in RATES.values() or b == "") and not (a == "" and b == "")
-
-
-def _joined(place: Meant, rate: Meant, k: float) -> tuple[Meant, Meant]:
-    """A position and its rate, with what the factor k between them tells."""
-    one, other = place.column.name or place.column.place, rate.column.name or rate.column.place
-    si = place.kind or next(p for p, r in RATES.items() if r == rate.kind)
-    if place.kind and rate.kind and RATES[place.kind] != rate.kind:  # "speed" of an angle
-        rate = replace(rate, kind=RATES[place.kind], unit=rate.unit if rate.unit and rate.unit.si != "m/s" else None)
-    place, rate = replace(place, kind=si), replace(rate, kind=RATES[si])
-    place, rate = _usable(place), _usable(rate)
-    sign = -1 if k < 0.0 else 1
-    turned = ", and counts the other way" if sign < 0 else ""
-    if rate.unit is not None and place.unit is not None:
-        ratio = place.factor * abs(k) / rate.factor
-        if abs(np.log(ratio)) < _NEAR:
-            said = f"the slope of {one} agrees with it{turned}"
-            return place.because(f"its slope is {other}", sure=SURE), rate.because(said, sign=sign, sure=SURE)
-        said = f"the slope of {one} is {ratio:.4g} times as large: one of the two units is wrong"
-        return place.because(f"but {other} disagrees", sure=OPEN), rate.because(said, sign=sign, sure=OPEN)
-    if place.unit is not None:
-        unit = _nearest(place.factor * abs(k), RATES[si])
-        return place, rate.because(f"the slope of {one}{turned}", unit=unit, sign=sign, sure=LIKELY)
-    if rate.unit is not None:
-        unit = _nearest(rate.factor / abs(k), si)
-        return place.because(f"its slope is {other}", unit=unit, sure=LIKELY), replace(rate, sign=sign)
-    place = _by_size(place)
-    assert place.unit is not None, "every position has one then"
-    unit = _nearest(place.factor * abs(k), RATES[si])
-    return place, rate.because(f"the slope of {one}{turned}", unit=unit, sign=sign, sure=OPEN)
-
-
-def _usable(m: Meant) -> Meant:
-    """Without a unit that is of another kind than the column, or only counts."""
-    return replace(m, unit=None) if m.unit is not None and m.unit.si != m.kind else m
-
-
-def _nearest(factor: float, si: str) -> Unit:
-    """The unit of a kind with about that factor to SI, or the SI unit with a scale."""
-    for name in ("m", "mm", "cm", "um", "rad", "deg", "rev", "m/s", "mm/s", "cm/s", "rad/s", "deg/s", "rpm"):
-        unit = unit_of(name)
-        if unit is not None and unit.si == si and abs(np.log(factor / (unit.scale * _si(unit.name, si)))) < _NEAR:
-            return unit
-    return Unit(si, float(f"{factor:.4g}"), si)
 
 
 def _commands(found: list[Meant]) -> list[Meant]:
     """Columns that go in steps, or lead another one of their kind, are commands where no name says so."""
     done = list(found)
     for k, m in enumerate(done):
-        if m.told or m.kind not in _PLAIN or m.kind in ("A", "V"):
+        if m.told or m.kind not in PLAIN or m.kind in ("A", "V"):
             continue
         values = m.column.values[np.isfinite(m.column.values)]
         held = float(np.mean(np.diff(values) == 0.0))
@@ -383,22 +207,4 @@ def _leads(m: Meant, other: Meant) -> bool:
     scale = float(np.sqrt((one @ one) * (two @ two)))
     likes = [float(one[: len(one) - lag] @ two[lag:]) / scale for lag in range(most)]
     lag = int(np.argmax(likes))
-    return lag >= 1 and likes[lag] > _ALIKE
-
-
-def _by_size(m: Meant) -> Meant:
-    """With the unit that the range of the numbers suggests, where nothing else tells."""
-    if m.kind not in _PLAIN:
-        return m
-    counts = m.unit is not None and m.unit.si == COUNTS
-    if m.unit is not None and m.unit.si == m.kind:
-        return m
-    if counts:
-        return m.because(
-            "counts: state the unit and the scale, the units for one count", unit=Unit(m.kind, 1.0, m.kind), sure=OPEN
-        )
-    small, large, most = _PLAIN[m.kind]
-    span = float(np.nanmax(m.column.values) - np.nanmin(m.column.values))
-    unit = unit_of(large if span > most else small)
-    assert unit is not None, "names of units"
-    return m.because(f"no unit is given; {unit.name} by its range of {span:.3g}", unit=unit, sure=OPEN)
+    return lag >= 1 and likes[lag] > ALIKE

@@ -12,7 +12,8 @@ from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.readers.base import files_at
 from cable_envs.diagnosis.readers.formats import table
 from cable_envs.diagnosis.readers.guess.assign import OF_MOTOR, Match, Signal, matches
-from cable_envs.diagnosis.readers.guess.columns import OPEN, Meant, meant
+from cable_envs.diagnosis.readers.guess.columns import meant
+from cable_envs.diagnosis.readers.guess.meant import OPEN, Meant
 from cable_envs.diagnosis.readers.guess.raw import Raw, columns_in
 from cable_envs.diagnosis.readers.guess.words import speaks_for, words_of
 from cable_envs.diagnosis.readers.mapping import SCHEMA
