@@ -22,8 +22,9 @@ import numpy as np
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import write_atomic
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.engine import diagnose
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
 from cable_envs.diagnosis.intake.after import after_fit
 from cable_envs.diagnosis.intake.claims import off_claims

@@ -20,9 +20,10 @@ from typing import Any
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import read_json
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
+from cable_envs.diagnosis.engine import averaged_if_long
 from cable_envs.diagnosis.experiment.rivals import rivals
 from cable_envs.diagnosis.intake.converged import converged
 from cable_envs.diagnosis.model.hypotheses import effect_name

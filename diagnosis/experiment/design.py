@@ -8,10 +8,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from cable_envs.core.errors import ConfigurationError, require_known
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.clocks.one_clock import on_one_clock
 from cable_envs.diagnosis.data.record import Record
 from cable_envs.diagnosis.data.recording import Recording
-from cable_envs.diagnosis.engine import ask, averaged_if_long, request_of
+from cable_envs.diagnosis.engine import averaged_if_long
 from cable_envs.diagnosis.experiment.bench import Bench, Planned
 from cable_envs.diagnosis.experiment.motions import FAMILIES, Limits, Motion, draw
 from cable_envs.diagnosis.experiment.plan import Plan, least

@@ -104,7 +104,7 @@ def test_training_with_an_own_effect_asks_before_any_process_starts(place, capfd
 
 
 def test_the_loader_of_diagnose_asks(place):
-    from cable_envs.diagnosis.engine import load_effect
+    from cable_envs.diagnosis.asked import load_effect
 
     with guarded(Trust()), pytest.raises(ConfigurationError, match=r"effect\.py will be executed"):
         load_effect(place / "effect.py")

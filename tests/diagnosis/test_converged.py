@@ -7,7 +7,7 @@ import pytest
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording
-from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.intake.converged import AT_FIRST, FINEST, WORTH, coarser, converged, decided_by_steps
 from cable_envs.diagnosis.model.model import Block, Free
 from cable_envs.diagnosis.model.noise import jitter

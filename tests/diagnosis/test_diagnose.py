@@ -9,9 +9,10 @@ import yaml
 from typer.testing import CliRunner
 
 from cable_envs.core.errors import ConfigurationError
-from cable_envs.diagnosis import engine
+from cable_envs.diagnosis import asked, engine
+from cable_envs.diagnosis.asked import kept_back
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import diagnose, kept_back
+from cable_envs.diagnosis.engine import diagnose
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit import locate
 from cable_envs.diagnosis.fit.likelihood import refit_nominals
@@ -81,8 +82,8 @@ def test_the_augmented_rig_leaves_nothing_to_find(sprung):
 def test_what_a_given_rig_leaves_without_its_effects_is_what_the_refit_left(sprung):
     folder, out, done = sprung
     recording = load_recording(folder)
-    corrected = engine.request_of(recording, rig=out / "augmented.yaml")
-    question = engine.ask(recording, corrected)
+    corrected = asked.request_of(recording, rig=out / "augmented.yaml")
+    question = asked.ask(recording, corrected)
     plain = engine.without_its_effects(recording, corrected)
     with_it = Joint(question.fit, question.heldout).left_by(refit_nominals(question.fit, question.nominals).fit)
     errors = json.loads(done.stdout)["fit"]
@@ -90,7 +91,7 @@ def test_what_a_given_rig_leaves_without_its_effects_is_what_the_refit_left(spru
         assert left > with_it[channel]
         both = [errors[channel][use]["refit"] for use in ("fit_rmse", "heldout_rmse")]
         assert min(both) < left < max(both)
-    assert engine.without_its_effects(recording, engine.request_of(recording)) is None
+    assert engine.without_its_effects(recording, asked.request_of(recording)) is None
 
 
 OWN = """
@@ -340,7 +341,7 @@ def test_the_closed_form_of_a_circuit_is_asked_for_by_name(tmp_path):
     assert parameter["ci95"][0] < 0.01 < parameter["ci95"][1]
     over = {name: fit["heldout_rmse"]["augmented"] / fit["noise_floor"] for name, fit in found["fit"].items()}
     assert max(over.values()) < 1.1
-    chain = engine.ask(load_recording(recording), engine.request_of(load_recording(recording), ["sensor_bias"]))
+    chain = asked.ask(load_recording(recording), asked.request_of(load_recording(recording), ["sensor_bias"]))
     assert chain.fit.plant.name == "pulley_chain"
 
 
@@ -379,7 +380,7 @@ def test_without_heldout_records_the_last_third_of_each_is_kept_back(tmp_path):
     recording = load_recording(drive.write(tmp_path / "recording", uses=("fit", "fit")))
     cut, ends = kept_back(recording)
     assert [len(r.time) for r in cut.used_for("fit")] == [533, 533]
-    question = engine.ask(recording, engine.request_of(recording, ["actuator_lag"]))
+    question = asked.ask(recording, asked.request_of(recording, ["actuator_lag"]))
     assert {b.record for b in question.heldout.blocks} == {"run_1.csv", "run_2.csv"}
     for block in question.heldout.blocks:
         assert not block.good[block.time < ends[block.record]].any() and block.good[block.time > 5.4].all()

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.intake.claims import off_claims
 from cable_envs.diagnosis.intake.energy import against_nature, lags, losses
 from cable_envs.diagnosis.intake.factors import wrong_factors

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import diagnose
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.systems.drive.loop import controller

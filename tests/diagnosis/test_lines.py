@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import diagnose
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.clocks.beats import lines_of
 from cable_envs.diagnosis.data.clocks.lines import Lines, near_jumps, without_lines_in_commands
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.search.known.lines import with_lines
 from tests.support import drive_recording as drive
 

@@ -10,9 +10,10 @@ import pytest
 import yaml
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.joined import joined
 from cable_envs.diagnosis.data.recording import Recording, load_recording
-from cable_envs.diagnosis.engine import ask, diagnose, request_of
+from cable_envs.diagnosis.engine import diagnose
 from cable_envs.diagnosis.experiment.bench import Bench, Planned
 from cable_envs.diagnosis.experiment.design import next_experiment
 from cable_envs.diagnosis.experiment.motions import FAMILIES, REST, Limits, Motion

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import Recording
-from cable_envs.diagnosis.engine import ask, request_of
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.model.verdict import Diagnosis, from_json
 from cable_envs.diagnosis.search.comparison import smaller
 from cable_envs.diagnosis.systems import plant_of

@@ -6,9 +6,9 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.clocks.one_clock import means, on_one_clock
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.intake.gate import gate
 from cable_envs.diagnosis.readers import reader
 from cable_envs.diagnosis.readers.base import Request

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
+from cable_envs.diagnosis.asked import request_of
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import request_of
 from cable_envs.diagnosis.real.sets import imported
 from cable_envs.diagnosis.systems import plant_of, prepare
 from cable_envs.diagnosis.systems.question import Request

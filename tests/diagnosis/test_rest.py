@@ -9,9 +9,9 @@ from scipy.linalg import cholesky, toeplitz
 from scipy.signal import lfilter
 
 from cable_envs.core.errors import ConfigurationError
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.readings import resolution
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.fit.likelihood import refit_and_learn
 from cable_envs.diagnosis.fit.refit import Start
 from cable_envs.diagnosis.intake.gate import gate

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cable_envs.diagnosis import Recording
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.clocks.sure_times import with_sure_times
-from cable_envs.diagnosis.engine import ask, request_of
 
 PERIOD, ROWS, NOISE = 0.01, 1500, 2e-6
 SCATTER = 2e-4

@@ -170,7 +170,7 @@ def test_means_of_a_prediction(fine):
 
 def test_a_model_averages_what_it_predicts(long):
     """The true drive predicts the means of its own noiseless rows far below their noise."""
-    from cable_envs.diagnosis.engine import request_of
+    from cable_envs.diagnosis.asked import request_of
 
     clean = drives(noise=False)
     fewer = thinning.thinned(clean, how(clean))
@@ -187,7 +187,7 @@ def test_a_model_averages_what_it_predicts(long):
 
 
 def test_a_hole_under_held_commands_is_predicted_as_it_was_averaged():
-    from cable_envs.diagnosis.engine import request_of
+    from cable_envs.diagnosis.asked import request_of
 
     plant = plant_for("cable_hole")
     values = {p.name: p.default for p in plant.table} | {"extrusion_gain": 0.0}  # absent, as nobody states it

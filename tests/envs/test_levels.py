@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from cable_envs.diagnosis.asked import ask, request_of
 from cable_envs.diagnosis.data.recording import load_recording
-from cable_envs.diagnosis.engine import ask, request_of
 from cable_envs.diagnosis.model.noise import LONG, Noise, learn_noise
 from cable_envs.diagnosis.search.select import select
 from cable_envs.diagnosis.systems.drive.loop import EXPLAINED, controller

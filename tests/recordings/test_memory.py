@@ -9,7 +9,7 @@ import yaml
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis import Recording, diagnose, load_recording
-from cable_envs.diagnosis.engine import request_of
+from cable_envs.diagnosis.asked import request_of
 from cable_envs.diagnosis.readers.base import ChannelSpec, DataSet, RecordSpec, whole
 from cable_envs.diagnosis.readers.writer import write_data_set
 from cable_envs.diagnosis.search.steps import FOLDER, digest
