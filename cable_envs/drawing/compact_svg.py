@@ -62,7 +62,8 @@ def compact_svg(svg: str) -> str:
     svg = svg.replace(" xlink:href=", " href=").replace(' xmlns:xlink="http://www.w3.org/1999/xlink"', "")
     used = set(re.findall(r'href="#([^"]+)"', svg)) | set(re.findall(r"url\(#([^)]+)\)", svg))
     svg = re.sub(r' id="([^"]*)"', lambda found: found[0] if found[1] in used else "", svg)
-    return _with_shared_classes(_with_classes(_without_idle_groups(_with_short_ids(svg))))
+    svg = _with_clips_in_styles(_without_idle_groups(_with_short_ids(svg)))
+    return _without_idle_rules(_with_shared_classes(_with_classes(svg)))
 
 
 def name_of(text: str) -> str:
@@ -102,6 +103,37 @@ def _with_classes(svg: str) -> str:
     rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
     svg = re.sub(r' style="([^"]*)"', lambda f: f' class="{names[f[1]]}"' if f[1] in names else f[0], svg)
     return svg.replace("</style>", f"{rules}</style>", 1)
+
+
+def _with_clips_in_styles(svg: str) -> str:
+    """Styles that say how their element is cut off, where several elements are cut off by one path in one style."""
+    rules = dict(re.findall(r"\.(\w+){([^}]*)}", svg))
+    clip, styled = re.compile(r' clip-path="(url\(#[^"]+\))"'), re.compile(r' (style|class)="([^"]*)"')
+
+    def whole(tag: str) -> str:
+        """The style of an element with what cuts it off; "" of one that has only one of both."""
+        cut, style = clip.search(tag), styled.search(tag)
+        if cut is None or style is None or (style[1] == "class" and style[2] not in rules):
+            return ""
+        own = style[2] if style[1] == "style" else rules[style[2]]
+        return f"{own.rstrip(';')};clip-path:{cut[1]}"
+
+    tags = re.compile(r"<(?:path|use|g|image|rect)\b[^>]*>")
+    counts = Counter(whole(tag) for tag in tags.findall(svg))
+
+    def moved(found: re.Match[str]) -> str:
+        style = whole(found[0])
+        if not style or counts[style] < MARKS:
+            return found[0]
+        return styled.sub(f' style="{style}"', clip.sub("", found[0]), count=1)
+
+    return tags.sub(moved, svg)
+
+
+def _without_idle_rules(svg: str) -> str:
+    """Without classes that no element has."""
+    used = set(re.findall(r' class="([^"]*)"', svg))
+    return re.sub(r"\.(\w+){[^}]*}", lambda found: found[0] if found[1] in used else "", svg)
 
 
 def _with_shared_classes(svg: str) -> str:

@@ -6,7 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from cable_envs.drawing.compact_svg import STEPS_PER_POINT, STRAIGHT, compact_path, compact_svg
+from cable_envs.drawing.compact_svg import STEPS_PER_POINT, STRAIGHT, compact_path, compact_svg, name_of
 from tests.support.svg_paths import points_of
 
 
@@ -105,3 +105,20 @@ def test_a_turn_by_nothing_says_nothing():
 )
 def test_paths_in_few_characters(data, wanted):
     assert compact_path(data) == wanted
+
+
+def test_marks_of_one_class_in_a_row_are_a_group_and_what_cuts_off_is_in_the_style():
+    """Four marks and four lines that one path cuts off; three lines that another one does keep it to themselves."""
+    dots = "".join(f'<use href="#a" x="{k}" y="1" style="fill: #111"/>' for k in range(4))
+    lines = "".join(f'<path d="M {k} 0 L {k} 9" clip-path="url(#c)" style="stroke: #222"/>' for k in range(4))
+    others = "".join(f'<path d="M {k} 0 L {k} 9" clip-path="url(#e)" style="stroke: #222"/>' for k in range(3))
+    clips = '<clipPath id="c"><path d="M 0 0 L 9 9"/></clipPath><clipPath id="e"><path d="M 0 0 L 9 9"/></clipPath>'
+    svg = f'<svg><defs><style>*{{}}</style><path id="a" d="M 0 0 L 1 1"/>{clips}</defs>{dots}{lines}{others}</svg>'
+    small = compact_svg(svg)
+    dot, line, plain = (name_of(s) for s in ("fill:#111", "stroke:#222;clip-path:url(#c)", "stroke:#222"))
+    assert f'<g class="{dot}"><use href="#a" x="0" y="1"/>' in small
+    assert small.count(f'class="{line}"') == 4 and f".{line}{{stroke:#222;clip-path:url(#c)}}" in small
+    assert small.count('clip-path="url(#e)"') == 3 and small.count(f'class="{plain}"') == 3
+    assert compact_svg(small) == small
+    faint = compact_svg(svg.replace("fill: #111", "fill: #111; opacity: 0.5"))  # marks that overlap would be one
+    assert "<g class=" not in faint
