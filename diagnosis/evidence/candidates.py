@@ -368,6 +368,11 @@ def remainder(
     return Remainder(left, occam, sizes, frame.products(left), priced)
 
 
+def prior_width(p: Free, size: float) -> float:
+    """Standard deviation of the prior of an effect's size; ``size``: where it is, from none (`WIDE`)."""
+    return max(WIDE * p.scale, abs(size))
+
+
 def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """(variances of the priors of a fit's free parameters, how far each is from the middle of its own), [free]."""
     rows = {p.name: p for p in joint.parameters}
@@ -380,7 +385,7 @@ def priors(joint: Joint, effects: tuple[Hypothesis, ...], fit: Fit) -> tuple[np.
             spread, off[k] = p.std, value - p.start
         elif name in nulls:
             off[k] = value - nulls[name]
-            spread = max(WIDE * p.scale, abs(off[k]))
+            spread = prior_width(p, off[k])
         elif name in added and value > 0.0:
             spread = SHAPES * value
             off[k] = value * float(np.log(value / _typical(p)))

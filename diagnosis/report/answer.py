@@ -9,7 +9,7 @@ import numpy as np
 import cable_envs
 from cable_envs.diagnosis.data.recording import Recording
 from cable_envs.diagnosis.evidence.bands import Averaged
-from cable_envs.diagnosis.evidence.candidates import WIDE
+from cable_envs.diagnosis.evidence.candidates import prior_width
 from cable_envs.diagnosis.evidence.joint import Joint
 from cable_envs.diagnosis.fit.likelihood import Judged, raw_residuals
 from cable_envs.diagnosis.fit.refit import Fit
@@ -267,7 +267,7 @@ def _detectable(h: Hypothesis, question: Question, selection: Selection) -> str:
     sizes = []
     for s in scores:
         probe = abs(_probed(s, lead) - h.nulls[lead])
-        sizes.append(probe * _multiple(s, WIDE * bounds.scale / max(probe, 1e-300), count))
+        sizes.append(probe * _multiple(s, prior_width(bounds, probe) / max(probe, 1e-300), count))
     size = min(sizes)
     if size > max(abs(bounds.high - h.nulls[lead]), abs(bounds.low - h.nulls[lead])):
         return f"no size within its bounds; it would take {size:.3g}{unit}"

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from cable_envs.diagnosis.evidence.candidates import WIDE, Candidate, agreement, log_odds
+from cable_envs.diagnosis.evidence.candidates import Candidate, agreement, log_odds, prior_width
 from cable_envs.diagnosis.evidence.joint import Joint, sizes_of
 from cable_envs.diagnosis.evidence.marginal import Frame
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
@@ -100,5 +100,5 @@ def alike(h: Hypothesis, one: Candidate, other: Candidate, odds: float) -> float
         return odds
     (p,) = h.free
     size = abs(one.peak.values[p.name] - h.nulls[p.name])
-    found, most = agreement(one, other, WIDE * p.scale / max(size, 1e-300))
+    found, most = agreement(one, other, prior_width(p, size) / max(size, 1e-300))
     return min(odds, found) if found < np.log(SURE) < most else odds

@@ -90,8 +90,6 @@ REFERENCE = _set("ref reference fuehrung fuehrungsgroesse referenz")
 DRIVE = _set("motor mot drive antrieb actuator aktor input proximal prox winch winde master capstan back m1 an")
 OUTPUT = _set("load last output out abtrieb distal dist tip jaw greifer gripper gelenk front slave spitze tool ab "
               "contact kontakt interaction extern external")  # fmt: skip
-TURNS = _set("joint joints gelenk hinge revolute knee knie elbow ellbogen hip huefte ankle pendulum pendel")
-"""Words of a name whose positions, speeds and efforts are of a rotation where no unit is given."""
 TURNED = {"m": "rad", "m/s": "rad/s", "N": "N m"}
 """SI unit along a line -> that of a rotation."""
 SPECIAL = {
@@ -107,9 +105,12 @@ OF_SYSTEM = {
     "pulley_circuit": "pulley rolle jaw greifer gripper idler wrist",
     "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch gantry portal screw spindel spindle "
     "probe sonde needle nadel insertion coil spule",
-    "rotary_joint": "joint gelenk arm servo pendulum pendel hinge pivot elbow ellbogen knee knie",
+    "rotary_joint": "joint joints gelenk arm servo pendulum pendel hinge revolute pivot elbow ellbogen knee knie hip "
+    "huefte ankle",
 }
 """System -> words that speak for it."""
+TURNS = _set(OF_SYSTEM["rotary_joint"])
+"""Words of a name whose positions, speeds and efforts are of a rotation where no unit is given."""
 _BARE = ("N", "V", "A", "s", "m")
 """Units that are words of quantities as well: as the last word of a name they are units, so written."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss"})
