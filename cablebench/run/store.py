@@ -13,6 +13,7 @@ from filelock import FileLock, Timeout
 
 from cable_envs.core.errors import ConfigurationError
 from cable_envs.core.files import PACKED, CannotWrite, flush_folder, jsonable, packed, unpacked, write_atomic
+from cablebench.run.columns import from_columns, to_columns
 from cablebench.run.schema import SCHEMA, wrong_with
 from cablebench.run.trajectories import Trajectories
 
@@ -64,7 +65,8 @@ class ResultStore:
     left out and said (`StoreWarning`), so that one bad line costs nobody else's rows. A torn last line, as a crash
     leaves it, is closed with a newline before the next record is appended, so it never swallows that record.
 
-    A compressed part, ``<path>.xz``, may hold older records: it is read first, and only `pack` writes it.
+    A compressed part, ``<path>.xz``, may hold older records, as lines or as columns (`cablebench.run.columns`): it is
+    read first, and only `pack` writes it.
 
     Any number of processes may write at once: whoever appends or packs holds the lock ``<path>.lock``, which the
     system takes from a process that dies. Reading needs no lock.
@@ -222,7 +224,7 @@ class ResultStore:
         both parts, which the next `pack` puts right.
         """
         with self.locked():
-            path = write_atomic(self.packed, packed(self._whole()))
+            path = write_atomic(self.packed, packed(to_columns(self._whole())))
             self.path.unlink(missing_ok=True)
         return path
 
@@ -243,6 +245,6 @@ class ResultStore:
         if not self.packed.exists():
             return b""
         try:
-            return unpacked(self.packed.read_bytes(), LARGEST)
+            return from_columns(unpacked(self.packed.read_bytes(), LARGEST))
         except ValueError as error:
             raise ConfigurationError(f"{self.packed} is {error}: restore it from version control") from None
