@@ -47,7 +47,11 @@ def request_of(
     if effects is not None and set(effects) <= set(without):
         raise ConfigurationError(f"without {', '.join(without)} no effect is left to look for")
     only = None if effects is None else tuple(effects)
-    return Request(only, tuple(without), own, _rig_values(recording, rig, own), variant)
+    if rig is None:
+        return Request(only, tuple(without), own, variant=variant)
+    loaded = load_rig(rig, own)
+    values = _values_of(recording, rig, loaded)
+    return Request(only, tuple(without), own, values, variant, loaded.contacts)
 
 
 def name_of(rig: Path | str | Rig | Mapping[str, Any] | None) -> str | None:
@@ -61,13 +65,8 @@ def _own(effect: Path | str | Effect) -> Effect:
     return effect if isinstance(effect, Effect) else load_effect(effect)
 
 
-def _rig_values(
-    recording: Recording, rig: Path | str | Rig | Mapping[str, Any] | None, own: tuple[Effect, ...]
-) -> Mapping[str, float] | None:
+def _values_of(recording: Recording, rig: Path | str | Rig | Mapping[str, Any], loaded: Rig) -> Mapping[str, float]:
     """Numbers that the rig gives, SI; what it leaves at the plant's default says nothing."""
-    if rig is None:
-        return None
-    loaded = load_rig(rig, own)
     plant = plant_of(recording)
     if loaded.plant != plant:
         raise ConfigurationError(f"rig '{loaded.name}' belongs to {loaded.plant}, the recording to {plant}")

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.unlike`: write the logs of the four rigs, with what their owners know and what is true."""
+"""`python -m benchmarks.unlike`: write the logs of the rigs, with what their owners know and what is true."""
 
 import argparse
 import json

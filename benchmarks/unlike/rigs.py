@@ -1,4 +1,4 @@
-"""The four rigs. Each is drawn from a seed; its MuJoCo model is the only simulator of it here.
+"""The rigs. Each is drawn from a seed; the MuJoCo model of four of them is the only simulator of these here.
 
 `RIGS` has them by name: seed -> `Log`. No number of them is used anywhere in the tool.
 """
@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from benchmarks.unlike.logs import CONTROL, Dialect, Log, Sensor, run, sines, text, trapezoids
+from benchmarks.unlike.sheath import catheter, worn_catheter
 
 DEG, MM = 180.0 / np.pi, 1e3
 _HARD = "0.9999 0.9999 0.001"
@@ -232,4 +233,5 @@ def belt(seed: int) -> Log:
 
 RIGS: dict[str, Callable[[int], Log]] = {
     "rotary": rotary, "pulleys": pulleys, "continuum": continuum, "belt": belt,
+    "catheter": catheter, "worn-catheter": worn_catheter,
 }  # fmt: skip

@@ -78,6 +78,8 @@ class Plant:
         replays in coarse steps and for the ids ``-v0``. None: nothing is raised.
     measured : mapping of str to str
         Signal -> the signal that its sensor shows, where that is another one.
+    contacts : int
+        Places at which its cable rubs, where its rigs say how many; 0: they do not.
     posture : str
         Signal that the input posture changes, as the bend of a sheath (rad); empty: the plant has no posture.
     drive : str
@@ -121,6 +123,7 @@ class Plant:
     resolves: Callable[[Any, Any], np.ndarray] | None = None
     raised: Callable[[Any, float], None] | None = None
     measured: Mapping[str, str] = field(default_factory=dict)
+    contacts: int = 0
     posture: str = ""
     drive: str = "ideal"
     ticks: str = ""

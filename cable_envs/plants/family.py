@@ -79,6 +79,11 @@ class Replayed:
         Parameter -> size from which on it counts as rigid, or as absent.
     places, pulls : tuple of str
         Channels of position and of tension or torque along which a mismatch may lie, the best first.
+    far : tuple of str
+        Channels at the end that is farthest from the drive: once one of them moves, what friction held between both
+        ends at the start of a record is forgotten.
+    contacts : int
+        At how many places the simulator of a recording rubs whose rig does not say it; 0: as the family builds it.
     """
 
     drive: str
@@ -90,6 +95,8 @@ class Replayed:
     stiff: Mapping[str, float] = field(default_factory=dict)
     places: tuple[str, ...] = ()
     pulls: tuple[str, ...] = ()
+    far: tuple[str, ...] = ()
+    contacts: int = 0
 
 
 @dataclass(frozen=True)

@@ -102,6 +102,19 @@ def look(model: Model, whitener: Whitener, starts: Sequence[Start], iterations: 
     return [Look(run.start.label, run.start.free, run.named(), run.cost) for run in runs]
 
 
+def nearest(model: Model, whitener: Whitener, starts: Sequence[Start]) -> list[Start]:
+    """Of each label the start with the lowest cost as it is: one simulation for each, without slopes."""
+    runs = [_Run(model, start) for start in starts]
+    best: dict[str, tuple[float, Start]] = {}
+    for some in _at_a_time(model, runs, [1] * len(runs)):
+        white = _whitened(model, whitener, [run.values for run in some])
+        for run, residual in zip(some, white.T, strict=True):
+            cost = float(residual @ residual + run.prior(run.values))
+            if np.isfinite(cost) and cost < best.get(run.start.label, (np.inf, run.start))[0]:
+                best[run.start.label] = cost, run.start
+    return [start for _, start in best.values()]
+
+
 def _refitted(
     model: Model, whitener: Whitener, starts: Sequence[Start], iterations: int, central: bool
 ) -> list["_Run"]:

@@ -11,7 +11,7 @@ from typing import TypeVar
 import numpy as np
 
 from cable_envs.diagnosis.fit.likelihood import Judged, judge, raw_residuals
-from cable_envs.diagnosis.fit.refit import Fit, Look, Start, look, refit
+from cable_envs.diagnosis.fit.refit import Fit, Look, Start, look, nearest, refit
 from cable_envs.diagnosis.fit.score_tests import Score, ScoreTests
 from cable_envs.diagnosis.model.hypotheses import Hypothesis
 from cable_envs.diagnosis.model.model import Model, Whitener, learn_whitener
@@ -95,10 +95,13 @@ def compare(
     looks = {} if looks is None else looks
     new = [s for s in chosen if s.hypothesis.name not in looks]
     starts = [start for score in new for start in _starts(model, base.fit, score, scored)]
+    claimed = _at_claims(model, base.fit, starts, nominals)
+    if claimed:
+        probed = [start for score in new for start in _probes(base.fit, score.hypothesis, scored)]
+        claimed += nearest(model, scored.whitener, _at_claims(model, base.fit, probed, nominals))
     looks |= _best_of(
-        [*_looked(model, scored.whitener, starts, _FIRST),
-         *_looked(model, scored.whitener, _at_claims(model, base.fit, starts, nominals), _FROM_CLAIMS)]
-    )  # fmt: skip
+        [*_looked(model, scored.whitener, starts, _FIRST), *_looked(model, scored.whitener, claimed, _FROM_CLAIMS)]
+    )
     best = {s.hypothesis.name: looks[s.hypothesis.name] for s in chosen}
     gains = {name: scored.cost - fit.cost for name, fit in best.items()}
     leader = max(gains.values())
@@ -187,11 +190,7 @@ def refits(model: Model, base: Fit, scored: ScoreTests, nominals: Collection[str
     starts = [start for score in chosen for start in _starts(model, base, score, scored)]
     starts += _at_claims(model, base, starts, nominals)
     for score in chosen:
-        free = (*base.free, *(n for n in score.hypothesis.names if n not in base.free))
-        own = sorted((s for s in scored.scores if s.hypothesis is score.hypothesis), key=lambda s: -s.gain)
-        for one in own[:STARTS]:
-            probe = {k: v for direction in one.directions for k, v in direction.items()}
-            starts.append(Start(score.hypothesis.name, free, {**base.values, **probe}))
+        starts += _probes(base, score.hypothesis, scored)[:STARTS]
     return _best_of(refit(model, scored.whitener, starts, _FIRST + _LAST + 2))
 
 
@@ -224,11 +223,20 @@ def _starts(model: Model, base: Fit, score: Score, scored: ScoreTests) -> list[S
     return [Start(hypothesis.name, free, {**base.values, **values}) for values in found]
 
 
+def _probes(base: Fit, hypothesis: Hypothesis, scored: ScoreTests) -> list[Start]:
+    """Starts at the probes of a hypothesis as they are, the best-scored first."""
+    free = (*base.free, *(n for n in hypothesis.names if n not in base.free))
+    own = sorted((s for s in scored.scores if s.hypothesis is hypothesis), key=lambda s: -s.gain)
+    probes = [{name: value for direction in one.directions for name, value in direction.items()} for one in own]
+    return [Start(hypothesis.name, free, {**base.values, **probe}) for probe in probes]
+
+
 def _at_claims(model: Model, base: Fit, starts: Sequence[Start], nominals: Collection[str]) -> list[Start]:
     """Starts with nominal parameters as the recording claims them, where the refit has moved one far from it.
 
-    It has moved them to imitate what is missing, and from there the way back is long. Of one without a prior a size at
-    which it matters is far.
+    It has moved them to imitate what is missing, and from there the way back is long, and a size that a score suggests
+    there is none for the claims: `compare` tries the probes there, too. Of one without a prior a size at which it
+    matters is far.
     """
     known = [p for p in model.parameters if p.name in nominals and p.name in base.free]
     if not any(abs(base.values[p.name] - p.start) > (FAR * p.std if p.std else p.scale) for p in known):

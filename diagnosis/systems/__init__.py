@@ -6,6 +6,7 @@
     asks(recording, plant, request)             what must be stated, where the records do not tell it
     values_of(recording, plant, request)        numbers that its simulation starts from (else `common.plant_values`)
     off_balance(recording, record)              channels whose unit cannot be right by the plant's balance of forces
+    simulator(recording, request)               the plant that simulates it (else the one of that name)
     SIMULATED_BY                                the plant whose rig corrects it, where that has another name
     instead(recording)                          another module for this recording, or None
 
@@ -81,9 +82,8 @@ def prepare(recording: Recording, request: Request | None = None) -> Question:
 
 def simulator_of(recording: Recording, request: Request) -> Plant:
     """The plant that simulates a recording, with the effects of the user's own."""
-    name = plant_of(recording)
-    variant = request.variant or getattr(_chosen(recording), "VARIANT", family(name).variants[0])
-    return with_own_effects(plant_for(name, variant), request.own)
+    own = getattr(_chosen(recording), "simulator", None)
+    return own(recording, request) if own else with_own_effects(plant_for(plant_of(recording)), request.own)
 
 
 def refitted_by(recording: Recording) -> tuple[str, ...]:

@@ -359,6 +359,8 @@ def augmented_rig(
         "schema": RIG_SCHEMA, "name": name, "plant": plant.name.replace("pulley_chain", "pulley_circuit"),
         "parameters": parameters,
     }  # fmt: skip
+    if plant.contacts:
+        found["contacts"] = plant.contacts
     return found | ({"effects": effects} if effects else {})
 
 

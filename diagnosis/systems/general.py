@@ -5,6 +5,7 @@ other channel is predicted. Before each record the mechanism is at rest where it
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from cable_envs.diagnosis.data.clocks.even import sample_period
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.data.recording import Record, Recording
 from cable_envs.diagnosis.model.model import Coordinate, Free
+from cable_envs.diagnosis.systems import starts
 from cable_envs.diagnosis.systems.common import (
     HELD_STEPS,
     at_first,
@@ -28,9 +30,10 @@ from cable_envs.diagnosis.systems.common import (
     resample,
     smoothed,
 )
-from cable_envs.diagnosis.systems.conditions import given
+from cable_envs.diagnosis.systems.conditions import given, usual
 from cable_envs.diagnosis.systems.question import Question, Request
 from cable_envs.diagnosis.systems.replayed import ReplayModel, Run
+from cable_envs.diagnosis.systems.starts import UNSURE
 from cable_envs.plants import family, plant_for
 from cable_envs.plants.base import Plant
 from cable_envs.plants.family import Replayed
@@ -53,6 +56,14 @@ def driven_by(system: str) -> tuple[str, ...]:
     return (*told.commands.values(), *((told.replayed.drive,) if told.replayed else ()))
 
 
+def simulator(recording: Recording, request: Request) -> Plant:
+    """The plant that simulates a recording: at how many places it rubs its rig says, or else the family."""
+    how, contacts = family(recording.system).replayed, request.contacts
+    if contacts is None:
+        contacts = recording.rig.contacts if recording.rig is not None else how.contacts if how else 0
+    return with_own_effects(plant_for(recording.system, contacts=contacts), request.own)
+
+
 def prepare(recording: Recording, request: Request) -> Question:
     """What a recording asks.
 
@@ -63,10 +74,14 @@ def prepare(recording: Recording, request: Request) -> Question:
     assert how is not None, "asked for by `models`"
     mode = next((m for m, channel in told.commands.items() if channel in channels), "")
     names = [n for n in how.predicted if n in channels and (mode or n not in how.of_drive)]
-    plant = with_own_effects(plant_for(recording.system), request.own)
-    values = plant_values(recording, plant, request.rig)
+    plant = simulator(recording, request)
+    begun = _begun(recording, plant, request)
+    values = {**plant_values(recording, plant, request.rig), **begun}
     servo = how.servo if mode and how.drive in channels and told.commands[mode] in how.by_servo else ()
-    nominals = free_parameters(recording, plant, values, (*how.refitted, *servo), request)
+    nominals = [
+        replace(free, std=UNSURE * abs(free.start)) if free.name in begun else free
+        for free in free_parameters(recording, plant, values, (*how.refitted, *servo), request)
+    ]
     soft = {name: values[name] >= stiff for name, stiff in how.stiff.items()}
     signals = [told.signals.get(n, n) for n in names]
     candidates = claimed(missing(recording, plant, values, nominals, signals, request, soft, how.places), values)
@@ -80,6 +95,23 @@ def prepare(recording: Recording, request: Request) -> Question:
         lambda fitted, accepted: augmented_rig(plant, {**values, **fitted}, accepted), at_rest=bool(mode),
         ways=told.ways, not_asked=candidates.not_asked,
     )  # fmt: skip
+
+
+def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Numbers of the plant's whole table that its simulation of a recording starts from, SI."""
+    return {**plant_values(recording, plant, request.rig), **_begun(recording, plant, request)}
+
+
+def _begun(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
+    """Numbers that nobody states, as the records to fit tell them before anything is simulated."""
+    if recording.rig is not None or request.rig:
+        return {}
+    values, period = plant_values(recording, plant), sample_period(recording.records)
+    said = {*recording.known, *recording.nominal, *usual(recording, plant)}
+    channels = [name for name in recording.channels if name != "time"]
+    series = [resample(record, period, channels)[1] for record in recording.used_for("fit")]
+    told = {n: v for n, v in starts.begin(recording.system, series, values, period).items() if n not in said}
+    return {name: float(np.clip(v, plant.table[name].low, plant.table[name].high)) for name, v in told.items()}
 
 
 def _model(
@@ -103,6 +135,9 @@ def _run(
     time, seen = resample(record, period, [name for name in recording.channels if name != "time"])
     place = next((n for n in (*how.places, channel) if n in seen), channel)
     early = at_first(time, seen[place].values)
+    far = next((n for n in how.far if n in seen), place)
+    if far != place:
+        early |= at_first(time, smoothed(seen[far].values, period)[0])
     hold, rate, drive = "ramp", None, None
     if not mode:
         drive = recorded_drive(recording, how.drive, seen[how.drive].values)

@@ -75,6 +75,11 @@ STIFFNESS, HARDENING = "tensile_stiffness", "stiffness_hardening.coefficient"
 PRETENSIONS = ("pretension_top", "pretension_bottom")
 
 
+def simulator(recording: Recording, request: Request) -> Plant:
+    """The plant that simulates a recording: the chain, unless ``request.variant`` is another."""
+    return with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
+
+
 def prepare(recording: Recording, request: Request) -> Question:
     """What a pulley-circuit recording asks of the plant's chain, or of its closed form (``request.variant``).
 
@@ -82,7 +87,7 @@ def prepare(recording: Recording, request: Request) -> Question:
     """
     channels = recording.channels
     commanded = "drive_angle_command" in channels
-    plant = with_own_effects(plant_for("pulley_circuit", request.variant or VARIANT), request.own)
+    plant = simulator(recording, request)
     values = plant_values(recording, plant, request.rig)
     values[STIFFNESS] *= float(_growth(values))
     servo = SERVO if commanded and "drive_angle" in channels else ()

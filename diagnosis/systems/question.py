@@ -24,6 +24,8 @@ class Request:
         Values and effects of a rig file that replace those of the recording (an augmented rig), SI.
     variant : str
         "analytic" or "chain": which form of a circuit is held against the recording; "": the chain.
+    contacts : int, optional
+        At how many places the simulator rubs, where ``rig`` is of a plant that says it; None: as the recording has it.
     simulator : Simulator, optional
         A user's own (`cable_envs.diagnosis.simulators`), which no module of this package knows.
     """
@@ -33,6 +35,7 @@ class Request:
     own: tuple[Effect, ...] = ()
     rig: Mapping[str, float] | None = None
     variant: str = ""
+    contacts: int | None = None
     simulator: Any = None
 
 

@@ -49,7 +49,7 @@ def record(folder, family, mode, changes, seconds=12.0, seed=1, **content):
     known = {name: rig.values[name] for name in family.known if name in rig.values}
     content = {
         "schema": "cable-recording/1", "system": family.name, "rig": task.rig, "known": known,
-        "nominal": {name: {"value": rig.values[name]} for name in family.replayed.refitted},
+        "nominal": {name: {"value": rig.values[name]} for name in family.replayed.refitted if name not in known},
         "records": [{"data": "run.csv", "use": "fit"}], "channels": channels,
     } | content  # fmt: skip
     path = folder / "recording.yaml"

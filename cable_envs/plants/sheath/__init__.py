@@ -65,12 +65,17 @@ FAMILY = Family(
         predicted=(
             "drive_position", "drive_velocity", "drive_tension", "load_position", "load_velocity", "load_tension",
         ),
-        refitted=("friction_coefficient", "tendon_stiffness", "load_stiffness", "load_preload"),
+        refitted=(
+            "friction_coefficient", "tendon_stiffness", "tendon_damping", "load_stiffness", "load_preload",
+            "load_damping", "load_mass",
+        ),
         servo=("servo_frequency", "servo_damping_ratio"),
         by_servo=("drive_position_command",),
         stiff={"tendon_stiffness": 1e5},
         places=("load_position", "drive_position"),
         pulls=("drive_tension", "load_tension"),
+        far=("load_position", "load_tension"),
+        contacts=40,
     ),
     ways=("pulling in", "paying out"),
 )  # fmt: skip

@@ -196,5 +196,6 @@ def sheath_with_contacts(contacts: int) -> Plant:
         effects=Layout("tendon_sheath", PARAMETERS, _ACTING),
         resolves=_resolves(contacts),
         plain=True,
+        contacts=contacts,
         posture="bend",
     )
