@@ -104,7 +104,7 @@ def values_of(recording: Recording, plant: Plant, request: Request) -> dict[str,
 
 def _begun(recording: Recording, plant: Plant, request: Request) -> dict[str, float]:
     """Numbers that nobody states, as the records to fit tell them before anything is simulated."""
-    if recording.rig is not None or request.rig:
+    if recording.rig is not None or request.rig or not recording.used_for("fit"):
         return {}
     values, period = plant_values(recording, plant), sample_period(recording.records)
     said = {*recording.known, *recording.nominal, *usual(recording, plant)}

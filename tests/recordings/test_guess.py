@@ -159,6 +159,14 @@ LOGS = {
          "drive_tension": ("bowden force motor (N)", "N"),
          "drive_position_command": ("cmd motor (mm)", "mm", {"hold": "step"})},
     ),
+    "an arm that a tendon bends": (
+        "bend1.txt",
+        text("Zeit [s];Seilweg [mm];Seilkraft [N];Spitzenwinkel [Grad]\n",
+             (T, 1e3 * X, F, np.degrees(X) / 0.008), ";", ","),
+        "tendon_sheath",
+        {"time": ("Zeit [s]", "s"), "drive_position": ("Seilweg [mm]", "mm"), "drive_tension": ("Seilkraft [N]", "N"),
+         "load_position": ("Spitzenwinkel [Grad]", "m", {"scale": 0.000139626})},  # 8 mm for a radian
+    ),
 }  # fmt: skip
 """Log -> (file, its text, the system, channel -> (column, unit, what else the mapping says))."""
 

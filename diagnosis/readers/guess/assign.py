@@ -22,11 +22,13 @@ _SPOKEN = 1.5
 """Of the score, for a word that speaks for a system."""
 
 
-OF_MOTOR = {
+SHOWN_AS = {
     ("linear_drive", "force"): {"N m": 0.5, "A": 0.4}, ("linear_drive", "motor_position"): {"rad": 0.5},
     ("cable_hole", "drive_position"): {"rad": 0.4}, ("tendon_sheath", "drive_position"): {"rad": 0.4},
+    ("tendon_sheath", "load_position"): {"rad": 0.5},
 }  # fmt: skip
-"""Channels that a motor shows as its torque, current or angle -> the SI unit of these, and their share of the score."""
+"""Channels that a motor shows as its torque, current or angle, or what bends as its angle -> the SI unit of these, and
+their share of the score."""
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,8 @@ def match(family: Family, signals: Sequence[Signal], spoken: frozenset[str] = fr
 
 
 def _of(family: Family, name: str, signal: Signal) -> float:
-    """As `_score`, of a channel that a motor may show in another unit."""
-    shown = OF_MOTOR.get((family.name, name), {})
+    """As `_score`, of a channel that a log may show in another unit."""
+    shown = SHOWN_AS.get((family.name, name), {})
     others = (share * _score(name, si, signal) for si, share in shown.items())
     return max(_score(name, family.channels[name], signal), *others, -1.0)
 

@@ -11,7 +11,7 @@ from cable_envs.core.errors import ConfigurationError
 from cable_envs.diagnosis.data.description import channels_of
 from cable_envs.diagnosis.readers.base import files_at
 from cable_envs.diagnosis.readers.formats import table
-from cable_envs.diagnosis.readers.guess.assign import OF_MOTOR, Match, Signal, matches
+from cable_envs.diagnosis.readers.guess.assign import SHOWN_AS, Match, Signal, matches
 from cable_envs.diagnosis.readers.guess.columns import meant
 from cable_envs.diagnosis.readers.guess.meant import OPEN, Meant
 from cable_envs.diagnosis.readers.guess.raw import Raw, columns_in
@@ -129,7 +129,7 @@ def _text(raw: Raw, found: Sequence[Meant], ranked: Sequence[Match], files: Sequ
     for channel in (c for c in channels_of(best.system) if c in best.channels):
         m = found[best.channels[channel]]
         lines.append(_channel_line(channel, m, found, best))
-        open_ += [channel] if m.sure == OPEN or _of_motor(channel, m, best) else []
+        open_ += [channel] if m.sure == OPEN or _turned(channel, m, best) else []
     used = {id(found[k]) for k in best.channels.values()} | {id(clock)}
     rest = [m for m in found if id(m) not in used]
     lines += ["# not used:", *(f"#   {_called(m)}: {_what(m)}" for m in rest)] if rest else []
@@ -165,8 +165,8 @@ def _clock_line(clock: Meant | None, found: Sequence[Meant], rate: float) -> str
 
 def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
     assert m.unit is not None, "only columns with a unit are taken"
-    if _of_motor(channel, m, best):
-        return _motor_line(channel, m, found, best)
+    if _turned(channel, m, best):
+        return _turned_line(channel, m, found, best)
     parts = [f"column: {json.dumps(m.column.place, ensure_ascii=False)}", f"unit: {m.unit.name}"]
     if m.clock is not None:
         parts.insert(1, f"clock: {json.dumps(m.clock.place, ensure_ascii=False)}")
@@ -179,19 +179,22 @@ def _channel_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -
     return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{why}; {against}" if against else why)
 
 
-def _of_motor(channel: str, m: Meant, best: Match) -> bool:
-    """Whether a column is a motor's torque, current or angle that is a channel by what turns that into it."""
-    return m.unit is not None and m.unit.si in OF_MOTOR.get((best.system, channel), {})
+def _turned(channel: str, m: Meant, best: Match) -> bool:
+    """Whether a column is a torque, current or angle that is a channel by what turns that into it."""
+    return m.unit is not None and m.unit.si in SHOWN_AS.get((best.system, channel), {})
 
 
-def _motor_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
-    """A motor's torque, current or angle as a force or place: a radius is what the position goes for a turn."""
+def _turned_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> str:
+    """A torque, current or angle as a force or place: a radius is what the position goes for a turn."""
     assert m.unit is not None, "only columns with a unit are taken"
     if m.unit.si == "A":
         by, what = 1.0, "a motor's current times the force of one ampere (torque constant and gear over the radius, or "
         what += "2 pi over the lead of a screw), which nothing tells: 1 N stands for it"
+    elif channel == "load_position":
+        by, why = _radius(found, best, "drive_position", m)
+        what = f"the angle of what bends times the tendon's distance from its middle, its stretch included, {why}"
     else:
-        radius, why = _radius(found, best)
+        radius, why = _radius(found, best, "position", m)
         by, what = (radius, "a motor's angle times") if m.unit.si == "rad" else (1.0 / radius, "a motor's torque over")
         what += f" the radius of its pulley, {why}"
     parts = [
@@ -201,10 +204,11 @@ def _motor_line(channel: str, m: Meant, found: Sequence[Meant], best: Match) -> 
     return _line(f"  {channel}: {{{', '.join(parts)}}}", f"{OPEN}: {what}; {_what(m)}")
 
 
-def _radius(found: Sequence[Meant], best: Match) -> tuple[float, str]:
-    """(radius of a motor's pulley, m; how it is known), by the slope of the position over the motor's angle."""
-    place = next((found[best.channels[c]] for c in ("position",) if c in best.channels), None)
-    motor = next((m for m in found if m.unit is not None and m.unit.si == "rad" and not m.told), None)
+def _radius(found: Sequence[Meant], best: Match, channel: str, m: Meant) -> tuple[float, str]:
+    """(radius, m; how it is known), by the slope of a place over an angle, which is that of ``m`` where it is one."""
+    place = found[best.channels[channel]] if channel in best.channels else None
+    angles = (o for o in (m, *found) if o.unit is not None and o.unit.si == "rad" and not o.told)
+    motor = next(angles, None)
     if place is None or motor is None:
         return 1.0, "which nothing tells: 1 m stands for it"
     x, y = motor.column.values * motor.factor, place.column.values * place.factor

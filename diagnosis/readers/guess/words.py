@@ -100,7 +100,8 @@ SPECIAL = {
 }  # fmt: skip
 """Part of a channel's name -> words of which a header must have one to be it."""
 OF_SYSTEM = {
-    "tendon_sheath": "bowden sheath huelle mantel catheter katheter sheathed bowdenzug",
+    "tendon_sheath": "bowden sheath huelle mantel catheter katheter sheathed bowdenzug continuum "
+    "kontinuum tip spitze spitzenwinkel",
     "cable_hole": "cable seil tendon sehne rope winch winde hoist hub kabel wrap umschlingung",
     "pulley_circuit": "pulley rolle jaw greifer gripper idler wrist",
     "linear_drive": "axis achse slide schlitten carriage belt riemen stage tisch gantry portal screw spindel spindle "
